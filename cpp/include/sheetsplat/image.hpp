@@ -1,0 +1,41 @@
+// The result of a rendering, and distances between pictures. Source: IMAGE FORMATION sections 6 to 8.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "sheetsplat/render_plan.hpp"
+#include "sheetsplat/types.hpp"
+
+namespace sheetsplat {
+
+/// Row 0 at the top. Exactly one of rgba and scalar is filled.
+struct Image {
+    Size size{};
+    std::vector<float> rgba;     ///< h * w * 4, premultiplied, linear; empty in scalar modes
+    std::vector<float> scalar;   ///< h * w, modes xray and mip
+    std::vector<float> coverage; ///< h * w, when asked for
+    std::vector<float> depth;    ///< h * w, when asked for; infinite where nothing is
+    std::shared_ptr<const RenderPlan> plan;
+    std::map<std::string, double> stats; ///< seconds per stage, slices, kernels drawn and culled, bytes
+};
+
+/// Distances of two pictures: over premultiplied RGBA in [0, 1], or scalars divided by max(1, largest reference value).
+struct Difference {
+    double rmse = 0.0;
+    double p99_9 = 0.0;    ///< 99.9th percentile of the largest channel difference of a pixel
+    double maximum = 0.0;
+};
+
+/// channels: values a pixel, 4 or 1. Throws InvalidInput where the sizes differ. NaN in one only counts as infinite.
+Difference compare(const std::vector<float>& picture, const std::vector<float>& reference, int channels);
+
+/// Straight alpha, clamped, 8 bit, no gamma; scalar pictures are scaled to their largest value. Whole or not at all.
+/// Throws Error where the file cannot be written.
+void save_png(const Image& image, const std::string& path);
+/// Portable float map of the colour (or scalar) channels, linear.
+void save_pfm(const Image& image, const std::string& path);
+
+} // namespace sheetsplat

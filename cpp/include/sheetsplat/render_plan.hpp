@@ -1,0 +1,54 @@
+// What will run for a scene, and why, before it runs.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "sheetsplat/types.hpp"
+
+namespace sheetsplat {
+
+enum class Backend { automatic, gl, cpu, reference };
+enum class Precision { automatic, uint8, float16, float32, float64 };
+enum class Packing { automatic, paper, wide };
+enum class Tagging { automatic, depth_bounds, depth_equal, tiles, off };
+
+/// Anything that a scene may or may not call for.
+struct Effect {
+    std::string name;
+    bool on = false;
+    std::string reason;  ///< one sentence: why it is on or off
+    bool forced = false; ///< true where the caller decided
+};
+
+/// One place where a picture may differ from the reference.
+struct ErrorShare {
+    std::string cause;
+    double rmse = 0.0; ///< bound or estimate
+};
+
+struct RenderPlan {
+    Backend backend = Backend::reference;
+    Precision precision = Precision::float64;
+    Packing packing = Packing::wide;
+    Tagging tagging = Tagging::off;
+    Size size{};
+    double slice_spacing = 0.0;   ///< world units
+    std::int64_t first_slice = 0; ///< n of the first slice
+    std::int64_t slices = 0;      ///< number of slices
+    std::vector<Effect> effects;
+    std::vector<ErrorShare> error_budget;
+    std::uint64_t memory = 0;     ///< bytes beside the fields, all stages at once
+    std::string device;           ///< in words
+
+    /// True where the effect exists and is on.
+    [[nodiscard]] bool has(const std::string& effect) const;
+};
+
+const char* to_string(Backend value);
+const char* to_string(Precision value);
+const char* to_string(Packing value);
+const char* to_string(Tagging value);
+
+} // namespace sheetsplat

@@ -1,0 +1,64 @@
+// A scene: fields, how they are classified, lit and composited. Source: IMAGE FORMATION sections 3 to 7.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "sheetsplat/field.hpp"
+#include "sheetsplat/transfer_function.hpp"
+#include "sheetsplat/types.hpp"
+
+namespace sheetsplat {
+
+enum class Sampling {
+    point, ///< a slice holds the field at its depth ([NM06])
+    slab,  ///< a slice holds the mean over its slab along the pixel's ray ([NM05])
+};
+
+enum class Mode { composite, isosurface, xray, mip };
+
+enum class LightSpace { eye, world };
+
+/// A directional light. `direction` points towards the light; it need not have unit length.
+struct Light {
+    Vec3 direction{0.0, 0.0, 1.0};
+    Vec3 color{1.0, 1.0, 1.0};
+    LightSpace space = LightSpace::eye;
+};
+
+/// Phong coefficients.
+struct Material {
+    double ambient = 0.1;
+    double diffuse = 0.9;
+    double specular = 0.0;
+    double shininess = 32.0;
+    bool two_sided = false;
+};
+
+/// Everything about a picture but the camera and its size.
+struct Scene {
+    std::vector<std::shared_ptr<const RegularField>> fields;
+    TransferFunction transfer_function;
+    std::optional<double> slice_spacing{};    ///< world units
+    Sampling sampling = Sampling::point;
+    std::optional<double> reference_length{}; ///< world units
+    Mode mode = Mode::composite;
+    std::optional<double> iso_value{};
+    std::vector<Light> lights{};
+    Material material{};
+    double opacity_stop = 0.98;               ///< 1 = never
+    bool preintegration = false;              ///< [EKE01]
+    std::optional<Vec3> background{};
+
+    /// The default slice distance of all fields: the smallest of theirs.
+    [[nodiscard]] double default_slice_spacing() const;
+    [[nodiscard]] double slice_distance() const { return slice_spacing.value_or(default_slice_spacing()); }
+    [[nodiscard]] double reference_distance() const { return reference_length.value_or(default_slice_spacing()); }
+    /// World-aligned box of all kernel centres of all fields.
+    [[nodiscard]] Box centres_world() const;
+    /// Throws InvalidInput where a number or a combination has no meaning.
+    void validate() const;
+};
+
+} // namespace sheetsplat

@@ -1,0 +1,31 @@
+// Small value types that every public header shares.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include <glm/mat3x3.hpp>
+#include <glm/vec3.hpp>
+
+namespace sheetsplat {
+
+using Vec3 = glm::dvec3; ///< Three float64 numbers: a point, a direction or a colour.
+using Mat3 = glm::dmat3; ///< Three columns of Vec3.
+
+/// Size of a picture in pixels.
+struct Size {
+    int width = 0;
+    int height = 0;
+};
+
+/// An axis-aligned box; empty (lower > upper) until a point is added.
+struct Box {
+    Vec3 lower{1.0, 1.0, 1.0};
+    Vec3 upper{-1.0, -1.0, -1.0};
+
+    [[nodiscard]] bool empty() const { return lower.x > upper.x; }
+    [[nodiscard]] Vec3 centre() const { return lower + 0.5 * (upper - lower); }
+    [[nodiscard]] Vec3 extent() const { return empty() ? Vec3(0.0) : upper - lower; }
+};
+
+} // namespace sheetsplat

@@ -1,0 +1,342 @@
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <type_traits>
+#include <utility>
+
+#include "base/checks.hpp"
+#include "sheetsplat/error.hpp"
+#include "sheetsplat/field.hpp"
+
+namespace sheetsplat {
+namespace {
+
+/// Sums over the kernels that overlap must stay finite in float64.
+constexpr double largest_sample = 1e300;
+
+std::string text_of_shape(const std::array<std::size_t, 3>& shape) {
+    return "(" + text_of_count(shape[0]) + ", " + text_of_count(shape[1]) + ", " + text_of_count(shape[2]) + ")";
+}
+
+void require_positive(double value, const char* name) {
+    if (!(value > 0.0) || !is_finite(value)) {
+        throw InvalidInput(Complaint{std::string("RegularField: ") + name + " cannot be used", text_of(value),
+                                     "a finite number above 0", ""});
+    }
+}
+
+void check_options(const RegularFieldOptions& options) {
+    const bool bcc = options.lattice == Lattice::bcc;
+    const bool positive = options.spacing.x > 0.0 && (bcc || (options.spacing.y > 0.0 && options.spacing.z > 0.0));
+    if (!positive || !is_finite(options.spacing.x) || (!bcc && !is_finite(options.spacing))) {
+        throw InvalidInput(Complaint{"RegularField: spacing cannot be used", text_of(options.spacing),
+                                     bcc ? "a finite first number above 0, the edge of the BCC lattice's cubes"
+                                         : "three finite numbers above 0",
+                                     "give the distance of neighbouring samples along x, y and z in world units"});
+    }
+    if (!is_finite(options.origin)) {
+        throw InvalidInput(Complaint{"RegularField: origin cannot be used", text_of(options.origin),
+                                     "three finite numbers", "give the world position of sample (0, 0, 0)"});
+    }
+    require_positive(options.radius, "radius");
+    require_positive(options.falloff, "falloff");
+    if (options.normalization == Normalization::threshold) {
+        require_positive(options.w0, "w0 of normalization=\"threshold\"");
+    } else if (!is_finite(options.w0)) {
+        throw InvalidInput(Complaint{"RegularField: w0 cannot be used", text_of(options.w0), "a finite number", ""});
+    }
+}
+
+/// The number of samples that the shape stands for.
+std::size_t check_shape(const std::array<std::size_t, 3>& shape, std::size_t length) {
+    const auto [nk, nj, ni] = shape;
+    if (nk == 0 || nj == 0 || ni == 0) {
+        throw InvalidInput(Complaint{"RegularField: the array is empty", "shape " + text_of_shape(shape),
+                                     "at least one sample along each axis", "give an array indexed [k, j, i]"});
+    }
+    constexpr std::size_t most = std::numeric_limits<std::size_t>::max();
+    if (nj > most / nk || ni > most / (nk * nj)) {
+        throw InvalidInput(Complaint{"RegularField: the shape cannot be used", "shape " + text_of_shape(shape),
+                                     "fewer than 2^64 samples", "give the array's own shape"});
+    }
+    const std::size_t samples = nk * nj * ni;
+    if (samples != length) {
+        throw InvalidInput(Complaint{"RegularField: shape and samples do not fit together",
+                                     text_of_count(length) + " samples for shape " + text_of_shape(shape),
+                                     text_of_count(samples) + " samples", "give the array's own shape {nk, nj, ni}"});
+    }
+    return samples;
+}
+
+/// What one pass over the samples tells.
+struct Survey {
+    double smallest = 0.0;
+    double largest = 0.0;
+    bool all_finite = true;
+};
+
+template <class T> Survey survey(const T* samples, std::size_t count) {
+    if constexpr (std::is_integral_v<T>) {
+        T smallest = samples[0];
+        T largest = samples[0];
+        for (std::size_t n = 0; n < count; ++n) {
+            smallest = std::min(smallest, samples[n]);
+            largest = std::max(largest, samples[n]);
+        }
+        return {static_cast<double>(smallest), static_cast<double>(largest), true};
+    } else {
+        using Bits = std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>;
+        // Infinities and NaN are the numbers whose exponent bits are all set.
+        const T infinity = std::numeric_limits<T>::infinity();
+        Bits exponent = 0;
+        std::memcpy(&exponent, &infinity, sizeof(T));
+        // Compilers may not reorder a single minimum of floating-point numbers; independent lanes become vector code.
+        constexpr std::size_t lanes = 64 / sizeof(T);
+        T smallest[lanes];
+        T largest[lanes];
+        Bits odd[lanes] = {};
+        std::fill_n(smallest, lanes, infinity);
+        std::fill_n(largest, lanes, -infinity);
+        const auto take = [&](const T* from, std::size_t lane) {
+            const T value = *from;
+            Bits bits = 0;
+            std::memcpy(&bits, from, sizeof(T));
+            smallest[lane] = value < smallest[lane] ? value : smallest[lane];
+            largest[lane] = value > largest[lane] ? value : largest[lane];
+            odd[lane] |= static_cast<Bits>((bits & exponent) == exponent);
+        };
+        std::size_t n = 0;
+        for (; n + lanes <= count; n += lanes) {
+            for (std::size_t lane = 0; lane < lanes; ++lane) {
+                take(samples + n + lane, lane);
+            }
+        }
+        for (std::size_t lane = 0; n < count; ++n, ++lane) {
+            take(samples + n, lane);
+        }
+        Survey result{static_cast<double>(*std::min_element(smallest, smallest + lanes)),
+                      static_cast<double>(*std::max_element(largest, largest + lanes)), true};
+        result.all_finite = std::all_of(odd, odd + lanes, [](Bits bit) { return bit == 0; });
+        return result;
+    }
+}
+
+/// Extent of the kernels' indices; along the first two axes of BCC in half steps, 2 i + (k mod 2).
+struct Extent {
+    std::array<std::size_t, 3> first{std::numeric_limits<std::size_t>::max(), std::numeric_limits<std::size_t>::max(),
+                                     std::numeric_limits<std::size_t>::max()};
+    std::array<std::size_t, 3> last{0, 0, 0};
+
+    void add(std::size_t axis, std::size_t from, std::size_t to) {
+        first[axis] = std::min(first[axis], from);
+        last[axis] = std::max(last[axis], to);
+    }
+};
+
+std::size_t steps(Lattice lattice, std::size_t index, std::size_t k) {
+    return lattice == Lattice::bcc ? 2 * index + k % 2 : index;
+}
+
+double along(const RegularFieldOptions& options, int axis, std::size_t steps_along) {
+    const auto n = static_cast<double>(steps_along);
+    return options.lattice == Lattice::bcc ? options.origin[axis] + 0.5 * n * options.spacing.x
+                                           : options.origin[axis] + n * options.spacing[axis];
+}
+
+[[noreturn]] void refuse_sample(double value, const std::array<std::size_t, 3>& shape, std::size_t n, bool skip_helps) {
+    const std::size_t ni = shape[2];
+    const std::size_t nj = shape[1];
+    throw InvalidInput(Complaint{"RegularField: the samples cannot be used",
+                                 text_of(value) + " at sample (" + text_of_count(n % ni) + ", " +
+                                     text_of_count(n / ni % nj) + ", " + text_of_count(n / ni / nj) + ")",
+                                 "finite numbers",
+                                 skip_helps ? "pass nan=\"skip\" to leave such samples out"
+                                            : "replace it, or make it NaN and pass nan=\"skip\" to leave it out"});
+}
+
+/// Refuses what the policy does not allow; else range, extent and number of the samples that are not NaN.
+template <class T> struct Holes {
+    Extent extent;
+    double smallest = 0.0;
+    double largest = 0.0;
+    std::size_t kernels = 0;
+
+    Holes(const std::vector<T>& samples, const std::array<std::size_t, 3>& shape, const RegularFieldOptions& options) {
+        const auto [nk, nj, ni] = shape;
+        T low = std::numeric_limits<T>::infinity();
+        T high = -low;
+        const T* row = samples.data();
+        for (std::size_t k = 0; k < nk; ++k) {
+            for (std::size_t j = 0; j < nj; ++j, row += ni) {
+                std::size_t first = ni;
+                std::size_t last = 0;
+                for (std::size_t i = 0; i < ni; ++i) {
+                    const T value = row[i];
+                    const bool nan = std::isnan(value);
+                    if (std::isinf(value) || (nan && options.nan == NanPolicy::error)) {
+                        refuse_sample(static_cast<double>(value), shape, static_cast<std::size_t>(row - samples.data()) + i, nan);
+                    }
+                    if (!nan) {
+                        low = std::min(low, value);
+                        high = std::max(high, value);
+                        first = std::min(first, i);
+                        last = i;
+                        ++kernels;
+                    }
+                }
+                if (first < ni) {
+                    extent.add(0, steps(options.lattice, first, k), steps(options.lattice, last, k));
+                    extent.add(1, steps(options.lattice, j, k), steps(options.lattice, j, k));
+                    extent.add(2, k, k);
+                }
+            }
+        }
+        if (kernels > 0) {
+            smallest = static_cast<double>(low);
+            largest = static_cast<double>(high);
+        }
+    }
+};
+
+Extent full_extent(const std::array<std::size_t, 3>& shape, Lattice lattice) {
+    const auto [nk, nj, ni] = shape;
+    // The last odd layer of a BCC lattice, or layer 0 where there is none, reaches farthest.
+    const std::size_t farthest = nk > 1 ? 1 : 0;
+    Extent result;
+    result.add(0, 0, steps(lattice, ni - 1, farthest));
+    result.add(1, 0, steps(lattice, nj - 1, farthest));
+    result.add(2, 0, nk - 1);
+    return result;
+}
+
+void check_positions(const RegularFieldOptions& options, const Extent& extent, const Vec3& semi_axes) {
+    static constexpr std::array<const char*, 3> names{"x", "y", "z"};
+    for (int axis = 0; axis < 3; ++axis) {
+        const std::size_t last = extent.last[static_cast<std::size_t>(axis)];
+        const double low = options.origin[axis];
+        const double high = along(options, axis, last);
+        const std::string failed = std::string("RegularField: the samples' positions along ") + names[static_cast<std::size_t>(axis)] +
+                                   " are no usable numbers";
+        const std::string found = "origin " + text_of(options.origin[axis]) + ", spacing " +
+                                  text_of(options.lattice == Lattice::bcc ? options.spacing.x : options.spacing[axis]);
+        // The diagonal of the box of all supports is a sum of squares.
+        const double reach = std::max(std::abs(low), std::abs(high)) + semi_axes[axis];
+        if (!(reach < 1e150)) {
+            throw InvalidInput(Complaint{failed, found, "positions below 1e150", "choose another unit of length"});
+        }
+        if (!(semi_axes[axis] > 1e-150)) {
+            throw InvalidInput(Complaint{failed, found, "supports wider than 1e-150", "choose another unit of length"});
+        }
+        const double step = last > 0 ? along(options, axis, last) - along(options, axis, last - 1) : 1.0;
+        // Far from where neighbours could meet there is nothing to look for.
+        bool distinct = true;
+        if (step < 8.0 * std::numeric_limits<double>::epsilon() * reach) {
+            for (std::size_t n = 0; n < last && distinct; ++n) {
+                distinct = along(options, axis, n + 1) > along(options, axis, n);
+            }
+        }
+        if (!distinct) {
+            throw InvalidInput(Complaint{failed, found + ": neighbouring samples fall on one float64 number", "positions that differ",
+                                         "move the origin nearer to 0 or check the spacing"});
+        }
+    }
+}
+
+} // namespace
+
+RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options)
+    : samples_(std::move(samples)), shape_(shape), options_(options) {
+    const std::size_t count = check_shape(shape_, std::visit([](const auto& array) { return array.size(); }, samples_));
+    check_options(options_);
+    kernel_.falloff = options_.falloff;
+    normalization_ = options_.normalization;
+    w0_ = options_.w0;
+    if (!std::isnormal(kernel_.gain()) || !std::isnormal(lattice_constant())) {
+        throw InvalidInput(Complaint{"RegularField: radius and falloff leave no kernel that float64 can hold",
+                                     "radius " + text_of(options_.radius) + ", falloff " + text_of(options_.falloff),
+                                     "a radius of a few sample distances and a falloff between 1 and 20",
+                                     "leave them at radius 2, falloff 5"});
+    }
+    Extent extent = full_extent(shape_, options_.lattice);
+    check_positions(options_, extent, semi_axes_world());
+
+    std::visit(
+        [&](const auto& array) {
+            using T = typename std::decay_t<decltype(array)>::value_type;
+            const Survey all = survey(array.data(), array.size());
+            kernels_ = count;
+            value_range_ = {all.smallest, all.largest};
+            if constexpr (std::is_floating_point_v<T>) {
+                if (!all.all_finite) {
+                    const Holes<T> holes(array, shape_, options_);
+                    extent = holes.extent;
+                    kernels_ = holes.kernels;
+                    value_range_ = {holes.smallest, holes.largest};
+                    has_holes_ = true;
+                }
+            }
+        },
+        samples_);
+    if (std::max(-value_range_[0], value_range_[1]) > largest_sample) {
+        throw InvalidInput(Complaint{"RegularField: the samples cannot be used",
+                                     "values from " + text_of(value_range_[0]) + " to " + text_of(value_range_[1]),
+                                     "magnitudes up to " + text_of(largest_sample) + ", so that their sums stay finite",
+                                     "scale the samples"});
+    }
+    if (kernels_ > 0) {
+        for (int axis = 0; axis < 3; ++axis) {
+            centres_world_.lower[axis] = along(options_, axis, extent.first[static_cast<std::size_t>(axis)]);
+            centres_world_.upper[axis] = along(options_, axis, extent.last[static_cast<std::size_t>(axis)]);
+        }
+    }
+}
+
+Box RegularField::supports_world() const {
+    Box box = centres_world_;
+    if (!box.empty()) {
+        box.lower -= semi_axes_world();
+        box.upper += semi_axes_world();
+    }
+    return box;
+}
+
+double RegularField::default_slice_spacing() const {
+    const Vec3& d = options_.spacing;
+    return options_.lattice == Lattice::bcc ? 0.5 * d.x : std::min({d.x, d.y, d.z});
+}
+
+std::size_t RegularField::memory() const {
+    return sizeof(*this) + std::visit(
+                               [](const auto& array) {
+                                   return array.capacity() * sizeof(typename std::decay_t<decltype(array)>::value_type);
+                               },
+                               samples_);
+}
+
+Vec3 RegularField::position(std::size_t i, std::size_t j, std::size_t k) const {
+    return {along(options_, 0, steps(options_.lattice, i, k)), along(options_, 1, steps(options_.lattice, j, k)),
+            along(options_, 2, k)};
+}
+
+double RegularField::value(std::size_t i, std::size_t j, std::size_t k) const {
+    const std::size_t n = (k * shape_[1] + j) * shape_[2] + i;
+    return std::visit([n](const auto& array) { return static_cast<double>(array[n]); }, samples_);
+}
+
+Vec3 RegularField::semi_axes_world() const {
+    if (options_.lattice == Lattice::bcc) {
+        return Vec3(options_.radius * options_.spacing.x / std::sqrt(2.0));
+    }
+    return options_.radius * options_.spacing;
+}
+
+double RegularField::lattice_constant() const {
+    // Spacing cancels: the semi-axes' product over the volume per sample is radius^3 (Cartesian),
+    // and (radius a / sqrt 2)^3 / (a^3 / 2) for BCC.
+    const double cube = options_.radius * options_.radius * options_.radius;
+    return kernel_.unit_mass() * (options_.lattice == Lattice::bcc ? cube / std::sqrt(2.0) : cube);
+}
+
+} // namespace sheetsplat

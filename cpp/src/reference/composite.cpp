@@ -1,0 +1,159 @@
+#include "reference/composite.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "reference/classify.hpp"
+
+namespace sheetsplat::reference {
+
+namespace {
+
+constexpr double never = std::numeric_limits<double>::infinity();
+
+bool is_scalar(Mode mode) { return mode == Mode::xray || mode == Mode::mip; }
+
+} // namespace
+
+Compositor::Compositor(const Scene& scene, const Screen& screen, const Slices& slices, const Shader& shader,
+                       const Request& request, const Nudge& nudge)
+    : scene_(scene), screen_(screen), slices_(slices), shader_(shader),
+      rho_shift_(nudge.rho * (scene.transfer_function.v_max() - scene.transfer_function.v_min())),
+      stop_(scene.opacity_stop + nudge.stop) {
+    const std::size_t pixels = static_cast<std::size_t>(screen.width()) * static_cast<std::size_t>(screen.height());
+    picture_.size = {screen.width(), screen.height()};
+    (is_scalar(scene.mode) ? picture_.scalar : picture_.rgba).assign(is_scalar(scene.mode) ? pixels : 4 * pixels, 0.0);
+    picture_.coverage.assign(request.coverage ? pixels : 0, 0.0);
+    picture_.depth.assign(request.depth ? pixels : 0, never);
+    picture_.first_slice = slices.first;
+    picture_.slices = slices.count;
+}
+
+void Compositor::add(const SheetWindow& window) {
+    const bool at_slice = slices_.exists(window.n);
+    for (int row = 0; row < screen_.height(); ++row) {
+        for (int column = 0; column < screen_.width(); ++column) {
+            const std::size_t number = static_cast<std::size_t>(row) * static_cast<std::size_t>(screen_.width()) +
+                                       static_cast<std::size_t>(column);
+            const Pixel pixel{column, row, number,
+                              slices_.spacing * screen_.secant(column, row) / scene_.reference_distance()};
+            if (!picture_.coverage.empty() && at_slice) {
+                add_coverage(window, pixel);
+            }
+            if (is_scalar(scene_.mode)) {
+                add_scalar(window, pixel);
+            } else if (scene_.mode == Mode::isosurface) {
+                add_crossing(window, pixel);
+            } else if (scene_.preintegration) {
+                add_interval(window, pixel);
+            } else {
+                add_slice(window, pixel);
+            }
+        }
+    }
+}
+
+void Compositor::add_coverage(const SheetWindow& window, const Pixel& pixel) {
+    const Sheet& here = *window.sheets[1];
+    picture_.coverage[pixel.number] +=
+        here.weight[here.index(pixel.column, pixel.row)] * slices_.spacing * screen_.secant(pixel.column, pixel.row);
+}
+
+void Compositor::add_slice(const SheetWindow& window, const Pixel& pixel) {
+    if (stopped(pixel) || empty(window, pixel, 0)) {
+        return;
+    }
+    const ColorOpacity looks = look_up(scene_.transfer_function, rho(window, pixel, 0) + rho_shift_);
+    const double alpha = opacity_over(looks.opacity, pixel.lengths);
+    if (alpha == 0.0) {
+        return;
+    }
+    const Vec3 slope = shader_.lit() ? gradient(window, pixel, 0) : Vec3(0.0);
+    put_behind(pixel, shader_.shade(looks.color, slope, screen_.to_viewer(pixel.column, pixel.row)), alpha,
+               slices_.depth(window.n));
+}
+
+void Compositor::add_interval(const SheetWindow& window, const Pixel& pixel) {
+    if (stopped(pixel) || (empty(window, pixel, 0) && empty(window, pixel, 1))) {
+        return;
+    }
+    const ColorOpacity looks = preintegrate(scene_.transfer_function, rho(window, pixel, 0) + rho_shift_,
+                                            rho(window, pixel, 1) + rho_shift_, pixel.lengths);
+    if (looks.opacity == 0.0) {
+        return;
+    }
+    const Vec3 slope = shader_.lit() ? 0.5 * (gradient(window, pixel, 0) + gradient(window, pixel, 1)) : Vec3(0.0);
+    put_behind(pixel, shader_.shade(looks.color, slope, screen_.to_viewer(pixel.column, pixel.row)), looks.opacity,
+               slices_.depth(window.n));
+}
+
+void Compositor::add_crossing(const SheetWindow& window, const Pixel& pixel) {
+    if (picture_.rgba[4 * pixel.number + 3] > 0.0) {
+        return;
+    }
+    const double iso = *scene_.iso_value;
+    const double front = rho(window, pixel, 0) + rho_shift_, back = rho(window, pixel, 1) + rho_shift_;
+    if ((front < iso) == (back < iso)) {
+        return;
+    }
+    const double share = (iso - front) / (back - front);
+    const Vec3 slope =
+        shader_.lit() ? (1.0 - share) * gradient(window, pixel, 0) + share * gradient(window, pixel, 1) : Vec3(0.0);
+    const Vec3 color = look_up(scene_.transfer_function, iso).color;
+    put_behind(pixel, shader_.shade(color, slope, screen_.to_viewer(pixel.column, pixel.row)), 1.0,
+               slices_.depth(window.n) + share * slices_.spacing);
+}
+
+void Compositor::add_scalar(const SheetWindow& window, const Pixel& pixel) {
+    double& value = picture_.scalar[pixel.number];
+    if (scene_.mode == Mode::xray) {
+        value += rho(window, pixel, 0) * slices_.spacing * screen_.secant(pixel.column, pixel.row);
+    } else {
+        value = std::max(value, rho(window, pixel, 0));
+    }
+}
+
+double Compositor::rho(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const {
+    const Sheet& sheet = *window.sheets[1 + ahead];
+    return sheet.rho[sheet.index(pixel.column, pixel.row)];
+}
+
+bool Compositor::empty(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const {
+    const Sheet& sheet = *window.sheets[1 + ahead];
+    return sheet.reached[sheet.index(pixel.column, pixel.row)] == 0;
+}
+
+Vec3 Compositor::gradient(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const {
+    return gradient_eye(screen_, *window.sheets[ahead], *window.sheets[ahead + 1], *window.sheets[ahead + 2],
+                        slices_.depth(window.n + static_cast<std::int64_t>(ahead)), slices_.spacing, pixel.column,
+                        pixel.row);
+}
+
+bool Compositor::stopped(const Pixel& pixel) const { return picture_.rgba[4 * pixel.number + 3] >= stop_; }
+
+void Compositor::put_behind(const Pixel& pixel, const Vec3& color, double alpha, double depth) {
+    double* rgba = &picture_.rgba[4 * pixel.number];
+    const double share = (1.0 - rgba[3]) * alpha;
+    for (int channel = 0; channel < 3; ++channel) {
+        rgba[channel] += share * color[channel];
+    }
+    rgba[3] += share;
+    if (!picture_.depth.empty() && rgba[3] >= 0.5 && picture_.depth[pixel.number] == never) {
+        picture_.depth[pixel.number] = depth;
+    }
+}
+
+Picture Compositor::finish() {
+    if (scene_.background) {
+        for (std::size_t at = 0; at < picture_.rgba.size(); at += 4) {
+            for (std::size_t channel = 0; channel < 3; ++channel) {
+                picture_.rgba[at + channel] +=
+                    (1.0 - picture_.rgba[at + 3]) * (*scene_.background)[static_cast<int>(channel)];
+            }
+            picture_.rgba[at + 3] = 1.0;
+        }
+    }
+    return std::move(picture_);
+}
+
+} // namespace sheetsplat::reference

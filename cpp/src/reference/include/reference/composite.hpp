@@ -1,0 +1,70 @@
+// Pictures that grow front to back from the sheets. Source: IMAGE FORMATION sections 6 and 7.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "reference/reference.hpp"
+#include "reference/screen.hpp"
+#include "reference/shade.hpp"
+#include "reference/slices.hpp"
+#include "reference/sums.hpp"
+#include "sheetsplat/scene.hpp"
+
+namespace sheetsplat::reference {
+
+/// The sheets of slices n - 1, n, n + 1 and n + 2; blank where there is no slice.
+struct SheetWindow {
+    std::int64_t n = 0;
+    std::array<const Sheet*, 4> sheets{};
+};
+
+/// How far section 9 moves the arithmetic behind the sheets.
+struct Nudge {
+    double rho = 0.0;  ///< share of v_max - v_min
+    double stop = 0.0; ///< added to A_stop
+};
+
+/// One picture. The sheets may feed several that differ in their nudges.
+class Compositor {
+  public:
+    /// What is referred to must live as long as this.
+    Compositor(const Scene& scene, const Screen& screen, const Slices& slices, const Shader& shader,
+               const Request& request, const Nudge& nudge);
+
+    /// Adds slice n, or the interval from slice n to n + 1 in isosurface mode and with preintegration. Wanted for every
+    /// n in turn, from the one before the first slice to the last.
+    void add(const SheetWindow& window);
+    /// The picture, background behind it.
+    [[nodiscard]] Picture finish();
+
+  private:
+    struct Pixel {
+        int column, row;
+        std::size_t number;
+        double lengths; // reference lengths that the pixel's ray goes through in one slab
+    };
+
+    void add_coverage(const SheetWindow& window, const Pixel& pixel);
+    void add_slice(const SheetWindow& window, const Pixel& pixel);
+    void add_interval(const SheetWindow& window, const Pixel& pixel);
+    void add_crossing(const SheetWindow& window, const Pixel& pixel);
+    void add_scalar(const SheetWindow& window, const Pixel& pixel);
+
+    [[nodiscard]] double rho(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
+    [[nodiscard]] bool empty(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
+    [[nodiscard]] Vec3 gradient(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
+    [[nodiscard]] bool stopped(const Pixel& pixel) const;
+    void put_behind(const Pixel& pixel, const Vec3& color, double alpha, double depth);
+
+    const Scene& scene_;
+    const Screen& screen_;
+    const Slices& slices_;
+    const Shader& shader_;
+    double rho_shift_; // world's rho, what the nudge comes to
+    double stop_;
+    Picture picture_;
+};
+
+} // namespace sheetsplat::reference

@@ -1,0 +1,60 @@
+// The float64 reference renderer: one thread, as plain as IMAGE FORMATION reads. Every faster path is measured by its
+// distance from this one, so it shares no arithmetic with any of them.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "sheetsplat/camera.hpp"
+#include "sheetsplat/scene.hpp"
+#include "sheetsplat/types.hpp"
+
+namespace sheetsplat::reference {
+
+/// float64 throughout; the same shapes as sheetsplat::Image. Coverage is the sum over all fields. Depth is that of the
+/// slice (with preintegration: of the interval's front slice, which may be the one before the first) whose addition
+/// brings A to one half.
+struct Picture {
+    Size size{};
+    std::vector<double> rgba;     ///< h * w * 4, premultiplied; empty in scalar modes
+    std::vector<double> scalar;   ///< h * w in modes xray and mip
+    std::vector<double> coverage; ///< h * w when asked for
+    std::vector<double> depth;    ///< h * w when asked for
+    std::int64_t first_slice = 0;
+    std::int64_t slices = 0;
+    std::size_t kernels_drawn =
+        0; ///< kernels whose support meets an existing slice and the image (with its border of one pixel)
+};
+
+struct Request {
+    bool coverage = false;
+    bool depth = false;
+    /// Moves the arithmetic a little, to find pixels whose value jumps (IMAGE FORMATION section 9): added to every rho,
+    /// as a share of v_max - v_min, where it is classified or compared with the iso value (scalar modes do not jump:
+    /// not there, and gradients do not know of it); factor on the supports' radius minus one (C of normalisation
+    /// lattice follows); added to A_stop.
+    double nudge_rho = 0.0;
+    double nudge_radius = 0.0;
+    double nudge_stop = 0.0;
+    /// Called between slices with the share done; returning false throws Cancelled.
+    std::function<bool(double)> progress{};
+};
+
+/// Throws InvalidInput (scene.validate(), size below 1 x 1, more than 10^7 slices), OutOfMemory, Cancelled.
+/// The only shortcut: kernels of value 0 are left out where they cannot matter (see ZeroKernels in sums.hpp).
+Picture render(const Scene& scene, const Camera& camera, Size size, const Request& request = {});
+
+/// One flag a pixel: 1 where the picture changes by more than 1e-3 under any of the nudges of section 9 (both signs);
+/// where depth is asked for, also 1 where it moves by more than half a slice distance. Scalar modes do not jump: all 0.
+std::vector<unsigned char> ambiguous_pixels(const Scene& scene, const Camera& camera, Size size,
+                                            const Request& request = {});
+
+/// The field's sums at one point of the world, for tests: D, W and whether no kernel reaches it.
+struct Sums {
+    double d = 0.0, w = 0.0;
+    bool empty = true;
+};
+Sums sums_at(const RegularField& field, const Vec3& point_world);
+
+} // namespace sheetsplat::reference

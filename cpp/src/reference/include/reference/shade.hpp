@@ -1,0 +1,39 @@
+// Gradients of rho between sheets, and Phong's light. Source: IMAGE FORMATION section 5.
+#pragma once
+
+#include <vector>
+
+#include "reference/screen.hpp"
+#include "reference/sums.hpp"
+#include "sheetsplat/camera.hpp"
+#include "sheetsplat/scene.hpp"
+
+namespace sheetsplat::reference {
+
+/// Eye-space gradient of rho at a pixel of the sheet `here` at `depth`, between its neighbours `before` and `after`.
+Vec3 gradient_eye(const Screen& screen, const Sheet& before, const Sheet& here, const Sheet& after, double depth,
+                  double spacing, int column, int row);
+
+/// Lights and material of a scene as one camera sees them.
+class Shader {
+  public:
+    Shader(const Scene& scene, const Camera& camera);
+
+    /// True where the scene has lights; without them a colour is shown as it is.
+    [[nodiscard]] bool lit() const { return !lights_.empty(); }
+    /// N from the gradient.
+    [[nodiscard]] Vec3 normal(const Vec3& gradient) const;
+    /// The lit colour; to_viewer is V.
+    [[nodiscard]] Vec3 shade(const Vec3& color, const Vec3& gradient, const Vec3& to_viewer) const;
+
+  private:
+    struct DirectedLight {
+        Vec3 direction; // L, unit length, eye space
+        Vec3 color;
+    };
+    std::vector<DirectedLight> lights_;
+    Material material_;
+    double weakest_gradient_; // g_0
+};
+
+} // namespace sheetsplat::reference

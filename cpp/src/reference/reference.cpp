@@ -1,0 +1,208 @@
+#include "reference/reference.hpp"
+
+#include <cmath>
+#include <memory>
+
+#include "base/memory.hpp"
+#include "reference/classify.hpp"
+#include "reference/composite.hpp"
+#include "reference/screen.hpp"
+#include "reference/shade.hpp"
+#include "reference/slices.hpp"
+#include "reference/sums.hpp"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat::reference {
+
+namespace {
+
+constexpr std::size_t sheets_in_window = 4;
+
+void check_size(Size size) {
+    if (size.width < 1 || size.height < 1) {
+        throw InvalidInput(Complaint{"The picture cannot have this size",
+                                     std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels",
+                                     "at least 1 x 1", "Give the size as (width, height)."});
+    }
+}
+
+void check_memory(Size size, const Scene& scene, const Request& request, std::size_t pictures) {
+    const std::uint64_t with_border =
+        static_cast<std::uint64_t>(size.width + 2LL) * static_cast<std::uint64_t>(size.height + 2LL);
+    const std::uint64_t pixels = static_cast<std::uint64_t>(size.width) * static_cast<std::uint64_t>(size.height);
+    const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
+    const std::uint64_t a_sheet = sizeof(double) + 1 + (request.coverage ? sizeof(double) : 0);
+    const std::uint64_t a_picture =
+        ((scalar ? 1 : 4) + (request.coverage ? 1U : 0U) + (request.depth ? 1U : 0U)) * sizeof(double);
+    const std::string what = "the reference's sheets and picture";
+    require_memory(checked_product(with_border, sheets_in_window * a_sheet + 2 * sizeof(double), what) +
+                       checked_product(pixels, a_picture * pictures, what),
+                   what, "Ask for a smaller picture.");
+}
+
+bool opaque_at_zero(const Scene& scene, const std::vector<Nudge>& nudges) {
+    const double range = scene.transfer_function.v_max() - scene.transfer_function.v_min();
+    for (const Nudge& nudge : nudges) {
+        if (look_up(scene.transfer_function, nudge.rho * range).opacity > 0.0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+ZeroKernels zero_kernels(const Scene& scene, const RegularField& field, const Request& request,
+                         const std::vector<Nudge>& nudges) {
+    const bool weights_matter = request.coverage || field.normalization() == Normalization::threshold;
+    const bool reach_matters = scene.mode == Mode::composite && opaque_at_zero(scene, nudges);
+    return weights_matter || reach_matters ? ZeroKernels::drawn : ZeroKernels::left_out;
+}
+
+/// The last four sheets, in the order of their slices.
+class RollingSheets {
+  public:
+    RollingSheets(const Screen& screen, const Slices& slices, const std::vector<std::unique_ptr<FieldSums>>& fields,
+                  bool weights)
+        : slices_(slices), fields_(fields), next_(slices.first - 2) {
+        for (std::size_t n = 0; n < sheets_in_window; ++n) {
+            sheets_.emplace_back(screen, weights);
+        }
+        sums_.d.resize(sheets_.front().rho.size());
+        sums_.w.resize(sheets_.front().rho.size());
+    }
+
+    /// The window around slice n; asked for n from the slice before the first on, one after the other.
+    [[nodiscard]] SheetWindow around(std::int64_t n) {
+        while (next_ <= n + 2) {
+            make(next_++);
+        }
+        return {n, {&at(n - 1), &at(n), &at(n + 1), &at(n + 2)}};
+    }
+
+  private:
+    Sheet& at(std::int64_t n) { return sheets_[static_cast<std::size_t>(n - slices_.first + 2) % sheets_in_window]; }
+
+    void make(std::int64_t n) {
+        Sheet& sheet = at(n);
+        sheet.clear();
+        if (slices_.exists(n)) {
+            for (const auto& field : fields_) {
+                field->add_to(sheet, n, sums_);
+            }
+        }
+    }
+
+    const Slices& slices_;
+    const std::vector<std::unique_ptr<FieldSums>>& fields_;
+    std::int64_t next_;
+    std::vector<Sheet> sheets_;
+    SheetSums sums_;
+};
+
+/// Pictures of the same sheets, one for each nudge.
+std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, const Request& request,
+                          double radius_factor, const std::vector<Nudge>& nudges) {
+    scene.validate();
+    check_size(size);
+    check_memory(size, scene, request, nudges.size());
+
+    const Screen screen(camera, size);
+    const Slices slices = find_slices(scene, camera, radius_factor);
+    const Shader shader(scene, camera);
+
+    std::vector<std::unique_ptr<FieldSums>> fields;
+    std::size_t kernels_drawn = 0;
+    if (slices.count > 0) {
+        for (const auto& field : scene.fields) {
+            fields.push_back(std::make_unique<FieldSums>(*field, camera, screen, slices, scene.sampling, radius_factor,
+                                                         zero_kernels(scene, *field, request, nudges)));
+            kernels_drawn += fields.back()->drawn();
+        }
+    }
+    std::vector<Compositor> compositors;
+    for (const Nudge& nudge : nudges) {
+        compositors.emplace_back(scene, screen, slices, shader, request, nudge);
+    }
+
+    if (slices.count > 0) {
+        RollingSheets sheets(screen, slices, fields, request.coverage);
+        for (std::int64_t n = slices.first - 1; n <= slices.last(); ++n) {
+            const SheetWindow window = sheets.around(n);
+            for (Compositor& compositor : compositors) {
+                compositor.add(window);
+            }
+            const double done = static_cast<double>(n - slices.first + 2) / static_cast<double>(slices.count + 1);
+            if (request.progress && !request.progress(done)) {
+                throw Cancelled("Rendering was stopped by its progress callback.");
+            }
+        }
+    }
+
+    std::vector<Picture> pictures;
+    for (Compositor& compositor : compositors) {
+        pictures.push_back(compositor.finish());
+        pictures.back().kernels_drawn = kernels_drawn;
+    }
+    return pictures;
+}
+
+/// Marks the pixels in which `moved` is not what `still` is.
+void mark_changes(const Picture& still, const Picture& moved, double slice_distance,
+                  std::vector<unsigned char>& marks) {
+    constexpr double visible = 1e-3;
+    for (std::size_t at = 0; at < still.rgba.size(); ++at) {
+        if (!(std::abs(moved.rgba[at] - still.rgba[at]) <= visible)) {
+            marks[at / 4] = 1;
+        }
+    }
+    for (std::size_t at = 0; at < still.depth.size(); ++at) {
+        const bool same = moved.depth[at] == still.depth[at]; // also where both are infinite
+        if (!same && !(std::abs(moved.depth[at] - still.depth[at]) <= 0.5 * slice_distance)) {
+            marks[at] = 1;
+        }
+    }
+}
+
+} // namespace
+
+Picture render(const Scene& scene, const Camera& camera, Size size, const Request& request) {
+    return std::move(
+        draw(scene, camera, size, request, 1.0 + request.nudge_radius, {{request.nudge_rho, request.nudge_stop}})
+            .front());
+}
+
+std::vector<unsigned char> ambiguous_pixels(const Scene& scene, const Camera& camera, Size size,
+                                            const Request& request) {
+    constexpr double little = 1e-5;
+    scene.validate();
+    check_size(size);
+    check_memory(size, scene, request, 5);
+    std::vector<unsigned char> marks(static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height), 0);
+    if (scene.mode == Mode::xray || scene.mode == Mode::mip) {
+        return marks;
+    }
+    Request quiet = request;
+    quiet.coverage = false;
+    double done_before = 0.0;
+    if (request.progress) {
+        quiet.progress = [&](double done) { return request.progress((done_before + done) / 3.0); };
+    }
+    const Nudge still{request.nudge_rho, request.nudge_stop};
+    const std::vector<Picture> same_radius = draw(scene, camera, size, quiet, 1.0 + request.nudge_radius,
+                                                  {still,
+                                                   {still.rho + little, still.stop},
+                                                   {still.rho - little, still.stop},
+                                                   {still.rho, still.stop + little},
+                                                   {still.rho, still.stop - little}});
+    for (const Picture& moved : same_radius) {
+        mark_changes(same_radius.front(), moved, scene.slice_distance(), marks);
+    }
+    for (const double sign : {-1.0, 1.0}) {
+        done_before += 1.0;
+        const Picture moved =
+            std::move(draw(scene, camera, size, quiet, 1.0 + request.nudge_radius + sign * little, {still}).front());
+        mark_changes(same_radius.front(), moved, scene.slice_distance(), marks);
+    }
+    return marks;
+}
+
+} // namespace sheetsplat::reference

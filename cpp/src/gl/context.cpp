@@ -1,0 +1,285 @@
+#include "gl/context.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <utility>
+
+#include "library.hpp"
+#include "platforms.hpp"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat::gl {
+namespace {
+
+thread_local Context* current_here = nullptr;
+
+constexpr std::size_t most_debug_errors = 100;
+
+GLADapiproc address_of(void* context, const char* name) { return static_cast<NativeContext*>(context)->address(name); }
+
+void GLAD_API_PTR on_debug_message(GLenum, GLenum type, GLuint, GLenum severity, GLsizei length, const GLchar* message,
+                                   const void* user) {
+    const bool matters = type == GL_DEBUG_TYPE_ERROR || severity == GL_DEBUG_SEVERITY_HIGH;
+    if (!matters || type == GL_DEBUG_TYPE_PERFORMANCE || message == nullptr) {
+        return;
+    }
+    auto& errors = *static_cast<std::vector<std::string>*>(const_cast<void*>(user));
+    // A wrong call in a loop must not fill the memory.
+    if (errors.size() < most_debug_errors) {
+        errors.emplace_back(length > 0 ? std::string(message, static_cast<std::size_t>(length)) : std::string(message));
+    }
+}
+
+constexpr const char* platform_names = "auto, egl, surfaceless or osmesa";
+
+std::string chosen_platform(const ContextOptions& options) {
+    std::string platform = options.platform;
+    std::string place = "ContextOptions::platform";
+    if (platform == "auto") {
+        const std::string variable = environment("SHEETSPLAT_GL");
+        if (!variable.empty()) {
+            platform = variable;
+            place = "SHEETSPLAT_GL";
+        }
+    }
+    if (platform != "auto" && platform != "egl" && platform != "surfaceless" && platform != "osmesa") {
+        throw InvalidInput(Complaint{"no OpenGL platform has this name", place + " = \"" + platform + "\"", platform_names,
+                                     "choose one of these"});
+    }
+    return platform;
+}
+
+std::optional<int> chosen_device(const ContextOptions& options, const std::string& platform) {
+    const bool by_device = platform == "auto" || platform == "egl";
+    if (options.egl_device.has_value()) {
+        if (!by_device) {
+            throw InvalidInput(Complaint{"an EGL device was asked for on a platform that has none",
+                                         "device " + std::to_string(*options.egl_device) + ", platform " + platform,
+                                         "platform auto or egl together with a device", "leave the device out, or unset SHEETSPLAT_GL"});
+        }
+        return options.egl_device;
+    }
+    const std::string variable = environment("SHEETSPLAT_EGL_DEVICE");
+    if (variable.empty() || !by_device) {
+        return std::nullopt;
+    }
+    int number = 0;
+    const char* end = variable.data() + variable.size();
+    const auto [rest, error] = std::from_chars(variable.data(), end, number);
+    if (error != std::errc() || rest != end || number < 0) {
+        throw InvalidInput(Complaint{"SHEETSPLAT_EGL_DEVICE is no device number", "\"" + variable + "\"", "a whole number from 0 on",
+                                     "unset it, or set it to the number of an EGL device"});
+    }
+    return number;
+}
+
+bool wants_debug(const ContextOptions& options) { return options.debug || environment("SHEETSPLAT_GL_DEBUG") == "1"; }
+
+// Indices of the devices, those of hardware first, each kind in the driver's order.
+std::vector<std::size_t> preferred_order(const std::vector<EglDevice>& devices) {
+    std::vector<std::size_t> order(devices.size());
+    for (std::size_t i = 0; i < order.size(); ++i) {
+        order[i] = i;
+    }
+    std::stable_partition(order.begin(), order.end(), [&](std::size_t i) { return !devices[i].software; });
+    return order;
+}
+
+[[noreturn]] void refuse_device(int wanted, const std::vector<EglDevice>& devices) {
+    std::string listed;
+    for (std::size_t i = 0; i < devices.size(); ++i) {
+        listed += (i == 0 ? "" : ", ") + std::to_string(i) + " (" + devices[i].name + ")";
+    }
+    throw InvalidInput(Complaint{"there is no EGL device with this number", std::to_string(wanted), "one of " + listed,
+                                 "choose one of these, or leave the choice open"});
+}
+
+// Calls attempt(Made) for every try until it returns true.
+template <class Take> bool try_egl(std::optional<int> device, bool debug, Take take) {
+    std::string story;
+    const std::vector<EglDevice> devices = egl_devices(story);
+    if (devices.empty()) {
+        Made none;
+        none.story = story;
+        return take("egl", std::move(none));
+    }
+    if (device.has_value()) {
+        if (*device < 0 || static_cast<std::size_t>(*device) >= devices.size()) {
+            refuse_device(*device, devices);
+        }
+        return take("egl", make_on_egl_device(static_cast<std::size_t>(*device), debug));
+    }
+    const std::vector<std::size_t> order = preferred_order(devices);
+    return std::any_of(order.begin(), order.end(), [&](std::size_t i) { return take("egl", make_on_egl_device(i, debug)); });
+}
+
+template <class Take> bool try_platform(const std::string& platform, std::optional<int> device, bool debug, Take take) {
+    if (platform == "egl") {
+        return try_egl(device, debug, take);
+    }
+    if (platform == "surfaceless") {
+        return take(platform, make_egl_surfaceless(debug));
+    }
+    return take(platform, make_osmesa(debug));
+}
+
+constexpr std::array<const char*, 3> all_platforms = {"egl", "surfaceless", "osmesa"};
+
+} // namespace
+
+std::unique_ptr<Context> Context::create(const ContextOptions& options) {
+    const std::string platform = chosen_platform(options);
+    const std::optional<int> device = chosen_device(options, platform);
+    const bool debug = wants_debug(options);
+
+    std::unique_ptr<Context> context;
+    std::string stories;
+    const auto take = [&](const std::string& name, Made made) {
+        stories += "\n  " + name + ": " + made.story;
+        context = std::move(made.context);
+        return context != nullptr;
+    };
+    for (const char* each : all_platforms) {
+        // A device number names an EGL device, so nothing else may stand in for it.
+        const bool tried = platform == each || (platform == "auto" && (!device.has_value() || std::string("egl") == each));
+        if (tried && try_platform(each, device, debug, take)) {
+            return context;
+        }
+    }
+    throw DeviceUnavailable(Complaint{"no OpenGL context could be made", "these tries failed:" + stories,
+                                      "OpenGL 3.3 core by an EGL device, EGL surfaceless or OSMesa",
+                                      "install a driver (on Debian or Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri), or "
+                                      "use a backend that needs no OpenGL"});
+}
+
+std::vector<Attempt> Context::survey() {
+    std::vector<Attempt> attempts;
+    const auto take = [&](const std::string& name, Made made) {
+        Attempt attempt;
+        attempt.platform = name;
+        attempt.succeeded = made.context != nullptr;
+        attempt.story = made.story;
+        if (attempt.succeeded) {
+            attempt.capabilities = made.context->capabilities();
+        }
+        attempts.push_back(std::move(attempt));
+        return false;
+    };
+    for (const char* each : all_platforms) {
+        try {
+            try_platform(each, std::nullopt, false, take);
+        } catch (const std::exception& error) {
+            attempts.push_back(Attempt{each, false, error.what(), {}});
+        }
+    }
+    return attempts;
+}
+
+std::vector<std::string> Context::take_debug_errors() { return std::exchange(debug_errors_, {}); }
+
+void NativeContext::set_up(const std::string& platform, bool debug) {
+    const Current current(*this);
+    const int version = gladLoadGLContextUserPtr(&api_, address_of, this);
+    if (version < GLAD_MAKE_VERSION(3, 3)) {
+        throw Error(Complaint{"the driver's OpenGL is too old",
+                              version == 0 ? "no OpenGL functions"
+                                           : "OpenGL " + std::to_string(GLAD_VERSION_MAJOR(version)) + "." +
+                                                 std::to_string(GLAD_VERSION_MINOR(version)),
+                              "OpenGL 3.3 core", ""});
+    }
+    // NVIDIA's older name for the same call, so that callers know one.
+    if (api_.TextureBarrier == nullptr) {
+        api_.TextureBarrier = api_.TextureBarrierNV;
+    }
+    capabilities_ = read_capabilities(api_, platform);
+    if (debug && capabilities_.debug_output) {
+        api_.DebugMessageCallback(on_debug_message, &debug_errors_);
+        // Synchronous: a message is kept before the wrong call returns, on the thread that made it.
+        api_.Enable(GL_DEBUG_OUTPUT_SYNCHRONOUS);
+        api_.Enable(GL_DEBUG_OUTPUT);
+    }
+    check_errors(api_, "setting up an OpenGL context");
+}
+
+void NativeContext::leave_current() noexcept {
+    if (current_here == this) {
+        release();
+        current_here = nullptr;
+    }
+}
+
+Current::Current(Context& context) : context_(context), previous_(current_here) {
+    if (current_here == &context) {
+        return;
+    }
+    // The other one is released first, and not merely replaced: OSMesa and Mesa's EGL share the thread's slot for the current
+    // context without telling each other, and EGL skips a call that asks for what it believes to be current already.
+    Context* previous = current_here;
+    if (previous != nullptr) {
+        previous->release();
+        current_here = nullptr;
+    }
+    try {
+        context.make_current();
+    } catch (...) {
+        if (previous != nullptr) {
+            previous->make_current();
+            current_here = previous;
+        }
+        throw;
+    }
+    current_here = &context;
+}
+
+Current::~Current() {
+    auto* previous = static_cast<Context*>(previous_);
+    if (previous == &context_ || current_here != &context_) {
+        return;
+    }
+    context_.release();
+    current_here = nullptr;
+    if (previous != nullptr) {
+        try {
+            previous->make_current();
+            current_here = previous;
+        } catch (const std::exception&) { // nothing can be thrown from here; the next Current reports it
+        }
+    }
+}
+
+GlErrors take_errors(const Api& gl) {
+    GlErrors errors;
+    // A lost context reports errors without end.
+    for (int i = 0; i < 16; ++i) {
+        const GLenum error = gl.GetError();
+        if (error == GL_NO_ERROR) {
+            break;
+        }
+        const char* name = error == GL_INVALID_ENUM                    ? "GL_INVALID_ENUM"
+                           : error == GL_INVALID_VALUE                 ? "GL_INVALID_VALUE"
+                           : error == GL_INVALID_OPERATION             ? "GL_INVALID_OPERATION"
+                           : error == GL_INVALID_FRAMEBUFFER_OPERATION ? "GL_INVALID_FRAMEBUFFER_OPERATION"
+                           : error == GL_OUT_OF_MEMORY                 ? "GL_OUT_OF_MEMORY"
+                           : error == GL_CONTEXT_LOST                  ? "GL_CONTEXT_LOST"
+                                                                       : "an unknown GL error";
+        errors.out_of_memory = errors.out_of_memory || error == GL_OUT_OF_MEMORY;
+        errors.names += (errors.names.empty() ? "" : ", ") + std::string(name);
+    }
+    return errors;
+}
+
+void check_errors(const Api& gl, const char* where) {
+    const GlErrors errors = take_errors(gl);
+    if (errors.names.empty()) {
+        return;
+    }
+    if (errors.out_of_memory) {
+        throw OutOfMemory(Complaint{std::string("OpenGL ran out of memory: ") + where, errors.names, "",
+                                    "render smaller tiles, or free memory of the device"});
+    }
+    throw Error(Complaint{std::string("OpenGL reported errors: ") + where, errors.names, "no error",
+                          "set SHEETSPLAT_GL_DEBUG=1 to have the driver say more"});
+}
+
+} // namespace sheetsplat::gl

@@ -1,0 +1,82 @@
+// OpenGL contexts without a display: EGL device, EGL surfaceless, OSMesa, each by dlopen.
+// Knows no word of volumes.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <glad/gl.h>
+
+#include "base/capabilities.hpp"
+
+namespace sheetsplat::gl {
+
+/// The functions of one context: gl.Clear(...), gl.DrawArrays(...).
+using Api = GladGLContext;
+
+struct ContextOptions {
+    std::string platform = "auto";       ///< auto | egl | surfaceless | osmesa; auto: SHEETSPLAT_GL if set
+    std::optional<int> egl_device{};     ///< index into the EGL devices; else SHEETSPLAT_EGL_DEVICE if set; else the first that works
+    bool debug = false;                  ///< a debug context whose errors are kept: take_debug_errors(). SHEETSPLAT_GL_DEBUG=1 sets it
+};
+
+/// One way to a context that was tried, in words.
+struct Attempt {
+    std::string platform;
+    bool succeeded = false;
+    std::string story; ///< what happened, step by step, and what could be done about it
+    Capabilities capabilities; ///< where it succeeded
+};
+
+/// An OpenGL 3.3+ core context of its own, 4.x where present. Movable handle semantics by unique_ptr; one thread at a time.
+class Context {
+  public:
+    /// Tries each platform in order; throws DeviceUnavailable that lists every try and the next step. InvalidInput for
+    /// names that are none. On return the context is not current.
+    static std::unique_ptr<Context> create(const ContextOptions& options = {});
+    /// Tries every platform, and of egl every device, and reports; never throws.
+    static std::vector<Attempt> survey();
+
+    virtual ~Context() = default;
+    Context(const Context&) = delete;
+    Context& operator=(const Context&) = delete;
+
+    [[nodiscard]] const Api& api() const { return api_; }
+    [[nodiscard]] const Capabilities& capabilities() const { return capabilities_; }
+    /// Debug messages of type error (or high severity) since the last call; empty without `debug`.
+    [[nodiscard]] std::vector<std::string> take_debug_errors();
+
+  protected:
+    Context() = default;
+    friend class Current;
+    virtual void make_current() = 0; ///< throws Error where the driver refuses
+    virtual void release() noexcept = 0;
+
+    Api api_{};
+    Capabilities capabilities_;
+    std::vector<std::string> debug_errors_;
+};
+
+/// While it lives, the context is current on this thread; what was current before is current again afterwards (contexts of
+/// this layer, and EGL contexts of others). The context must outlive it.
+class Current {
+  public:
+    explicit Current(Context& context);
+    ~Current();
+    Current(const Current&) = delete;
+    Current& operator=(const Current&) = delete;
+
+  private:
+    Context& context_;
+    void* previous_ = nullptr;
+};
+
+/// Throws Error (OutOfMemory for GL_OUT_OF_MEMORY) with the names of the pending GL errors and `where`, if there are any.
+void check_errors(const Api& gl, const char* where);
+
+/// What a work-around of Capabilities::workarounds is for, in a sentence; "" for a name that is none.
+std::string workaround_purpose(const std::string& name);
+
+} // namespace sheetsplat::gl

@@ -1,0 +1,71 @@
+// Shader programs from GLSL files with #include, specialised by #defines.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "gl/objects.hpp"
+
+namespace sheetsplat::gl {
+
+void delete_program(const Api& gl, GLuint name);
+
+/// The GLSL files, by path: "splat.vert", "lib/phong.glsl".
+using SourceFiles = std::map<std::string, std::string>;
+
+/// NAME -> value; sorted, so that equal sets compare equal.
+using Defines = std::map<std::string, std::string>;
+
+/// The text of one stage: "#version", the defines, then `file` with every #include "lib/x.glsl" replaced by that file, once
+/// (a second include of the same file is empty), with #line directives so that a compiler's message can be traced:
+/// source string number = position in `files_used`. Throws Error for a missing file or an include that contains itself.
+///
+/// Includes may stand inside #if: whether an earlier one counts is then left to the compiler by a guard. Groups on __cplusplus
+/// are decided here, as GLSL would, and become empty lines, as do "#pragma once" and the files' own "#version". Each file must
+/// close the conditions and comments that it opens.
+struct StageSource {
+    std::string text;
+    std::vector<std::string> files_used;
+};
+StageSource preprocess(const SourceFiles& files, const std::string& file, const std::string& version_line, const Defines& defines);
+
+/// A compiler's message with the places that it names, in the manner of Mesa, NVIDIA or glslang, turned into files and lines of
+/// `source`, each with that line of the file. Lines that name no place are passed on; at most 40.
+std::string translate_log(const std::string& log, const StageSource& source, const SourceFiles& files);
+
+/// A linked program. Errors of the compiler name the file and line that they came from, and show that line.
+class Program {
+  public:
+    Program() = default;
+    /// version_line: "#version 330 core" or better, chosen by the caller. outputs: fragment outputs, bound to locations
+    /// 0, 1, ... in this order.
+    Program(const Api& gl, const SourceFiles& files, const std::string& vertex_file, const std::string& fragment_file,
+            const Defines& defines, const std::string& version_line, const std::vector<std::string>& outputs = {});
+
+    void use() const;
+    [[nodiscard]] GLuint name() const { return handle_.name(); }
+    explicit operator bool() const { return static_cast<bool>(handle_); }
+    /// -1 where the compiler removed it: setting it then does nothing.
+    [[nodiscard]] GLint location(const std::string& uniform) const;
+
+    // Set a uniform; the program must be in use. Names that are not active are ignored.
+    void set(const std::string& uniform, int value) const;
+    void set(const std::string& uniform, float value) const;
+    void set(const std::string& uniform, float x, float y) const;
+    void set(const std::string& uniform, float x, float y, float z) const;
+    void set(const std::string& uniform, float x, float y, float z, float w) const;
+    void set(const std::string& uniform, int x, int y) const;
+    /// Columns (a, b) and (c, d).
+    void set_matrix2(const std::string& uniform, float a, float b, float c, float d) const;
+    /// count vec4 of an array uniform ("name" without [0])
+    void set_array4(const std::string& uniform, const float* values, int count) const;
+    void set_array1(const std::string& uniform, const float* values, int count) const;
+    void set_array3(const std::string& uniform, const float* values, int count) const;
+
+  private:
+    Handle<delete_program> handle_;
+    mutable std::map<std::string, GLint> locations_;
+};
+
+} // namespace sheetsplat::gl

@@ -1,0 +1,68 @@
+#include "library.hpp"
+
+#include <cstdlib>
+
+#include <dlfcn.h>
+
+namespace sheetsplat::gl {
+
+namespace {
+
+// RTLD_LOCAL: two Mesas of different versions in one process must not resolve each other's symbols. There is no dlclose
+// anywhere: drivers register thread and exit handlers that would then point into unmapped code.
+void* open_quietly(const std::string& name) { return dlopen(name.c_str(), RTLD_NOW | RTLD_LOCAL); }
+
+std::string last_reason(const std::string& name) {
+    const char* reason = dlerror();
+    return reason != nullptr ? reason : name;
+}
+
+// A library out of a wheel lies beside the libraries that it needs, yet does not say so (its wheel has them loaded before by
+// another file). Those that the linker misses are opened from there first; `left` bounds how many.
+void* open_with_neighbours(const std::string& path, int& left, std::string& reason) {
+    const std::size_t slash = path.rfind('/');
+    while (true) {
+        void* handle = open_quietly(path);
+        if (handle != nullptr) {
+            return handle;
+        }
+        reason = last_reason(path);
+        const std::string missed = reason.substr(0, reason.find(':'));
+        const bool neighbour = slash != std::string::npos && !missed.empty() && missed.find('/') == std::string::npos;
+        if (!neighbour || --left < 0) {
+            return nullptr;
+        }
+        std::string of_neighbour;
+        if (open_with_neighbours(path.substr(0, slash + 1) + missed, left, of_neighbour) == nullptr) {
+            return nullptr;
+        }
+    }
+}
+
+} // namespace
+
+void* Library::symbol(const char* name) const { return handle == nullptr ? nullptr : dlsym(handle, name); }
+
+Library open_library(const char* const* names) {
+    Library library;
+    for (; *names != nullptr; ++names) {
+        int neighbours = 64;
+        std::string reason;
+        library.handle = open_with_neighbours(*names, neighbours, reason);
+        if (library.handle != nullptr) {
+            library.story = std::string(*names) + " loaded";
+            return library;
+        }
+        tell(library.story, reason);
+    }
+    return library;
+}
+
+void tell(std::string& story, const std::string& step) { story += (story.empty() || step.empty() ? "" : "; ") + step; }
+
+std::string environment(const char* name) {
+    const char* value = std::getenv(name);
+    return value != nullptr ? value : "";
+}
+
+} // namespace sheetsplat::gl

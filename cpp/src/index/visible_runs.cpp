@@ -1,0 +1,300 @@
+// Which samples are drawn.
+//
+// At a point, kernels that reach it with values from lo to hi give a rho in [s min(0, lo), s max(0, hi)], s being the largest
+// weight that one value can get. The 0 belongs to this range inside the lattice too: between a region whose kernels are drawn
+// and one whose kernels are dropped the drawn ones alone make the picture, and their sum runs from the full value to 0 through
+// everything between. A region above an opaque band is thus never dropped beside one in the band.
+//
+// So a point can be visible only where a sample that reaches it is, times s, at or beyond the first opaque value on its side of
+// 0. Such samples are the seeds; every sample that shares a visible point (or a stencil of one) with a seed is drawn.
+#include "index/visible_runs.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <string>
+#include <type_traits>
+
+#include "base/memory.hpp"
+#include "index/bit_rows.hpp"
+#include "index/neighbourhood.hpp"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// Where visibility begins on either side of 0: rho > 0 and rho >= above, or rho < 0 and rho <= below, can be visible.
+struct Visibility {
+    double above = infinity;
+    double below = -infinity;
+    bool at_zero = false; ///< a point where kernels sum to 0 is visible, unlike an empty one
+};
+
+Visibility visibility_of(const TransferFunction& transfer_function) {
+    Visibility visibility;
+    const auto add = [&](double lower, double upper, double opacity) {
+        if (opacity <= 0.0) {
+            return;
+        }
+        if (upper > 0.0) {
+            visibility.above = std::min(visibility.above, std::max(lower, 0.0));
+        }
+        if (lower < 0.0) {
+            visibility.below = std::max(visibility.below, std::min(upper, 0.0));
+        }
+    };
+    const std::vector<TransferPoint>& points = transfer_function.points();
+    add(-infinity, points.front().value, points.front().opacity);
+    for (std::size_t n = 1; n < points.size(); ++n) {
+        if (points[n - 1].value < points[n].value) {
+            add(points[n - 1].value, points[n].value, std::max(points[n - 1].opacity, points[n].opacity));
+        }
+    }
+    add(points.back().value, infinity, points.back().opacity);
+    visibility.at_zero = transfer_function.at(0.0).opacity > 0.0;
+    return visibility;
+}
+
+Visibility visibility_of_crossings(double iso_value) {
+    Visibility visibility;
+    // A crossing has one end below the iso value and one not; an iso value of 0 is crossed by what is below 0.
+    if (iso_value > 0.0) {
+        visibility.above = iso_value;
+    } else {
+        visibility.below = iso_value;
+    }
+    return visibility;
+}
+
+/// The most that rho can be for kernels of value 1, whichever of them are drawn.
+double largest_weight(const RegularField& field) {
+    const double normalised = lattice_ripple(field).upper;
+    switch (field.normalization()) {
+    case Normalization::none: return normalised * field.lattice_constant();
+    case Normalization::lattice: return normalised;
+    case Normalization::threshold: break;
+    }
+    // Above 0 however large w0 is, since it is divided by.
+    return std::clamp(normalised * field.lattice_constant() / field.w0(), std::numeric_limits<double>::min(), 1.0);
+}
+
+/// The least value of type T that is at least `bound` and more than 0; none where there is no such value.
+template <typename T> std::optional<T> least_from(double bound) {
+    // Rounding of the bound must not lose a value that meets it.
+    bound *= 1.0 - 1e-12;
+    if (!(bound <= static_cast<double>(std::numeric_limits<T>::max()))) {
+        return std::nullopt;
+    }
+    if constexpr (std::is_integral_v<T>) {
+        return static_cast<T>(std::max(1.0, std::ceil(bound)));
+    } else {
+        T value = static_cast<T>(bound);
+        if (static_cast<double>(value) > bound) {
+            value = std::nextafter(value, T{0});
+        }
+        return std::max(value, std::numeric_limits<T>::denorm_min());
+    }
+}
+
+/// The greatest value of type T that is at most `bound` and less than 0; none where there is no such value.
+template <typename T> std::optional<T> greatest_to(double bound) {
+    if constexpr (std::is_unsigned_v<T>) {
+        return std::nullopt;
+    } else {
+        bound *= 1.0 - 1e-12;
+        if (!(bound >= static_cast<double>(std::numeric_limits<T>::lowest()))) {
+            return std::nullopt;
+        }
+        if constexpr (std::is_integral_v<T>) {
+            return static_cast<T>(std::min(-1.0, std::floor(bound)));
+        } else {
+            T value = static_cast<T>(bound);
+            if (static_cast<double>(value) < bound) {
+                value = std::nextafter(value, T{0});
+            }
+            return std::min(value, -std::numeric_limits<T>::denorm_min());
+        }
+    }
+}
+
+/// Seeds are the samples at or above `up` and those at or below `down`.
+template <typename T> struct SeedTest {
+    std::optional<T> up, down;
+
+    /// True where every value other than 0 in [lower, upper] is a seed.
+    [[nodiscard]] bool takes_all(double lower, double upper) const {
+        return (upper <= 0.0 || up == least_from<T>(0.0)) && (lower >= 0.0 || down == greatest_to<T>(0.0));
+    }
+    void mark(const T* values, std::size_t n, BitWord* row) const {
+        if (up && down) {
+            pack_row(values, n, row, [at_least = *up, at_most = *down](T v) { return (v >= at_least) | (v <= at_most); });
+        } else if (up) {
+            pack_row(values, n, row, [at_least = *up](T v) { return v >= at_least; });
+        } else if (down) {
+            pack_row(values, n, row, [at_most = *down](T v) { return v <= at_most; });
+        }
+    }
+};
+
+/// Marks the samples that may be drawn at all: no NaN, and 0 only where it is asked for.
+template <typename T> void mark_kernels(const T* values, std::size_t n, bool zeros, BitWord* row) {
+    if (!zeros) {
+        // Of NaN neither holds.
+        pack_row(values, n, row, [](T v) { return (v < T{0}) | (v > T{0}); });
+    } else if constexpr (std::is_integral_v<T>) {
+        std::fill(row, row + words_for(n), BitWord{0});
+        set_bits(row, 0, n);
+    } else {
+        pack_row(values, n, row, [](T v) { return v == v; });
+    }
+}
+
+/// A bit for each block of samples: set where the block holds a seed.
+template <typename T>
+BitRows seeds_in_blocks(const T* values, const std::array<std::size_t, 3>& shape, const SeedTest<T>& test,
+                        const Neighbourhood& neighbourhood) {
+    const auto [nk, nj, ni] = shape;
+    const auto [block_k, block_j, block_i] = neighbourhood.block();
+    BitRows seeds(neighbourhood.blocks());
+    std::vector<BitWord> scratch(words_for(ni), 0);
+    for (std::size_t k = 0; k < nk; ++k) {
+        for (std::size_t j = 0; j < nj; ++j) {
+            test.mark(values + (k * nj + j) * ni, ni, scratch.data());
+            BitWord* row = seeds.row(j / block_j, k / block_k);
+            if (block_i == 1) {
+                for (std::size_t w = 0; w < scratch.size(); ++w) {
+                    row[w] |= scratch[w];
+                }
+            } else {
+                for_each_run(scratch.data(), scratch.size(), [row, size = block_i](std::size_t begin, std::size_t end) {
+                    set_bits(row, begin / size, (end - 1) / size + 1);
+                });
+            }
+        }
+    }
+    return seeds;
+}
+
+/// Clears the bits of a row of samples whose blocks are not set.
+void keep_blocks(const BitWord* blocks, std::size_t block_words, std::size_t block_size, std::vector<BitWord>& scratch,
+                 std::vector<BitWord>& row, std::size_t n) {
+    const BitWord* kept = blocks;
+    if (block_size > 1) {
+        std::fill(scratch.begin(), scratch.end(), BitWord{0});
+        for_each_run(blocks, block_words, [&](std::size_t begin, std::size_t end) {
+            set_bits(scratch.data(), std::min(n, begin * block_size), std::min(n, end * block_size));
+        });
+        kept = scratch.data();
+    }
+    for (std::size_t w = 0; w < row.size(); ++w) {
+        row[w] &= kept[w];
+    }
+}
+
+template <typename T> double largest_magnitude(const T* begin, const T* end) {
+    T least = *begin;
+    T greatest = *begin;
+    for (const T* value = begin; value != end; ++value) {
+        least = std::min(least, *value);
+        greatest = std::max(greatest, *value);
+    }
+    return std::max(std::abs(static_cast<double>(least)), std::abs(static_cast<double>(greatest)));
+}
+
+void check_length(double length, const char* name) {
+    if (!(length >= 0.0)) {
+        throw InvalidInput(Complaint{"VisibleRuns: the drawn samples cannot be found",
+                                     std::string(name) + " = " + std::to_string(length), "a length of 0 or more world units",
+                                     "check the camera and the slice spacing"});
+    }
+}
+
+} // namespace
+
+VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& query) {
+    check_length(query.stencil_world, "stencil_world");
+    check_length(query.slice_spacing, "slice_spacing");
+    const std::size_t nk = field.shape()[0];
+    const std::size_t nj = field.shape()[1];
+    const std::size_t ni = field.shape()[2];
+    const std::string what = "the index of drawn samples";
+    const std::string next = "make the transfer function transparent over more values, or use a smaller volume";
+    const std::uint64_t rows = checked_product(nk, nj, what);
+    if (checked_product(rows, ni, what) > std::numeric_limits<std::uint32_t>::max()) {
+        throw Unsupported(Complaint{"VisibleRuns: the field cannot be indexed",
+                                    std::to_string(nk) + " x " + std::to_string(nj) + " x " + std::to_string(ni) + " samples",
+                                    "at most 4294967295 samples in one field", "split the volume into several fields, or coarsen it"});
+    }
+
+    const bool classified = query.isosurface || query.transfer_function != nullptr;
+    Visibility visibility{0.0, 0.0, false};
+    if (query.isosurface) {
+        visibility = visibility_of_crossings(query.iso_value);
+    } else if (classified) {
+        visibility = visibility_of(*query.transfer_function);
+    }
+    const bool zeros = !query.cull || query.weights_matter || visibility.at_zero ||
+                       field.normalization() == Normalization::threshold;
+    const bool every_kernel = !query.cull || !classified || !query.alone || visibility.at_zero;
+
+    VisibleRuns result;
+    require_memory((rows + 1) * sizeof(std::uint32_t), what, next);
+    result.row_offset_.assign(rows + 1, 0);
+    std::visit(
+        [&](const auto& samples) {
+            using T = typename std::decay_t<decltype(samples)>::value_type;
+            std::optional<Neighbourhood> neighbourhood;
+            std::optional<BitRows> reached;
+            if (!every_kernel) {
+                const double weight = largest_weight(field);
+                const SeedTest<T> test{least_from<T>(visibility.above / weight), greatest_to<T>(visibility.below / weight)};
+                const auto [least, greatest] = field.value_range();
+                if (zeros || !test.takes_all(least, greatest)) {
+                    neighbourhood.emplace(field, query.stencil_world + query.slice_spacing);
+                    reached = neighbourhood->spread(seeds_in_blocks(samples.data(), field.shape(), test, *neighbourhood));
+                }
+            }
+            std::vector<BitWord> row(words_for(ni));
+            std::vector<BitWord> scratch(row.size());
+            const auto visit_runs = [&](auto&& visit) {
+                for (std::size_t k = 0; k < nk; ++k) {
+                    for (std::size_t j = 0; j < nj; ++j) {
+                        const T* values = samples.data() + (k * nj + j) * ni;
+                        mark_kernels(values, ni, zeros, row.data());
+                        if (reached) {
+                            const auto& block = neighbourhood->block();
+                            keep_blocks(reached->row(j / block[1], k / block[0]), reached->words(), block[2], scratch, row, ni);
+                        }
+                        for_each_run(row.data(), row.size(), [&, at = k * nj + j](std::size_t begin, std::size_t end) {
+                            visit(at, values, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end));
+                        });
+                    }
+                }
+            };
+            // Counted before they are kept, so that memory is asked for once and exactly.
+            visit_runs([&](std::size_t at, const T*, std::uint32_t, std::uint32_t) { ++result.row_offset_[at + 1]; });
+            for (std::size_t at = 0; at < rows; ++at) {
+                result.row_offset_[at + 1] += result.row_offset_[at];
+            }
+            const std::size_t count = result.row_offset_[rows];
+            require_memory(count * sizeof(Run), what, next);
+            result.runs_.reserve(count);
+            visit_runs([&](std::size_t, const T* values, std::uint32_t begin, std::uint32_t end) {
+                result.runs_.push_back({begin, end});
+                result.samples_ += end - begin;
+                result.largest_value_ = std::max(result.largest_value_, largest_magnitude(values + begin, values + end));
+            });
+        },
+        field.samples());
+    return result;
+}
+
+std::size_t VisibleRuns::bytes() const {
+    return row_offset_.capacity() * sizeof(std::uint32_t) + runs_.capacity() * sizeof(Run);
+}
+
+} // namespace sheetsplat

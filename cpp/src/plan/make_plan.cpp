@@ -1,0 +1,334 @@
+#include "plan/make_plan.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+constexpr double float32_epsilon = 6e-8;
+/// Kernels that overlap at a point of a lattice at radius 2: 4/3 pi 2^3.
+constexpr double usual_overlap = 33.5;
+/// IMAGE FORMATION section 9.
+constexpr double float32_bound = 1e-4;
+constexpr double float16_bound = 1.0 / 510.0;
+/// Below this share of the reference length a pixel or a slice spacing loses gradients in differences of float32 sums.
+constexpr double fine_gradient_below = 1.0 / 8.0;
+constexpr std::size_t most_lights = 64;
+
+constexpr std::array<const char*, 17> forcible = {
+    "weight",         "gradient", "specular",      "two_sided",      "opacity_correction", "opacity_stop",
+    "elimination",    "culling",  "opacity_buffer", "opacity_buffer_average", "points",     "vertex_arrays",
+    "four_channels",  "fine_gradient", "preshaded", "general_sections", "empty_test"};
+
+std::string number(double value) {
+    std::ostringstream text;
+    text.precision(4);
+    text << value;
+    return text.str();
+}
+
+/// Collects effects with their reasons, and what the caller forced.
+class Effects {
+  public:
+    Effects(const std::map<std::string, bool>& forced, std::vector<Effect>& list) : forced_(forced), list_(list) {
+        for (const auto& [name, on] : forced) {
+            if (std::find(forcible.begin(), forcible.end(), name) == forcible.end()) {
+                std::string names;
+                for (const char* known : forcible) {
+                    names += names.empty() ? known : std::string(", ") + known;
+                }
+                throw InvalidInput(Complaint{"the effects cannot be forced", "the name \"" + name + "\"", "one of " + names, "correct effects="});
+            }
+        }
+    }
+
+    /// An effect that follows from the scene. `needed`: turning it off would make a wrong picture.
+    bool decide(const char* name, bool on, const std::string& reason, bool needed = false) {
+        const auto found = forced_.find(name);
+        if (found == forced_.end()) {
+            list_.push_back({name, on, reason, false});
+            return on;
+        }
+        if (needed && on && !found->second) {
+            dropped_.push_back(name);
+        }
+        list_.push_back({name, found->second, std::string(found->second ? "forced on" : "forced off") + "; the scene says " + (on ? "on" : "off") + ": " + reason, true});
+        return found->second;
+    }
+
+    void state(const char* name, bool on, const std::string& reason) { list_.push_back({name, on, reason, false}); }
+
+    [[nodiscard]] const std::vector<std::string>& dropped() const { return dropped_; }
+
+  private:
+    const std::map<std::string, bool>& forced_;
+    std::vector<Effect>& list_;
+    std::vector<std::string> dropped_;
+};
+
+double unit_of_values(const Scene& scene) {
+    double largest = 0.0;
+    for (const auto& field : scene.fields) {
+        const auto [low, high] = field->value_range();
+        largest = std::max({largest, std::abs(low), std::abs(high)});
+    }
+    if (largest == 0.0) {
+        largest = 1.0;
+    }
+    if (scene.mode == Mode::composite) {
+        const double window = scene.transfer_function.v_max() - scene.transfer_function.v_min();
+        // A window wider than the values would push them towards 0 of the sheets' range; nothing is gained by that.
+        return window > 0.0 ? window : largest;
+    }
+    return largest;
+}
+
+/// True where opacity can reach A_stop along some ray.
+bool can_saturate(const Scene& scene, const ViewFacts& view) {
+    if (scene.mode == Mode::isosurface) {
+        return true;
+    }
+    const double a = scene.transfer_function.max_opacity();
+    if (a >= 1.0) {
+        return true;
+    }
+    const double exponent = view.slice_spacing / view.reference_length * view.largest_slant;
+    const double reach = -std::expm1(std::log1p(-a) * exponent * static_cast<double>(view.slices));
+    return reach >= scene.opacity_stop;
+}
+
+Tagging choose_tagging(const RendererOptions& options, const Capabilities& capabilities) {
+    switch (options.tagging) {
+    case Tagging::automatic:
+        return capabilities.software ? Tagging::tiles : capabilities.depth_bounds ? Tagging::depth_bounds : Tagging::tiles;
+    case Tagging::depth_bounds:
+        if (!capabilities.depth_bounds) {
+            throw Unsupported(Complaint{"the plan cannot be made", "tagging depth_bounds on " + capabilities.renderer + ", which lacks GL_EXT_depth_bounds_test",
+                                        "a device that has it", "use tagging auto, tiles, depth_equal or off"});
+        }
+        return options.tagging;
+    default:
+        return options.tagging;
+    }
+}
+
+void check_precision(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Capabilities* capabilities,
+                     DrawPlan& plan) {
+    const double unit = plan.value_unit;
+    double largest = 0.0;
+    for (const auto& field : scene.fields) {
+        const auto [low, high] = field->value_range();
+        largest = std::max({largest, std::abs(low), std::abs(high)});
+    }
+    const double ratio = largest / unit;
+    const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
+    const double per_length = view.slice_spacing * view.largest_slant / view.reference_length;
+    const double steepness = scalar || plan.mode == Mode::isosurface ? 1.0 : std::max(1.0, scene.transfer_function.steepest() * unit * per_length);
+
+    const double sums = float32_epsilon * std::sqrt(usual_overlap) * ratio;
+    double noise = sums;
+    if (plan.precision == Precision::float16) {
+        // Stores that cut off instead of rounding drift by half a step an overlap; rounding ones walk at random.
+        const bool truncates = capabilities != nullptr && capabilities->software;
+        noise = ratio * (truncates ? usual_overlap * 0.5 / 1024.0 : std::sqrt(usual_overlap) / 4096.0);
+        if (plan.gradient) {
+            noise *= 8.0;
+        }
+    } else if (plan.precision == Precision::uint8) {
+        noise = std::max(1.0, ratio) * usual_overlap * 0.5 / 255.0;
+    }
+    plan.summary.error_budget.push_back({std::string("sums in ") + to_string(plan.precision), noise * steepness});
+    if (options.allow_inexact) {
+        return;
+    }
+    if (plan.precision == Precision::uint8 || (plan.precision == Precision::float16 && noise * steepness > float16_bound)) {
+        throw Unsupported(Complaint{std::string("the picture cannot be made with ") + to_string(plan.precision) + " sheets",
+                                    "an estimated error of " + number(noise * steepness), "at most " + number(float16_bound),
+                                    "use precision float32, or pass allow_inexact=True"});
+    }
+    if (plan.precision == Precision::float32 && sums * std::min(steepness, 1e3) > 20.0 * float32_bound) {
+        throw Unsupported(Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
+                                    "values up to " + number(largest) + " under a transfer function whose window is " + number(unit),
+                                    "an estimated error of at most " + number(20.0 * float32_bound) + ", not " + number(sums * std::min(steepness, 1e3)),
+                                    "subtract an offset from the values, use backend reference, or pass allow_inexact=True"});
+    }
+}
+
+} // namespace
+
+DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
+                   Projection projection, Backend backend, const Capabilities* capabilities) {
+    DrawPlan plan;
+    RenderPlan& summary = plan.summary;
+    plan.projection = projection;
+    plan.sampling = scene.sampling;
+    plan.mode = scene.mode;
+    plan.value_unit = unit_of_values(scene);
+    summary.backend = backend;
+    summary.size = view.size;
+    summary.slice_spacing = view.slice_spacing;
+    summary.first_slice = view.first_slice;
+    summary.slices = view.slices;
+    Effects effects(options.effects, summary.effects);
+
+    const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
+    const bool lit = !scene.lights.empty() && !scalar;
+    bool threshold = false;
+    bool linear = true;
+    for (const auto& field : scene.fields) {
+        threshold = threshold || field->normalization() == Normalization::threshold;
+        linear = linear && field->normalization() != Normalization::threshold;
+    }
+
+    // Classification and what it needs.
+    effects.state("classification", !scalar, scalar ? "the mode shows rho itself" : "the mode shows colours");
+    const bool visible_at_zero = !scene.transfer_function.transparent_over(0.0, 0.0) && scene.mode == Mode::composite;
+    plan.threshold = threshold;
+    plan.coverage = outputs.coverage;
+    plan.depth = outputs.depth && !scalar;
+    plan.empty_test = effects.decide("empty_test", visible_at_zero,
+                                     visible_at_zero ? "opacity at 0 is above 0, and empty points must stay transparent"
+                                                     : scalar ? "empty points count as 0" : "what is 0 is transparent anyway", true);
+    const bool weight = threshold || outputs.coverage || plan.empty_test;
+    plan.weight = effects.decide("weight", weight,
+                                 threshold ? "rho is divided by the weight sum"
+                                           : outputs.coverage ? "coverage is the weight sum"
+                                                              : plan.empty_test ? "only the weight tells an empty point from one whose sum is 0"
+                                                                                : "no normalisation by weights, no coverage, and opacity at 0 is 0",
+                                 true) || plan.empty_test;
+    effects.state("slab_sampling", scene.sampling == Sampling::slab,
+                  scene.sampling == Sampling::slab ? "asked for: slices are means over their slabs" : "slices are points in depth");
+    effects.state("perspective", projection == Projection::perspective,
+                  projection == Projection::perspective ? "the camera is perspective" : "the camera is orthographic");
+    plan.general = effects.decide("general_sections", view.sheared || projection == Projection::perspective,
+                                  view.sheared ? "cross-sections lean: spacing is unequal and seen askew"
+                                               : projection == Projection::perspective ? "cross-sections scale from slab to slab"
+                                                                                       : "all sections of a kernel share one place on the screen",
+                                  true);
+
+    // Light.
+    plan.gradient = effects.decide("gradient", lit, lit ? "lights need normals" : scalar ? "the mode is not shaded" : "there are no lights", true);
+    if (plan.gradient && scalar) {
+        throw InvalidInput(Complaint{"the effects cannot be forced", "gradient on in a scalar mode", "mode composite or isosurface", "drop gradient from effects="});
+    }
+    const bool specular = lit && scene.material.specular != 0.0;
+    plan.specular = effects.decide("specular", specular, specular ? "the material reflects" : "the material's specular coefficient is 0 or nothing is lit", true) && plan.gradient;
+    const bool two_sided = lit && scene.material.two_sided;
+    plan.two_sided = effects.decide("two_sided", two_sided, two_sided ? "asked for by the material" : "normals keep their side", true) && plan.gradient;
+    bool world = false;
+    for (const Light& light : scene.lights) {
+        world = world || light.space == LightSpace::world;
+    }
+    effects.state("world_lights", lit && world, lit && world ? "a light stays with the world" : "no light is fixed to the world");
+    const bool fine = lit && std::min(view.smallest_pixel, view.slice_spacing) < fine_gradient_below * view.reference_length && backend != Backend::reference;
+    plan.fine_gradient = effects.decide("fine_gradient", fine,
+                                        fine ? "a pixel or the slice spacing is so small that differences of sums would lose the gradient: differences are splatted"
+                                             : "differences of neighbouring sums keep enough digits",
+                                        true) && plan.gradient;
+    plan.fine_across = plan.fine_gradient && (view.smallest_pixel < fine_gradient_below * view.reference_length || !fine);
+    plan.fine_along = plan.fine_gradient && (view.slice_spacing < fine_gradient_below * view.reference_length || !fine);
+
+    // Opacity.
+    const double exponent = view.slice_spacing / view.reference_length;
+    const bool correction = scene.mode == Mode::composite && !scene.preintegration &&
+                            (exponent != 1.0 || (projection == Projection::perspective));
+    plan.opacity_correction = effects.decide("opacity_correction", correction,
+                                             correction ? "slices are not one reference length apart along every ray"
+                                                        : "opacity per reference length is opacity per slice here", true);
+    plan.preintegration = scene.preintegration;
+    effects.state("preintegration", scene.preintegration, scene.preintegration ? "asked for" : "not asked for");
+    const bool saturates = !scalar && can_saturate(scene, view);
+    const bool stops = saturates && (scene.opacity_stop < 1.0 || scene.mode == Mode::isosurface);
+    plan.stop = effects.decide("opacity_stop", stops && scene.mode == Mode::composite,
+                               scalar ? "the mode has no opacity" : scene.mode == Mode::isosurface ? "an isosurface is opaque at its first crossing"
+                               : stops ? "opacity can reach A_stop" : saturates ? "A_stop is 1" : "opacity cannot reach A_stop under this transfer function", true) && scene.mode == Mode::composite;
+
+    // How it is drawn.
+    if (backend == Backend::reference) {
+        plan.precision = Precision::float64;
+        if (options.precision != Precision::automatic && options.precision != Precision::float64) {
+            throw Unsupported(Complaint{"the plan cannot be made", std::string("precision ") + to_string(options.precision) + " with backend reference", "float64 or auto", "choose backend gl for lower precision"});
+        }
+        summary.precision = plan.precision;
+        summary.packing = Packing::wide;
+        summary.tagging = Tagging::off;
+        summary.device = "float64, one thread";
+        effects.state("background", scene.background.has_value() && !scalar, scene.background ? "asked for" : "none given");
+        effects.state("coverage", outputs.coverage, outputs.coverage ? "asked for" : "not asked for");
+        effects.state("depth", outputs.depth, outputs.depth ? "asked for" : "not asked for");
+        return plan;
+    }
+
+    plan.packing = options.packing == Packing::automatic ? Packing::wide : options.packing;
+    plan.tagging = choose_tagging(options, *capabilities);
+    plan.precision = options.precision == Precision::automatic ? Precision::float32 : options.precision;
+    if (plan.precision == Precision::float64) {
+        throw Unsupported(Complaint{"the plan cannot be made", "precision float64 with backend gl, whose targets blend 32 bits at most", "auto, uint8, float16 or float32", "choose backend reference for float64"});
+    }
+    plan.culling = effects.decide("culling", true, "kernels that cannot matter are not drawn");
+    // Depth tests slow a rasteriser in software more than they save where little becomes opaque.
+    const bool eliminate = stops && !outputs.coverage && (!capabilities->software || scene.mode == Mode::isosurface);
+    plan.elimination = effects.decide("elimination", eliminate,
+                                      !stops ? "nothing can become opaque enough to stop"
+                                      : outputs.coverage ? "coverage looks behind opaque pixels"
+                                      : eliminate ? "opaque pixels take no more splats" : "depth tests cost more than they save on this rasteriser") && stops && !outputs.coverage;
+    const bool average = options.effects.count("opacity_buffer_average") != 0 && options.effects.at("opacity_buffer_average");
+    plan.opacity_buffer_average = effects.decide("opacity_buffer_average", false, "the average of the paper may drop kernels that still show") && stops;
+    plan.opacity_buffer = effects.decide("opacity_buffer", average, "reading opacity back costs more than it saves as a rule; ask for it") && stops && !outputs.coverage;
+    plan.opacity_buffer = plan.opacity_buffer || (plan.opacity_buffer_average && !outputs.coverage);
+    if (plan.opacity_buffer_average && !options.allow_inexact) {
+        throw Unsupported(Complaint{"the plan cannot be made", "opacity_buffer_average, which drops kernels that still show", "exact culling", "use opacity_buffer, or pass allow_inexact=True"});
+    }
+    const bool sprites = projection == Projection::orthographic && 2.0 * view.largest_splat_px + 1.0 <= static_cast<double>(capabilities->max_point_size);
+    plan.points = effects.decide("points", sprites, sprites ? "point sprites need one vertex a kernel"
+                                                            : projection == Projection::perspective ? "kernels differ in size: quads fit them"
+                                                                                                    : "kernels are larger than the largest point sprite: quads") && sprites;
+    plan.vertex_arrays = effects.decide("vertex_arrays", true, "a batch is one draw call");
+    plan.four_channels = effects.decide("four_channels", true, "four slabs are splatted at a time");
+    if (!plan.four_channels) {
+        plan.packing = Packing::paper;
+    }
+    plan.preshaded = effects.decide("preshaded", false, "kernels are summed before they are classified");
+    if (plan.preshaded && !options.allow_inexact) {
+        throw Unsupported(Complaint{"the plan cannot be made", "preshaded splatting, which colours kernels before they are summed", "post-shaded splatting", "drop preshaded from effects=, or pass allow_inexact=True"});
+    }
+    plan.slab_nodes = view.widest_slab < 0.6 ? 4 : view.widest_slab < 1.5 ? 6 : 0;
+    plan.read_image = plan.stop || scene.mode == Mode::isosurface || scalar || plan.depth || plan.coverage;
+    effects.state("background", scene.background.has_value() && !scalar, scene.background ? "asked for" : "none given");
+    effects.state("coverage", plan.coverage, plan.coverage ? "asked for" : "not asked for");
+    effects.state("depth", outputs.depth, outputs.depth ? "asked for" : "not asked for");
+
+    if (scene.fields.size() > 1 && !linear) {
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", "several fields of which one has normalization threshold",
+                                    "fields with normalization none or lattice, or one field alone", "use backend reference"});
+    }
+    if (scene.lights.size() > most_lights) {
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", std::to_string(scene.lights.size()) + " lights", "at most 64", "use fewer lights, or backend reference"});
+    }
+    if (!effects.dropped().empty() && !options.allow_inexact) {
+        std::string names;
+        for (const std::string& name : effects.dropped()) {
+            names += names.empty() ? name : ", " + name;
+        }
+        throw Unsupported(Complaint{"the plan cannot be made", "effects forced off that the scene calls for: " + names, "a picture within its error bound", "leave them to the plan, or pass allow_inexact=True"});
+    }
+    check_precision(scene, view, options, capabilities, plan);
+
+    summary.precision = plan.precision;
+    summary.packing = plan.packing;
+    summary.tagging = plan.tagging;
+    summary.device = capabilities->renderer + ", OpenGL " + capabilities->version + ", by " + capabilities->platform;
+    const std::uint64_t texel = plan.precision == Precision::float32 ? 16 : plan.precision == Precision::float16 ? 8 : 4;
+    const std::uint64_t sheets = (plan.packing == Packing::wide ? 3U : 2U) * (plan.weight ? 2U : 1U) * (plan.fine_gradient ? 4U : 1U);
+    summary.memory = static_cast<std::uint64_t>(view.size.width + 2) * static_cast<std::uint64_t>(view.size.height + 2) * (sheets * texel + 16 + 4 + 16);
+    return plan;
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,62 @@
+// The slice loop on OpenGL: splat a batch, shade what is finished, composite front to back ([NM05] figure 5).
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/capabilities.hpp"
+#include "plan/make_plan.hpp"
+#include "sheetsplat/device.hpp"
+#include "sheetsplat/image.hpp"
+#include "sheetsplat/renderer.hpp"
+#include "view/slab_batches.hpp"
+
+namespace sheetsplat::sheet {
+
+/// One view, ready to be drawn. Nothing is owned.
+struct Job {
+    const Scene* scene = nullptr;
+    const Camera* camera = nullptr;
+    const Frame* frame = nullptr;
+    const DrawPlan* plan = nullptr;
+    const std::vector<FieldView>* views = nullptr;
+    const std::vector<SlabBatches>* batches = nullptr; ///< one a field
+    BatchLayout layout{};
+    int tile_size = 0;      ///< largest edge of an image tile, pixels; 0: what the device can do
+    int tags_per_clear = 0; ///< 0: what the depth buffer resolves
+    const Progress* progress = nullptr;
+};
+
+/// Owns one OpenGL context and what was made in it.
+class SheetRenderer {
+  public:
+    /// Throws DeviceUnavailable.
+    explicit SheetRenderer(std::optional<int> egl_device = std::nullopt);
+    ~SheetRenderer();
+    SheetRenderer(const SheetRenderer&) = delete;
+    SheetRenderer& operator=(const SheetRenderer&) = delete;
+
+    [[nodiscard]] const Capabilities& capabilities() const;
+    /// Fills the picture and adds to its stats. Throws OutOfMemory, Cancelled, Error.
+    void render(const Job& job, Image& image);
+
+    /// Seconds that it takes to blend `fragments` fragments of kernels of `diameter_px` pixels into float32 targets, `targets` at a
+    /// time, and nothing else: the floor of the splat pass on this device. Positions are spread over width x height.
+    double fill_test(std::size_t kernels, int diameter_px, int width, int height, int targets);
+
+  private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+/// One report a way to a context.
+std::vector<DeviceReport> survey();
+
+/// The GLSL text that a plan compiles: name of the stage -> source. For tests that look for branches on effects.
+std::map<std::string, std::string> shader_sources(const DrawPlan& plan, const Scene& scene);
+
+} // namespace sheetsplat::sheet

@@ -1,0 +1,29 @@
+#include "resources.hpp"
+
+#include "sheet/embedded_glsl.hpp"
+
+namespace sheetsplat::sheet {
+
+Resources::Resources(const gl::Api& gl)
+    : samples(gl, GL_ARRAY_BUFFER), boxes(gl, GL_ARRAY_BUFFER), rectangles(gl, GL_ARRAY_BUFFER), splat_array(gl), rectangle_array(gl), gl_(&gl) {}
+
+const gl::Program& Resources::program(const std::string& vertex, const std::string& fragment, const gl::Defines& defines,
+                                      const std::vector<std::string>& outputs) {
+    auto key = std::make_pair(vertex + " + " + fragment, defines);
+    const auto found = programs_.find(key);
+    if (found != programs_.end()) {
+        return found->second;
+    }
+    gl::Program made(*gl_, embedded_glsl(), vertex, fragment, defines, "#version 330 core", outputs);
+    return programs_.emplace(std::move(key), std::move(made)).first->second;
+}
+
+const Targets& Resources::targets(const TargetShape& shape) {
+    if (!targets_ || !(targets_->shape() == shape)) {
+        targets_.reset();
+        targets_ = std::make_unique<Targets>(*gl_, shape);
+    }
+    return *targets_;
+}
+
+} // namespace sheetsplat::sheet

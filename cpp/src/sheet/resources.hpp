@@ -1,0 +1,37 @@
+// What is kept in a context between frames: surfaces, compiled programs, buffers.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "classification.hpp"
+#include "gl/objects.hpp"
+#include "gl/program.hpp"
+#include "targets.hpp"
+
+namespace sheetsplat::sheet {
+
+/// Made and destroyed with the context current.
+class Resources {
+  public:
+    explicit Resources(const gl::Api& gl);
+
+    /// The program of two stages under these defines, compiled at its first use.
+    const gl::Program& program(const std::string& vertex, const std::string& fragment, const gl::Defines& defines,
+                               const std::vector<std::string>& outputs);
+    /// Surfaces of this shape; those of another shape are given back first.
+    const Targets& targets(const TargetShape& shape);
+
+    gl::Buffer samples, boxes, rectangles;
+    gl::VertexArray splat_array, rectangle_array;
+
+  private:
+    const gl::Api* gl_;
+    std::map<std::pair<std::string, gl::Defines>, gl::Program> programs_;
+    std::unique_ptr<Targets> targets_;
+};
+
+} // namespace sheetsplat::sheet

@@ -1,0 +1,148 @@
+#include "stages.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace sheetsplat::sheet {
+
+namespace {
+
+const std::string on = "1";
+
+} // namespace
+
+Steps make_steps(const DrawPlan& plan, const Frame& frame) {
+    Steps steps;
+    const std::int64_t n = frame.slices;
+    const bool intervals = plan.mode == Mode::isosurface || plan.preintegration;
+    if (plan.packing == Packing::wide) {
+        // The last slice of pass p is 4 p + 2, its last interval starts at 4 p + 1.
+        const std::int64_t last = intervals ? n - 2 : n - 3;
+        steps.passes = n == 0 ? 0 : std::max<std::int64_t>((last + 3) / 4, 0) + 1;
+        return steps;
+    }
+    steps.slices = 1;
+    steps.slabs = 4;
+    steps.history = 5;
+    steps.stride = 1;
+    steps.passes = n == 0 ? 0 : n + (intervals ? 2 : 1);
+    return steps;
+}
+
+BatchLayout make_layout(const DrawPlan& plan) {
+    if (plan.packing == Packing::wide) {
+        return {4, 8};
+    }
+    return plan.four_channels ? BatchLayout{1, 4} : BatchLayout{1, 1};
+}
+
+gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, bool weights_alone) {
+    const bool general = plan.general || view.sheared;
+    gl::Defines defines;
+    if (plan.sampling == Sampling::slab) {
+        defines["SLAB"] = on;
+        defines["SLAB_NODES"] = std::to_string(plan.slab_nodes);
+    }
+    const std::array<std::pair<const char*, bool>, 8> switches{{
+        {"GENERAL", general},
+        {"PERSPECTIVE", plan.projection == Projection::perspective},
+        {"SEPARABLE", plan.sampling == Sampling::point && !general && !plan.fine_gradient},
+        {"TWO_TARGETS", plan.packing == Packing::wide},
+        {"POINTS", plan.points},
+        {"FINE", plan.fine_gradient},
+        {"WEIGHT", plan.weight && !plan.fine_gradient},
+        {"WEIGHT_ALONE", weights_alone},
+    }};
+    for (const auto& [name, active] : switches) {
+        if (active) {
+            defines[name] = on;
+        }
+    }
+    return defines;
+}
+
+std::vector<std::string> splat_outputs(const DrawPlan& plan, bool) {
+    std::vector<std::string> names;
+    const auto add = [&](const std::string& name) {
+        names.push_back(name + "_front");
+        if (plan.packing == Packing::wide) {
+            names.push_back(name + "_back");
+        }
+    };
+    add("sheet");
+    if (plan.fine_gradient) {
+        add("x");
+        add("y");
+        add("z");
+    } else if (plan.weight) {
+        add("weight");
+    }
+    return names;
+}
+
+gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
+    gl::Defines defines;
+    const bool wide = plan.packing == Packing::wide;
+    defines["SLICES"] = wide ? "4" : "1";
+    defines["SLABS"] = wide ? "8" : "4";
+    if (!wide) {
+        defines["PHASE"] = std::to_string(phase);
+    }
+    const std::array<std::pair<const char*, bool>, 20> switches{{
+        {"CLASSIFY", plan.mode == Mode::composite},
+        {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
+        {"MODE_XRAY", plan.mode == Mode::xray},
+        {"MODE_MIP", plan.mode == Mode::mip},
+        {"WEIGHT", plan.weight},
+        {"THRESHOLD", plan.threshold},
+        {"EMPTY_TEST", plan.empty_test},
+        {"PERSPECTIVE", plan.projection == Projection::perspective},
+        {"GRADIENT", plan.gradient},
+        {"SLOPES", plan.fine_gradient},
+        {"FINE_XY", plan.fine_across},
+        {"FINE_Z", plan.fine_along},
+        {"SPECULAR", plan.specular},
+        {"TWO_SIDED", plan.two_sided},
+        {"OPACITY_CORRECTION", plan.opacity_correction},
+        {"STOP", plan.stop},
+        {"READ_IMAGE", plan.read_image},
+        {"PREINTEGRATION", plan.preintegration},
+        {"DEPTH_OUT", plan.depth},
+        {"COVERAGE", plan.coverage},
+    }};
+    for (const auto& [name, active] : switches) {
+        if (active) {
+            defines[name] = on;
+        }
+    }
+    if (plan.gradient) {
+        defines["LIGHTS"] = std::to_string(lights);
+    }
+    return defines;
+}
+
+std::vector<std::string> shade_outputs(const DrawPlan& plan) {
+    std::vector<std::string> names{"image_out"};
+    if (plan.depth) {
+        names.emplace_back("depth_out");
+    }
+    if (plan.coverage) {
+        names.emplace_back("coverage_out");
+    }
+    return names;
+}
+
+std::array<float, 4> channel_offsets(const DrawPlan& plan, std::int64_t first_slab) {
+    if (plan.packing == Packing::wide) {
+        return {0.0F, 1.0F, 2.0F, 3.0F};
+    }
+    std::array<float, 4> offsets{};
+    const auto phase = static_cast<int>(first_slab % 4);
+    for (int channel = 0; channel < 4; ++channel) {
+        const int offset = (channel - phase + 4) % 4;
+        offsets[static_cast<std::size_t>(channel)] = plan.four_channels || offset == 0 ? static_cast<float>(offset) : 1e6F;
+    }
+    return offsets;
+}
+
+} // namespace sheetsplat::sheet

@@ -1,0 +1,490 @@
+#include "tile_loop.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include <glm/geometric.hpp>
+
+#include "interop.h"
+
+namespace sheetsplat::sheet {
+
+namespace {
+
+constexpr double log2_e = 1.4426950408889634;
+/// [NM05] section 4.4: the opacity buffer is brought up to date every ten slices.
+constexpr std::int64_t opacity_buffer_period = 10;
+/// Tags are multiples of tag_step below 1, so that a depth buffer of 24 bits or more tells neighbours apart by far.
+constexpr int most_tags = 1 << 18;
+constexpr float tag_step = 1.0F / (1 << 20);
+/// Depth of splats where nothing is tagged: behind opaque pixels (0), before a clear buffer (1).
+constexpr float middle = 0.0F;
+
+TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, const Tile& tile) {
+    TargetShape shape;
+    shape.width = tile.target_width();
+    shape.height = tile.target_height();
+    shape.sheet_format = plan.precision == Precision::float16 ? GL_RGBA16F : plan.precision == Precision::uint8 ? GL_RGBA8 : GL_RGBA32F;
+    shape.wide = plan.packing == Packing::wide;
+    shape.weight = plan.weight;
+    shape.fine = plan.fine_gradient;
+    shape.shared_depth = plan.elimination || plan.tagging == Tagging::depth_bounds || plan.tagging == Tagging::depth_equal;
+    shape.depth = plan.depth;
+    shape.coverage = plan.coverage;
+    shape.copies = plan.read_image && !capabilities.texture_barrier;
+    return shape;
+}
+
+} // namespace
+
+TileLoop::TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabilities, Resources& resources, const Classification* classification,
+                   const Tile& tile)
+    : job_(job), gl_(gl), capabilities_(capabilities), resources_(resources), classification_(classification), plan_(*job.plan),
+      frame_(*job.frame), tile_(tile), steps_(make_steps(*job.plan, *job.frame)), marks_(tile, steps_.history + 1),
+      tags_limit_(job.tags_per_clear > 0 ? std::min(job.tags_per_clear, most_tags) : most_tags) {
+    for (const FieldView& view : *job.views) {
+        makers_.emplace_back(view, frame_, tile_, job.layout);
+    }
+    if (plan_.opacity_buffer) {
+        const auto pixels = static_cast<std::size_t>(tile.target_width()) * static_cast<std::size_t>(tile.target_height());
+        opacity_ = OpacityBuffer(tile.target_width(), tile.target_height(), job.scene->opacity_stop, plan_.opacity_buffer_average);
+        readback_ = gl::AsyncReadback(gl, pixels * 4 * sizeof(float));
+        readback_pixels_.resize(pixels * 4);
+    }
+}
+
+float TileLoop::tag_of(int batch) const {
+    // In normalised device coordinates: the window's depth is half of this plus one half, both exact.
+    return 1.0F - 2.0F * static_cast<float>(batch + 1) * tag_step;
+}
+
+void TileLoop::run(const std::function<void(double)>& progress) {
+    targets_ = &resources_.targets(shape_of(plan_, capabilities_, tile_));
+    gl_.Viewport(0, 0, tile_.target_width(), tile_.target_height());
+    targets_->clear_all();
+    // Slabs that no batch was drawn to yet stay clear: those before the first slice and after the last.
+    for (std::int64_t pass = 0; pass < steps_.passes; ++pass) {
+        marks_.next_batch();
+        splat(pass);
+        if (!targets_->shape().wide) {
+            copy(pass);
+        }
+        shade(pass);
+        if (targets_->shape().wide) {
+            targets_->clear_sheet(ring(pass + 2));
+        }
+        if (plan_.elimination && (targets_->shape().wide || pass % 4 == 3)) {
+            eliminate();
+        }
+        if (tags_by_depth() && ++tag_ >= tags_limit_) {
+            restart_tags();
+        } else if (untagged_ > 0) {
+            --untagged_;
+        }
+        if (plan_.opacity_buffer) {
+            update_opacity(pass);
+        }
+        progress(static_cast<double>(pass + 1) / static_cast<double>(steps_.passes));
+    }
+}
+
+void TileLoop::splat(std::int64_t pass) {
+    gl_.Enable(GL_BLEND);
+    gl_.BlendFunc(GL_ONE, GL_ONE);
+    gl_.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+    if (tags_by_depth()) {
+        gl_.Enable(GL_DEPTH_TEST);
+        // Not LESS: the second splat of a batch has the depth that the first one left.
+        gl_.DepthFunc(GL_LEQUAL);
+        gl_.DepthMask(GL_TRUE);
+    } else if (plan_.elimination) {
+        gl_.Enable(GL_DEPTH_TEST);
+        gl_.DepthFunc(GL_LEQUAL);
+        gl_.DepthMask(GL_FALSE);
+    } else {
+        gl_.Disable(GL_DEPTH_TEST);
+    }
+    const std::int64_t first_slab = pass * steps_.stride;
+    for (std::size_t field = 0; field < job_.views->size(); ++field) {
+        splat_field(field, pass, first_slab);
+    }
+}
+
+void TileLoop::splat_field(std::size_t field, std::int64_t pass, std::int64_t first_slab) {
+    const SlabBatches& batches = (*job_.batches)[field];
+    if (pass >= static_cast<std::int64_t>(batches.batches())) {
+        return;
+    }
+    const auto batch = static_cast<std::size_t>(pass);
+    const std::size_t count = batches.count(batch);
+    if (count == 0) {
+        return;
+    }
+    const FieldView& view = (*job_.views)[field];
+    const VertexMaker& maker = makers_[field];
+    const bool boxed = plan_.projection == Projection::perspective;
+    const auto started = std::chrono::steady_clock::now();
+    auto* vertices = static_cast<SplatVertex*>(resources_.samples.map(count * sizeof(SplatVertex)));
+    auto* boxes = boxed ? static_cast<PixelBox*>(resources_.boxes.map(count * sizeof(PixelBox))) : nullptr;
+    const bool marking = plan_.tagging == Tagging::tiles;
+    const std::size_t made = maker.make(batches.begin(batch), count, first_slab, vertices, boxes, [&](const PixelBox& box) {
+        if (plan_.opacity_buffer && opacity_.hides(box)) {
+            ++dropped_;
+            return false;
+        }
+        if (marking) {
+            marks_.touch(box);
+        }
+        return true;
+    });
+    resources_.samples.unmap();
+    if (boxed) {
+        resources_.boxes.unmap();
+    }
+    vertex_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+    if (made == 0) {
+        return;
+    }
+    drawn_ += made;
+
+    targets_->bind_splat(targets_->shape().wide ? ring(pass) : 0);
+    const gl::Program& program = resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, false), splat_outputs(plan_, false));
+    draw_kernels(program, view, maker, first_slab, made);
+    if (plan_.fine_gradient && plan_.weight) {
+        targets_->bind_splat_fine(targets_->shape().wide ? ring(pass) : 0, true);
+        const gl::Program& weights = resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, true), splat_outputs(plan_, true));
+        draw_kernels(weights, view, maker, first_slab, made);
+    }
+}
+
+void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, const VertexMaker& maker, std::int64_t first_slab,
+                            std::size_t count) {
+    program.use();
+    const bool perspective = plan_.projection == Projection::perspective;
+    const auto f = [](double value) { return static_cast<float>(value); };
+    const double k = view.field->kernel().falloff;
+    program.set("falloff_log2", f(k * log2_e));
+    program.set("edge", f(view.field->kernel().edge()));
+    program.set("falloff_root", f(std::sqrt(k)));
+    program.set("slab_half", f(0.5 * frame_.slice_spacing / view.half_depth));
+    program.set("step_s", f(frame_.slice_spacing / view.half_depth));
+    program.set("weight_scale", f(view.weight_scale));
+    program.set("target_size", f(tile_.target_width()), f(tile_.target_height()));
+    program.set("axis", f(maker.origin_x()), f(maker.origin_y()));
+    program.set("shear", f(view.shear.x), f(view.shear.y));
+    // Rows count downwards, eye y upwards.
+    program.set_matrix2("to_unit", f(view.to_unit[0].x * frame_.pixel), f(view.to_unit[0].y * frame_.pixel), f(-view.to_unit[1].x * frame_.pixel),
+                        f(-view.to_unit[1].y * frame_.pixel));
+    program.set("tag", tags_by_depth() ? tag_of(tag_) : middle);
+    const auto front = channel_offsets(plan_, first_slab);
+    program.set("offset_front", front[0], front[1], front[2], front[3]);
+    program.set("offset_back", front[0] + 4.0F, front[1] + 4.0F, front[2] + 4.0F, front[3] + 4.0F);
+    if (perspective) {
+        program.set("slice_spacing", f(frame_.slice_spacing));
+        program.set("half_depth", f(view.half_depth));
+        program.set("last_offset", f(job_.layout.covered - 1));
+        const auto depth = [&](std::size_t channel, float more) {
+            return f(frame_.depth_of(first_slab) + static_cast<double>(front[channel] + more) * frame_.slice_spacing);
+        };
+        program.set("depth_front", depth(0, 0.0F), depth(1, 0.0F), depth(2, 0.0F), depth(3, 0.0F));
+        program.set("depth_back", depth(0, 4.0F), depth(1, 4.0F), depth(2, 4.0F), depth(3, 4.0F));
+    }
+
+    resources_.splat_array.bind();
+    resources_.samples.bind();
+    gl_.EnableVertexAttribArray(ATTRIBUTE_SAMPLE);
+    gl_.VertexAttribPointer(ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex), nullptr);
+    gl_.VertexAttribDivisor(ATTRIBUTE_SAMPLE, plan_.points ? 0 : 1);
+    if (perspective) {
+        resources_.boxes.bind();
+        gl_.EnableVertexAttribArray(ATTRIBUTE_BOX);
+        gl_.VertexAttribPointer(ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox), nullptr);
+        gl_.VertexAttribDivisor(ATTRIBUTE_BOX, 1);
+    } else {
+        gl_.DisableVertexAttribArray(ATTRIBUTE_BOX);
+    }
+
+    if (plan_.points) {
+        // A point whose centre lies outside the viewport is not drawn, though its square may reach in: the viewport is made larger.
+        const int guard = static_cast<int>(std::ceil(maker.half_size())) + 1;
+        gl_.Viewport(-guard, -guard, tile_.target_width() + 2 * guard, tile_.target_height() + 2 * guard);
+        gl_.Enable(GL_SCISSOR_TEST);
+        gl_.Scissor(0, 0, tile_.target_width(), tile_.target_height());
+        gl_.Enable(GL_PROGRAM_POINT_SIZE);
+        program.set("guard", f(guard), f(guard));
+        program.set("point_size", f(2.0 * maker.half_size() + 1.0));
+        if (plan_.vertex_arrays) {
+            gl_.DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(count));
+        } else {
+            for (std::size_t kernel = 0; kernel < count; ++kernel) {
+                gl_.DrawArrays(GL_POINTS, static_cast<GLint>(kernel), 1);
+            }
+        }
+        gl_.Disable(GL_SCISSOR_TEST);
+        gl_.Viewport(0, 0, tile_.target_width(), tile_.target_height());
+        return;
+    }
+    program.set("half_size", f(maker.half_x()), f(maker.half_y()));
+    if (plan_.vertex_arrays) {
+        gl_.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(count));
+        return;
+    }
+    for (std::size_t kernel = 0; kernel < count; ++kernel) {
+        resources_.samples.bind();
+        gl_.VertexAttribPointer(ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex), reinterpret_cast<const void*>(kernel * sizeof(SplatVertex)));
+        if (perspective) {
+            resources_.boxes.bind();
+            gl_.VertexAttribPointer(ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox), reinterpret_cast<const void*>(kernel * sizeof(PixelBox)));
+        }
+        gl_.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, 1);
+    }
+}
+
+void TileLoop::draw_rectangles(const std::vector<Rectangle>& rectangles) {
+    if (rectangles.empty()) {
+        return;
+    }
+    resources_.rectangles.upload(rectangles.data(), rectangles.size() * sizeof(Rectangle));
+    resources_.rectangle_array.bind();
+    resources_.rectangles.bind();
+    gl_.EnableVertexAttribArray(ATTRIBUTE_RECTANGLE);
+    gl_.VertexAttribPointer(ATTRIBUTE_RECTANGLE, 4, GL_FLOAT, GL_FALSE, sizeof(Rectangle), nullptr);
+    gl_.VertexAttribDivisor(ATTRIBUTE_RECTANGLE, 1);
+    gl_.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(rectangles.size()));
+}
+
+/// Draws with the program wherever the newest batches touched the tile, by the plan's way of telling. The target is bound.
+void TileLoop::draw_touched(const gl::Program& program) {
+    program.set("target_size", static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height()));
+    program.set("tag", middle);
+    gl_.DepthMask(GL_FALSE);
+    const int oldest = std::max(tag_ - steps_.history, 0);
+    switch (plan_.tagging) {
+    case Tagging::depth_bounds: {
+        // Half a step of distance on both sides; opaque pixels (0) lie below, untouched ones (1) above.
+        const double low = 0.5 * static_cast<double>(tag_of(tag_)) + 0.5 - 0.5 * static_cast<double>(tag_step);
+        const double high = untagged_ > 0 ? 1.0 : 0.5 * static_cast<double>(tag_of(oldest)) + 0.5 + 0.5 * static_cast<double>(tag_step);
+        gl_.Disable(GL_DEPTH_TEST);
+        gl_.Enable(GL_DEPTH_BOUNDS_TEST_EXT);
+        gl_.DepthBoundsEXT(low, high);
+        draw_rectangles(marks_.whole());
+        gl_.Disable(GL_DEPTH_BOUNDS_TEST_EXT);
+        return;
+    }
+    case Tagging::depth_equal:
+        gl_.Enable(GL_DEPTH_TEST);
+        gl_.DepthFunc(GL_EQUAL);
+        for (int tag = oldest; tag <= tag_; ++tag) {
+            program.set("tag", tag_of(tag));
+            draw_rectangles(marks_.whole());
+        }
+        if (untagged_ > 0) {
+            program.set("tag", 1.0F);
+            draw_rectangles(marks_.whole());
+        }
+        return;
+    case Tagging::tiles:
+    case Tagging::off:
+    case Tagging::automatic:
+        if (plan_.elimination) {
+            gl_.Enable(GL_DEPTH_TEST);
+            gl_.DepthFunc(GL_LEQUAL);
+        } else {
+            gl_.Disable(GL_DEPTH_TEST);
+        }
+        draw_rectangles(plan_.tagging == Tagging::tiles ? marks_.touched() : marks_.whole());
+        return;
+    }
+}
+
+void TileLoop::copy(std::int64_t pass) {
+    const auto channel = static_cast<int>(pass % 4);
+    const auto mask = [&](int only) {
+        gl_.ColorMask(only == 0 ? GL_TRUE : GL_FALSE, only == 1 ? GL_TRUE : GL_FALSE, only == 2 ? GL_TRUE : GL_FALSE, only == 3 ? GL_TRUE : GL_FALSE);
+    };
+    mask(channel);
+    // Copying what is tagged alone would leave an older slab's values elsewhere, and corrupt gradients.
+    targets_->clear_sheet(1);
+    gl_.Disable(GL_BLEND);
+    gl_.DepthMask(GL_FALSE);
+    gl_.Disable(GL_DEPTH_TEST);
+    const auto copy_planes = [&](const gl::Texture& plane, const gl::Texture* slopes, const gl::Texture* weight) {
+        gl::Defines defines;
+        std::vector<std::string> outputs{"sheet_copy"};
+        if (weight != nullptr) {
+            defines["WEIGHT"] = "1";
+            outputs.emplace_back("weight_copy");
+        }
+        if (slopes != nullptr) {
+            defines["FINE"] = "1";
+            outputs.insert(outputs.end(), {"x_copy", "y_copy", "z_copy"});
+        }
+        const gl::Program& program = resources_.program("rectangle.vert", "copy.frag", defines, outputs);
+        program.use();
+        const auto bind = [&](const char* name, const gl::Texture& texture, int unit) {
+            texture.bind(unit);
+            program.set(name, unit);
+        };
+        bind("sheet_front_texture", plane, UNIT_SHEET_FRONT);
+        if (weight != nullptr) {
+            bind("weight_front_texture", *weight, UNIT_WEIGHT_FRONT);
+        }
+        if (slopes != nullptr) {
+            bind("x_front_texture", slopes[0], UNIT_SLOPE_X_FRONT);
+            bind("y_front_texture", slopes[1], UNIT_SLOPE_Y_FRONT);
+            bind("z_front_texture", slopes[2], UNIT_SLOPE_Z_FRONT);
+        }
+        program.set("target_size", static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height()));
+        program.set("tag", middle);
+        // The border takes part: pixels at the edge look for their neighbours there.
+        draw_rectangles({{0.0F, 0.0F, static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height())}});
+    };
+    const Sheet& from = targets_->sheet(0);
+    const bool fine = plan_.fine_gradient;
+    targets_->bind_copy(false);
+    copy_planes(from.value, fine ? from.slope : nullptr, plan_.weight && !fine ? &from.weight : nullptr);
+    if (fine && plan_.weight) {
+        targets_->bind_copy(true);
+        copy_planes(from.weight, from.weight_slope, nullptr);
+    }
+    // The channel is taken up again by the slab four further on.
+    targets_->clear_sheet(0);
+    gl_.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+void TileLoop::bind_sheets(const gl::Program& program, std::int64_t pass) const {
+    const bool wide = targets_->shape().wide;
+    const Sheet& front = wide ? targets_->sheet(ring(pass + 2)) : targets_->sheet(1);
+    const Sheet& back = wide ? targets_->sheet(ring(pass)) : front;
+    const auto bind = [&](const char* name, const gl::Texture& texture, int unit) {
+        texture.bind(unit);
+        program.set(name, unit);
+    };
+    bind("sheet_front_texture", front.value, UNIT_SHEET_FRONT);
+    bind("sheet_back_texture", back.value, UNIT_SHEET_BACK);
+    if (plan_.weight) {
+        bind("weight_front_texture", front.weight, UNIT_WEIGHT_FRONT);
+        bind("weight_back_texture", back.weight, UNIT_WEIGHT_BACK);
+    }
+    if (plan_.fine_gradient) {
+        bind("x_front_texture", front.slope[0], UNIT_SLOPE_X_FRONT);
+        bind("x_back_texture", back.slope[0], UNIT_SLOPE_X_BACK);
+        bind("y_front_texture", front.slope[1], UNIT_SLOPE_Y_FRONT);
+        bind("y_back_texture", back.slope[1], UNIT_SLOPE_Y_BACK);
+        bind("z_front_texture", front.slope[2], UNIT_SLOPE_Z_FRONT);
+        bind("z_back_texture", back.slope[2], UNIT_SLOPE_Z_BACK);
+    }
+}
+
+void TileLoop::set_shading(const gl::Program& program, std::int64_t pass) {
+    const Scene& scene = *job_.scene;
+    const auto f = [](double value) { return static_cast<float>(value); };
+    const std::int64_t first_slab = steps_.first_slab(pass);
+    const double reference = frame_.reference_length;
+    program.set("scalar_step", 1.0F);
+    program.set("axis", f(makers_.front().origin_x()), f(makers_.front().origin_y()));
+    program.set("pixel", f(frame_.pixel));
+    program.set("first_depth", f(frame_.depth_of(first_slab)));
+    program.set("slice_spacing", f(frame_.slice_spacing));
+    program.set("exponent", f(frame_.slice_spacing / reference));
+    program.set("w0", f(scene.fields.front()->w0()));
+    program.set("opacity_stop", f(scene.opacity_stop));
+    program.set("depth_of_first", f(frame_.depth_of(first_slab)));
+    program.set("depth_step", f(frame_.slice_spacing));
+    program.set("first_slab", static_cast<int>(first_slab));
+    program.set("last_slab", static_cast<int>(frame_.slices - 1));
+    if (classification_ != nullptr) {
+        classification_->bind(program);
+    }
+    if (plan_.mode == Mode::isosurface) {
+        const TransferPoint at = scene.transfer_function.at(*scene.iso_value);
+        program.set("iso_value", f(*scene.iso_value / plan_.value_unit));
+        program.set("iso_color", f(at.color.x), f(at.color.y), f(at.color.z), f(at.opacity));
+    }
+    if (plan_.gradient) {
+        std::vector<float> directions, colors;
+        for (const Light& light : scene.lights) {
+            const Vec3 unit = light.direction / glm::length(light.direction);
+            const Vec3 eye = light.space == LightSpace::world ? job_.camera->direction_to_eye(unit) : unit;
+            directions.insert(directions.end(), {f(eye.x), f(eye.y), f(eye.z)});
+            colors.insert(colors.end(), {f(light.color.x), f(light.color.y), f(light.color.z)});
+        }
+        program.set_array3("light_direction", directions.data(), static_cast<int>(scene.lights.size()));
+        program.set_array3("light_color", colors.data(), static_cast<int>(scene.lights.size()));
+        const Material& material = scene.material;
+        program.set("material", f(material.ambient), f(material.diffuse), f(material.specular), f(material.shininess));
+        program.set("gradient_scale", f(0.5 * reference / frame_.pixel), f(0.5 * reference / frame_.slice_spacing));
+        const TransferFunction& function = scene.transfer_function;
+        program.set("weakest_gradient", f(1e-3 * (function.v_max() - function.v_min()) / plan_.value_unit));
+    }
+}
+
+void TileLoop::shade(std::int64_t pass) {
+    gl_.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+    const gl::Program& program = resources_.program("rectangle.vert", "shade.frag",
+                                                    shade_defines(plan_, job_.scene->lights.size(), static_cast<int>(pass % 4)), shade_outputs(plan_));
+    program.use();
+    bind_sheets(program, pass);
+    set_shading(program, pass);
+    if (plan_.read_image) {
+        // Each texel is read by the one fragment that writes it: the barrier orders passes, copies stand in where there is none.
+        targets_->bind_so_far(program);
+        if (!targets_->shape().copies) {
+            if (gl_.TextureBarrier != nullptr) {
+                gl_.TextureBarrier();
+            } else {
+                gl_.TextureBarrierNV();
+            }
+        }
+        gl_.Disable(GL_BLEND);
+    } else {
+        gl_.Enable(GL_BLEND);
+        gl_.BlendFunc(GL_ONE_MINUS_DST_ALPHA, GL_ONE);
+    }
+    targets_->bind_image();
+    draw_touched(program);
+}
+
+void TileLoop::eliminate() {
+    targets_->bind_depth_only();
+    const gl::Program& program = resources_.program("rectangle.vert", "eliminate.frag", {}, {});
+    program.use();
+    targets_->image().bind(UNIT_IMAGE);
+    program.set("image_texture", UNIT_IMAGE);
+    program.set("opacity_stop", plan_.mode == Mode::isosurface ? 1.0F : static_cast<float>(job_.scene->opacity_stop));
+    program.set("last_pixel", tile_.width, tile_.height);
+    program.set("target_size", static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height()));
+    program.set("tag", -1.0F);
+    gl_.Disable(GL_BLEND);
+    gl_.Enable(GL_DEPTH_TEST);
+    gl_.DepthFunc(GL_ALWAYS);
+    gl_.DepthMask(GL_TRUE);
+    draw_rectangles(plan_.tagging == Tagging::tiles ? marks_.touched() : marks_.whole());
+    gl_.DepthMask(GL_FALSE);
+}
+
+void TileLoop::restart_tags() {
+    targets_->clear_tags();
+    tag_ = 0;
+    // What the last batches touched is forgotten with their tags: until they are through, every pixel counts as touched.
+    untagged_ = steps_.history + 1;
+    if (plan_.elimination) {
+        eliminate();
+    }
+}
+
+void TileLoop::update_opacity(std::int64_t pass) {
+    if (readback_.pending() && readback_.ready()) {
+        readback_.fetch(readback_pixels_.data(), readback_pixels_.size() * sizeof(float));
+        opacity_.update(readback_pixels_.data());
+    }
+    const std::int64_t slices = (pass + 1) * steps_.stride;
+    if (!readback_.pending() && slices - last_readback_ >= opacity_buffer_period) {
+        last_readback_ = slices;
+        targets_->bind_image();
+        readback_.start(0, 0, 0, tile_.target_width(), tile_.target_height(), GL_RGBA, GL_FLOAT);
+    }
+}
+
+} // namespace sheetsplat::sheet

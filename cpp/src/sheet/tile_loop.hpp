@@ -1,0 +1,71 @@
+// One tile of a picture: for each batch splat, (copy,) shade and composite ([NM05] figure 5).
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "base/capabilities.hpp"
+#include "opacity_buffer.hpp"
+#include "resources.hpp"
+#include "sheet/sheet_renderer.hpp"
+#include "stages.hpp"
+#include "tile_marks.hpp"
+
+namespace sheetsplat::sheet {
+
+class TileLoop {
+  public:
+    TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabilities, Resources& resources, const Classification* classification,
+             const Tile& tile);
+
+    /// progress: called after each pass with the share of this tile that is done.
+    void run(const std::function<void(double)>& progress);
+
+    /// Kernels that were drawn, counted at every batch that they stand in, and kernels that the opacity buffer dropped.
+    [[nodiscard]] std::size_t drawn() const { return drawn_; }
+    [[nodiscard]] std::size_t dropped() const { return dropped_; }
+    [[nodiscard]] const Targets& targets() const { return *targets_; }
+    /// Seconds of vertex making, of which the device knows nothing.
+    [[nodiscard]] double vertex_seconds() const { return vertex_seconds_; }
+
+  private:
+    void splat(std::int64_t pass);
+    void splat_field(std::size_t field, std::int64_t pass, std::int64_t first_slab);
+    void draw_kernels(const gl::Program& program, const FieldView& view, const VertexMaker& maker, std::int64_t first_slab, std::size_t count);
+    void copy(std::int64_t pass);
+    void shade(std::int64_t pass);
+    void set_shading(const gl::Program& program, std::int64_t pass);
+    void bind_sheets(const gl::Program& program, std::int64_t pass) const;
+    void draw_touched(const gl::Program& program);
+    void eliminate();
+    void restart_tags();
+    void update_opacity(std::int64_t pass);
+    void draw_rectangles(const std::vector<Rectangle>& rectangles);
+    [[nodiscard]] float tag_of(int batch) const;
+    [[nodiscard]] bool tags_by_depth() const { return plan_.tagging == Tagging::depth_bounds || plan_.tagging == Tagging::depth_equal; }
+    [[nodiscard]] int ring(std::int64_t pass) const { return static_cast<int>(pass % 3); }
+
+    const Job& job_;
+    const gl::Api& gl_;
+    const Capabilities& capabilities_;
+    Resources& resources_;
+    const Classification* classification_;
+    const DrawPlan& plan_;
+    const Frame& frame_;
+    Tile tile_;
+    Steps steps_;
+    TileMarks marks_;
+    std::vector<VertexMaker> makers_;
+    const Targets* targets_ = nullptr;
+    int tags_limit_;
+    int tag_ = 0;          ///< of the newest batch, counted since the tags were cleared
+    int untagged_ = 0;     ///< passes for which tags are missing, since they were cleared
+    OpacityBuffer opacity_;
+    gl::AsyncReadback readback_;
+    std::vector<float> readback_pixels_;
+    std::int64_t last_readback_ = 0;
+    std::size_t drawn_ = 0, dropped_ = 0;
+    double vertex_seconds_ = 0.0;
+};
+
+} // namespace sheetsplat::sheet

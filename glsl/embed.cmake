@@ -1,0 +1,12 @@
+# Writes OUTPUT: a C++ file with every GLSL file under ROOT as a string, by its path below ROOT.
+file(GLOB_RECURSE files RELATIVE ${ROOT} ${ROOT}/*.glsl ${ROOT}/*.vert ${ROOT}/*.frag ${ROOT}/*.h)
+list(SORT files)
+set(text "// Generated from glsl/ by embed.cmake.\n#include \"sheet/embedded_glsl.hpp\"\n\nnamespace sheetsplat::sheet {\n\n")
+string(APPEND text "const std::map<std::string, std::string>& embedded_glsl() {\n")
+string(APPEND text "    static const std::map<std::string, std::string> files = {\n")
+foreach(file ${files})
+  file(READ ${ROOT}/${file} body)
+  string(APPEND text "        {\"${file}\", R\"__glsl__(${body})__glsl__\"},\n")
+endforeach()
+string(APPEND text "    };\n    return files;\n}\n\n} // namespace sheetsplat::sheet\n")
+file(WRITE ${OUTPUT} "${text}")

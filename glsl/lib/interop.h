@@ -1,0 +1,34 @@
+// Constants that C++ and GLSL share. Both compilers read this file, so it holds preprocessor lines only.
+#ifndef SHEETSPLAT_INTEROP_H
+#define SHEETSPLAT_INTEROP_H
+
+// Texture units.
+#define UNIT_SHEET_FRONT 0
+#define UNIT_SHEET_BACK 1
+#define UNIT_WEIGHT_FRONT 2
+#define UNIT_WEIGHT_BACK 3
+#define UNIT_IMAGE 4
+#define UNIT_IMAGE_DEPTH 5
+#define UNIT_IMAGE_COVERAGE 6
+#define UNIT_TRANSFER_INDEX 7
+#define UNIT_TRANSFER_POINTS 8
+#define UNIT_SLOPE_X_FRONT 9
+#define UNIT_SLOPE_X_BACK 10
+#define UNIT_SLOPE_Y_FRONT 11
+#define UNIT_SLOPE_Y_BACK 12
+#define UNIT_SLOPE_Z_FRONT 13
+#define UNIT_SLOPE_Z_BACK 14
+
+// Vertex attributes.
+#define ATTRIBUTE_SAMPLE 0
+#define ATTRIBUTE_BOX 1
+#define ATTRIBUTE_COLOR 2
+#define ATTRIBUTE_RECTANGLE 0
+
+// Cells of the table that finds a value's interval between transfer-function points.
+#define TRANSFER_CELLS 1024
+
+// Pixels of a tile's edge where tagging is by tiles.
+#define TILE_EDGE 32
+
+#endif

@@ -1,0 +1,100 @@
+// The kernel on slices, four at a time. Source: IMAGE FORMATION sections 2 and 3.
+// s: heights of the slices in the kernel's unit sphere; ax, ay: the pixel's place in the plane of each, u and v.
+// All return g without the gain 1 / (1 - exp(-k)), which is part of the value.
+
+uniform float falloff_log2; // k log2(e)
+uniform float edge;         // exp(-k)
+
+vec4 kernel_at(vec4 s, vec4 ax, vec4 ay) {
+    return max(exp2(-falloff_log2 * (s * s + ax * ax + ay * ay)) - edge, 0.0);
+}
+
+#ifdef SLAB
+uniform float slab_half;    // half a slice spacing over the half-depth h
+uniform float falloff_root; // sqrt(k)
+
+// Abramowitz and Stegun 7.1.26: below 1.5e-7 off.
+vec4 error_function(vec4 x) {
+    vec4 z = abs(x);
+    vec4 t = 1.0 / (1.0 + 0.3275911 * z);
+    vec4 sum = t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429))));
+    return sign(x) * (1.0 - sum * exp2(-1.4426950408889634 * z * z));
+}
+
+// Mean over the slab along the pixel's ray, of which tau is the depth in units of h, 0 on the slice; the ray moves by
+// (-1, wx, wy) along (n, u, v) per unit of tau. The chord of the support ends where g does, so that no max is needed.
+vec4 kernel_mean(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy) {
+    vec4 speed2 = 1.0 + wx * wx + wy * wy;
+    vec4 speed = sqrt(speed2);
+    vec4 nearest = (s - ax * wx - ay * wy) / speed2;
+    // |q x w|^2 / |w|^2: the difference |q|^2 - (q.w)^2 / |w|^2 would cancel for long rays.
+    vec4 cn = ax * wy - ay * wx;
+    vec4 cu = -ay - s * wy;
+    vec4 cv = s * wx + ax;
+    vec4 apart2 = (cn * cn + cu * cu + cv * cv) / speed2;
+    vec4 half_chord = sqrt(max(1.0 - apart2, 0.0)) / speed;
+    vec4 low = max(vec4(-slab_half), nearest - half_chord);
+    vec4 high = max(min(vec4(slab_half), nearest + half_chord), low);
+    vec4 from = low - nearest;
+    vec4 to = high - nearest;
+#if SLAB_NODES > 0
+    // Thin slabs: an erf difference would cancel.
+    vec4 middle = 0.5 * (from + to);
+    vec4 reach = 0.5 * (to - from);
+    vec4 rate = -falloff_log2 * speed2;
+    vec4 base = -falloff_log2 * apart2;
+    vec4 sum = vec4(0.0);
+#if SLAB_NODES == 4
+    const float node[2] = float[2](0.3399810435848563, 0.8611363115940526);
+    const float share[2] = float[2](0.6521451548625461, 0.3478548451374538);
+    for (int n = 0; n < 2; ++n) {
+#else
+    const float node[3] = float[3](0.2386191860831969, 0.6612093864662645, 0.9324695142031521);
+    const float share[3] = float[3](0.4679139345726910, 0.3607615730481386, 0.1713244923791704);
+    for (int n = 0; n < 3; ++n) {
+#endif
+        vec4 lower = middle - node[n] * reach;
+        vec4 upper = middle + node[n] * reach;
+        sum += share[n] * (exp2(base + rate * lower * lower) + exp2(base + rate * upper * upper) - 2.0 * edge);
+    }
+    return max(sum, 0.0) * reach / (2.0 * slab_half);
+#else
+    vec4 root = falloff_root * speed;
+    vec4 bell = exp2(-falloff_log2 * apart2) * 0.886226925452758 / root;
+    vec4 sum = bell * (error_function(root * to) - error_function(root * from)) - edge * (to - from);
+    return max(sum, 0.0) / (2.0 * slab_half);
+#endif
+}
+#endif
+
+#ifdef FINE
+// g at a point moved by (ds, dx, dy) less g at the point moved the other way, as one number: two values that are nearly equal
+// are never subtracted, so that the sums of such differences keep the digits that differences of sums would lose.
+vec4 kernel_change(vec4 s, vec4 ax, vec4 ay, vec4 ds, vec4 dx, vec4 dy) {
+    vec4 bell = exp2(-falloff_log2 * (s * s + ax * ax + ay * ay + ds * ds + dx * dx + dy * dy));
+    vec4 lean = falloff_log2 * 2.0 * (s * ds + ax * dx + ay * dy);
+    vec4 ahead = exp2(-falloff_log2 * ((s + ds) * (s + ds) + (ax + dx) * (ax + dx) + (ay + dy) * (ay + dy)));
+    vec4 behind = exp2(-falloff_log2 * ((s - ds) * (s - ds) + (ax - dx) * (ax - dx) + (ay - dy) * (ay - dy)));
+    vec4 x = lean * 0.6931471805599453;
+    vec4 x2 = x * x;
+    vec4 series = -2.0 * bell * x * (1.0 + x2 * 0.16666667 * (1.0 + x2 * 0.05 * (1.0 + x2 * 0.023809524)));
+    vec4 inside = mix(ahead - behind, series, lessThan(abs(x), vec4(0.8)));
+    vec4 across = max(ahead - edge, 0.0) - max(behind - edge, 0.0);
+    return mix(across, inside, greaterThan(min(ahead, behind), vec4(edge)));
+}
+
+#ifdef SLAB
+// The same for means over slabs, by quadrature: thin slabs or small steps, so that four nodes are plenty.
+vec4 mean_change(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, vec4 ds, vec4 dx, vec4 dy) {
+    const float node[2] = float[2](0.3399810435848563, 0.8611363115940526);
+    const float share[2] = float[2](0.6521451548625461, 0.3478548451374538);
+    vec4 sum = vec4(0.0);
+    for (int n = 0; n < 2; ++n) {
+        float tau = node[n] * slab_half;
+        sum += share[n] * (kernel_change(s - tau, ax + wx * tau, ay + wy * tau, ds, dx, dy) +
+                           kernel_change(s + tau, ax - wx * tau, ay - wy * tau, ds, dx, dy));
+    }
+    return 0.5 * sum;
+}
+#endif
+#endif

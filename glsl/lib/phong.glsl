@@ -1,0 +1,36 @@
+// Phong shading of a classified point. Source: IMAGE FORMATION section 5.
+
+uniform vec3 light_direction[LIGHTS]; // eye space, unit length, towards the light
+uniform vec3 light_color[LIGHTS];
+uniform vec4 material;                // ambient, diffuse, specular, shininess
+
+#ifdef SPECULAR
+float power(float base, float exponent) {
+    return exponent == 0.0 ? 1.0 : base > 0.0 ? exp2(exponent * log2(base)) : 0.0;
+}
+#endif
+
+// gradient: of rho in the sheets' unit, per reference length; weakest: g0 in the same unit; view: unit vector towards the camera
+vec3 shade(vec3 color, vec3 gradient, float weakest, vec3 view) {
+    float size = length(gradient);
+    vec3 normal = size > 0.0 ? -gradient / max(size, weakest) : vec3(0.0);
+    vec3 result = color * material.x;
+    for (int l = 0; l < LIGHTS; ++l) {
+        float facing = dot(normal, light_direction[l]);
+        vec3 side = normal;
+#ifdef TWO_SIDED
+        if (facing < 0.0) {
+            facing = -facing;
+            side = -normal;
+        }
+#endif
+        facing = max(facing, 0.0);
+        vec3 reflected = color * material.y;
+#ifdef SPECULAR
+        vec3 mirrored = 2.0 * facing * side - light_direction[l];
+        reflected += material.z * power(max(dot(mirrored, view), 0.0), material.w);
+#endif
+        result += light_color[l] * facing * reflected;
+    }
+    return result;
+}

@@ -1,0 +1,216 @@
+// Classifies, shades and composites finished slices, front to back: SLICES of them in one pass.
+// Source: IMAGE FORMATION sections 4 to 7; [NM05] sections 4.2 to 4.4.
+#include "lib/interop.h"
+#include "lib/sheets.glsl"
+
+uniform float scalar_step;      // slice spacing in units of the result (xray, coverage)
+#ifdef PERSPECTIVE
+uniform vec2 axis;              // pixel of the optical axis
+uniform float pixel;            // slope of one pixel
+uniform float first_depth;      // of the first slab in the array
+uniform float slice_spacing;
+#endif
+#ifdef CLASSIFY
+#include "lib/transfer.glsl"
+#include "lib/opacity.glsl"
+uniform float exponent;         // slice spacing over reference length
+#endif
+#ifdef GRADIENT
+#include "lib/phong.glsl"
+uniform vec2 gradient_scale;    // reference length over twice the pixel's width (perspective: its slope) and over twice the spacing
+uniform float weakest_gradient; // g0
+#ifdef SLOPES
+#include "lib/slopes.glsl"
+#endif
+#endif
+#ifdef STOP
+uniform float opacity_stop;
+#endif
+#ifdef MODE_ISOSURFACE
+uniform float iso_value;
+uniform vec4 iso_color;
+#endif
+#ifdef DEPTH_OUT
+uniform float depth_of_first;   // depth of the first slab in the array, for the depth picture
+uniform float depth_step;
+#endif
+#ifdef READ_IMAGE
+uniform sampler2D image_texture;
+#ifdef DEPTH_OUT
+uniform sampler2D image_depth_texture;
+#endif
+#endif
+#ifdef COVERAGE
+uniform sampler2D image_coverage_texture;
+#endif
+
+out vec4 image_out;
+#ifdef DEPTH_OUT
+out float depth_out;
+#endif
+#ifdef COVERAGE
+out float coverage_out;
+#endif
+
+// Slices of this pass are CENTER ... CENTER + SLICES - 1 of the array; intervals start one earlier, since their far end needs a gradient too.
+#define CENTER (SLABS - 1 - SLICES)
+#define INTERVAL (SLABS - 2 - SLICES)
+
+#ifdef PREINTEGRATION
+#include "lib/preintegration.glsl"
+#endif
+
+void main() {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    float rho[SLABS];
+    rho_at(at, rho);
+#ifdef WEIGHT
+    float w[SLABS];
+    weights_at(at, w);
+#endif
+#ifdef PERSPECTIVE
+    vec2 slope = vec2(gl_FragCoord.x - axis.x, axis.y - gl_FragCoord.y) * pixel;
+    float slant = sqrt(1.0 + dot(slope, slope));
+#else
+    const float slant = 1.0;
+#endif
+
+#ifdef COVERAGE
+    float covered = texelFetch(image_coverage_texture, at, 0).r;
+    for (int c = CENTER; c < CENTER + SLICES; ++c) {
+        covered += w[c] * scalar_step * slant;
+    }
+    coverage_out = covered;
+#endif
+
+#ifdef READ_IMAGE
+    vec4 result = texelFetch(image_texture, at, 0);
+#else
+    vec4 result = vec4(0.0);
+#endif
+#ifdef DEPTH_OUT
+    float depth = texelFetch(image_depth_texture, at, 0).r;
+#endif
+
+#ifdef MODE_XRAY
+    for (int c = CENTER; c < CENTER + SLICES; ++c) {
+        result.r += rho[c] * scalar_step * slant;
+    }
+#endif
+#ifdef MODE_MIP
+    for (int c = CENTER; c < CENTER + SLICES; ++c) {
+        result.r = max(result.r, rho[c]);
+    }
+#endif
+#if defined(CLASSIFY) || defined(MODE_ISOSURFACE)
+#ifdef GRADIENT
+#ifdef SLOPES
+    vec3 slopes[SLABS];
+    slopes_at(at, rho, slopes);
+#else
+    float left[SLABS];
+    float right[SLABS];
+    float above[SLABS];
+    float below[SLABS];
+    rho_at(at - ivec2(1, 0), left);
+    rho_at(at + ivec2(1, 0), right);
+    rho_at(at - ivec2(0, 1), above);
+    rho_at(at + ivec2(0, 1), below);
+#endif
+#ifdef PERSPECTIVE
+    vec3 view = vec3(-slope, 1.0) / slant;
+#else
+    const vec3 view = vec3(0.0, 0.0, 1.0);
+#endif
+    vec3 gradient[SLABS];
+    for (int c = 1; c < SLABS - 1; ++c) {
+#ifdef SLOPES
+        vec3 change = slopes[c];
+#else
+        vec3 change = vec3(right[c] - left[c], above[c] - below[c], rho[c + 1] - rho[c - 1]);
+#endif
+#ifdef PERSPECTIVE
+        float t = first_depth + float(c) * slice_spacing;
+        // In front of the eye there are no slices: both differences are 0 there, and so is their quotient.
+        vec2 across = t > 0.0 ? change.xy * gradient_scale.x / t : vec2(0.0);
+        gradient[c] = vec3(across, dot(slope, across) - change.z * gradient_scale.y);
+#else
+        gradient[c] = vec3(change.xy * gradient_scale.x, -change.z * gradient_scale.y);
+#endif
+    }
+#endif
+
+#ifdef MODE_ISOSURFACE
+    for (int c = INTERVAL; c < INTERVAL + SLICES; ++c) {
+        if (result.a == 0.0 && (rho[c] < iso_value) != (rho[c + 1] < iso_value)) {
+            float share = clamp((iso_value - rho[c]) / (rho[c + 1] - rho[c]), 0.0, 1.0);
+#ifdef GRADIENT
+            result = vec4(shade(iso_color.rgb, mix(gradient[c], gradient[c + 1], share), weakest_gradient, view), 1.0);
+#else
+            result = vec4(iso_color.rgb, 1.0);
+#endif
+#ifdef DEPTH_OUT
+            depth = depth_of_first + (float(c) + share) * depth_step;
+#endif
+        }
+    }
+#else
+#ifdef PREINTEGRATION
+    for (int c = INTERVAL; c < INTERVAL + SLICES; ++c) {
+#else
+    for (int c = CENTER; c < CENTER + SLICES; ++c) {
+#endif
+#ifdef STOP
+        if (result.a >= opacity_stop) {
+            break;
+        }
+#endif
+#ifdef PREINTEGRATION
+#ifdef EMPTY_TEST
+        if (w[c] == 0.0 && w[c + 1] == 0.0) {
+            continue;
+        }
+#endif
+        vec4 classified = ramp(rho[c], rho[c + 1]);
+        float alpha = veil(exponent * slant * classified.a);
+#else
+#ifdef EMPTY_TEST
+        if (w[c] == 0.0) {
+            continue;
+        }
+#endif
+        vec4 classified = transfer(rho[c]);
+#ifdef OPACITY_CORRECTION
+        float alpha = opacity_of(classified.a, exponent * slant);
+#else
+        float alpha = classified.a;
+#endif
+#endif
+        if (alpha == 0.0) {
+            continue;
+        }
+#ifdef GRADIENT
+#ifdef PREINTEGRATION
+        vec3 normal_gradient = 0.5 * (gradient[c] + gradient[c + 1]);
+#else
+        vec3 normal_gradient = gradient[c];
+#endif
+        vec3 color = shade(classified.rgb, normal_gradient, weakest_gradient, view);
+#else
+        vec3 color = classified.rgb;
+#endif
+        float share = (1.0 - result.a) * alpha;
+#ifdef DEPTH_OUT
+        if (result.a < 0.5 && result.a + share >= 0.5) {
+            depth = depth_of_first + float(c) * depth_step;
+        }
+#endif
+        result += vec4(color * share, share);
+    }
+#endif
+#ifdef DEPTH_OUT
+    depth_out = depth;
+#endif
+#endif
+    image_out = result;
+}

@@ -1,0 +1,158 @@
+// Adds a kernel's sections to the sheets: one channel a slab, values and, where the plan asks for them, weights.
+// [NM05] section 4.2: the 2D Gaussian times the 1D weight of the section; the lowering by exp(-k) follows per slab.
+#include "lib/interop.h"
+#include "lib/splat.glsl"
+#include "lib/kernel.glsl"
+
+flat in vec2 center_px;
+flat in float value;
+#ifdef SEPARABLE
+flat in vec4 section_front;
+flat in vec4 section_back;
+#else
+flat in vec4 s_front;
+flat in vec4 s_back;
+#endif
+#ifdef GENERAL
+flat in vec4 shift_x_front;
+flat in vec4 shift_y_front;
+flat in vec4 shift_x_back;
+flat in vec4 shift_y_back;
+uniform vec2 shear;
+#ifdef PERSPECTIVE
+flat in vec2 drift;
+uniform vec4 depth_front; // of the slabs in the channels
+uniform vec4 depth_back;
+uniform float half_depth;
+#endif
+#endif
+#ifdef FINE
+uniform float step_s; // slice spacing over half-depth
+#endif
+#if defined(WEIGHT) || defined(WEIGHT_ALONE)
+uniform float weight_scale;
+#endif
+
+out vec4 sheet_front;
+#ifdef TWO_TARGETS
+out vec4 sheet_back;
+#endif
+#ifdef WEIGHT
+out vec4 weight_front;
+#ifdef TWO_TARGETS
+out vec4 weight_back;
+#endif
+#endif
+#ifdef FINE
+out vec4 x_front;
+out vec4 y_front;
+out vec4 z_front;
+#ifdef TWO_TARGETS
+out vec4 x_back;
+out vec4 y_back;
+out vec4 z_back;
+#endif
+#endif
+
+#ifndef SEPARABLE
+// Places of four slabs in the unit sphere, and how the pixel's ray moves there per half-depth.
+struct Sections {
+    vec4 s, ax, ay, depth;
+    vec2 ray;
+};
+
+Sections sections(vec4 s, vec2 place, vec4 shift_x, vec4 shift_y, vec4 depth) {
+    Sections r;
+    r.s = s;
+    r.ax = place.x * depth + shift_x;
+    r.ay = place.y * depth + shift_y;
+    r.depth = depth;
+    r.ray = vec2(0.0);
+#ifdef GENERAL
+    r.ray = shear;
+#ifdef PERSPECTIVE
+    r.ray += (place + drift) * half_depth;
+#endif
+#endif
+    return r;
+}
+
+vec4 values(Sections at) {
+#ifdef SLAB
+    return kernel_mean(at.s, at.ax, at.ay, vec4(at.ray.x), vec4(at.ray.y));
+#else
+    return kernel_at(at.s, at.ax, at.ay);
+#endif
+}
+
+#ifdef FINE
+vec4 changes(Sections at, vec4 ds, vec4 dx, vec4 dy) {
+#ifdef SLAB
+    return mean_change(at.s, at.ax, at.ay, vec4(at.ray.x), vec4(at.ray.y), ds, dx, dy);
+#else
+    return kernel_change(at.s, at.ax, at.ay, ds, dx, dy);
+#endif
+}
+
+void slopes(Sections at, float scale, out vec4 x, out vec4 y, out vec4 z) {
+    // One pixel to the right, one up (rows count downwards), one slice back along the pixel's ray.
+    x = scale * changes(at, vec4(0.0), to_unit[0].x * at.depth, to_unit[0].y * at.depth);
+    y = scale * changes(at, vec4(0.0), -to_unit[1].x * at.depth, -to_unit[1].y * at.depth);
+    z = scale * changes(at, vec4(-step_s), vec4(at.ray.x * step_s), vec4(at.ray.y * step_s));
+}
+#endif
+#endif
+
+void main() {
+    vec2 place = to_unit * (gl_FragCoord.xy - center_px);
+#ifdef SEPARABLE
+    float bell = exp2(-falloff_log2 * dot(place, place));
+    vec4 front = max(section_front * bell - edge, 0.0);
+#ifdef TWO_TARGETS
+    vec4 back = max(section_back * bell - edge, 0.0);
+#endif
+#else
+    vec4 zero = vec4(0.0);
+    vec4 one = vec4(1.0);
+#ifdef PERSPECTIVE
+    Sections at_front = sections(s_front, place, shift_x_front, shift_y_front, depth_front);
+#elif defined(GENERAL)
+    Sections at_front = sections(s_front, place, shift_x_front, shift_y_front, one);
+#else
+    Sections at_front = sections(s_front, place, zero, zero, one);
+#endif
+    vec4 front = values(at_front);
+#ifdef TWO_TARGETS
+#ifdef PERSPECTIVE
+    Sections at_back = sections(s_back, place, shift_x_back, shift_y_back, depth_back);
+#elif defined(GENERAL)
+    Sections at_back = sections(s_back, place, shift_x_back, shift_y_back, one);
+#else
+    Sections at_back = sections(s_back, place, zero, zero, one);
+#endif
+    vec4 back = values(at_back);
+#endif
+#endif
+
+#ifdef WEIGHT_ALONE
+    float scale = weight_scale;
+#else
+    float scale = value;
+#endif
+    sheet_front = scale * front;
+#ifdef TWO_TARGETS
+    sheet_back = scale * back;
+#endif
+#ifdef WEIGHT
+    weight_front = weight_scale * front;
+#ifdef TWO_TARGETS
+    weight_back = weight_scale * back;
+#endif
+#endif
+#ifdef FINE
+    slopes(at_front, scale, x_front, y_front, z_front);
+#ifdef TWO_TARGETS
+    slopes(at_back, scale, x_back, y_back, z_back);
+#endif
+#endif
+}

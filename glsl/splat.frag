@@ -86,19 +86,30 @@ vec4 values(Sections at) {
 }
 
 #ifdef FINE
-vec4 changes(Sections at, vec4 ds, vec4 dx, vec4 dy) {
+vec4 changes(Sections at, vec4 ds, vec4 dx, vec4 dy, vec2 part) {
 #ifdef SLAB
-    return mean_change(at.s, at.ax, at.ay, vec4(at.ray.x), vec4(at.ray.y), ds, dx, dy);
+    return mean_change(at.s, at.ax, at.ay, vec4(at.ray.x), vec4(at.ray.y), ds, dx, dy, part);
 #else
     return kernel_change(at.s, at.ax, at.ay, ds, dx, dy);
 #endif
 }
 
 void slopes(Sections at, float scale, out vec4 x, out vec4 y, out vec4 z) {
-    // One pixel to the right, one up (rows count downwards), one slice back along the pixel's ray.
-    x = scale * changes(at, vec4(0.0), to_unit[0].x * at.depth, to_unit[0].y * at.depth);
-    y = scale * changes(at, vec4(0.0), -to_unit[1].x * at.depth, -to_unit[1].y * at.depth);
-    z = scale * changes(at, vec4(-step_s), vec4(at.ray.x * step_s), vec4(at.ray.y * step_s));
+    x = y = z = vec4(0.0);
+#ifdef FINE_XY
+    // One pixel to the right, one up (rows count downwards).
+#ifdef PERSPECTIVE
+    float part = half_depth;
+#else
+    float part = 0.0;
+#endif
+    x = scale * changes(at, vec4(0.0), to_unit[0].x * at.depth, to_unit[0].y * at.depth, part * to_unit[0]);
+    y = scale * changes(at, vec4(0.0), -to_unit[1].x * at.depth, -to_unit[1].y * at.depth, -part * to_unit[1]);
+#endif
+#ifdef FINE_Z
+    // One slice back along the pixel's ray.
+    z = scale * changes(at, vec4(-step_s), vec4(at.ray.x * step_s), vec4(at.ray.y * step_s), vec2(0.0));
+#endif
 }
 #endif
 #endif

@@ -84,17 +84,35 @@ vec4 kernel_change(vec4 s, vec4 ax, vec4 ay, vec4 ds, vec4 dx, vec4 dy) {
 }
 
 #ifdef SLAB
-// The same for means over slabs, by quadrature: thin slabs or small steps, so that four nodes are plenty.
-vec4 mean_change(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, vec4 ds, vec4 dx, vec4 dy) {
-    const float node[2] = float[2](0.3399810435848563, 0.8611363115940526);
-    const float share[2] = float[2](0.6521451548625461, 0.3478548451374538);
+// The same for means over slabs, by quadrature on the chord of the ray between them, in pieces short enough for its nodes. What the
+// chords of the neighbouring rays have more or less is of the second order: g ends there. In perspective neighbouring rays part by
+// `part` per unit of tau.
+vec4 mean_change(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, vec4 ds, vec4 dx, vec4 dy, vec2 part) {
+    const float node[3] = float[3](0.2386191860831969, 0.6612093864662645, 0.9324695142031521);
+    const float share[3] = float[3](0.4679139345726910, 0.3607615730481386, 0.1713244923791704);
+    vec4 speed2 = 1.0 + wx * wx + wy * wy;
+    vec4 nearest = (s - ax * wx - ay * wy) / speed2;
+    vec4 cn = ax * wy - ay * wx;
+    vec4 cu = -ay - s * wy;
+    vec4 cv = s * wx + ax;
+    // The longer of the two neighbours' chords: the values are cut where g is.
+    vec4 reach = sqrt(ds * ds + dx * dx + dy * dy);
+    vec4 apart = max(sqrt((cn * cn + cu * cu + cv * cv) / speed2) - reach, 0.0);
+    vec4 half_chord = (sqrt(max(1.0 - apart * apart, 0.0)) + abs(ds)) / sqrt(speed2);
+    vec4 low = max(vec4(-slab_half), nearest - half_chord);
+    vec4 high = max(min(vec4(slab_half), nearest + half_chord), low);
+    vec4 piece = (high - low) / float(SLAB_PIECES);
     vec4 sum = vec4(0.0);
-    for (int n = 0; n < 2; ++n) {
-        float tau = node[n] * slab_half;
-        sum += share[n] * (kernel_change(s - tau, ax + wx * tau, ay + wy * tau, ds, dx, dy) +
-                           kernel_change(s + tau, ax - wx * tau, ay - wy * tau, ds, dx, dy));
+    for (int n_piece = 0; n_piece < SLAB_PIECES; ++n_piece) {
+        vec4 middle = low + (float(n_piece) + 0.5) * piece;
+        for (int n = 0; n < 3; ++n) {
+            vec4 near = middle - 0.5 * node[n] * piece;
+            vec4 far = middle + 0.5 * node[n] * piece;
+            sum += share[n] * (kernel_change(s - near, ax + wx * near, ay + wy * near, ds, dx + part.x * near, dy + part.y * near) +
+                               kernel_change(s - far, ax + wx * far, ay + wy * far, ds, dx + part.x * far, dy + part.y * far));
+        }
     }
-    return 0.5 * sum;
+    return sum * 0.5 * piece / (2.0 * slab_half);
 }
 #endif
 #endif

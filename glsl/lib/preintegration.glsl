@@ -18,8 +18,10 @@ int interval_of(float value) {
 
 // Means of the absorption and of its product with the share of the way, over a stretch where opacity is linear.
 vec2 moments(float a_from, float a_to) {
-    float u_from = max(1.0 - a_from, clearest);
-    float u_to = max(1.0 - a_to, clearest);
+    a_from = min(a_from, 1.0 - clearest);
+    a_to = min(a_to, 1.0 - clearest);
+    float u_from = 1.0 - a_from;
+    float u_to = 1.0 - a_to;
     if (max(u_from, u_to) <= 2.0 * min(u_from, u_to)) {
         const float node[2] = float[2](0.3399810435848563, 0.8611363115940526);
         const float share[2] = float[2](0.3260725774312731, 0.1739274225687269);

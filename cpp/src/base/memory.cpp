@@ -72,7 +72,7 @@ std::uint64_t left_in_groups(const std::string& mount, std::string group, const 
 }
 
 struct Mount {
-    std::string root;  ///< the group that is seen at `point`
+    std::string root; ///< the group that is seen at `point`
     std::string point;
     bool second_version = false;
 };
@@ -120,7 +120,8 @@ std::uint64_t left_in_control_groups(const std::string& proc) {
             if (mount.second_version != second_version || path.empty() || path.front() != '/') {
                 continue;
             }
-            // In a container the mount's root is often the process's own group: only what lies below it is a folder here.
+            // In a container the mount's root is often the process's own group: only what lies below it is a folder
+            // here.
             const std::string root = mount.root == "/" ? "" : mount.root;
             const bool below = path.compare(0, root.size(), root) == 0;
             least = std::min(least, left_in_groups(mount.point, below ? path.substr(root.size()) : std::string(),
@@ -164,7 +165,8 @@ std::uint64_t checked_product(std::uint64_t a, std::uint64_t b, const std::strin
 void require_memory(std::uint64_t bytes, const std::string& what, const std::string& next) {
     const std::uint64_t available = available_memory();
     if (bytes > available) {
-        throw OutOfMemory(Complaint{"no memory for " + what, text_of_bytes(available) + " that this process may still take",
+        throw OutOfMemory(Complaint{"no memory for " + what,
+                                    text_of_bytes(available) + " that this process may still take",
                                     text_of_bytes(bytes), next});
     }
 }

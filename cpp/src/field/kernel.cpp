@@ -8,8 +8,10 @@ namespace {
 constexpr double pi = 3.14159265358979323846;
 
 // With k the falloff, integration by parts turns the mass into
-//     M = 4 pi gain (I - exp(-k)/3),   I = integral of r^2 exp(-k r^2) over 0..1 = sqrt(pi) erf(sqrt k) / (4 k^1.5) - exp(-k) / (2k)
-//       = 4 pi gain (2k/3) J,          J = integral of r^4 exp(-k r^2) over 0..1 = exp(-k) sum_m (2k)^m / (5 7 9 ... (2m+5))
+//     M = 4 pi gain (I - exp(-k)/3),   I = integral of r^2 exp(-k r^2) over 0..1 = sqrt(pi) erf(sqrt k) / (4 k^1.5) -
+//     exp(-k) / (2k)
+//       = 4 pi gain (2k/3) J,          J = integral of r^4 exp(-k r^2) over 0..1 = exp(-k) sum_m (2k)^m / (5 7 9 ...
+//       (2m+5))
 // The first form loses digits as k -> 0, where I and exp(-k)/3 agree; in the series all terms are positive.
 
 double mass_by_erf(double k, double gain) {

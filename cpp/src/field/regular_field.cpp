@@ -77,7 +77,8 @@ struct Survey {
     bool all_finite = true;
 };
 
-template <class T> Survey survey(const T* samples, std::size_t count) {
+template <class T>
+Survey survey(const T* samples, std::size_t count) {
     if constexpr (std::is_integral_v<T>) {
         T smallest = samples[0];
         T largest = samples[0];
@@ -157,7 +158,8 @@ double along(const RegularFieldOptions& options, int axis, std::size_t steps_alo
 }
 
 /// Refuses what the policy does not allow; else range, extent and number of the samples that are not NaN.
-template <class T> struct Holes {
+template <class T>
+struct Holes {
     Extent extent;
     double smallest = 0.0;
     double largest = 0.0;
@@ -176,7 +178,8 @@ template <class T> struct Holes {
                     const T value = row[i];
                     const bool nan = std::isnan(value);
                     if (std::isinf(value) || (nan && options.nan == NanPolicy::error)) {
-                        refuse_sample(static_cast<double>(value), shape, static_cast<std::size_t>(row - samples.data()) + i, nan);
+                        refuse_sample(static_cast<double>(value), shape,
+                                      static_cast<std::size_t>(row - samples.data()) + i, nan);
                     }
                     if (!nan) {
                         low = std::min(low, value);
@@ -217,8 +220,8 @@ void check_positions(const RegularFieldOptions& options, const Extent& extent, c
         const std::size_t last = extent.last[static_cast<std::size_t>(axis)];
         const double low = options.origin[axis];
         const double high = along(options, axis, last);
-        const std::string failed = std::string("RegularField: the samples' positions along ") + names[static_cast<std::size_t>(axis)] +
-                                   " are no usable numbers";
+        const std::string failed = std::string("RegularField: the samples' positions along ") +
+                                   names[static_cast<std::size_t>(axis)] + " are no usable numbers";
         const std::string found = "origin " + text_of(options.origin[axis]) + ", spacing " +
                                   text_of(options.lattice == Lattice::bcc ? options.spacing.x : options.spacing[axis]);
         // The diagonal of the box of all supports is a sum of squares.
@@ -238,8 +241,8 @@ void check_positions(const RegularFieldOptions& options, const Extent& extent, c
             }
         }
         if (!distinct) {
-            throw InvalidInput(Complaint{failed, found + ": neighbouring samples fall on one float64 number", "positions that differ",
-                                         "move the origin nearer to 0 or check the spacing"});
+            throw InvalidInput(Complaint{failed, found + ": neighbouring samples fall on one float64 number",
+                                         "positions that differ", "move the origin nearer to 0 or check the spacing"});
         }
     }
 }

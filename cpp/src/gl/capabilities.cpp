@@ -32,7 +32,7 @@ constexpr std::array<Workaround, 5> workarounds = {{
     {"glsl_330_only", [](const Capabilities& c) { return !c.at_least(4, 0); },
      "the driver stops at OpenGL 3.3: shaders keep to GLSL 3.30 and storage is made by glTexImage2D"},
     {"cpu_stage_clock", [](const Capabilities& c) { return c.software || !c.timer_query; },
-     "timer queries are missing, or end the batch of drawing that a software device has put off: stages are timed by the clock"},
+     "timer queries are missing, or those of a software device, which disturb it and can be wrong: stages are timed by the clock"},
 }};
 
 /// What the driver does, as far as it must be seen to be known. Pessimistic where the measurement itself fails.

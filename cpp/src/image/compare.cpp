@@ -37,13 +37,15 @@ Difference compare(const std::vector<float>& picture, const std::vector<float>& 
                                      "4 (colour) or 1 (scalar)", ""});
     }
     if (picture.size() != reference.size()) {
-        throw InvalidInput(Complaint{"compare: the pictures cannot be compared",
-                                     text_of_count(picture.size()) + " numbers against " + text_of_count(reference.size()),
-                                     "pictures of one size", "render both with the same size and mode"});
+        throw InvalidInput(
+            Complaint{"compare: the pictures cannot be compared",
+                      text_of_count(picture.size()) + " numbers against " + text_of_count(reference.size()),
+                      "pictures of one size", "render both with the same size and mode"});
     }
     const auto per_pixel = static_cast<std::size_t>(channels);
     if (picture.size() % per_pixel != 0) {
-        throw InvalidInput(Complaint{"compare: the pictures cannot be compared", text_of_count(picture.size()) + " numbers",
+        throw InvalidInput(Complaint{"compare: the pictures cannot be compared",
+                                     text_of_count(picture.size()) + " numbers",
                                      "a multiple of " + std::to_string(channels), ""});
     }
     Difference result;
@@ -63,7 +65,8 @@ Difference compare(const std::vector<float>& picture, const std::vector<float>& 
     }
     result.rmse = std::sqrt(squares / static_cast<double>(picture.size()));
     result.maximum = *std::max_element(largest.begin(), largest.end());
-    // Nearest rank: the smallest value that at least 99.9 % of the pixels do not exceed; in whole numbers, so that nothing is rounded.
+    // Nearest rank: the smallest value that at least 99.9 % of the pixels do not exceed; in whole numbers, so that
+    // nothing is rounded.
     const std::size_t rank = pixels - pixels / 1000;
     const auto nth = largest.begin() + static_cast<std::ptrdiff_t>(rank - 1);
     std::nth_element(largest.begin(), nth, largest.end());

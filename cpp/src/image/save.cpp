@@ -40,7 +40,8 @@ class WholeFile {
         const fs::file_status status = fs::status(target_, error);
         if (fs::exists(status)) {
             if (!fs::is_regular_file(status)) {
-                refuse_file(path_, fs::is_directory(status) ? "a folder of that name" : "something there that is no regular file");
+                refuse_file(path_, fs::is_directory(status) ? "a folder of that name"
+                                                            : "something there that is no regular file");
             }
             // A link stays a link: the file that it points to is replaced.
             const fs::path real = fs::canonical(target_, error);
@@ -53,7 +54,8 @@ class WholeFile {
         do {
             const auto now = std::chrono::steady_clock::now().time_since_epoch().count();
             temporary_ = target_;
-            temporary_ += ".part-" + std::to_string(getpid()) + "-" + std::to_string(counter++) + "-" + std::to_string(now);
+            temporary_ +=
+                ".part-" + std::to_string(getpid()) + "-" + std::to_string(counter++) + "-" + std::to_string(now);
             descriptor = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
         } while (descriptor < 0 && errno == EEXIST);
         if (descriptor < 0) {
@@ -122,9 +124,9 @@ Picture picture_of(const Image& image) {
         return {image.scalar.data(), width, height, 1};
     }
     throw InvalidInput(Complaint{"the picture cannot be written",
-                                 "size " + std::to_string(image.size.width) + " x " + std::to_string(image.size.height) + ", " +
-                                     text_of_count(image.rgba.size()) + " colour numbers and " +
-                                     text_of_count(image.scalar.size()) + " scalars",
+                                 "size " + std::to_string(image.size.width) + " x " +
+                                     std::to_string(image.size.height) + ", " + text_of_count(image.rgba.size()) +
+                                     " colour numbers and " + text_of_count(image.scalar.size()) + " scalars",
                                  "a size of at least 1 x 1, and either four colour numbers a pixel or one scalar", ""});
 }
 
@@ -221,7 +223,8 @@ void save_pfm(const Image& image, const std::string& path) {
     std::vector<unsigned char> row(picture.width * written * 4);
     WholeFile file(path);
     // The scale -1 says little-endian.
-    bool good = std::fprintf(file.stream(), "%s\n%zu %zu\n-1.0\n", written == 3 ? "PF" : "Pf", picture.width, picture.height) > 0;
+    bool good = std::fprintf(file.stream(), "%s\n%zu %zu\n-1.0\n", written == 3 ? "PF" : "Pf", picture.width,
+                             picture.height) > 0;
     for (std::size_t y = picture.height; good && y-- > 0;) {
         unsigned char* to = row.data();
         for (std::size_t x = 0; x < picture.width; ++x) {

@@ -1,11 +1,13 @@
 // Bounds of the weight sum of a lattice, W(x) = sum of g(x - c), over all x.
 //
-// W is evaluated on a grid of step h over the part of the unit cell that symmetry leaves, and continued between its points by what
-// is known of its curvature. g is a smooth bump cut off at 0 from below, so along any line its second derivative is at least
-// -kappa gain exp(-k r^2), kappa = 2 k / R^2; the cut-off only bends it upwards. Hence, with delta = h sqrt(3) / 2 the farthest
-// that a point is from the grid and n the most supports that overlap:
-//   - at the maximum the slope is 0, and W falls from there to the next grid point by at most kappa (W_max + n gain exp(-k)) delta^2 / 2;
-//   - around a grid point, the sum of the uncut bumps that reach it is nowhere above W, and differs from its value there by at
+// W is evaluated on a grid of step h over the part of the unit cell that symmetry leaves, and continued between its
+// points by what is known of its curvature. g is a smooth bump cut off at 0 from below, so along any line its second
+// derivative is at least -kappa gain exp(-k r^2), kappa = 2 k / R^2; the cut-off only bends it upwards. Hence, with
+// delta = h sqrt(3) / 2 the farthest that a point is from the grid and n the most supports that overlap:
+//   - at the maximum the slope is 0, and W falls from there to the next grid point by at most kappa (W_max + n gain
+//   exp(-k)) delta^2 / 2;
+//   - around a grid point, the sum of the uncut bumps that reach it is nowhere above W, and differs from its value
+//   there by at
 //     most |slope| delta + kappa (W_max + 2 n gain exp(-k)) delta^2 / 2 downwards.
 // Lengths are in index units (bcc: the edge a of the cube).
 #include <algorithm>
@@ -29,10 +31,10 @@ constexpr int coarsest_grid = 4;
 constexpr int finest_grid = 64;
 
 struct LatticeGeometry {
-    double radius;          ///< of the support
-    double cell_volume;     ///< of a sample
-    double nearest;         ///< distance of two samples
-    double covering_radius; ///< the farthest that a point can be from all samples
+    double radius;              ///< of the support
+    double cell_volume;         ///< of a sample
+    double nearest;             ///< distance of two samples
+    double covering_radius;     ///< the farthest that a point can be from all samples
     std::vector<double> shifts; ///< of the cubic lattices that it consists of, along each axis
 };
 
@@ -181,14 +183,14 @@ Ripple lattice_ripple(const RegularField& field) {
         return {0.0, everywhere / constant};
     }
     const double curvature = 2.0 * kernel.falloff / (lattice.radius * lattice.radius);
-    const auto grid = static_cast<int>(
-        std::clamp(std::ceil(std::sqrt(0.75 * curvature / (8.0 * wanted_margin))), 1.0 * coarsest_grid, 1.0 * finest_grid));
+    const double overlap = 4.0 / 3.0 * pi * std::pow(lattice.radius + lattice.covering_radius, 3) / lattice.cell_volume;
+    const double cut = overlap * kernel.gain() * kernel.edge();
+    const double steps = std::sqrt(0.75 * curvature * (1.0 + cut / constant) / (8.0 * wanted_margin));
+    const auto grid = static_cast<int>(std::clamp(std::ceil(steps), 1.0 * coarsest_grid, 1.0 * finest_grid));
     const double delta = std::sqrt(0.75) * 0.5 / grid;
     const Sampled sampled = sample(lattice, kernel, grid, delta);
 
     const double bend = 0.5 * curvature * delta * delta;
-    const double overlap = 4.0 / 3.0 * pi * std::pow(lattice.radius + lattice.covering_radius, 3) / lattice.cell_volume;
-    const double cut = overlap * kernel.gain() * kernel.edge();
     double largest = everywhere;
     if (bend < 0.5) {
         largest = std::min(largest, (sampled.largest + bend * cut) / (1.0 - bend));

@@ -80,8 +80,8 @@ Neighbourhood::Neighbourhood(const RegularField& field, double reach_world) : la
 }
 
 bool Neighbourhood::holds(const Vec3& offset) const {
-    // A convex set holds a point if for every direction u the point lies below the set's support function, which for a sum of
-    // sets is the sum of theirs. Looking only at some directions can keep a point too many, never lose one.
+    // A convex set holds a point if for every direction u the point lies below the set's support function, which for a
+    // sum of sets is the sum of theirs. Looking only at some directions can keep a point too many, never lose one.
     const auto beyond = [&](const Vec3& u) {
         return glm::dot(offset, u) >= two_radii_ * glm::length(u) + glm::length(reach_ * u);
     };
@@ -96,7 +96,8 @@ bool Neighbourhood::holds(const Vec3& offset) const {
         return true;
     }
     const Vec3 axes = two_radii_ + reach_;
-    return !beyond(glm::normalize(offset / (axes * axes))) && offset.x < axes.x && offset.y < axes.y && offset.z < axes.z;
+    return !beyond(glm::normalize(offset / (axes * axes))) && offset.x < axes.x && offset.y < axes.y &&
+           offset.z < axes.z;
 }
 
 Neighbourhood::RowOffsets Neighbourhood::offsets_of(Shift shift, bool odd_layers) const {
@@ -104,7 +105,8 @@ Neighbourhood::RowOffsets Neighbourhood::offsets_of(Shift shift, bool odd_layers
     found.shift = shift;
     const bool bcc = lattice_ == Lattice::bcc;
     const double half = shift == Shift::none ? 0.0 : shift == Shift::target_half_up ? 0.5 : -0.5;
-    // The nearest that samples of two blocks can be along an axis, in samples. Blocks of a BCC volume hold layers of both kinds.
+    // The nearest that samples of two blocks can be along an axis, in samples. Blocks of a BCC volume hold layers of
+    // both kinds.
     const auto nearest = [&](std::size_t axis, std::ptrdiff_t blocks) {
         const double apart = static_cast<double>(blocks) * static_cast<double>(block_[axis]);
         const double inside = static_cast<double>(block_[axis] - 1) + (bcc && !parity_ && axis != 0 ? 0.5 : 0.0);

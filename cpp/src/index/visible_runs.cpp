@@ -1,12 +1,14 @@
 // Which samples are drawn.
 //
-// At a point, kernels that reach it with values from lo to hi give a rho in [s min(0, lo), s max(0, hi)], s being the largest
-// weight that one value can get. The 0 belongs to this range inside the lattice too: between a region whose kernels are drawn
-// and one whose kernels are dropped the drawn ones alone make the picture, and their sum runs from the full value to 0 through
-// everything between. A region above an opaque band is thus never dropped beside one in the band.
+// At a point, kernels that reach it with values from lo to hi give a rho in [s min(0, lo), s max(0, hi)], s being the
+// largest weight that one value can get. The 0 belongs to this range inside the lattice too: between a region whose
+// kernels are drawn and one whose kernels are dropped the drawn ones alone make the picture, and their sum runs from
+// the full value to 0 through everything between. A region above an opaque band is thus never dropped beside one in the
+// band.
 //
-// So a point can be visible only where a sample that reaches it is, times s, at or beyond the first opaque value on its side of
-// 0. Such samples are the seeds; every sample that shares a visible point (or a stencil of one) with a seed is drawn.
+// So a point can be visible only where a sample that reaches it is, times s, at or beyond the first opaque value on its
+// side of 0. Such samples are the seeds; every sample that shares a visible point (or a stencil of one) with a seed is
+// drawn.
 #include "index/visible_runs.hpp"
 
 #include <algorithm>
@@ -74,16 +76,20 @@ Visibility visibility_of_crossings(double iso_value) {
 double largest_weight(const RegularField& field) {
     const double normalised = lattice_ripple(field).upper;
     switch (field.normalization()) {
-    case Normalization::none: return normalised * field.lattice_constant();
-    case Normalization::lattice: return normalised;
-    case Normalization::threshold: break;
+    case Normalization::none:
+        return normalised * field.lattice_constant();
+    case Normalization::lattice:
+        return normalised;
+    case Normalization::threshold:
+        break;
     }
     // Above 0 however large w0 is, since it is divided by.
     return std::clamp(normalised * field.lattice_constant() / field.w0(), std::numeric_limits<double>::min(), 1.0);
 }
 
 /// The least value of type T that is at least `bound` and more than 0; none where there is no such value.
-template <typename T> std::optional<T> least_from(double bound) {
+template <typename T>
+std::optional<T> least_from(double bound) {
     // Rounding of the bound must not lose a value that meets it.
     bound *= 1.0 - 1e-12;
     if (!(bound <= static_cast<double>(std::numeric_limits<T>::max()))) {
@@ -101,7 +107,8 @@ template <typename T> std::optional<T> least_from(double bound) {
 }
 
 /// The greatest value of type T that is at most `bound` and less than 0; none where there is no such value.
-template <typename T> std::optional<T> greatest_to(double bound) {
+template <typename T>
+std::optional<T> greatest_to(double bound) {
     if constexpr (std::is_unsigned_v<T>) {
         return std::nullopt;
     } else {
@@ -122,7 +129,8 @@ template <typename T> std::optional<T> greatest_to(double bound) {
 }
 
 /// Seeds are the samples at or above `up` and those at or below `down`.
-template <typename T> struct SeedTest {
+template <typename T>
+struct SeedTest {
     std::optional<T> up, down;
 
     /// True where every value other than 0 in [lower, upper] is a seed.
@@ -131,7 +139,8 @@ template <typename T> struct SeedTest {
     }
     void mark(const T* values, std::size_t n, BitWord* row) const {
         if (up && down) {
-            pack_row(values, n, row, [at_least = *up, at_most = *down](T v) { return (v >= at_least) | (v <= at_most); });
+            pack_row(values, n, row,
+                     [at_least = *up, at_most = *down](T v) { return (v >= at_least) | (v <= at_most); });
         } else if (up) {
             pack_row(values, n, row, [at_least = *up](T v) { return v >= at_least; });
         } else if (down) {
@@ -141,7 +150,8 @@ template <typename T> struct SeedTest {
 };
 
 /// Marks the samples that may be drawn at all: no NaN, and 0 only where it is asked for.
-template <typename T> void mark_kernels(const T* values, std::size_t n, bool zeros, BitWord* row) {
+template <typename T>
+void mark_kernels(const T* values, std::size_t n, bool zeros, BitWord* row) {
     if (!zeros) {
         // Of NaN neither holds.
         pack_row(values, n, row, [](T v) { return (v < T{0}) | (v > T{0}); });
@@ -195,7 +205,8 @@ void keep_blocks(const BitWord* blocks, std::size_t block_words, std::size_t blo
     }
 }
 
-template <typename T> double largest_magnitude(const T* begin, const T* end) {
+template <typename T>
+double largest_magnitude(const T* begin, const T* end) {
     T least = *begin;
     T greatest = *begin;
     for (const T* value = begin; value != end; ++value) {
@@ -208,8 +219,8 @@ template <typename T> double largest_magnitude(const T* begin, const T* end) {
 void check_length(double length, const char* name) {
     if (!(length >= 0.0)) {
         throw InvalidInput(Complaint{"VisibleRuns: the drawn samples cannot be found",
-                                     std::string(name) + " = " + std::to_string(length), "a length of 0 or more world units",
-                                     "check the camera and the slice spacing"});
+                                     std::string(name) + " = " + std::to_string(length),
+                                     "a length of 0 or more world units", "check the camera and the slice spacing"});
     }
 }
 
@@ -225,9 +236,10 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
     const std::string next = "make the transfer function transparent over more values, or use a smaller volume";
     const std::uint64_t rows = checked_product(nk, nj, what);
     if (checked_product(rows, ni, what) > std::numeric_limits<std::uint32_t>::max()) {
-        throw Unsupported(Complaint{"VisibleRuns: the field cannot be indexed",
-                                    std::to_string(nk) + " x " + std::to_string(nj) + " x " + std::to_string(ni) + " samples",
-                                    "at most 4294967295 samples in one field", "split the volume into several fields, or coarsen it"});
+        throw Unsupported(Complaint{
+            "VisibleRuns: the field cannot be indexed",
+            std::to_string(nk) + " x " + std::to_string(nj) + " x " + std::to_string(ni) + " samples",
+            "at most 4294967295 samples in one field", "split the volume into several fields, or coarsen it"});
     }
 
     const bool classified = query.isosurface || query.transfer_function != nullptr;
@@ -237,8 +249,8 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
     } else if (classified) {
         visibility = visibility_of(*query.transfer_function);
     }
-    const bool zeros = !query.cull || query.weights_matter || visibility.at_zero ||
-                       field.normalization() == Normalization::threshold;
+    const bool zeros =
+        !query.cull || query.weights_matter || visibility.at_zero || field.normalization() == Normalization::threshold;
     const bool every_kernel = !query.cull || !classified || !query.alone || visibility.at_zero;
 
     VisibleRuns result;
@@ -251,11 +263,13 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
             std::optional<BitRows> reached;
             if (!every_kernel) {
                 const double weight = largest_weight(field);
-                const SeedTest<T> test{least_from<T>(visibility.above / weight), greatest_to<T>(visibility.below / weight)};
+                const SeedTest<T> test{least_from<T>(visibility.above / weight),
+                                       greatest_to<T>(visibility.below / weight)};
                 const auto [least, greatest] = field.value_range();
                 if (zeros || !test.takes_all(least, greatest)) {
                     neighbourhood.emplace(field, query.stencil_world + query.slice_spacing);
-                    reached = neighbourhood->spread(seeds_in_blocks(samples.data(), field.shape(), test, *neighbourhood));
+                    reached =
+                        neighbourhood->spread(seeds_in_blocks(samples.data(), field.shape(), test, *neighbourhood));
                 }
             }
             std::vector<BitWord> row(words_for(ni));
@@ -267,7 +281,8 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
                         mark_kernels(values, ni, zeros, row.data());
                         if (reached) {
                             const auto& block = neighbourhood->block();
-                            keep_blocks(reached->row(j / block[1], k / block[0]), reached->words(), block[2], scratch, row, ni);
+                            keep_blocks(reached->row(j / block[1], k / block[0]), reached->words(), block[2], scratch,
+                                        row, ni);
                         }
                         for_each_run(row.data(), row.size(), [&, at = k * nj + j](std::size_t begin, std::size_t end) {
                             visit(at, values, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end));
@@ -286,7 +301,8 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
             visit_runs([&](std::size_t, const T* values, std::uint32_t begin, std::uint32_t end) {
                 result.runs_.push_back({begin, end});
                 result.samples_ += end - begin;
-                result.largest_value_ = std::max(result.largest_value_, largest_magnitude(values + begin, values + end));
+                result.largest_value_ =
+                    std::max(result.largest_value_, largest_magnitude(values + begin, values + end));
             });
         },
         field.samples());

@@ -300,6 +300,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         throw Unsupported(Complaint{"the plan cannot be made", "preshaded splatting, which colours kernels before they are summed", "post-shaded splatting", "drop preshaded from effects=, or pass allow_inexact=True"});
     }
     plan.slab_nodes = view.widest_slab < 0.6 ? 4 : view.widest_slab < 1.5 ? 6 : 0;
+    // Six nodes are exact to 1e-7 over 1.5 of the Gaussian's own lengths; a chord is at most 2 sqrt(k) of them long.
+    plan.slab_pieces = static_cast<int>(std::clamp(std::ceil(view.widest_slab / 1.5), 1.0, 4.0));
     plan.read_image = plan.stop || scene.mode == Mode::isosurface || scalar || plan.depth || plan.coverage;
     effects.state("background", scene.background.has_value() && !scalar, scene.background ? "asked for" : "none given");
     effects.state("coverage", plan.coverage, plan.coverage ? "asked for" : "not asked for");

@@ -31,7 +31,8 @@ struct Axes {
 Axes axes_of(const Vec3& back, const Vec3& up, const Vec3& up_given) {
     const Vec3 across = glm::cross(up, back);
     if (!(glm::length(across) > parallel)) {
-        throw InvalidInput(Complaint{"Camera: up cannot be used", "up " + text_of(up_given) + " along the view direction " + text_of(-back),
+        throw InvalidInput(Complaint{"Camera: up cannot be used",
+                                     "up " + text_of(up_given) + " along the view direction " + text_of(-back),
                                      "a direction that is not along the view", "give another up"});
     }
     Vec3 right = glm::normalize(across);
@@ -42,14 +43,16 @@ Axes axes_of(const Vec3& back, const Vec3& up, const Vec3& up_given) {
 
 void require_finite(const Vec3& v, const char* name) {
     if (!is_finite(v)) {
-        throw InvalidInput(Complaint{std::string("Camera: ") + name + " cannot be used", text_of(v), "three finite numbers", ""});
+        throw InvalidInput(
+            Complaint{std::string("Camera: ") + name + " cannot be used", text_of(v), "three finite numbers", ""});
     }
 }
 
 void require_up(const Vec3& up) {
     require_finite(up, "up");
     if (largest_component(up) == 0.0) {
-        throw InvalidInput(Complaint{"Camera: up cannot be used", text_of(up), "a direction", "give for example (0, 1, 0)"});
+        throw InvalidInput(
+            Complaint{"Camera: up cannot be used", text_of(up), "a direction", "give for example (0, 1, 0)"});
     }
 }
 
@@ -63,7 +66,8 @@ Axes look_at(const Vec3& eye, const Vec3& target, const Vec3& up) {
                                      "two different points", "move the eye away from the target"});
     }
     if (!is_finite(back)) {
-        throw InvalidInput(Complaint{"Camera: there is no view direction", "eye " + text_of(eye) + " and target " + text_of(target),
+        throw InvalidInput(Complaint{"Camera: there is no view direction",
+                                     "eye " + text_of(eye) + " and target " + text_of(target),
                                      "two points whose distance is a finite number", "choose another unit of length"});
     }
     return axes_of(unit(back), unit(up), up);
@@ -71,7 +75,8 @@ Axes look_at(const Vec3& eye, const Vec3& target, const Vec3& up) {
 
 void require_height(double height) {
     if (!(height > 0.0) || !is_finite(height)) {
-        throw InvalidInput(Complaint{"Camera: height cannot be used", text_of(height), "a finite number of world units above 0", ""});
+        throw InvalidInput(
+            Complaint{"Camera: height cannot be used", text_of(height), "a finite number of world units above 0", ""});
     }
 }
 
@@ -79,7 +84,8 @@ double half_tangent(double fov_y) { return std::tan(0.5 * fov_y * pi / 180.0); }
 
 void require_fov(double fov_y) {
     if (!(fov_y > 0.0 && fov_y < 180.0) || !std::isnormal(half_tangent(fov_y))) {
-        throw InvalidInput(Complaint{"Camera: fov_y cannot be used", text_of(fov_y), "an angle in degrees above 0 and below 180", ""});
+        throw InvalidInput(
+            Complaint{"Camera: fov_y cannot be used", text_of(fov_y), "an angle in degrees above 0 and below 180", ""});
     }
 }
 
@@ -106,7 +112,8 @@ Camera Camera::orthographic(const Vec3& eye, const Vec3& target, const Vec3& up,
     return camera;
 }
 
-Camera Camera::perspective(const Vec3& eye, const Vec3& target, const Vec3& up, double fov_y, std::optional<double> near) {
+Camera Camera::perspective(const Vec3& eye, const Vec3& target, const Vec3& up, double fov_y,
+                           std::optional<double> near) {
     const Axes axes = look_at(eye, target, up);
     require_fov(fov_y);
     const double scale = largest_component(eye - target);
@@ -125,7 +132,8 @@ Camera Camera::perspective(const Vec3& eye, const Vec3& target, const Vec3& up, 
     return camera;
 }
 
-Camera Camera::fit(const Box& box_world, const Vec3& direction, const Vec3& up, Projection projection, double margin, double fov_y) {
+Camera Camera::fit(const Box& box_world, const Vec3& direction, const Vec3& up, Projection projection, double margin,
+                   double fov_y) {
     const Vec3 extent = box_world.upper - box_world.lower;
     if (!is_finite(box_world.lower) || !is_finite(box_world.upper) || !is_finite(extent) ||
         std::min({extent.x, extent.y, extent.z}) < 0.0) {
@@ -136,13 +144,16 @@ Camera Camera::fit(const Box& box_world, const Vec3& direction, const Vec3& up, 
     }
     require_finite(direction, "direction");
     if (largest_component(direction) == 0.0) {
-        throw InvalidInput(Complaint{"Camera: direction cannot be used", text_of(direction), "a direction to look along", ""});
+        throw InvalidInput(
+            Complaint{"Camera: direction cannot be used", text_of(direction), "a direction to look along", ""});
     }
     require_up(up);
     if (!(margin > 0.0) || !is_finite(margin)) {
-        throw InvalidInput(Complaint{"Camera: margin cannot be used", text_of(margin), "a finite number above 0", "1.05 leaves a small border"});
+        throw InvalidInput(Complaint{"Camera: margin cannot be used", text_of(margin), "a finite number above 0",
+                                     "1.05 leaves a small border"});
     }
-    // The axes come from the direction as it was given: the difference of eye and target has lost digits where the box is far from 0.
+    // The axes come from the direction as it was given: the difference of eye and target has lost digits where the box
+    // is far from 0.
     const Axes axes = axes_of(unit(-direction), unit(up), up);
     const double longest = largest_component(extent);
     const double diagonal = longest > 0.0 ? longest * glm::length(extent / longest) : 0.0;

@@ -34,7 +34,8 @@ void require(bool holds, const char* failed, const std::string& found, const cha
 void require_fields(const std::vector<std::shared_ptr<const RegularField>>& fields) {
     require(!fields.empty(), "there is nothing to show", "no field", "at least one field");
     for (std::size_t n = 0; n < fields.size(); ++n) {
-        require(fields[n] != nullptr, "a field cannot be used", "nothing in place of field " + text_of_count(n), "a field");
+        require(fields[n] != nullptr, "a field cannot be used", "nothing in place of field " + text_of_count(n),
+                "a field");
     }
 }
 
@@ -48,19 +49,23 @@ void require_length(const std::optional<double>& length, const char* failed) {
 void check_light(const Light& light, std::size_t n) {
     const std::string name = " of light " + text_of_count(n);
     require(is_finite(light.direction) && light.direction != Vec3(0.0), "a light cannot be used",
-            "direction " + text_of(light.direction) + name, "a finite direction other than (0, 0, 0), towards the light");
-    require(is_finite(light.color), "a light cannot be used", "colour " + text_of(light.color) + name, "three finite numbers");
+            "direction " + text_of(light.direction) + name,
+            "a finite direction other than (0, 0, 0), towards the light");
+    require(is_finite(light.color), "a light cannot be used", "colour " + text_of(light.color) + name,
+            "three finite numbers");
 }
 
 void check_material(const Material& material) {
     const auto finite = [](double value, const char* name) {
-        require(is_finite(value), "the material cannot be used", std::string(name) + " " + text_of(value), "a finite number");
+        require(is_finite(value), "the material cannot be used", std::string(name) + " " + text_of(value),
+                "a finite number");
     };
     finite(material.ambient, "ambient");
     finite(material.diffuse, "diffuse");
     finite(material.specular, "specular");
     finite(material.shininess, "shininess");
-    require(material.shininess >= 0.0, "the material cannot be used", "shininess " + text_of(material.shininess), "0 or more");
+    require(material.shininess >= 0.0, "the material cannot be used", "shininess " + text_of(material.shininess),
+            "0 or more");
 }
 
 } // namespace
@@ -91,8 +96,8 @@ void Scene::validate() const {
     require_fields(fields);
     require_length(slice_spacing, "slice_spacing cannot be used");
     require_length(reference_length, "reference_length cannot be used");
-    require(mode != Mode::isosurface || iso_value.has_value(), "mode=\"isosurface\" does not know which surface", "no iso_value",
-            "a finite iso_value", "pass iso_value");
+    require(mode != Mode::isosurface || iso_value.has_value(), "mode=\"isosurface\" does not know which surface",
+            "no iso_value", "a finite iso_value", "pass iso_value");
     if (iso_value) {
         require(is_finite(*iso_value), "iso_value cannot be used", text_of(*iso_value), "a finite number");
     }
@@ -106,8 +111,8 @@ void Scene::validate() const {
         require(is_finite(*background), "background cannot be used", text_of(*background), "three finite numbers");
     }
     require(!preintegration || mode == Mode::composite, "two options do not go together",
-            std::string("preintegration=true with mode=\"") + name_of(mode) + "\"", "preintegration only in mode=\"composite\"",
-            "turn preintegration off or use mode=\"composite\"");
+            std::string("preintegration=true with mode=\"") + name_of(mode) + "\"",
+            "preintegration only in mode=\"composite\"", "turn preintegration off or use mode=\"composite\"");
 }
 
 } // namespace sheetsplat

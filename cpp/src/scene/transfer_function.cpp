@@ -12,14 +12,15 @@ namespace sheetsplat {
 namespace {
 
 std::string text_of_point(std::size_t number, const TransferPoint& p) {
-    return "point " + text_of_count(number) + " at value " + text_of(p.value) + ", colour " + text_of(p.color) + ", opacity " +
-           text_of(p.opacity);
+    return "point " + text_of_count(number) + " at value " + text_of(p.value) + ", colour " + text_of(p.color) +
+           ", opacity " + text_of(p.opacity);
 }
 
 /// Linear from a (t = 0) to b (t = 1), never outside the two.
 double between(double a, double b, double t) { return std::clamp(a + t * (b - a), std::min(a, b), std::max(a, b)); }
 
-/// Of three and more points at one value only the first (limit from the left) and the last (value and limit from the right) show.
+/// Of three and more points at one value only the first (limit from the left) and the last (value and limit from the
+/// right) show.
 bool shows(const std::vector<TransferPoint>& points, std::size_t n) {
     const bool same_before = n > 0 && points[n - 1].value == points[n].value;
     const bool same_after = n + 1 < points.size() && points[n + 1].value == points[n].value;
@@ -30,22 +31,24 @@ bool shows(const std::vector<TransferPoint>& points, std::size_t n) {
 
 TransferFunction::TransferFunction(std::vector<TransferPoint> points) : points_(std::move(points)) {
     if (points_.empty()) {
-        throw InvalidInput(Complaint{"TransferFunction: there is nothing to look values up in", "no points", "at least one point",
-                                     "give points (value, r, g, b, opacity)"});
+        throw InvalidInput(Complaint{"TransferFunction: there is nothing to look values up in", "no points",
+                                     "at least one point", "give points (value, r, g, b, opacity)"});
     }
     for (std::size_t n = 0; n < points_.size(); ++n) {
         const TransferPoint& p = points_[n];
         if (!is_finite(p.value) || !is_finite(p.color) || !is_finite(p.opacity)) {
-            throw InvalidInput(Complaint{"TransferFunction: a point cannot be used", text_of_point(n, p), "finite numbers", ""});
+            throw InvalidInput(
+                Complaint{"TransferFunction: a point cannot be used", text_of_point(n, p), "finite numbers", ""});
         }
         if (p.opacity < 0.0 || p.opacity > 1.0) {
-            throw InvalidInput(Complaint{"TransferFunction: a point cannot be used", text_of_point(n, p), "an opacity from 0 to 1",
-                                         "opacity is per reference length: set reference_length to make the volume denser"});
+            throw InvalidInput(
+                Complaint{"TransferFunction: a point cannot be used", text_of_point(n, p), "an opacity from 0 to 1",
+                          "opacity is per reference length: set reference_length to make the volume denser"});
         }
         if (n > 0 && p.value < points_[n - 1].value) {
             throw InvalidInput(Complaint{"TransferFunction: the points are not sorted",
-                                         "value " + text_of(p.value) + " of point " + text_of_count(n) + " after value " +
-                                             text_of(points_[n - 1].value),
+                                         "value " + text_of(p.value) + " of point " + text_of_count(n) +
+                                             " after value " + text_of(points_[n - 1].value),
                                          "values that do not fall", "sort the points by value"});
         }
     }
@@ -86,7 +89,8 @@ bool TransferFunction::transparent_over(double lower, double upper) const {
         if (p.value == q.value || lower > q.value || upper < p.value) {
             continue;
         }
-        // A segment that is only touched at one end counts there with its limit, else it is 0 inside only if 0 at both ends.
+        // A segment that is only touched at one end counts there with its limit, else it is 0 inside only if 0 at both
+        // ends.
         const bool from_p = lower < q.value;
         const bool from_q = upper > p.value;
         const bool inside = from_p && from_q;

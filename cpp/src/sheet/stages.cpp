@@ -42,14 +42,17 @@ gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, bool weig
     if (plan.sampling == Sampling::slab) {
         defines["SLAB"] = on;
         defines["SLAB_NODES"] = std::to_string(plan.slab_nodes);
+        defines["SLAB_PIECES"] = std::to_string(plan.slab_pieces);
     }
-    const std::array<std::pair<const char*, bool>, 8> switches{{
+    const std::array<std::pair<const char*, bool>, 10> switches{{
         {"GENERAL", general},
         {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"SEPARABLE", plan.sampling == Sampling::point && !general && !plan.fine_gradient},
         {"TWO_TARGETS", plan.packing == Packing::wide},
         {"POINTS", plan.points},
         {"FINE", plan.fine_gradient},
+        {"FINE_XY", plan.fine_across},
+        {"FINE_Z", plan.fine_along},
         {"WEIGHT", plan.weight && !plan.fine_gradient},
         {"WEIGHT_ALONE", weights_alone},
     }};

@@ -44,7 +44,7 @@ TileLoop::TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabi
       frame_(*job.frame), tile_(tile), steps_(make_steps(*job.plan, *job.frame)), marks_(tile, steps_.history + 1),
       tags_limit_(job.tags_per_clear > 0 ? std::min(job.tags_per_clear, most_tags) : most_tags) {
     for (const FieldView& view : *job.views) {
-        makers_.emplace_back(view, frame_, tile_, job.layout);
+        makers_.emplace_back(view, frame_, tile_, job.layout, plan_.fine_gradient ? 1 : 0);
     }
     if (plan_.opacity_buffer) {
         const auto pixels = static_cast<std::size_t>(tile.target_width()) * static_cast<std::size_t>(tile.target_height());

@@ -122,10 +122,10 @@ std::size_t SlabBatches::bytes() const {
     return offset_.capacity() * sizeof(std::size_t) + entries_.capacity() * sizeof(std::uint32_t);
 }
 
-VertexMaker::VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout)
-    : view_(&view), frame_(&frame), tile_(tile), layout_(layout) {
-    half_x_ = view.extent_x / frame.pixel;
-    half_y_ = view.extent_y / frame.pixel;
+VertexMaker::VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout, int wider_px)
+    : view_(&view), frame_(&frame), tile_(tile), layout_(layout), wider_(wider_px) {
+    half_x_ = view.extent_x / frame.pixel + wider_;
+    half_y_ = view.extent_y / frame.pixel + wider_;
     origin_x_ = 0.5 * frame.size.width - tile.x + Tile::border;
     origin_y_ = 0.5 * frame.size.height - tile.y + Tile::border;
 }
@@ -157,10 +157,10 @@ VertexMaker::Placed VertexMaker::place(const Vec3& eye, double value, double fir
             // (c +- e) / t is monotonic in t, so that the extremes lie at the nearest or farthest depth that is drawn.
             const auto lowest = [&](double edge) { return std::min(edge / nearest, edge / farthest) / frame_->pixel; };
             const auto highest = [&](double edge) { return std::max(edge / nearest, edge / farthest) / frame_->pixel; };
-            left = origin_x_ + lowest(eye.x - view.extent_x);
-            right = origin_x_ + highest(eye.x + view.extent_x);
-            top = origin_y_ - highest(eye.y + view.extent_y);
-            bottom = origin_y_ - lowest(eye.y - view.extent_y);
+            left = origin_x_ + lowest(eye.x - view.extent_x) - wider_;
+            right = origin_x_ + highest(eye.x + view.extent_x) + wider_;
+            top = origin_y_ - highest(eye.y + view.extent_y) - wider_;
+            bottom = origin_y_ - lowest(eye.y - view.extent_y) + wider_;
         }
     }
     Placed placed;

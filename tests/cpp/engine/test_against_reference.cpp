@@ -84,15 +84,6 @@ bool gl_available() {
     return false;
 }
 
-struct Case {
-    Mode mode;
-    Sampling sampling;
-    Projection projection;
-    Lattice lattice;
-    Normalization normalization;
-    Packing packing;
-};
-
 class Matrix : public ::testing::TestWithParam<std::tuple<Mode, Sampling, Projection, Lattice, Normalization, Packing>> {};
 
 TEST_P(Matrix, IsTheReferencesPicture) {
@@ -136,6 +127,158 @@ INSTANTIATE_TEST_SUITE_P(All, Matrix,
                                             ::testing::Values(Lattice::cartesian, Lattice::bcc),
                                             ::testing::Values(Normalization::none, Normalization::lattice, Normalization::threshold),
                                             ::testing::Values(Packing::wide, Packing::paper)));
+
+struct Draw {
+    const char* name;
+    Packing packing;
+    Tagging tagging;
+    std::map<std::string, bool> effects;
+    int tile_size;
+    int tags_per_clear;
+};
+
+std::ostream& operator<<(std::ostream& out, const Draw& draw) { return out << draw.name; }
+
+class Drawing : public ::testing::TestWithParam<Draw> {};
+
+/// Saturates, so that everything that looks for opaque pixels has something to find.
+Scene dense(const std::shared_ptr<const RegularField>& field) {
+    Scene scene = scene_of(field);
+    scene.transfer_function = TransferFunction({{0.1, {0.1, 0.2, 0.9}, 0.0}, {0.3, {0.2, 0.9, 0.3}, 0.5}, {1.1, {1.0, 0.8, 0.2}, 0.9}});
+    return scene;
+}
+
+TEST_P(Drawing, IsTheReferencesPicture) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    const Draw& draw = GetParam();
+    RendererOptions options;
+    options.packing = draw.packing;
+    options.tagging = draw.tagging;
+    options.effects = draw.effects;
+    options.tile_size = draw.tile_size;
+    options.tags_per_clear = draw.tags_per_clear;
+    if (draw.tagging == Tagging::depth_bounds) {
+        RendererOptions asked = options;
+        asked.backend = Backend::gl;
+        try {
+            Renderer probe(asked);
+            auto field = blobs({});
+            static_cast<void>(probe.plan(scene_of(field), askew(*field, Projection::orthographic), {8, 8}));
+        } catch (const Unsupported&) {
+            GTEST_SKIP() << "the device has no depth-bounds test";
+        }
+    }
+    auto field = blobs({});
+    for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
+        for (const Mode mode : {Mode::composite, Mode::isosurface}) {
+            Scene scene = dense(field);
+            scene.mode = mode;
+            scene.iso_value = 0.45;
+            const Difference difference = against_reference(scene, askew(*field, projection), {70, 66}, options, {},
+                                                            std::string(draw.name) + (mode == Mode::composite ? " composite" : " iso") +
+                                                                (projection == Projection::perspective ? " persp" : " ortho"));
+            EXPECT_LT(difference.rmse, 1e-4) << draw.name;
+            EXPECT_LT(difference.p99_9, 1e-3) << draw.name;
+        }
+    }
+}
+
+std::vector<Draw> draws() {
+    std::vector<Draw> list;
+    for (const Packing packing : {Packing::wide, Packing::paper}) {
+        for (const Tagging tagging : {Tagging::off, Tagging::tiles, Tagging::depth_equal, Tagging::depth_bounds}) {
+            for (const bool elimination : {false, true}) {
+                const std::map<std::string, bool> effects{{"elimination", elimination}};
+                static std::vector<std::string> names;
+                names.reserve(200);
+                const auto add = [&](const std::string& more, std::map<std::string, bool> with, int tile, int tags) {
+                    names.push_back(std::string(to_string(packing)) + " " + to_string(tagging) + (elimination ? " elimination" : "") + more);
+                    with.insert(effects.begin(), effects.end());
+                    list.push_back({names.back().c_str(), packing, tagging, with, tile, tags});
+                };
+                add("", {}, 0, 0);
+                add(" in tiles", {}, 31, 0);
+                if (tagging == Tagging::depth_equal || tagging == Tagging::depth_bounds) {
+                    add(" restarted tags", {}, 0, 3);
+                }
+                if (tagging == Tagging::tiles) {
+                    add(" quads", {{"points", false}}, 0, 0);
+                    add(" opacity buffer", {{"opacity_buffer", true}}, 0, 0);
+                    add(" one channel", {{"four_channels", false}}, 0, 0);
+                    add(" single calls", {{"vertex_arrays", false}}, 0, 0);
+                    add(" everything on", {{"weight", true}, {"empty_test", true}, {"specular", true}, {"opacity_correction", true}, {"opacity_stop", true}, {"general_sections", true}}, 0, 0);
+                    add(" no culling", {{"culling", false}}, 0, 0);
+                    add(" fine gradient", {{"fine_gradient", true}}, 0, 0);
+                    add(" fine gradient and weights", {{"fine_gradient", true}, {"weight", true}}, 0, 0);
+                }
+            }
+        }
+    }
+    return list;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Drawing, ::testing::ValuesIn(draws()));
+
+TEST(AgainstReference, PreintegrationCoverageDepthAndBackground) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    auto field = blobs({});
+    for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
+        for (const bool preintegration : {false, true}) {
+            Scene scene = dense(field);
+            scene.preintegration = preintegration;
+            scene.slice_spacing = 1.7;
+            scene.background = Vec3(0.2, 0.3, 0.4);
+            scene.transfer_function = TransferFunction({{-0.2, {0, 0, 1}, 0.05}, {0.3, {0, 1, 0}, 0.05}, {0.3, {1, 1, 0}, 0.5}, {0.8, {1, 0, 0}, 1.0}});
+            const Difference difference = against_reference(scene, askew(*field, projection), {48, 40}, {}, {true, true},
+                                                            std::string("all outputs") + (preintegration ? " preintegrated" : "") + (projection == Projection::perspective ? " persp" : " ortho"));
+            EXPECT_LT(difference.rmse, 1e-4);
+            EXPECT_LT(difference.p99_9, preintegration ? 1e-3 : 1.0);
+        }
+    }
+}
+
+TEST(AgainstReference, SpacingAndCloseUps) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    RegularFieldOptions uneven;
+    uneven.spacing = Vec3(1.0, 0.6, 2.3);
+    for (const Sampling sampling : {Sampling::point, Sampling::slab}) {
+        for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
+            auto field = blobs(uneven);
+            Scene scene = scene_of(field);
+            scene.sampling = sampling;
+            const std::string words = std::string(sampling == Sampling::slab ? " slab" : " point") + (projection == Projection::perspective ? " persp" : " ortho");
+            Difference difference = against_reference(scene, askew(*field, projection), {48, 40}, {}, {}, "unequal spacing" + words);
+            EXPECT_LT(difference.rmse, 2e-5);
+            EXPECT_LT(difference.p99_9, 2e-4);
+            auto cube = blobs({});
+            for (const double zoom : {0.1, 1e-2, 1e-3, 1e-4, 1e-6}) {
+                Scene close = scene_of(cube);
+                close.sampling = sampling;
+                const Vec3 centre = cube->centres_world().centre();
+                const Vec3 eye = centre + Vec3(11, 8, 17);
+                const Camera camera = projection == Projection::orthographic ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
+                                                                             : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
+                difference = against_reference(close, camera, {40, 40}, {}, {}, "zoom " + std::to_string(zoom) + words);
+                EXPECT_LT(difference.rmse, zoom > 0.02 ? 2e-5 : 1e-4);
+                EXPECT_LT(difference.p99_9, zoom > 0.02 ? 2e-4 : 1e-3);
+            }
+            for (const double spacing : {0.3, 0.1, 0.01}) {
+                Scene thin = scene_of(cube);
+                thin.sampling = sampling;
+                thin.slice_spacing = spacing;
+                difference = against_reference(thin, askew(*cube, projection), {32, 32}, {}, {}, "slices " + std::to_string(spacing) + words);
+                EXPECT_LT(difference.rmse, 2e-5);
+                EXPECT_LT(difference.p99_9, 2e-4);
+            }
+        }
+    }
+}
 
 } // namespace
 } // namespace sheetsplat

@@ -11,9 +11,9 @@ namespace sheetsplat {
 /// 2^64 - 1 where the system does not tell.
 std::uint64_t available_memory();
 
-/// The part of available_memory() that is read from files below `proc` (usually /proc): MemAvailable of meminfo, and the
-/// limits minus usage of every control group (versions 1 and 2) that self/cgroup and self/mountinfo lead to.
-/// 2^64 - 1 where they do not tell.
+/// The part of available_memory() that is read from files below `proc` (usually /proc): MemAvailable of meminfo, and
+/// the limits minus usage of every control group (versions 1 and 2) that self/cgroup and self/mountinfo lead to. 2^64 -
+/// 1 where they do not tell.
 std::uint64_t available_memory_in(const std::string& proc);
 
 /// a * b, or OutOfMemory that names `what` where it does not fit 64 bits.

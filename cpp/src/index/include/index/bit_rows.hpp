@@ -14,7 +14,8 @@ inline constexpr std::size_t word_bits = 64;
 /// Words that a row of n bits takes.
 [[nodiscard]] inline std::size_t words_for(std::size_t n) { return n / word_bits + (n % word_bits != 0 ? 1 : 0); }
 
-/// nk * nj rows of ni bits, all 0 at first; row (j, k) starts at a whole word. What the bits beyond ni hold means nothing.
+/// nk * nj rows of ni bits, all 0 at first; row (j, k) starts at a whole word. What the bits beyond ni hold means
+/// nothing.
 class BitRows {
   public:
     /// shape: {nk, nj, ni}. Throws OutOfMemory before anything is allocated.
@@ -50,7 +51,8 @@ class BitRows {
 }
 
 /// Calls visit(begin, end) for each run of set bits of a row, in order; runs do not touch.
-template <typename Visit> void for_each_run(const BitWord* row, std::size_t words, Visit&& visit) {
+template <typename Visit>
+void for_each_run(const BitWord* row, std::size_t words, Visit&& visit) {
     bool open = false;
     std::size_t begin = 0;
     for (std::size_t w = 0; w < words; ++w) {

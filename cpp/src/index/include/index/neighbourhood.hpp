@@ -10,10 +10,10 @@
 
 namespace sheetsplat {
 
-/// The set of offsets s - h between two samples for which there are points x and y, at most reach_world apart, with x inside
-/// the support of h and y inside that of s: the sum of a ball of two radii in index space and a ball of reach_world in
-/// world space. Exact for BCC and for equal spacing; for unequal spacing a little more.
-/// Where it is many samples wide, whole blocks of samples are decided together, which again can only add samples.
+/// The set of offsets s - h between two samples for which there are points x and y, at most reach_world apart, with x
+/// inside the support of h and y inside that of s: the sum of a ball of two radii in index space and a ball of
+/// reach_world in world space. Exact for BCC and for equal spacing; for unequal spacing a little more. Where it is many
+/// samples wide, whole blocks of samples are decided together, which again can only add samples.
 class Neighbourhood {
   public:
     /// reach_world >= 0, infinite allowed.
@@ -29,8 +29,8 @@ class Neighbourhood {
   private:
     /// How the rows of the source and of the target are shifted against each other along i (bcc).
     enum class Shift { none, target_half_up, target_half_down };
-    /// A bit at i reaches the bits of row (j + dj, k + dk) from i - half to i + half; shifted by a half, to one sample more
-    /// on the side where the target's samples are nearer.
+    /// A bit at i reaches the bits of row (j + dj, k + dk) from i - half to i + half; shifted by a half, to one sample
+    /// more on the side where the target's samples are nearer.
     struct RowOffset {
         std::ptrdiff_t dk, dj;
         std::size_t half;
@@ -46,11 +46,11 @@ class Neighbourhood {
                     std::vector<BitWord>& scratch, BitRows& spread) const;
 
     Lattice lattice_;
-    double two_radii_;       ///< index units (bcc: of a)
-    Vec3 reach_;             ///< reach_world along each axis, same units
+    double two_radii_; ///< index units (bcc: of a)
+    Vec3 reach_;       ///< reach_world along each axis, same units
     std::array<std::size_t, 3> block_{1, 1, 1};
     std::array<std::size_t, 3> blocks_{};
-    bool parity_ = false;    ///< bcc, layer by layer: odd layers are shifted by half a cell
+    bool parity_ = false;                            ///< bcc, layer by layer: odd layers are shifted by half a cell
     std::array<std::vector<RowOffsets>, 2> offsets_; ///< for even and odd k of the source; the same unless parity_
 };
 

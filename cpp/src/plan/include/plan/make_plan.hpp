@@ -62,6 +62,7 @@ struct DrawPlan {
     bool preshaded = false;
     bool culling = true;
     int slab_nodes = 0;            ///< quadrature nodes of slab means; 0: erf
+    int slab_pieces = 1;           ///< pieces that differences of slab means are integrated in
     double value_unit = 1.0;       ///< the amount of rho that sheets call 1
     Packing packing = Packing::wide;
     Tagging tagging = Tagging::off;

@@ -67,7 +67,8 @@ struct PixelBox {
 /// Makes the vertices of a batch for a tile. One template instance per sample type.
 class VertexMaker {
   public:
-    VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout);
+    /// wider_px: pixels by which every box is larger than the kernel (differences between neighbours reach one further).
+    VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout, int wider_px = 0);
 
     /// Writes a vertex for each of the samples that reach into the tile, calls touch(box) with the pixels it can touch, and drops it
     /// where touch returns false. Returns how many were written to `out` (room for `count`), and their boxes to `boxes` unless null.
@@ -94,6 +95,7 @@ class VertexMaker {
     const Frame* frame_;
     Tile tile_;
     BatchLayout layout_;
+    double wider_;               ///< pixels
     double half_x_, half_y_;     ///< orthographic: pixels
     double origin_x_, origin_y_; ///< of the optical axis in the tile's targets, pixels
 };

@@ -28,11 +28,13 @@ constexpr std::array<Workaround, 5> workarounds = {{
     {"no_float32_blend", [](const Capabilities& c) { return !c.float32_blend; },
      "32-bit floats cannot be summed by blending: what needs them is refused or drawn by another backend"},
     {"points_need_guard", [](const Capabilities& c) { return !c.points_reach_in; },
-     "a point is dropped when its centre leaves the viewport: the viewport is drawn larger than the target by a point's radius"},
+     "a point is dropped when its centre leaves the viewport: the viewport is drawn larger than the target by a "
+     "point's radius"},
     {"glsl_330_only", [](const Capabilities& c) { return !c.at_least(4, 0); },
      "the driver stops at OpenGL 3.3: shaders keep to GLSL 3.30 and storage is made by glTexImage2D"},
     {"cpu_stage_clock", [](const Capabilities& c) { return c.software || !c.timer_query; },
-     "timer queries are missing, or those of a software device, which disturb it and can be wrong: stages are timed by the clock"},
+     "timer queries are missing, or those of a software device, which disturb it and can be wrong: stages are timed by "
+     "the clock"},
 }};
 
 /// What the driver does, as far as it must be seen to be known. Pessimistic where the measurement itself fails.
@@ -64,7 +66,8 @@ constexpr int probe_size = 8; // pixels, both ways
 class Prober {
   public:
     explicit Prober(const Api& gl)
-        : gl_(gl), points_(gl), program_(gl, probe_files(), "probe.vert", "probe.frag", {}, "#version 330 core", {"color"}) {
+        : gl_(gl), points_(gl),
+          program_(gl, probe_files(), "probe.vert", "probe.frag", {}, "#version 330 core", {"color"}) {
         points_.bind();
         program_.use();
         gl.Enable(GL_PROGRAM_POINT_SIZE);
@@ -100,7 +103,8 @@ class Prober {
         return drawn;
     }
 
-    /// The largest size, of `claimed` and its halves, that a point really has: its right edge is put in the target's middle.
+    /// The largest size, of `claimed` and its halves, that a point really has: its right edge is put in the target's
+    /// middle.
     float max_point_size(float claimed, int max_viewport) {
         const Texture target(gl_, GL_RGBA32F, probe_size, probe_size);
         const Framebuffer framebuffer(gl_, {&target});
@@ -153,7 +157,8 @@ class Prober {
     Program program_;
 };
 
-template <class Value, class Measure> void measure(const Api& gl, Value& value, Measure of) {
+template <class Value, class Measure>
+void measure(const Api& gl, Value& value, Measure of) {
     try {
         value = of();
     } catch (const Error&) {
@@ -181,7 +186,8 @@ Probes probe(const Api& gl, float claimed_point_size, int max_viewport) {
         measure(gl, probes.float32_blend, [&] { return prober.blended(GL_RGBA32F, 1.0F, small) == 1.0F + small; });
         // Three quarters of float16's step at 1: to nearest, the sum is 1 and a step; cut off, it is 1.
         constexpr float step = 1.0F / 1024.0F;
-        measure(gl, probes.float16_blend_rounds, [&] { return prober.blended(GL_RGBA16F, 1.0F, 0.75F * step) == 1.0F + step; });
+        measure(gl, probes.float16_blend_rounds,
+                [&] { return prober.blended(GL_RGBA16F, 1.0F, 0.75F * step) == 1.0F + step; });
         measure(gl, probes.points_reach_in, [&] { return prober.points_reach_in(); });
         measure(gl, probes.max_point_size, [&] { return prober.max_point_size(claimed_point_size, max_viewport); });
         measure(gl, probes.depth_bits, [&] { return prober.depth_bits(); });
@@ -200,7 +206,7 @@ std::string text_of(const Api& gl, GLenum name) {
 }
 
 bool is_software(const std::string& renderer) {
-    static constexpr std::array<const char*, 6> names = {"llvmpipe", "softpipe",   "swrast",
+    static constexpr std::array<const char*, 6> names = {"llvmpipe", "softpipe", "swrast",
                                                          "SWR",      "Software", "SwiftShader"};
     return std::any_of(names.begin(), names.end(),
                        [&](const char* name) { return renderer.find(name) != std::string::npos; });
@@ -234,8 +240,9 @@ void apply_switches(Capabilities& capabilities) {
             for (const Switch& each : switches) {
                 known += (known.empty() ? "" : ",") + std::string(each.name);
             }
-            throw InvalidInput(Complaint{"SHEETSPLAT_GL_DISABLE names something that cannot be disabled", "\"" + name + "\"",
-                                         "names out of " + known + ", with commas between them", "correct or unset it"});
+            throw InvalidInput(Complaint{"SHEETSPLAT_GL_DISABLE names something that cannot be disabled",
+                                         "\"" + name + "\"", "names out of " + known + ", with commas between them",
+                                         "correct or unset it"});
         }
         found->off(capabilities);
     }
@@ -277,8 +284,8 @@ Capabilities read_capabilities(const Api& gl, const std::string& platform) {
     gl.GetIntegerv(GL_MINOR_VERSION, &c.version_minor);
     c.software = is_software(c.renderer);
     c.depth_bounds = gl.EXT_depth_bounds_test != 0 && gl.DepthBoundsEXT != nullptr;
-    c.texture_barrier = gl.TextureBarrier != nullptr &&
-                        (c.at_least(4, 5) || gl.ARB_texture_barrier != 0 || gl.NV_texture_barrier != 0);
+    c.texture_barrier =
+        gl.TextureBarrier != nullptr && (c.at_least(4, 5) || gl.ARB_texture_barrier != 0 || gl.NV_texture_barrier != 0);
     c.buffer_storage = gl.BufferStorage != nullptr && (c.at_least(4, 4) || gl.ARB_buffer_storage != 0);
     c.debug_output = gl.DebugMessageCallback != nullptr && (c.at_least(4, 3) || gl.KHR_debug != 0);
     GLint timer_bits = 0;
@@ -293,6 +300,7 @@ Capabilities read_capabilities(const Api& gl, const std::string& platform) {
     gl.GetIntegerv(GL_MAX_COLOR_ATTACHMENTS, &attachments);
     gl.GetIntegerv(GL_MAX_DRAW_BUFFERS, &c.max_draw_buffers);
     c.max_draw_buffers = std::min(c.max_draw_buffers, attachments);
+    gl.GetIntegerv(GL_MAX_TEXTURE_IMAGE_UNITS, &c.max_texture_units);
     GLfloat point_sizes[2] = {1.0F, 1.0F};
     gl.GetFloatv(GL_POINT_SIZE_RANGE, point_sizes);
 

@@ -44,8 +44,8 @@ std::string chosen_platform(const ContextOptions& options) {
         }
     }
     if (platform != "auto" && platform != "egl" && platform != "surfaceless" && platform != "osmesa") {
-        throw InvalidInput(Complaint{"no OpenGL platform has this name", place + " = \"" + platform + "\"", platform_names,
-                                     "choose one of these"});
+        throw InvalidInput(Complaint{"no OpenGL platform has this name", place + " = \"" + platform + "\"",
+                                     platform_names, "choose one of these"});
     }
     return platform;
 }
@@ -56,7 +56,8 @@ std::optional<int> chosen_device(const ContextOptions& options, const std::strin
         if (!by_device) {
             throw InvalidInput(Complaint{"an EGL device was asked for on a platform that has none",
                                          "device " + std::to_string(*options.egl_device) + ", platform " + platform,
-                                         "platform auto or egl together with a device", "leave the device out, or unset SHEETSPLAT_GL"});
+                                         "platform auto or egl together with a device",
+                                         "leave the device out, or unset SHEETSPLAT_GL"});
         }
         return options.egl_device;
     }
@@ -68,8 +69,8 @@ std::optional<int> chosen_device(const ContextOptions& options, const std::strin
     const char* end = variable.data() + variable.size();
     const auto [rest, error] = std::from_chars(variable.data(), end, number);
     if (error != std::errc() || rest != end || number < 0) {
-        throw InvalidInput(Complaint{"SHEETSPLAT_EGL_DEVICE is no device number", "\"" + variable + "\"", "a whole number from 0 on",
-                                     "unset it, or set it to the number of an EGL device"});
+        throw InvalidInput(Complaint{"SHEETSPLAT_EGL_DEVICE is no device number", "\"" + variable + "\"",
+                                     "a whole number from 0 on", "unset it, or set it to the number of an EGL device"});
     }
     return number;
 }
@@ -96,7 +97,8 @@ std::vector<std::size_t> preferred_order(const std::vector<EglDevice>& devices) 
 }
 
 // Calls attempt(Made) for every try until it returns true.
-template <class Take> bool try_egl(std::optional<int> device, bool debug, Take take) {
+template <class Take>
+bool try_egl(std::optional<int> device, bool debug, Take take) {
     std::string story;
     const std::vector<EglDevice> devices = egl_devices(story);
     if (devices.empty()) {
@@ -111,10 +113,12 @@ template <class Take> bool try_egl(std::optional<int> device, bool debug, Take t
         return take("egl", make_on_egl_device(static_cast<std::size_t>(*device), debug));
     }
     const std::vector<std::size_t> order = preferred_order(devices);
-    return std::any_of(order.begin(), order.end(), [&](std::size_t i) { return take("egl", make_on_egl_device(i, debug)); });
+    return std::any_of(order.begin(), order.end(),
+                       [&](std::size_t i) { return take("egl", make_on_egl_device(i, debug)); });
 }
 
-template <class Take> bool try_platform(const std::string& platform, std::optional<int> device, bool debug, Take take) {
+template <class Take>
+bool try_platform(const std::string& platform, std::optional<int> device, bool debug, Take take) {
     if (platform == "egl") {
         return try_egl(device, debug, take);
     }
@@ -142,15 +146,17 @@ std::unique_ptr<Context> Context::create(const ContextOptions& options) {
     };
     for (const char* each : all_platforms) {
         // A device number names an EGL device, so nothing else may stand in for it.
-        const bool tried = platform == each || (platform == "auto" && (!device.has_value() || std::string("egl") == each));
+        const bool tried =
+            platform == each || (platform == "auto" && (!device.has_value() || std::string("egl") == each));
         if (tried && try_platform(each, device, debug, take)) {
             return context;
         }
     }
-    throw DeviceUnavailable(Complaint{"no OpenGL context could be made", "these tries failed:" + stories,
-                                      "OpenGL 3.3 core by an EGL device, EGL surfaceless or OSMesa",
-                                      "install a driver (on Debian or Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri), or "
-                                      "use a backend that needs no OpenGL"});
+    throw DeviceUnavailable(
+        Complaint{"no OpenGL context could be made", "these tries failed:" + stories,
+                  "OpenGL 3.3 core by an EGL device, EGL surfaceless or OSMesa",
+                  "install a driver (on Debian or Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri), or "
+                  "use a backend that needs no OpenGL"});
 }
 
 std::vector<Attempt> Context::survey() {
@@ -213,8 +219,9 @@ Current::Current(Context& context) : context_(context), previous_(current_here) 
     if (current_here == &context) {
         return;
     }
-    // The other one is released first, and not merely replaced: OSMesa and Mesa's EGL share the thread's slot for the current
-    // context without telling each other, and EGL skips a call that asks for what it believes to be current already.
+    // The other one is released first, and not merely replaced: OSMesa and Mesa's EGL share the thread's slot for the
+    // current context without telling each other, and EGL skips a call that asks for what it believes to be current
+    // already.
     Context* previous = current_here;
     if (previous != nullptr) {
         previous->release();

@@ -77,12 +77,14 @@ struct Egl {
     std::string client_extensions; // of the library, before any display
 };
 
-template <class Function> bool find(const Library& library, const char* name, Function& function) {
+template <class Function>
+bool find(const Library& library, const char* name, Function& function) {
     function = reinterpret_cast<Function>(library.symbol(name));
     return function != nullptr;
 }
 
-template <class Function> void find_extension(const Egl& egl, const char* name, Function& function) {
+template <class Function>
+void find_extension(const Egl& egl, const char* name, Function& function) {
     function = reinterpret_cast<Function>(egl.get_proc_address(name));
 }
 
@@ -100,14 +102,14 @@ std::string text_or_empty(const char* text) { return text != nullptr ? text : ""
 
 const char* error_name(EglInt error) {
     static constexpr std::array<const char*, 15> names = {
-        "EGL_SUCCESS",       "EGL_NOT_INITIALIZED", "EGL_BAD_ACCESS",          "EGL_BAD_ALLOC",
-        "EGL_BAD_ATTRIBUTE", "EGL_BAD_CONFIG",      "EGL_BAD_CONTEXT",         "EGL_BAD_CURRENT_SURFACE",
-        "EGL_BAD_DISPLAY",   "EGL_BAD_MATCH",       "EGL_BAD_NATIVE_PIXMAP",   "EGL_BAD_NATIVE_WINDOW",
+        "EGL_SUCCESS",       "EGL_NOT_INITIALIZED", "EGL_BAD_ACCESS",        "EGL_BAD_ALLOC",
+        "EGL_BAD_ATTRIBUTE", "EGL_BAD_CONFIG",      "EGL_BAD_CONTEXT",       "EGL_BAD_CURRENT_SURFACE",
+        "EGL_BAD_DISPLAY",   "EGL_BAD_MATCH",       "EGL_BAD_NATIVE_PIXMAP", "EGL_BAD_NATIVE_WINDOW",
         "EGL_BAD_PARAMETER", "EGL_BAD_SURFACE",     "EGL_CONTEXT_LOST",
     };
     const EglInt index = error - success;
     return index >= 0 && index < static_cast<EglInt>(names.size()) ? names.at(static_cast<std::size_t>(index))
-                                                                     : "an unknown EGL error";
+                                                                   : "an unknown EGL error";
 }
 
 Egl load_egl() {
@@ -118,18 +120,17 @@ Egl load_egl() {
     if (library.handle == nullptr) {
         return egl;
     }
-    const bool whole = find(library, "eglGetProcAddress", egl.get_proc_address) &&
-                       find(library, "eglQueryString", egl.query_string) && find(library, "eglInitialize", egl.initialize) &&
-                       find(library, "eglGetError", egl.get_error) && find(library, "eglBindAPI", egl.bind_api) &&
-                       find(library, "eglQueryAPI", egl.query_api) && find(library, "eglChooseConfig", egl.choose_config) &&
-                       find(library, "eglCreateContext", egl.create_context) &&
-                       find(library, "eglDestroyContext", egl.destroy_context) &&
-                       find(library, "eglCreatePbufferSurface", egl.create_pbuffer_surface) &&
-                       find(library, "eglDestroySurface", egl.destroy_surface) &&
-                       find(library, "eglMakeCurrent", egl.make_current) &&
-                       find(library, "eglGetCurrentContext", egl.get_current_context) &&
-                       find(library, "eglGetCurrentDisplay", egl.get_current_display) &&
-                       find(library, "eglGetCurrentSurface", egl.get_current_surface);
+    const bool whole =
+        find(library, "eglGetProcAddress", egl.get_proc_address) && find(library, "eglQueryString", egl.query_string) &&
+        find(library, "eglInitialize", egl.initialize) && find(library, "eglGetError", egl.get_error) &&
+        find(library, "eglBindAPI", egl.bind_api) && find(library, "eglQueryAPI", egl.query_api) &&
+        find(library, "eglChooseConfig", egl.choose_config) && find(library, "eglCreateContext", egl.create_context) &&
+        find(library, "eglDestroyContext", egl.destroy_context) &&
+        find(library, "eglCreatePbufferSurface", egl.create_pbuffer_surface) &&
+        find(library, "eglDestroySurface", egl.destroy_surface) && find(library, "eglMakeCurrent", egl.make_current) &&
+        find(library, "eglGetCurrentContext", egl.get_current_context) &&
+        find(library, "eglGetCurrentDisplay", egl.get_current_display) &&
+        find(library, "eglGetCurrentSurface", egl.get_current_surface);
     if (!whole) {
         tell(egl.story, "but it lacks functions of EGL 1.4");
         return egl;
@@ -179,8 +180,9 @@ const InitialisedDisplay* initialise(const Egl& egl, Display display, std::strin
     EglInt major = 0;
     EglInt minor = 0;
     if (egl.initialize(display, &major, &minor) == 0) {
-        tell(story, std::string("eglInitialize failed with ") + error_name(egl.get_error()) +
-                        " (is there a driver for this device, and may this user open /dev/dri/renderD* or /dev/nvidia*?)");
+        tell(story,
+             std::string("eglInitialize failed with ") + error_name(egl.get_error()) +
+                 " (is there a driver for this device, and may this user open /dev/dri/renderD* or /dev/nvidia*?)");
         return nullptr;
     }
     InitialisedDisplay fresh;
@@ -207,7 +209,9 @@ class EglContext final : public NativeContext {
     EglContext(const EglContext&) = delete;
     EglContext& operator=(const EglContext&) = delete;
 
-    GLADapiproc address(const char* name) override { return reinterpret_cast<GLADapiproc>(egl_.get_proc_address(name)); }
+    GLADapiproc address(const char* name) override {
+        return reinterpret_cast<GLADapiproc>(egl_.get_proc_address(name));
+    }
 
   protected:
     void make_current() override {
@@ -283,7 +287,8 @@ struct BoundApi {
     EglEnum before;
     bool bound;
 
-    explicit BoundApi(const Egl& library) : egl(library), before(library.query_api()), bound(library.bind_api(opengl_api) != 0) {}
+    explicit BoundApi(const Egl& library)
+        : egl(library), before(library.query_api()), bound(library.bind_api(opengl_api) != 0) {}
     BoundApi(const BoundApi&) = delete;
     BoundApi& operator=(const BoundApi&) = delete;
     ~BoundApi() { egl.bind_api(before); }
@@ -305,7 +310,8 @@ Made make_on_display(const Egl& egl, Display display, const std::string& platfor
                                                     has_word(initialised->extensions, "EGL_MESA_configless_context"));
     Config config = nullptr;
     if (!without_config) {
-        const std::array<EglInt, 5> wanted = {surface_type, without_surface ? 0 : pbuffer_bit, renderable_type, opengl_bit, none};
+        const std::array<EglInt, 5> wanted = {surface_type, without_surface ? 0 : pbuffer_bit, renderable_type,
+                                              opengl_bit, none};
         EglInt count = 0;
         if (egl.choose_config(display, wanted.data(), &config, 1, &count) == 0 || count < 1) {
             tell(made.story, "there is no configuration for desktop OpenGL");
@@ -317,7 +323,7 @@ Made make_on_display(const Egl& egl, Display display, const std::string& platfor
     static constexpr std::array<std::array<EglInt, 2>, 4> versions = {{{4, 5}, {4, 3}, {4, 1}, {3, 3}}};
     const bool flags_by_extension = has_word(initialised->extensions, "EGL_KHR_create_context");
     for (const auto& version : versions) {
-        std::vector<EglInt> attributes = {context_major_version, version[0],           context_minor_version, version[1],
+        std::vector<EglInt> attributes = {context_major_version, version[0],      context_minor_version, version[1],
                                           context_profile_mask,  core_profile_bit};
         if (debug) {
             attributes.push_back(flags_by_extension ? context_flags_khr : context_opengl_debug);
@@ -379,8 +385,9 @@ std::vector<Device> list_devices(const Egl& egl, std::string& story) {
     }
     devices.resize(static_cast<std::size_t>(count > 0 ? count : 0));
     if (devices.empty()) {
-        tell(story, "it lists no devices (a driver for it may be missing: on Debian or Ubuntu apt-get install libegl-mesa0 "
-                    "libgl1-mesa-dri)");
+        tell(story,
+             "it lists no devices (a driver for it may be missing: on Debian or Ubuntu apt-get install libegl-mesa0 "
+             "libgl1-mesa-dri)");
     }
     return devices;
 }

@@ -67,19 +67,21 @@ std::string hexadecimal(GLenum value) {
 }
 
 const Format& format_of(GLenum internal) {
-    const auto* found = std::find_if(formats.begin(), formats.end(), [&](const Format& each) { return each.internal == internal; });
+    const auto* found =
+        std::find_if(formats.begin(), formats.end(), [&](const Format& each) { return each.internal == internal; });
     if (found == formats.end()) {
-        throw InvalidInput(Complaint{"a texture cannot have this internal format", hexadecimal(internal),
-                                     "a sized format of colour or depth, such as GL_RGBA32F (" + hexadecimal(GL_RGBA32F) + ")",
-                                     "add it to the table in gl/objects.cpp if OpenGL 3.3 has it"});
+        throw InvalidInput(
+            Complaint{"a texture cannot have this internal format", hexadecimal(internal),
+                      "a sized format of colour or depth, such as GL_RGBA32F (" + hexadecimal(GL_RGBA32F) + ")",
+                      "add it to the table in gl/objects.cpp if OpenGL 3.3 has it"});
     }
     return *found;
 }
 
 std::string in_pixels(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
-// Making and filling a texture binds it; that happens at the last unit that OpenGL 3.3 promises, so that the bindings that
-// passes work with stay as they are.
+// Making and filling a texture binds it; that happens at the last unit that OpenGL 3.3 promises, so that the bindings
+// that passes work with stay as they are.
 constexpr int work_unit = 15;
 
 void bind_for_work(const Api& gl, GLuint name) {
@@ -92,7 +94,8 @@ const char* status_in_words(GLenum status) {
     case GL_FRAMEBUFFER_UNDEFINED:
         return "GL_FRAMEBUFFER_UNDEFINED: there is no default framebuffer";
     case GL_FRAMEBUFFER_INCOMPLETE_ATTACHMENT:
-        return "GL_FRAMEBUFFER_INCOMPLETE_ATTACHMENT: an attachment's format cannot be drawn to, or is not of the kind (colour, depth) "
+        return "GL_FRAMEBUFFER_INCOMPLETE_ATTACHMENT: an attachment's format cannot be drawn to, or is not of the kind "
+               "(colour, depth) "
                "that it is attached as";
     case GL_FRAMEBUFFER_INCOMPLETE_MISSING_ATTACHMENT:
         return "GL_FRAMEBUFFER_INCOMPLETE_MISSING_ATTACHMENT: it has no attachments";
@@ -195,16 +198,19 @@ Texture::Texture(const Api& gl, GLenum internal_format, int width, int height)
     if (gl.VERSION_4_2 != 0) {
         gl.TexStorage2D(GL_TEXTURE_2D, 1, internal_format, width, height);
     } else {
-        gl.TexImage2D(GL_TEXTURE_2D, 0, static_cast<GLint>(internal_format), width, height, 0, format.format, format.type, nullptr);
+        gl.TexImage2D(GL_TEXTURE_2D, 0, static_cast<GLint>(internal_format), width, height, 0, format.format,
+                      format.type, nullptr);
     }
     const GlErrors errors = take_errors(gl);
     if (errors.out_of_memory) {
         throw OutOfMemory(Complaint{"the device has no memory for a texture",
-                                    std::string(format.name) + ", " + in_pixels(width, height) + ": " + std::to_string(bytes()) + " bytes",
+                                    std::string(format.name) + ", " + in_pixels(width, height) + ": " +
+                                        std::to_string(bytes()) + " bytes",
                                     "", "render smaller tiles, or free memory of the device"});
     }
     if (!errors.names.empty()) {
-        throw Error(Complaint{"a texture could not be made", std::string(format.name) + ", " + in_pixels(width, height) + ": " + errors.names,
+        throw Error(Complaint{"a texture could not be made",
+                              std::string(format.name) + ", " + in_pixels(width, height) + ": " + errors.names,
                               "no error", ""});
     }
 }
@@ -239,8 +245,8 @@ Framebuffer::Framebuffer(const Api& gl, const std::vector<const Texture*>& color
     gl.GetIntegerv(GL_MAX_DRAW_BUFFERS, &most_buffers);
     const auto most = static_cast<std::size_t>(std::min(most_colors, most_buffers));
     if (colors.size() > most) {
-        throw Unsupported(Complaint{"a framebuffer has more colour attachments than this device draws to", std::to_string(colors.size()),
-                                    "at most " + std::to_string(most), ""});
+        throw Unsupported(Complaint{"a framebuffer has more colour attachments than this device draws to",
+                                    std::to_string(colors.size()), "at most " + std::to_string(most), ""});
     }
     GLint draw_before = 0;
     GLint read_before = 0;
@@ -264,8 +270,8 @@ Framebuffer::Framebuffer(const Api& gl, const std::vector<const Texture*>& color
     }
     if (depth != nullptr) {
         const bool with_stencil = format_of(depth->internal_format()).format == GL_DEPTH_STENCIL;
-        gl.FramebufferTexture2D(GL_FRAMEBUFFER, with_stencil ? GL_DEPTH_STENCIL_ATTACHMENT : GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D,
-                                depth->name(), 0);
+        gl.FramebufferTexture2D(GL_FRAMEBUFFER, with_stencil ? GL_DEPTH_STENCIL_ATTACHMENT : GL_DEPTH_ATTACHMENT,
+                                GL_TEXTURE_2D, depth->name(), 0);
     }
     if (draw_buffers.empty()) {
         gl.DrawBuffer(GL_NONE);
@@ -303,7 +309,8 @@ void Buffer::bind() const { handle_.api().BindBuffer(target_, name()); }
 
 void* Buffer::map(std::size_t bytes) {
     const Api& gl = handle_.api();
-    // Its contents pass through a target that no drawing reads: GL_ELEMENT_ARRAY_BUFFER would change the bound vertex array.
+    // Its contents pass through a target that no drawing reads: GL_ELEMENT_ARRAY_BUFFER would change the bound vertex
+    // array.
     gl.BindBuffer(GL_COPY_WRITE_BUFFER, name());
     std::size_t capacity = std::max<std::size_t>(capacity_, 1);
     if (bytes > capacity) {
@@ -314,8 +321,8 @@ void* Buffer::map(std::size_t bytes) {
     const auto refuse = [&](const std::string& found) {
         // What the driver keeps of it is not defined any more.
         capacity_ = 0;
-        throw OutOfMemory(Complaint{"the device has no memory for a buffer", std::to_string(bytes) + " bytes: " + found, "",
-                                    "draw fewer kernels at once, or free memory of the device"});
+        throw OutOfMemory(Complaint{"the device has no memory for a buffer", std::to_string(bytes) + " bytes: " + found,
+                                    "", "draw fewer kernels at once, or free memory of the device"});
     };
     if (capacity > most) {
         refuse("more than an address can name");
@@ -345,8 +352,8 @@ void Buffer::unmap() {
     gl.BindBuffer(GL_COPY_WRITE_BUFFER, name());
     if (gl.UnmapBuffer(GL_COPY_WRITE_BUFFER) == GL_FALSE) {
         check_errors(gl, "handing over a buffer");
-        throw Error(Complaint{"the driver lost the contents of a buffer while they were written", "glUnmapBuffer gave GL_FALSE", "",
-                              "render again"});
+        throw Error(Complaint{"the driver lost the contents of a buffer while they were written",
+                              "glUnmapBuffer gave GL_FALSE", "", "render again"});
     }
 }
 
@@ -372,15 +379,16 @@ AsyncReadback::AsyncReadback(const Api& gl, std::size_t bytes) : api_(&gl), capa
     gl.GenBuffers(1, &name);
     buffer_ = Handle<delete_buffer>(gl, name);
     if (bytes > static_cast<std::size_t>(std::numeric_limits<GLsizeiptr>::max())) {
-        throw OutOfMemory(Complaint{"a read-back buffer is too large", std::to_string(bytes) + " bytes", "", "read smaller tiles"});
+        throw OutOfMemory(
+            Complaint{"a read-back buffer is too large", std::to_string(bytes) + " bytes", "", "read smaller tiles"});
     }
     gl.BindBuffer(GL_PIXEL_PACK_BUFFER, name);
     gl.BufferData(GL_PIXEL_PACK_BUFFER, static_cast<GLsizeiptr>(bytes), nullptr, GL_STREAM_READ);
     gl.BindBuffer(GL_PIXEL_PACK_BUFFER, 0);
     const GlErrors errors = take_errors(gl);
     if (!errors.names.empty()) {
-        throw OutOfMemory(Complaint{"the device has no memory for a read-back buffer", std::to_string(bytes) + " bytes: " + errors.names,
-                                    "", "read smaller tiles"});
+        throw OutOfMemory(Complaint{"the device has no memory for a read-back buffer",
+                                    std::to_string(bytes) + " bytes: " + errors.names, "", "read smaller tiles"});
     }
 }
 
@@ -412,19 +420,21 @@ void AsyncReadback::forget() noexcept {
 
 void AsyncReadback::start(int attachment, int x, int y, int width, int height, GLenum format, GLenum type) {
     if (!buffer_) {
-        throw Error(Complaint{"a read-back was started that has no buffer", "an empty AsyncReadback", "one made with a size", ""});
+        throw Error(Complaint{"a read-back was started that has no buffer", "an empty AsyncReadback",
+                              "one made with a size", ""});
     }
     const std::size_t texel = channels_of(format) * channel_bytes(type);
     if (texel == 0 || width < 1 || height < 1 || attachment < 0) {
         throw InvalidInput(Complaint{"these pixels cannot be read back",
-                                     in_pixels(width, height) + " of attachment " + std::to_string(attachment) + ", format " +
-                                         hexadecimal(format) + ", type " + hexadecimal(type),
+                                     in_pixels(width, height) + " of attachment " + std::to_string(attachment) +
+                                         ", format " + hexadecimal(format) + ", type " + hexadecimal(type),
                                      "at least 1 x 1 pixels in plain channels of 1, 2 or 4 bytes", ""});
     }
     const std::size_t bytes = static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * texel;
     if (bytes > capacity_) {
         throw InvalidInput(Complaint{"the read-back buffer is too small", std::to_string(capacity_) + " bytes",
-                                     std::to_string(bytes) + " bytes for " + in_pixels(width, height) + " pixels", "make it larger"});
+                                     std::to_string(bytes) + " bytes for " + in_pixels(width, height) + " pixels",
+                                     "make it larger"});
     }
     const Api& gl = *api_;
     forget();
@@ -451,7 +461,8 @@ bool AsyncReadback::ready() const {
 
 void AsyncReadback::fetch(void* out, std::size_t bytes) {
     if (fence_ == nullptr) {
-        throw Error(Complaint{"there are no pixels to fetch", "no read-back was started", "start() before fetch()", ""});
+        throw Error(
+            Complaint{"there are no pixels to fetch", "no read-back was started", "start() before fetch()", ""});
     }
     if (bytes > started_) {
         throw InvalidInput(Complaint{"more pixels were asked for than were read back", std::to_string(bytes) + " bytes",

@@ -33,7 +33,8 @@ struct Osmesa {
     std::string story;
 };
 
-template <class Function> bool find(const Library& library, const char* name, Function& function) {
+template <class Function>
+bool find(const Library& library, const char* name, Function& function) {
     function = reinterpret_cast<Function>(library.symbol(name));
     return function != nullptr;
 }
@@ -51,9 +52,10 @@ Osmesa load(const std::string& path) {
     const Library library = open_library(path.empty() ? usual.data() : given.data());
     osmesa.story = path.empty() ? library.story : "SHEETSPLAT_OSMESA: " + library.story;
     if (library.handle == nullptr) {
-        tell(osmesa.story, path.empty() ? "install it (on Debian 12 or Ubuntu 24.04: apt-get install libosmesa6), or set "
-                                          "SHEETSPLAT_OSMESA to the path of a libOSMesa (the PyPI wheel lavavu-osmesa has one)"
-                                        : "set SHEETSPLAT_OSMESA to the path of a libOSMesa, or unset it");
+        tell(osmesa.story, path.empty()
+                               ? "install it (on Debian 12 or Ubuntu 24.04: apt-get install libosmesa6), or set "
+                                 "SHEETSPLAT_OSMESA to the path of a libOSMesa (the PyPI wheel lavavu-osmesa has one)"
+                               : "set SHEETSPLAT_OSMESA to the path of a libOSMesa, or unset it");
         return osmesa;
     }
     osmesa.usable = find(library, "OSMesaCreateContextAttribs", osmesa.create_context) &&
@@ -66,8 +68,8 @@ Osmesa load(const std::string& path) {
     return osmesa;
 }
 
-// Entries are never destroyed or changed, so references to them stay good for contexts of any lifetime. A failure is not
-// kept: the library may be installed, or the variable set right, while the process runs.
+// Entries are never destroyed or changed, so references to them stay good for contexts of any lifetime. A failure is
+// not kept: the library may be installed, or the variable set right, while the process runs.
 const Osmesa& osmesa_library(std::string& story) {
     static std::map<std::string, const Osmesa*>& loaded = *new std::map<std::string, const Osmesa*>;
     static const Osmesa& unusable = *new Osmesa;
@@ -131,10 +133,9 @@ Made make_osmesa(bool debug) {
     static constexpr std::array<std::array<int, 2>, 4> versions = {{{4, 5}, {4, 3}, {4, 1}, {3, 3}}};
     NativeOsmesaContext native = nullptr;
     for (const auto& version : versions) {
-        const std::array<int, 15> attributes = {format_attribute, rgba_format,     depth_bits,      0,
-                                                stencil_bits,     0,               accum_bits,      0,
-                                                profile_attribute, core_profile,   major_attribute, version[0],
-                                                minor_attribute,  version[1],      0};
+        const std::array<int, 15> attributes = {
+            format_attribute,  rgba_format,  depth_bits,      0,          stencil_bits,    0,          accum_bits, 0,
+            profile_attribute, core_profile, major_attribute, version[0], minor_attribute, version[1], 0};
         const std::lock_guard<std::mutex> lock(osmesa_mutex());
         native = osmesa.create_context(attributes.data(), nullptr);
         if (native != nullptr) {

@@ -15,7 +15,8 @@ class NativeContext : public Context {
   public:
     /// The address of a GL function; asked for with the context current.
     virtual GLADapiproc address(const char* name) = 0;
-    /// Loads the functions, fills the capabilities and starts to keep debug messages. Throws Error, where it is no OpenGL 3.3.
+    /// Loads the functions, fills the capabilities and starts to keep debug messages. Throws Error, where it is no
+    /// OpenGL 3.3.
     void set_up(const std::string& platform, bool debug);
 
   protected:

@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cctype>
+#include <charconv>
 #include <optional>
-#include <regex>
 #include <set>
 #include <sstream>
+#include <string_view>
 
 #include "platforms.hpp"
 #include "sheetsplat/error.hpp"
@@ -77,7 +78,8 @@ std::optional<Directive> directive_of(const std::string& line) {
 
 bool is_identifier(const std::string& text) {
     const auto fits = [](char c) { return c == '_' || std::isalnum(static_cast<unsigned char>(c)) != 0; };
-    return !text.empty() && std::isdigit(static_cast<unsigned char>(text.front())) == 0 && std::all_of(text.begin(), text.end(), fits);
+    return !text.empty() && std::isdigit(static_cast<unsigned char>(text.front())) == 0 &&
+           std::all_of(text.begin(), text.end(), fits);
 }
 
 // 1 where the directive opens a group that only C++ reads, 0 where one that only GLSL reads, none for any other.
@@ -131,8 +133,8 @@ class Preprocessor {
         }
         return path;
     }
-    // True where the compiler has certainly seen the file when it reads on here: it was included outside of any condition, or
-    // in a branch that is still open.
+    // True where the compiler has certainly seen the file when it reads on here: it was included outside of any
+    // condition, or in a branch that is still open.
     [[nodiscard]] bool seen(const std::string& file) const {
         const auto found = included_in_.find(file);
         const std::vector<int> here = branches();
@@ -196,7 +198,8 @@ void Preprocessor::include(const Directive& directive, const std::string& from, 
     const std::string& quoted = directive.rest;
     const std::string place = from + ":" + std::to_string(line);
     if (quoted.size() < 3 || quoted.front() != '"' || quoted.find('"', 1) != quoted.size() - 1) {
-        throw Error(Complaint{"a shader's #include could not be read", place + ": #include " + quoted, "#include \"lib/x.glsl\"", ""});
+        throw Error(Complaint{"a shader's #include could not be read", place + ": #include " + quoted,
+                              "#include \"lib/x.glsl\"", ""});
     }
     const std::string file = quoted.substr(1, quoted.size() - 2);
     if (std::find(open_.begin(), open_.end(), file) != open_.end()) {
@@ -204,14 +207,15 @@ void Preprocessor::include(const Directive& directive, const std::string& from, 
         for (const std::string& each : open_) {
             chain += each + " -> ";
         }
-        throw Error(Complaint{"a shader file includes itself", place + ": " + chain + file, "includes without a circle", ""});
+        throw Error(
+            Complaint{"a shader file includes itself", place + ": " + chain + file, "includes without a circle", ""});
     }
     if (seen(file)) {
         text_ += "\n";
         return;
     }
-    // Where an earlier include stands in a branch that the compiler may or may not take, only the compiler knows whether
-    // this one is the first.
+    // Where an earlier include stands in a branch that the compiler may or may not take, only the compiler knows
+    // whether this one is the first.
     const std::vector<int> here = branches();
     const bool guarded = !here.empty() || included_in_.count(file) != 0;
     included_in_[file].push_back(here);
@@ -233,9 +237,10 @@ void Preprocessor::expand(const std::string& file, const std::string& included_f
         for (const auto& each : files_) {
             known += (known.empty() ? "" : ", ") + each.first;
         }
-        throw Error(Complaint{"a shader file is missing",
-                              "\"" + file + "\"" + (included_from.empty() ? std::string() : ", included at " + included_from),
-                              "one of " + (known.empty() ? std::string("no files at all") : known), "correct the name"});
+        throw Error(
+            Complaint{"a shader file is missing",
+                      "\"" + file + "\"" + (included_from.empty() ? std::string() : ", included at " + included_from),
+                      "one of " + (known.empty() ? std::string("no files at all") : known), "correct the name"});
     }
     text_ += "#line 1 " + std::to_string(number_of(file)) + "\n";
     open_.push_back(file);
@@ -249,9 +254,11 @@ void Preprocessor::expand(const std::string& file, const std::string& included_f
         // A line inside of, or opening, a comment of several lines is passed on whole: the comment must stay balanced.
         const std::optional<Directive> directive = comment_before || in_comment ? std::nullopt : directive_of(code);
         const std::string word = directive ? directive->word : std::string();
-        if (word == "if" || word == "ifdef" || word == "ifndef" || word == "else" || word == "elif" || word == "endif") {
+        if (word == "if" || word == "ifdef" || word == "ifndef" || word == "else" || word == "elif" ||
+            word == "endif") {
             if (word != "if" && word != "ifdef" && word != "ifndef" && groups_.size() <= outer_groups) {
-                throw Error(Complaint{"a shader file could not be read", file + ":" + std::to_string(number) + ": #" + word + " without #if",
+                throw Error(Complaint{"a shader file could not be read",
+                                      file + ":" + std::to_string(number) + ": #" + word + " without #if",
                                       "conditions that begin and end in one file", ""});
             }
             text_ += group_line(*directive, line) + "\n";
@@ -266,10 +273,64 @@ void Preprocessor::expand(const std::string& file, const std::string& included_f
         }
     }
     if (groups_.size() != outer_groups || in_comment) {
-        throw Error(Complaint{"a shader file could not be read", file + (in_comment ? " ends inside a comment" : " ends inside an #if"),
+        throw Error(Complaint{"a shader file could not be read",
+                              file + (in_comment ? " ends inside a comment" : " ends inside an #if"),
                               "conditions and comments that begin and end in one file", ""});
     }
     open_.pop_back();
+}
+
+// Reads `text` from the left, piece by piece.
+class Reader {
+  public:
+    explicit Reader(std::string_view text) : rest_(text) {}
+
+    bool take(std::string_view piece) {
+        const bool there = rest_.substr(0, piece.size()) == piece;
+        rest_.remove_prefix(there ? piece.size() : 0);
+        return there;
+    }
+    bool take_number(std::size_t& number) {
+        const char* end = rest_.data() + rest_.size();
+        const auto [after, error] = std::from_chars(rest_.data(), end, number);
+        rest_.remove_prefix(static_cast<std::size_t>(after - rest_.data()));
+        return error == std::errc();
+    }
+    [[nodiscard]] std::string rest() const { return trimmed(std::string(rest_)); }
+
+  private:
+    std::string_view rest_;
+};
+
+// The place that a line of a compiler's message names.
+struct Place {
+    std::size_t source = 0;
+    std::size_t line = 0;
+    std::string message;
+};
+
+std::optional<Place> place_of(const std::string& text) {
+    Place place;
+    std::size_t column = 0;
+    Reader mesa(text); // 0:12(5): error: text
+    if (mesa.take_number(place.source) && mesa.take(":") && mesa.take_number(place.line) && mesa.take("(") &&
+        mesa.take_number(column) && mesa.take("):")) {
+        place.message = mesa.rest();
+        return place;
+    }
+    Reader nvidia(text); // 0(12) : error C1008: text
+    if (nvidia.take_number(place.source) && nvidia.take("(") && nvidia.take_number(place.line) && nvidia.take(")") &&
+        (nvidia.take(" :") || nvidia.take(":"))) {
+        place.message = nvidia.rest();
+        return place;
+    }
+    Reader glslang(text); // ERROR: 0:12: text
+    if ((glslang.take("ERROR: ") || glslang.take("WARNING: ")) && glslang.take_number(place.source) &&
+        glslang.take(":") && glslang.take_number(place.line) && glslang.take(":")) {
+        place.message = glslang.rest();
+        return place;
+    }
+    return std::nullopt;
 }
 
 std::string listed(const Defines& defines) {
@@ -300,8 +361,8 @@ std::string program_log(const Api& gl, GLuint program) {
     return log;
 }
 
-Handle<delete_shader> compile(const Api& gl, GLenum stage, const StageSource& source, const SourceFiles& files, const std::string& file,
-                              const Defines& defines) {
+Handle<delete_shader> compile(const Api& gl, GLenum stage, const StageSource& source, const SourceFiles& files,
+                              const std::string& file, const Defines& defines) {
     Handle<delete_shader> shader(gl, gl.CreateShader(stage));
     const GLchar* text = source.text.data();
     const auto length = static_cast<GLint>(source.text.size());
@@ -319,11 +380,6 @@ Handle<delete_shader> compile(const Api& gl, GLenum stage, const StageSource& so
 } // namespace
 
 std::string translate_log(const std::string& log, const StageSource& source, const SourceFiles& files) {
-    // Mesa: 0:12(5): error: text      NVIDIA: 0(12) : error C1008: text      glslang: ERROR: 0:12: text
-    static const std::regex mesa(R"(^(\d+):(\d+)\(\d+\):\s*(.*)$)");
-    static const std::regex nvidia(R"(^(\d+)\((\d+)\)\s*:\s*(.*)$)");
-    static const std::regex glslang(R"(^(?:ERROR|WARNING):\s*(\d+):(\d+):\s*(.*)$)");
-    // A message may have as many lines as the source has faults; the first ones say enough.
     constexpr std::size_t most_lines = 40;
     std::string text;
     std::size_t count = 0;
@@ -331,35 +387,28 @@ std::string translate_log(const std::string& log, const StageSource& source, con
         if (line.empty() || ++count > most_lines) {
             continue;
         }
-        std::smatch parts;
-        text += "\n  ";
-        const bool placed = line.size() < 2000 && (std::regex_match(line, parts, mesa) || std::regex_match(line, parts, nvidia) ||
-                                                   std::regex_match(line, parts, glslang));
-        if (!placed || parts[1].length() > 6 || parts[2].length() > 9) {
-            text += line;
+        const std::optional<Place> place = place_of(line);
+        if (!place || place->source >= source.files_used.size()) {
+            text += "\n  " + line;
             continue;
         }
-        const auto index = static_cast<std::size_t>(std::stoul(parts[1].str()));
-        const auto number = static_cast<std::size_t>(std::stoul(parts[2].str()));
-        if (index >= source.files_used.size()) {
-            text += line;
-            continue;
-        }
-        const std::string& file = source.files_used[index];
-        text += file + ":" + std::to_string(number) + ": " + parts[3].str();
+        const std::string& file = source.files_used[place->source];
+        text += "\n  " + file + ":" + std::to_string(place->line) + ": " + place->message;
         const std::vector<std::string> lines = lines_of(files.at(file));
-        if (number >= 1 && number <= lines.size()) {
-            text += "\n      " + std::to_string(number) + " | " + lines[number - 1];
+        if (place->line >= 1 && place->line <= lines.size()) {
+            text += "\n      " + std::to_string(place->line) + " | " + lines[place->line - 1];
         }
     }
     return text;
 }
 
-StageSource preprocess(const SourceFiles& files, const std::string& file, const std::string& version_line, const Defines& defines) {
+StageSource preprocess(const SourceFiles& files, const std::string& file, const std::string& version_line,
+                       const Defines& defines) {
     std::string head = version_line + "\n";
     for (const auto& [name, value] : defines) {
         if (!is_identifier(name) || value.find_first_of("\r\n") != std::string::npos) {
-            throw Error(Complaint{"a shader cannot have this define", "\"" + name + "\" = \"" + value + "\"", "an identifier and one line", ""});
+            throw Error(Complaint{"a shader cannot have this define", "\"" + name + "\" = \"" + value + "\"",
+                                  "an identifier and one line", ""});
         }
         head += "#define " + name + " " + value + "\n";
     }
@@ -368,8 +417,9 @@ StageSource preprocess(const SourceFiles& files, const std::string& file, const 
     return preprocessor.take(std::move(head));
 }
 
-Program::Program(const Api& gl, const SourceFiles& files, const std::string& vertex_file, const std::string& fragment_file,
-                 const Defines& defines, const std::string& version_line, const std::vector<std::string>& outputs) {
+Program::Program(const Api& gl, const SourceFiles& files, const std::string& vertex_file,
+                 const std::string& fragment_file, const Defines& defines, const std::string& version_line,
+                 const std::vector<std::string>& outputs) {
     const StageSource vertex_source = preprocess(files, vertex_file, version_line, defines);
     const StageSource fragment_source = preprocess(files, fragment_file, version_line, defines);
     check_errors(gl, "before a program was made");
@@ -389,7 +439,8 @@ Program::Program(const Api& gl, const SourceFiles& files, const std::string& ver
     GLint linked = GL_FALSE;
     gl.GetProgramiv(name(), GL_LINK_STATUS, &linked);
     if (linked != GL_TRUE) {
-        throw Error(Complaint{"the shaders " + vertex_file + " and " + fragment_file + " do not link (defines: " + listed(defines) + ")",
+        throw Error(Complaint{"the shaders " + vertex_file + " and " + fragment_file +
+                                  " do not link (defines: " + listed(defines) + ")",
                               program_log(gl, name()), "", ""});
     }
     check_errors(gl, "making a program");
@@ -416,7 +467,9 @@ void Program::set_matrix2(const std::string& uniform, float a, float b, float c,
     handle_.api().UniformMatrix2fv(location(uniform), 1, GL_FALSE, columns);
 }
 
-void Program::set(const std::string& uniform, float x, float y) const { handle_.api().Uniform2f(location(uniform), x, y); }
+void Program::set(const std::string& uniform, float x, float y) const {
+    handle_.api().Uniform2f(location(uniform), x, y);
+}
 
 void Program::set(const std::string& uniform, float x, float y, float z) const {
     handle_.api().Uniform3f(location(uniform), x, y, z);

@@ -7,8 +7,8 @@ namespace sheetsplat::gl {
 void delete_query(const Api& gl, GLuint name) { gl.DeleteQueries(1, &name); }
 
 StageTimer::StageTimer(const Api& gl, const Capabilities& capabilities, bool enabled, bool exact)
-    // llvmpipe and softpipe answer timer queries, but each one ends the batch of drawing that they have put off, and an answer
-    // of llvmpipe (22.3) is at times the time since the machine was switched on.
+    // llvmpipe and softpipe answer timer queries, but each one ends the batch of drawing that they have put off, and an
+    // answer of llvmpipe (22.3) is at times the time since the machine was switched on.
     : api_(&gl), enabled_(enabled), queries_(capabilities.timer_query && !capabilities.software), exact_(exact) {}
 
 StageTimer::~StageTimer() {

@@ -36,6 +36,9 @@ std::string reason_of(int error) { return std::generic_category().message(error)
 class WholeFile {
   public:
     explicit WholeFile(const std::string& path) : path_(path), target_(path) {
+        if (path_.empty()) {
+            refuse_file("\"\"", "an empty file name");
+        }
         std::error_code error;
         const fs::file_status status = fs::status(target_, error);
         if (fs::exists(status)) {

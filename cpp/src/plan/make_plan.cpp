@@ -266,7 +266,12 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         return plan;
     }
 
-    plan.packing = options.packing == Packing::automatic ? Packing::wide : options.packing;
+    // Differences of values and of weights of two sheets at once would take more texture units than every device has.
+    const bool crowded = plan.fine_gradient && plan.threshold;
+    plan.packing = options.packing == Packing::automatic ? crowded ? Packing::paper : Packing::wide : options.packing;
+    if (crowded && plan.packing == Packing::wide && capabilities->max_texture_units <= 20) {
+        throw Unsupported(Complaint{"the plan cannot be made", "packing wide for a close-up of a field with normalization threshold, which needs 21 texture units of " + std::to_string(capabilities->max_texture_units), "packing auto or paper", "leave packing to the plan"});
+    }
     plan.tagging = choose_tagging(options, *capabilities);
     plan.precision = options.precision == Precision::automatic ? Precision::float32 : options.precision;
     if (plan.precision == Precision::float64) {

@@ -27,17 +27,17 @@ void check_size(Size size) {
 }
 
 void check_memory(Size size, const Scene& scene, const Request& request, std::size_t pictures) {
-    const std::uint64_t with_border =
+    // One product, so that no sum of two can run over: pictures lack the border, but that is little.
+    const std::uint64_t pixels =
         static_cast<std::uint64_t>(size.width + 2LL) * static_cast<std::uint64_t>(size.height + 2LL);
-    const std::uint64_t pixels = static_cast<std::uint64_t>(size.width) * static_cast<std::uint64_t>(size.height);
     const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
     const std::uint64_t a_sheet = sizeof(double) + 1 + (request.coverage ? sizeof(double) : 0);
     const std::uint64_t a_picture =
-        ((scalar ? 1 : 4) + (request.coverage ? 1U : 0U) + (request.depth ? 1U : 0U)) * sizeof(double);
+        ((scalar ? 1U : 4U) + (request.coverage ? 1U : 0U) + (request.depth ? 1U : 0U)) * sizeof(double);
+    const std::uint64_t scratch = 2 * sizeof(double);
     const std::string what = "the reference's sheets and picture";
-    require_memory(checked_product(with_border, sheets_in_window * a_sheet + 2 * sizeof(double), what) +
-                       checked_product(pixels, a_picture * pictures, what),
-                   what, "Ask for a smaller picture.");
+    require_memory(checked_product(pixels, sheets_in_window * a_sheet + scratch + pictures * a_picture, what), what,
+                   "Ask for a smaller picture.");
 }
 
 bool opaque_at_zero(const Scene& scene, const std::vector<Nudge>& nudges) {

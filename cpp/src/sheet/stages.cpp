@@ -38,16 +38,18 @@ BatchLayout make_layout(const DrawPlan& plan) {
 
 gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, bool weights_alone) {
     const bool general = plan.general || view.sheared;
+    const bool separable = plan.sampling == Sampling::point && !general && !plan.fine_gradient && view.extent_x == view.extent_y;
     gl::Defines defines;
     if (plan.sampling == Sampling::slab) {
         defines["SLAB"] = on;
         defines["SLAB_NODES"] = std::to_string(plan.slab_nodes);
         defines["SLAB_PIECES"] = std::to_string(plan.slab_pieces);
     }
-    const std::array<std::pair<const char*, bool>, 10> switches{{
+    const std::array<std::pair<const char*, bool>, 11> switches{{
         {"GENERAL", general},
         {"PERSPECTIVE", plan.projection == Projection::perspective},
-        {"SEPARABLE", plan.sampling == Sampling::point && !general && !plan.fine_gradient},
+        {"SEPARABLE", separable},
+        {"NONNEGATIVE", separable && !plan.weight && view.field != nullptr && view.field->value_range()[0] >= 0.0},
         {"TWO_TARGETS", plan.packing == Packing::wide},
         {"POINTS", plan.points},
         {"FINE", plan.fine_gradient},

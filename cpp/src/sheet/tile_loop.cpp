@@ -18,6 +18,8 @@ constexpr std::int64_t opacity_buffer_period = 10;
 /// Tags are multiples of tag_step below 1, so that a depth buffer of 24 bits or more tells neighbours apart by far.
 constexpr int most_tags = 1 << 18;
 constexpr float tag_step = 1.0F / (1 << 20);
+/// Rasterisers round positions to 1/256 of a pixel or finer: by so much sprites are larger, in pixels.
+constexpr double sprite_margin = 1.0 / 32.0;
 /// Depth of splats where nothing is tagged: behind opaque pixels (0), before a clear buffer (1).
 constexpr float middle = 0.0F;
 
@@ -165,6 +167,8 @@ void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, c
     const auto f = [](double value) { return static_cast<float>(value); };
     const double k = view.field->kernel().falloff;
     program.set("falloff_log2", f(k * log2_e));
+    const double radius_px = view.extent_x / frame_.pixel;
+    program.set("falloff_px", f(-k * log2_e / (radius_px * radius_px)));
     program.set("edge", f(view.field->kernel().edge()));
     program.set("falloff_root", f(std::sqrt(k)));
     program.set("slab_half", f(0.5 * frame_.slice_spacing / view.half_depth));
@@ -213,7 +217,7 @@ void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, c
         gl_.Scissor(0, 0, tile_.target_width(), tile_.target_height());
         gl_.Enable(GL_PROGRAM_POINT_SIZE);
         program.set("guard", f(guard), f(guard));
-        program.set("point_size", f(2.0 * maker.half_size() + 1.0));
+        program.set("point_size", f(2.0 * maker.half_size() + sprite_margin));
         if (plan_.vertex_arrays) {
             gl_.DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(count));
         } else {
@@ -362,18 +366,34 @@ void TileLoop::bind_sheets(const gl::Program& program, std::int64_t pass) const 
         program.set(name, unit);
     };
     bind("sheet_front_texture", front.value, UNIT_SHEET_FRONT);
-    bind("sheet_back_texture", back.value, UNIT_SHEET_BACK);
+    if (wide) {
+        bind("sheet_back_texture", back.value, UNIT_SHEET_BACK);
+    }
     if (plan_.weight) {
         bind("weight_front_texture", front.weight, UNIT_WEIGHT_FRONT);
-        bind("weight_back_texture", back.weight, UNIT_WEIGHT_BACK);
+        if (wide) {
+            bind("weight_back_texture", back.weight, UNIT_WEIGHT_BACK);
+        }
     }
     if (plan_.fine_gradient) {
         bind("x_front_texture", front.slope[0], UNIT_SLOPE_X_FRONT);
-        bind("x_back_texture", back.slope[0], UNIT_SLOPE_X_BACK);
         bind("y_front_texture", front.slope[1], UNIT_SLOPE_Y_FRONT);
-        bind("y_back_texture", back.slope[1], UNIT_SLOPE_Y_BACK);
         bind("z_front_texture", front.slope[2], UNIT_SLOPE_Z_FRONT);
-        bind("z_back_texture", back.slope[2], UNIT_SLOPE_Z_BACK);
+        if (wide) {
+            bind("x_back_texture", back.slope[0], UNIT_SLOPE_X_BACK);
+            bind("y_back_texture", back.slope[1], UNIT_SLOPE_Y_BACK);
+            bind("z_back_texture", back.slope[2], UNIT_SLOPE_Z_BACK);
+        }
+    }
+    if (plan_.fine_gradient && plan_.threshold) {
+        bind("weight_x_front_texture", front.weight_slope[0], UNIT_WEIGHT_X_FRONT);
+        bind("weight_y_front_texture", front.weight_slope[1], UNIT_WEIGHT_Y_FRONT);
+        bind("weight_z_front_texture", front.weight_slope[2], UNIT_WEIGHT_Z_FRONT);
+        if (wide) {
+            bind("weight_x_back_texture", back.weight_slope[0], UNIT_WEIGHT_X_BACK);
+            bind("weight_y_back_texture", back.weight_slope[1], UNIT_WEIGHT_Y_BACK);
+            bind("weight_z_back_texture", back.weight_slope[2], UNIT_WEIGHT_Z_BACK);
+        }
     }
 }
 

@@ -17,20 +17,22 @@ namespace sheetsplat::gl {
 using Api = GladGLContext;
 
 struct ContextOptions {
-    std::string platform = "auto";       ///< auto | egl | surfaceless | osmesa; auto: SHEETSPLAT_GL if set
-    std::optional<int> egl_device{};     ///< index into the EGL devices; else SHEETSPLAT_EGL_DEVICE if set; else the first that works
-    bool debug = false;                  ///< a debug context whose errors are kept: take_debug_errors(). SHEETSPLAT_GL_DEBUG=1 sets it
+    std::string platform = "auto"; ///< auto | egl | surfaceless | osmesa; auto: SHEETSPLAT_GL if set
+    std::optional<int>
+        egl_device{};   ///< index into the EGL devices; else SHEETSPLAT_EGL_DEVICE if set; else the first that works
+    bool debug = false; ///< a debug context whose errors are kept: take_debug_errors(). SHEETSPLAT_GL_DEBUG=1 sets it
 };
 
 /// One way to a context that was tried, in words.
 struct Attempt {
     std::string platform;
     bool succeeded = false;
-    std::string story; ///< what happened, step by step, and what could be done about it
+    std::string story;         ///< what happened, step by step, and what could be done about it
     Capabilities capabilities; ///< where it succeeded
 };
 
-/// An OpenGL 3.3+ core context of its own, 4.x where present. Movable handle semantics by unique_ptr; one thread at a time.
+/// An OpenGL 3.3+ core context of its own, 4.x where present. Movable handle semantics by unique_ptr; one thread at a
+/// time.
 class Context {
   public:
     /// Tries each platform in order; throws DeviceUnavailable that lists every try and the next step. InvalidInput for
@@ -59,8 +61,8 @@ class Context {
     std::vector<std::string> debug_errors_;
 };
 
-/// While it lives, the context is current on this thread; what was current before is current again afterwards (contexts of
-/// this layer, and EGL contexts of others). The context must outlive it.
+/// While it lives, the context is current on this thread; what was current before is current again afterwards (contexts
+/// of this layer, and EGL contexts of others). The context must outlive it.
 class Current {
   public:
     explicit Current(Context& context);
@@ -73,7 +75,8 @@ class Current {
     void* previous_ = nullptr;
 };
 
-/// Throws Error (OutOfMemory for GL_OUT_OF_MEMORY) with the names of the pending GL errors and `where`, if there are any.
+/// Throws Error (OutOfMemory for GL_OUT_OF_MEMORY) with the names of the pending GL errors and `where`, if there are
+/// any.
 void check_errors(const Api& gl, const char* where);
 
 /// What a work-around of Capabilities::workarounds is for, in a sentence; "" for a name that is none.

@@ -12,7 +12,8 @@
 namespace sheetsplat::gl {
 
 /// A name that is deleted once. `Deleter` is a pointer to a function (const Api&, GLuint).
-template <void (*Deleter)(const Api&, GLuint)> class Handle {
+template <void (*Deleter)(const Api&, GLuint)>
+class Handle {
   public:
     Handle() = default;
     Handle(const Api& api, GLuint name) : api_(&api), name_(name) {}
@@ -55,8 +56,8 @@ void delete_vertex_array(const Api& gl, GLuint name);
 class Texture {
   public:
     Texture() = default;
-    /// internal_format: GL_RGBA32F, GL_RGBA16F, GL_RGBA8, GL_R32F, GL_R32I, GL_DEPTH_COMPONENT32F, GL_DEPTH_COMPONENT24 ...
-    /// Throws OutOfMemory where the driver has no memory for it, Unsupported beyond its largest size.
+    /// internal_format: GL_RGBA32F, GL_RGBA16F, GL_RGBA8, GL_R32F, GL_R32I, GL_DEPTH_COMPONENT32F, GL_DEPTH_COMPONENT24
+    /// ... Throws OutOfMemory where the driver has no memory for it, Unsupported beyond its largest size.
     Texture(const Api& gl, GLenum internal_format, int width, int height);
 
     [[nodiscard]] GLuint name() const { return handle_.name(); }
@@ -92,8 +93,8 @@ class Framebuffer {
     Handle<delete_framebuffer> handle_;
 };
 
-/// A buffer whose contents are replaced as a whole (orphaned, so that the driver need not wait). map and unmap bind it to
-/// GL_COPY_WRITE_BUFFER only.
+/// A buffer whose contents are replaced as a whole (orphaned, so that the driver need not wait). map and unmap bind it
+/// to GL_COPY_WRITE_BUFFER only.
 class Buffer {
   public:
     Buffer() = default;
@@ -132,8 +133,9 @@ class AsyncReadback {
     ~AsyncReadback();
     AsyncReadback(AsyncReadback&&) noexcept;
     AsyncReadback& operator=(AsyncReadback&&) noexcept;
-    /// Reads x, y, width, height of colour attachment `attachment` of the bound read framebuffer, rows without padding, from
-    /// the lowest up. Pixels that are still pending are given up. Throws InvalidInput where they do not fit `bytes`.
+    /// Reads x, y, width, height of colour attachment `attachment` of the bound read framebuffer, rows without padding,
+    /// from the lowest up. Pixels that are still pending are given up. Throws InvalidInput where they do not fit
+    /// `bytes`.
     void start(int attachment, int x, int y, int width, int height, GLenum format, GLenum type);
     [[nodiscard]] bool pending() const { return fence_ != nullptr; }
     [[nodiscard]] bool ready() const; ///< never blocks

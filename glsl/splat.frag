@@ -4,8 +4,7 @@
 #include "lib/splat.glsl"
 #include "lib/kernel.glsl"
 
-flat in vec2 center_px;
-flat in float value;
+flat in vec3 kernel; // centre in pixels, value
 #ifdef SEPARABLE
 flat in vec4 section_front;
 flat in vec4 section_back;
@@ -28,6 +27,9 @@ uniform float half_depth;
 #endif
 #ifdef FINE
 uniform float step_s; // slice spacing over half-depth
+#endif
+#ifdef SEPARABLE
+uniform float falloff_px; // -k log2(e) over the radius in pixels, squared
 #endif
 #if defined(WEIGHT) || defined(WEIGHT_ALONE)
 uniform float weight_scale;
@@ -115,14 +117,20 @@ void slopes(Sections at, float scale, out vec4 x, out vec4 y, out vec4 z) {
 #endif
 
 void main() {
-    vec2 place = to_unit * (gl_FragCoord.xy - center_px);
 #ifdef SEPARABLE
-    float bell = exp2(-falloff_log2 * dot(place, place));
-    vec4 front = max(section_front * bell - edge, 0.0);
+    vec2 place = gl_FragCoord.xy - kernel.xy;
+    float bell = exp2(falloff_px * dot(place, place));
+#ifdef NONNEGATIVE
+    float lowering = kernel.z;
+#else
+    float lowering = edge;
+#endif
+    vec4 front = max(section_front * bell - lowering, 0.0);
 #ifdef TWO_TARGETS
-    vec4 back = max(section_back * bell - edge, 0.0);
+    vec4 back = max(section_back * bell - lowering, 0.0);
 #endif
 #else
+    vec2 place = to_unit * (gl_FragCoord.xy - kernel.xy);
     vec4 zero = vec4(0.0);
     vec4 one = vec4(1.0);
 #ifdef PERSPECTIVE
@@ -145,10 +153,12 @@ void main() {
 #endif
 #endif
 
-#ifdef WEIGHT_ALONE
+#if defined(NONNEGATIVE)
+    const float scale = 1.0;
+#elif defined(WEIGHT_ALONE)
     float scale = weight_scale;
 #else
-    float scale = value;
+    float scale = kernel.z;
 #endif
     sheet_front = scale * front;
 #ifdef TWO_TARGETS

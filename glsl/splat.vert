@@ -15,6 +15,9 @@ uniform vec2 half_size;     // pixels, orthographic
 #endif
 #ifdef SEPARABLE
 uniform float falloff_log2;
+#ifdef NONNEGATIVE
+uniform float edge;
+#endif
 #endif
 #ifdef GENERAL
 uniform vec2 shear;         // shift of the section per unit of height, in the plane of the unit sphere
@@ -31,8 +34,7 @@ layout(location = ATTRIBUTE_SAMPLE) in vec4 sample_in; // x, y in pixels; height
 layout(location = ATTRIBUTE_BOX) in vec4 box_in;
 #endif
 
-flat out vec2 center_px;
-flat out float value;
+flat out vec3 kernel; // centre in pixels, value
 #ifdef SEPARABLE
 flat out vec4 section_front;
 flat out vec4 section_back;
@@ -51,13 +53,18 @@ flat out vec2 drift;
 #endif
 
 void main() {
-    center_px = sample_in.xy;
-    value = sample_in.w;
+    kernel = sample_in.xyw;
     vec4 front = sample_in.z - offset_front * step_s;
     vec4 back = sample_in.z - offset_back * step_s;
 #ifdef SEPARABLE
     section_front = exp2(-falloff_log2 * front * front);
     section_back = exp2(-falloff_log2 * back * back);
+#ifdef NONNEGATIVE
+    // A factor that is not negative may be taken into the max, here once instead of there for every pixel.
+    section_front *= sample_in.w;
+    section_back *= sample_in.w;
+    kernel.z *= edge;
+#endif
 #else
     s_front = front;
     s_back = back;
@@ -68,8 +75,8 @@ void main() {
     shift_x_back = -back * shear.x;
     shift_y_back = -back * shear.y;
 #ifdef PERSPECTIVE
-    // center_px is the centre's ray at a reference depth between the slices; the ray leaves it by `drift` per unit of depth.
-    drift = to_unit * (center_px - axis);
+    // The centre is its ray at a reference depth between the slices; the ray leaves it by `drift` per unit of depth.
+    drift = to_unit * (kernel.xy - axis);
     float reference = clamp(sample_in.z * half_depth, 0.0, last_offset * slice_spacing);
     vec4 away_front = offset_front * slice_spacing - reference;
     vec4 away_back = offset_back * slice_spacing - reference;

@@ -12,6 +12,16 @@ uniform sampler2D x_back_texture;
 uniform sampler2D y_back_texture;
 uniform sampler2D z_back_texture;
 #endif
+#ifdef THRESHOLD
+uniform sampler2D weight_x_front_texture;
+uniform sampler2D weight_y_front_texture;
+uniform sampler2D weight_z_front_texture;
+#if SLABS == 8
+uniform sampler2D weight_x_back_texture;
+uniform sampler2D weight_y_back_texture;
+uniform sampler2D weight_z_back_texture;
+#endif
+#endif
 
 #if SLABS == 8
 #define FETCH(result, axis, at) \
@@ -28,19 +38,51 @@ uniform sampler2D z_back_texture;
     }
 #endif
 
+#ifdef THRESHOLD
+void raw_at(ivec2 at, out float d[SLABS]) {
+    FETCH(d, sheet, at)
+}
+
+// D+ / M+ - D- / M- with M = max(w0, W), from the splatted differences of D and W.
+float quotient_change(float d_minus, float w_minus, float w_plus, float d_change, float w_change) {
+    float m_minus = max(w0, w_minus);
+    float m_plus = max(w0, w_plus);
+    float m_change = min(w_minus, w_plus) > w0 ? w_change : m_plus - m_minus;
+    return (d_change * m_minus - d_minus * m_change) / (m_minus * m_plus);
+}
+#endif
+
 void slopes_at(ivec2 at, float rho[SLABS], out vec3 change[SLABS]) {
+#ifdef FINE_XY
+    float across[SLABS];
+    float upwards[SLABS];
+    FETCH(across, x, at)
+    FETCH(upwards, y, at)
+#ifdef THRESHOLD
+    float d_minus[SLABS];
+    float w_minus[SLABS];
+    float w_plus[SLABS];
+    float w_change[SLABS];
+    raw_at(at - ivec2(1, 0), d_minus);
+    weights_at(at - ivec2(1, 0), w_minus);
+    weights_at(at + ivec2(1, 0), w_plus);
+    FETCH(w_change, weight_x, at)
+    for (int c = 0; c < SLABS; ++c) {
+        across[c] = quotient_change(d_minus[c], w_minus[c], w_plus[c], across[c], w_change[c]);
+    }
+    raw_at(at + ivec2(0, 1), d_minus);
+    weights_at(at + ivec2(0, 1), w_minus);
+    weights_at(at - ivec2(0, 1), w_plus);
+    FETCH(w_change, weight_y, at)
+    for (int c = 0; c < SLABS; ++c) {
+        upwards[c] = quotient_change(d_minus[c], w_minus[c], w_plus[c], upwards[c], w_change[c]);
+    }
+#endif
+#else
     float left[SLABS];
     float right[SLABS];
     float above[SLABS];
     float below[SLABS];
-#ifdef FINE_XY
-    FETCH(right, x, at)
-    FETCH(above, y, at)
-    for (int c = 0; c < SLABS; ++c) {
-        left[c] = 0.0;
-        below[c] = 0.0;
-    }
-#else
     rho_at(at - ivec2(1, 0), left);
     rho_at(at + ivec2(1, 0), right);
     rho_at(at - ivec2(0, 1), above);
@@ -49,9 +91,24 @@ void slopes_at(ivec2 at, float rho[SLABS], out vec3 change[SLABS]) {
 #ifdef FINE_Z
     float along[SLABS];
     FETCH(along, z, at)
+#ifdef THRESHOLD
+    float d_here[SLABS];
+    float w_here[SLABS];
+    float w_along[SLABS];
+    raw_at(at, d_here);
+    weights_at(at, w_here);
+    FETCH(w_along, weight_z, at)
+    for (int c = 1; c < SLABS - 1; ++c) {
+        along[c] = quotient_change(d_here[c - 1], w_here[c - 1], w_here[c + 1], along[c], w_along[c]);
+    }
+#endif
 #endif
     for (int c = 1; c < SLABS - 1; ++c) {
+#ifdef FINE_XY
+        change[c] = vec3(across[c], upwards[c], rho[c + 1] - rho[c - 1]);
+#else
         change[c] = vec3(right[c] - left[c], above[c] - below[c], rho[c + 1] - rho[c - 1]);
+#endif
 #ifdef FINE_Z
         // At both ends of the stack one of the two neighbours is 0, and their difference exact.
         int slab = first_slab + c;

@@ -257,6 +257,25 @@ TEST(AgainstReference, SpacingAndCloseUps) {
             EXPECT_LT(difference.rmse, 2e-5);
             EXPECT_LT(difference.p99_9, 2e-4);
             auto cube = blobs({});
+            RegularFieldOptions thresholded;
+            thresholded.normalization = Normalization::threshold;
+            auto weighted = blobs(thresholded);
+            for (const Packing packing : {Packing::wide, Packing::paper}) {
+                for (const double zoom : {0.1, 1e-3}) {
+                    Scene close = scene_of(weighted);
+                    close.sampling = sampling;
+                    close.slice_spacing = zoom == 0.1 ? 1.0 : 0.05;
+                    const Vec3 centre = weighted->centres_world().centre();
+                    const Vec3 eye = centre + Vec3(11, 8, 17);
+                    const Camera camera = projection == Projection::orthographic ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
+                                                                                 : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
+                    RendererOptions options;
+                    options.packing = packing;
+                    difference = against_reference(close, camera, {24, 24}, options, {}, "threshold zoom " + std::to_string(zoom) + words + " " + to_string(packing));
+                    EXPECT_LT(difference.rmse, 2e-5);
+                    EXPECT_LT(difference.p99_9, 2e-4);
+                }
+            }
             for (const double zoom : {0.1, 1e-2, 1e-3, 1e-4, 1e-6}) {
                 Scene close = scene_of(cube);
                 close.sampling = sampling;

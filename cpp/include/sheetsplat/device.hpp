@@ -1,6 +1,7 @@
 // The machines that pictures can be made on.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -18,5 +19,9 @@ struct DeviceReport {
 
 /// Every backend and context that could be made here, and why the others could not. Never throws DeviceUnavailable.
 std::vector<DeviceReport> devices();
+
+/// What a picture is measured against: seconds that backend gl takes to blend `kernels` point sprites of `diameter_px` pixels, spread
+/// over width x height, into `targets` (1 to 4) float32 targets, and nothing else. Throws DeviceUnavailable, InvalidInput.
+double fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets);
 
 } // namespace sheetsplat

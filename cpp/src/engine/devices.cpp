@@ -1,6 +1,7 @@
 #include "sheetsplat/device.hpp"
 
 #include "sheet/sheet_renderer.hpp"
+#include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
 
@@ -15,6 +16,15 @@ std::vector<DeviceReport> devices() {
         reports.push_back(std::move(report));
     }
     return reports;
+}
+
+double fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets) {
+    if (!(diameter_px >= 1.0) || width < 1 || height < 1 || targets < 1 || targets > 4) {
+        throw InvalidInput(Complaint{"the fill test cannot be run", "a diameter, size or number of targets out of range",
+                                     "a diameter of at least 1 pixel, at least 1 x 1 pixels, 1 to 4 targets", "correct the arguments"});
+    }
+    sheet::SheetRenderer renderer;
+    return renderer.fill_test(kernels, diameter_px, width, height, targets);
 }
 
 } // namespace sheetsplat

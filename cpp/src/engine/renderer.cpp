@@ -291,7 +291,7 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
         image.stats["seconds_index"] = seconds_since(indexing);
 
         const auto viewing = Clock::now();
-        const BatchLayout layout = prepared.plan.packing == Packing::wide ? BatchLayout{4, 8} : prepared.plan.four_channels ? BatchLayout{1, 4} : BatchLayout{1, 1};
+        const BatchLayout layout = sheet::make_layout(prepared.plan);
         std::vector<SlabBatches> batches;
         std::size_t drawn = 0, view_bytes = 0;
         for (std::size_t field = 0; field < scene.fields.size(); ++field) {

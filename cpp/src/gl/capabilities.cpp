@@ -110,7 +110,7 @@ class Prober {
         const Framebuffer framebuffer(gl_, {&target});
         framebuffer.bind();
         float size = std::floor(std::min(claimed, static_cast<float>(max_viewport - probe_size)));
-        for (; size > 1.0F; size = std::floor(size / 2.0F)) {
+        while (size > 1.0F) {
             clear(0.0F);
             const int reach = static_cast<int>(size);
             gl_.Viewport(-reach, 0, reach + probe_size, probe_size);
@@ -120,6 +120,7 @@ class Prober {
             if (seen[0] == 1.0F && seen[probe_size / 2 - 1] == 1.0F && seen[probe_size / 2] == 0.0F) {
                 break;
             }
+            size = std::floor(size / 2.0F);
         }
         check_errors(gl_, "probing the size of points");
         return std::max(size, 1.0F);

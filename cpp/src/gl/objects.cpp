@@ -80,9 +80,9 @@ const Format& format_of(GLenum internal) {
 
 std::string in_pixels(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
-// Making and filling a texture binds it; that happens at the last unit that OpenGL 3.3 promises, so that the bindings
-// that passes work with stay as they are.
-constexpr int work_unit = 15;
+// Making and filling a texture binds it; that happens at the last unit that OpenGL 3.3 promises over all stages, beyond
+// those that a single stage has, so that the bindings that passes work with stay as they are.
+constexpr int work_unit = 47;
 
 void bind_for_work(const Api& gl, GLuint name) {
     gl.ActiveTexture(static_cast<GLenum>(GL_TEXTURE0 + work_unit));

@@ -258,16 +258,19 @@ void Preprocessor::expand(const std::string& file, const std::string& included_f
             word == "endif") {
             if (word != "if" && word != "ifdef" && word != "ifndef" && groups_.size() <= outer_groups) {
                 throw Error(Complaint{"a shader file could not be read",
-                                      file + ":" + std::to_string(number) + ": #" + word + " without #if",
+                                      std::string(file)
+                                          .append(":")
+                                          .append(std::to_string(number))
+                                          .append(": #")
+                                          .append(word)
+                                          .append(" without #if"),
                                       "conditions that begin and end in one file", ""});
             }
             text_ += group_line(*directive, line) + "\n";
-        } else if (skipping()) {
+        } else if (skipping() || word == "version" || (word == "pragma" && directive->rest == "once")) {
             text_ += "\n";
         } else if (word == "include") {
             include(*directive, file, number);
-        } else if (word == "version" || (word == "pragma" && directive->rest == "once")) {
-            text_ += "\n";
         } else {
             text_ += line + "\n";
         }
@@ -336,7 +339,7 @@ std::optional<Place> place_of(const std::string& text) {
 std::string listed(const Defines& defines) {
     std::string text;
     for (const auto& [name, value] : defines) {
-        text += (text.empty() ? "" : ", ") + name + "=" + value;
+        text.append(text.empty() ? "" : ", ").append(name).append("=").append(value);
     }
     return text.empty() ? "none" : text;
 }
@@ -393,7 +396,12 @@ std::string translate_log(const std::string& log, const StageSource& source, con
             continue;
         }
         const std::string& file = source.files_used[place->source];
-        text += "\n  " + file + ":" + std::to_string(place->line) + ": " + place->message;
+        text.append("\n  ")
+            .append(file)
+            .append(":")
+            .append(std::to_string(place->line))
+            .append(": ")
+            .append(place->message);
         const std::vector<std::string> lines = lines_of(files.at(file));
         if (place->line >= 1 && place->line <= lines.size()) {
             text += "\n      " + std::to_string(place->line) + " | " + lines[place->line - 1];
@@ -407,10 +415,11 @@ StageSource preprocess(const SourceFiles& files, const std::string& file, const 
     std::string head = version_line + "\n";
     for (const auto& [name, value] : defines) {
         if (!is_identifier(name) || value.find_first_of("\r\n") != std::string::npos) {
-            throw Error(Complaint{"a shader cannot have this define", "\"" + name + "\" = \"" + value + "\"",
+            throw Error(Complaint{"a shader cannot have this define",
+                                  std::string("\"").append(name).append("\" = \"").append(value).append("\""),
                                   "an identifier and one line", ""});
         }
-        head += "#define " + name + " " + value + "\n";
+        head.append("#define ").append(name).append(" ").append(value).append("\n");
     }
     Preprocessor preprocessor(files);
     preprocessor.expand(file, "");

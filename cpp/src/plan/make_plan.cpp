@@ -260,7 +260,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         summary.packing = Packing::wide;
         summary.tagging = Tagging::off;
         summary.device = "float64, one thread";
-        effects.state("background", scene.background.has_value() && !scalar, scene.background ? "asked for" : "none given");
+        effects.state("background", scene.background.has_value() && !scalar, scene.background ? "a background was given" : "no background was given");
         effects.state("coverage", outputs.coverage, outputs.coverage ? "asked for" : "not asked for");
         effects.state("depth", outputs.depth, outputs.depth ? "asked for" : "not asked for");
         return plan;
@@ -304,11 +304,23 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     if (plan.preshaded && !options.allow_inexact) {
         throw Unsupported(Complaint{"the plan cannot be made", "preshaded splatting, which colours kernels before they are summed", "post-shaded splatting", "drop preshaded from effects=, or pass allow_inexact=True"});
     }
+    if (plan.preshaded) {
+        bool cartesian = true;
+        for (const auto& field : scene.fields) {
+            cartesian = cartesian && field->lattice() == Lattice::cartesian;
+        }
+        if (scene.mode != Mode::composite || projection == Projection::perspective || scene.sampling == Sampling::slab || !cartesian || outputs.coverage ||
+            outputs.depth || view.sheared || scene.preintegration) {
+            throw Unsupported(Complaint{"the plan cannot be made", "preshaded splatting of anything but Cartesian volumes in mode composite, orthographic, with point sampling and no further outputs", "such a scene", "drop preshaded from effects="});
+        }
+        plan.packing = Packing::paper;
+        plan.tagging = Tagging::off;
+    }
     plan.slab_nodes = view.widest_slab < 0.6 ? 4 : view.widest_slab < 1.5 ? 6 : 0;
     // Six nodes are exact to 1e-7 over 1.5 of the Gaussian's own lengths; a chord is at most 2 sqrt(k) of them long.
     plan.slab_pieces = static_cast<int>(std::clamp(std::ceil(view.widest_slab / 1.5), 1.0, 4.0));
     plan.read_image = plan.stop || scene.mode == Mode::isosurface || scalar || plan.depth || plan.coverage;
-    effects.state("background", scene.background.has_value() && !scalar, scene.background ? "asked for" : "none given");
+    effects.state("background", scene.background.has_value() && !scalar, scene.background ? "a background was given" : "no background was given");
     effects.state("coverage", plan.coverage, plan.coverage ? "asked for" : "not asked for");
     effects.state("depth", outputs.depth, outputs.depth ? "asked for" : "not asked for");
 

@@ -10,6 +10,7 @@
 #include "classification.hpp"
 #include "gl/context.hpp"
 #include "interop.h"
+#include "preshaded.hpp"
 #include "resources.hpp"
 #include "sheet/embedded_glsl.hpp"
 #include "sheetsplat/error.hpp"
@@ -122,24 +123,32 @@ void SheetRenderer::render(const Job& job, Image& image) {
     std::vector<float> buffer;
     for (std::size_t number = 0; number < tiles.size(); ++number) {
         const Tile& tile = tiles[number];
-        TileLoop loop(job, gl, capabilities, *state_->resources, plan.mode == Mode::composite ? &classification : nullptr, tile);
-        loop.run([&](double share) {
+        const auto report = [&](double share) {
             if (job.progress != nullptr && *job.progress &&
                 !(*job.progress)((static_cast<double>(number) + share) / static_cast<double>(tiles.size()))) {
                 gl.Finish();
                 throw Cancelled(std::string("the rendering was cancelled by its progress callback"));
             }
-        });
-        drawn += loop.drawn();
-        dropped += loop.dropped();
-        vertex_seconds += loop.vertex_seconds();
-        bytes = std::max(bytes, loop.targets().bytes());
+        };
+        const Targets* targets = nullptr;
+        if (plan.preshaded) {
+            targets = &state_->resources->targets(preshaded_shape(tile));
+            drawn += draw_preshaded(job, gl, *state_->resources, *targets, tile, report);
+        } else {
+            TileLoop loop(job, gl, capabilities, *state_->resources, plan.mode == Mode::composite ? &classification : nullptr, tile);
+            loop.run(report);
+            targets = &loop.targets();
+            drawn += loop.drawn();
+            dropped += loop.dropped();
+            vertex_seconds += loop.vertex_seconds();
+        }
+        bytes = std::max(bytes, targets->bytes());
 
         const auto reading = Clock::now();
         const auto tile_pixels = static_cast<std::size_t>(tile.width) * static_cast<std::size_t>(tile.height);
         const auto read = [&](int attachment, GLenum format, std::size_t channels, double scale, std::vector<float>& to) {
             buffer.resize(tile_pixels * channels);
-            loop.targets().read(attachment, Tile::border, Tile::border, tile.width, tile.height, format, buffer.data());
+            targets->read(attachment, Tile::border, Tile::border, tile.width, tile.height, format, buffer.data());
             if (scale != 1.0) {
                 for (float& value : buffer) {
                     value = static_cast<float>(static_cast<double>(value) * scale);
@@ -175,7 +184,7 @@ void SheetRenderer::render(const Job& job, Image& image) {
     image.stats["bytes_device"] = static_cast<double>(bytes);
 }
 
-double SheetRenderer::fill_test(std::size_t kernels, int diameter_px, int width, int height, int targets) {
+double SheetRenderer::fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets) {
     const gl::Current current(*state_->context);
     const gl::Api& gl = state_->context->api();
     std::vector<gl::Texture> textures;
@@ -212,6 +221,8 @@ double SheetRenderer::fill_test(std::size_t kernels, int diameter_px, int width,
     buffer.upload(positions.data(), positions.size() * sizeof(float));
     gl.EnableVertexAttribArray(0);
     gl.VertexAttribPointer(0, 2, GL_FLOAT, GL_FALSE, 0, nullptr);
+    // The first draw compiles the program.
+    gl.DrawArrays(GL_POINTS, 0, 1);
     gl.Finish();
     const auto started = Clock::now();
     gl.DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(kernels));

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "sheet/sheet_renderer.hpp"
+
 namespace sheetsplat::sheet {
 
 namespace {
@@ -30,6 +32,9 @@ Steps make_steps(const DrawPlan& plan, const Frame& frame) {
 }
 
 BatchLayout make_layout(const DrawPlan& plan) {
+    if (plan.preshaded) {
+        return {1, 1};
+    }
     if (plan.packing == Packing::wide) {
         return {4, 8};
     }

@@ -27,9 +27,6 @@ struct Steps {
 
 Steps make_steps(const DrawPlan& plan, const Frame& frame);
 
-/// How kernels are batched for a plan.
-BatchLayout make_layout(const DrawPlan& plan);
-
 /// weights_alone: the second splat pass of fine gradients, which adds weights and their differences.
 gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, bool weights_alone);
 std::vector<std::string> splat_outputs(const DrawPlan& plan, bool weights_alone);

@@ -18,8 +18,8 @@ constexpr std::int64_t opacity_buffer_period = 10;
 /// Tags are multiples of tag_step below 1, so that a depth buffer of 24 bits or more tells neighbours apart by far.
 constexpr int most_tags = 1 << 18;
 constexpr float tag_step = 1.0F / (1 << 20);
-/// Rasterisers round positions to 1/256 of a pixel or finer: by so much sprites are larger, in pixels.
-constexpr double sprite_margin = 1.0 / 32.0;
+/// Rasterisers round positions and sizes, the coarsest to 1/16 of a pixel: by so much sprites are larger, in pixels.
+constexpr double sprite_margin = 0.25;
 /// Depth of splats where nothing is tagged: behind opaque pixels (0), before a clear buffer (1).
 constexpr float middle = 0.0F;
 
@@ -130,7 +130,7 @@ void TileLoop::splat_field(std::size_t field, std::int64_t pass, std::int64_t fi
     auto* vertices = static_cast<SplatVertex*>(resources_.samples.map(count * sizeof(SplatVertex)));
     auto* boxes = boxed ? static_cast<PixelBox*>(resources_.boxes.map(count * sizeof(PixelBox))) : nullptr;
     const bool marking = plan_.tagging == Tagging::tiles;
-    const std::size_t made = maker.make(batches.begin(batch), count, first_slab, vertices, boxes, [&](const PixelBox& box) {
+    const std::size_t made = maker.make(batches.begin(batch), count, first_slab, vertices, boxes, [&](const PixelBox& box, std::uint32_t) {
         if (plan_.opacity_buffer && opacity_.hides(box)) {
             ++dropped_;
             return false;

@@ -1,4 +1,6 @@
 // The GL backend against the float64 reference, over everything that a regular field can be asked for.
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -219,7 +221,82 @@ std::vector<Draw> draws() {
     return list;
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Drawing, ::testing::ValuesIn(draws()));
+INSTANTIATE_TEST_SUITE_P(All, Drawing, ::testing::ValuesIn(draws()), [](const auto& parameter) {
+    std::string name = parameter.param.name;
+    std::replace(name.begin(), name.end(), ' ', '_');
+    return name;
+});
+
+// The bounds above must be able to fail: pictures that are wrong by a little lie outside.
+TEST(AgainstReference, PicturesThatAreWrongByALittleFail) {
+    auto field = blobs({});
+    const Scene right = scene_of(field);
+    const Camera camera = askew(*field, Projection::orthographic);
+    RendererOptions exact;
+    exact.backend = Backend::reference;
+    Renderer reference(exact);
+    const Image judge = reference.render(right, camera, {48, 40});
+    const auto error_of = [&](const Scene& wrong, const Camera& from) {
+        return compare(reference.render(wrong, from, {48, 40}).rgba, judge.rgba, 4).rmse;
+    };
+    EXPECT_EQ(error_of(right, camera), 0.0);
+    RegularFieldOptions options;
+    options.falloff = 5.05;
+    EXPECT_GT(error_of(scene_of(blobs(options)), camera), 2e-5) << "falloff";
+    Scene wrong = right;
+    wrong.lights[0].direction.x += 1e-3;
+    EXPECT_GT(error_of(wrong, camera), 2e-5) << "light";
+    wrong = right;
+    wrong.slice_spacing = right.slice_distance() * 1.001;
+    EXPECT_GT(error_of(wrong, camera), 2e-5) << "slice spacing";
+    wrong = right;
+    wrong.transfer_function = TransferFunction({{0.1, {0.1, 0.2, 0.9}, 0.0}, {0.5, {0.2, 0.9, 0.3}, 0.1502}, {1.1, {1.0, 0.8, 0.2}, 0.6}});
+    EXPECT_GT(error_of(wrong, camera), 2e-5) << "opacity";
+    const Vec3 aside = camera.eye() + 1e-3 * camera.right_world();
+    EXPECT_GT(error_of(right, Camera::orthographic(aside, camera.target() + 1e-3 * camera.right_world(), camera.up(), camera.height())), 2e-5)
+        << "camera";
+}
+
+TEST(AgainstReference, OpacityBufferDropsKernelsAndNoPixel) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    auto field = blobs({}, 24);
+    Scene scene = dense(field);
+    scene.transfer_function = TransferFunction({{0.05, {0.1, 0.2, 0.9}, 0.0}, {0.1, {0.2, 0.9, 0.3}, 0.9}, {1.1, {1.0, 0.8, 0.2}, 1.0}});
+    RendererOptions options;
+    options.backend = Backend::gl;
+    const Camera camera = Camera::fit(field->supports_world(), Vec3(0, 0, -1), Vec3(0, 1, 0));
+    scene.slice_spacing = 0.5;
+    const Image plain = Renderer(options).render(scene, camera, {96, 96});
+    options.effects = {{"opacity_buffer", true}};
+    const Image buffered = Renderer(options).render(scene, camera, {96, 96});
+    std::printf("opacity buffer: %.0f kernels hidden of %.0f\n", buffered.stats.at("kernels_hidden"), buffered.stats.at("kernels_drawn"));
+    EXPECT_GT(buffered.stats.at("kernels_hidden"), 0.0);
+    EXPECT_LT(compare(buffered.rgba, plain.rgba, 4).maximum, 1e-6);
+    options.effects = {{"opacity_buffer_average", true}};
+    EXPECT_THROW(static_cast<void>(Renderer(options).render(scene, camera, {96, 96})), Unsupported);
+}
+
+TEST(AgainstReference, PreshadedSplattingIsAnotherPicture) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    auto field = blobs({}, 24);
+    const Scene scene = scene_of(field);
+    RendererOptions options;
+    options.backend = Backend::gl;
+    const Camera camera = Camera::fit(field->supports_world(), Vec3(0, 0, -1), Vec3(0, 1, 0));
+    const Image post = Renderer(options).render(scene, camera, {96, 96});
+    options.effects = {{"preshaded", true}};
+    EXPECT_THROW(static_cast<void>(Renderer(options).render(scene, camera, {96, 96})), Unsupported);
+    options.allow_inexact = true;
+    const Image pre = Renderer(options).render(scene, camera, {96, 96});
+    const Difference difference = compare(pre.rgba, post.rgba, 4);
+    std::printf("pre-shaded against post-shaded: rmse %.3f max %.3f\n", difference.rmse, difference.maximum);
+    EXPECT_GT(difference.rmse, 1e-3);
+    EXPECT_LT(difference.rmse, 0.2);
+}
 
 TEST(AgainstReference, PreintegrationCoverageDepthAndBackground) {
     if (!gl_available()) {

@@ -52,7 +52,7 @@ void delete_buffer(const Api& gl, GLuint name);
 void delete_vertex_array(const Api& gl, GLuint name);
 
 /// A 2D texture without mipmaps: nearest filter, clamped to the edge. Storage is undefined until written.
-/// Making and filling one binds it to unit 15 and leaves that unit active; units 0 to 14 keep their bindings.
+/// Making and filling one binds it to unit 47 and leaves that unit active; all others keep their bindings.
 class Texture {
   public:
     Texture() = default;

@@ -98,7 +98,7 @@ void pack_row(const T* values, std::size_t n, BitWord* row, const Test& test) {
             flags[b] = static_cast<std::uint8_t>(test(values[i + b]));
         }
         BitWord word = 0;
-        for (unsigned group = 0; group < 8; ++group) {
+        for (std::size_t group = 0; group < 8; ++group) {
             word |= pack_flags(flags + 8 * group) << (8 * group);
         }
         row[i / word_bits] = word;

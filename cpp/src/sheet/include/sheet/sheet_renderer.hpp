@@ -17,6 +17,9 @@
 
 namespace sheetsplat::sheet {
 
+/// How kernels are batched for a plan.
+BatchLayout make_layout(const DrawPlan& plan);
+
 /// One view, ready to be drawn. Nothing is owned.
 struct Job {
     const Scene* scene = nullptr;
@@ -44,9 +47,9 @@ class SheetRenderer {
     /// Fills the picture and adds to its stats. Throws OutOfMemory, Cancelled, Error.
     void render(const Job& job, Image& image);
 
-    /// Seconds that it takes to blend `fragments` fragments of kernels of `diameter_px` pixels into float32 targets, `targets` at a
+    /// Seconds that it takes to blend point sprites of `diameter_px` pixels into float32 targets, `targets` at a
     /// time, and nothing else: the floor of the splat pass on this device. Positions are spread over width x height.
-    double fill_test(std::size_t kernels, int diameter_px, int width, int height, int targets);
+    double fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets);
 
   private:
     struct State;

@@ -70,8 +70,8 @@ class VertexMaker {
     /// wider_px: pixels by which every box is larger than the kernel (differences between neighbours reach one further).
     VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout, int wider_px = 0);
 
-    /// Writes a vertex for each of the samples that reach into the tile, calls touch(box) with the pixels it can touch, and drops it
-    /// where touch returns false. Returns how many were written to `out` (room for `count`), and their boxes to `boxes` unless null.
+    /// Writes a vertex for each of the samples that reach into the tile, calls touch(box, sample) with the pixels it can touch and its index,
+    /// and drops it where touch returns false. Returns how many were written to `out` (room for `count`), and their boxes to `boxes` unless null.
     template <class Touch>
     std::size_t make(const std::uint32_t* samples, std::size_t count, std::int64_t first_slab, SplatVertex* out, PixelBox* boxes,
                      Touch&& touch) const;
@@ -116,7 +116,7 @@ std::size_t VertexMaker::make(const std::uint32_t* samples, std::size_t count, s
                 const std::uint32_t row = sample / ni;
                 const Vec3 eye = view_->eye_position(sample - row * ni, row % nj, row / nj);
                 const Placed placed = place(eye, static_cast<double>(data[sample]), first_depth, last_depth);
-                if (!placed.box.empty() && touch(placed.box)) {
+                if (!placed.box.empty() && touch(placed.box, sample)) {
                     out[written] = placed.vertex;
                     if (boxes != nullptr) {
                         boxes[written] = placed.box;

@@ -1,0 +1,397 @@
+// sheetsplat_render: a raw or a generated volume becomes a picture. It uses the public headers alone, and shows how.
+// Exit codes: 0 done, 1 failed, 2 wrong usage.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <limits>
+#include <locale>
+#include <memory>
+#include <new>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "sheetsplat/camera.hpp"
+#include "sheetsplat/error.hpp"
+#include "sheetsplat/field.hpp"
+#include "sheetsplat/image.hpp"
+#include "sheetsplat/renderer.hpp"
+#include "sheetsplat/scene.hpp"
+#include "sheetsplat/transfer_function.hpp"
+
+namespace {
+
+namespace ss = sheetsplat;
+
+constexpr double pi = 3.14159265358979323846;
+
+enum class SampleType { uint8, int16, uint16, float32, float64 };
+enum class Generated { ball, marschner_lobb };
+
+struct Options {
+    std::string raw;
+    std::array<std::uint64_t, 3> shape{}; ///< samples along x, y, z
+    SampleType type = SampleType::uint8;
+    std::optional<Generated> generated;
+    std::size_t samples = 64;
+    std::array<double, 3> spacing{1.0, 1.0, 1.0};
+
+    std::vector<ss::TransferPoint> points;
+    std::optional<std::array<double, 2>> limits;
+    ss::Mode mode = ss::Mode::composite;
+    ss::Sampling sampling = ss::Sampling::point;
+    std::optional<double> iso_value;
+    std::optional<double> slice_spacing;
+    double opacity_stop = 0.98;
+    bool shading = true;
+    bool preintegration = false;
+    std::optional<std::array<double, 3>> background;
+
+    ss::Projection projection = ss::Projection::orthographic;
+    double azimuth = 30.0;
+    double elevation = 20.0;
+    double zoom = 1.0;
+    double fov_y = 30.0;
+
+    std::array<int, 2> size{400, 400};
+    ss::Backend backend = ss::Backend::automatic;
+    std::string output;
+};
+
+ss::Vec3 vector_of(const std::array<double, 3>& values) { return {values[0], values[1], values[2]}; }
+
+/// "value r g b opacity" as one point. Throws CLI::ValidationError where it is not five numbers.
+ss::TransferPoint parse_point(const std::string& text) {
+    std::istringstream stream(text);
+    stream.imbue(std::locale::classic());
+    ss::TransferPoint point;
+    std::string rest;
+    stream >> point.value >> point.color.x >> point.color.y >> point.color.z >> point.opacity;
+    if (stream.fail() || stream >> rest) {
+        throw CLI::ValidationError("--tf", "'" + text + "' is not five numbers: value red green blue opacity");
+    }
+    return point;
+}
+
+/// count samples of a headerless file in the byte order of this machine. The file's size is known to fit.
+template <typename T>
+ss::SampleArray read_samples(const std::string& path, std::size_t count) {
+    std::vector<T> samples(count);
+    std::ifstream file(path, std::ios::binary);
+    file.read(reinterpret_cast<char*>(samples.data()), static_cast<std::streamsize>(count * sizeof(T)));
+    if (!file) {
+        throw ss::Error(ss::Complaint{path + ": could not be read", "the file ended or failed before its last sample",
+                                      "a file that can be read to its end", "check the file and its permissions"});
+    }
+    return samples;
+}
+
+std::size_t bytes_of(SampleType type) {
+    switch (type) {
+    case SampleType::uint8:
+        return 1;
+    case SampleType::int16:
+    case SampleType::uint16:
+        return 2;
+    case SampleType::float32:
+        return 4;
+    case SampleType::float64:
+        return 8;
+    }
+    return 0;
+}
+
+/// Throws InvalidInput where the file is not exactly as long as shape and type say; takes memory only after that.
+std::shared_ptr<const ss::RegularField> read_raw(const Options& options) {
+    const std::string failed = options.raw + ": the volume cannot be read";
+    const std::string shape_text = std::to_string(options.shape[0]) + " x " + std::to_string(options.shape[1]) + " x " +
+                                   std::to_string(options.shape[2]) + " samples of " +
+                                   std::to_string(bytes_of(options.type)) + " bytes";
+    std::uint64_t bytes = bytes_of(options.type);
+    for (const std::uint64_t edge : options.shape) {
+        if (edge == 0 || bytes > static_cast<std::uint64_t>(std::numeric_limits<std::streamsize>::max()) / edge) {
+            throw ss::InvalidInput(ss::Complaint{
+                failed, "a shape of " + shape_text,
+                "at least one sample along each axis, and a size that can be addressed", "correct --shape"});
+        }
+        bytes *= edge;
+    }
+    std::error_code error;
+    const std::uintmax_t found = std::filesystem::file_size(options.raw, error);
+    if (error) {
+        throw ss::InvalidInput(
+            ss::Complaint{failed, error.message(), "a file that can be read", "check the path and its permissions"});
+    }
+    if (found != bytes) {
+        throw ss::InvalidInput(ss::Complaint{failed, std::to_string(found) + " bytes",
+                                             std::to_string(bytes) + " bytes for " + shape_text,
+                                             "correct --shape or --dtype, or fetch the whole file"});
+    }
+    const std::size_t count = static_cast<std::size_t>(bytes) / bytes_of(options.type);
+    ss::SampleArray samples;
+    switch (options.type) {
+    case SampleType::uint8:
+        samples = read_samples<std::uint8_t>(options.raw, count);
+        break;
+    case SampleType::int16:
+        samples = read_samples<std::int16_t>(options.raw, count);
+        break;
+    case SampleType::uint16:
+        samples = read_samples<std::uint16_t>(options.raw, count);
+        break;
+    case SampleType::float32:
+        samples = read_samples<float>(options.raw, count);
+        break;
+    case SampleType::float64:
+        samples = read_samples<double>(options.raw, count);
+        break;
+    }
+    ss::RegularFieldOptions field;
+    field.spacing = vector_of(options.spacing);
+    return std::make_shared<const ss::RegularField>(
+        std::move(samples), std::array<std::size_t, 3>{options.shape[2], options.shape[1], options.shape[0]}, field);
+}
+
+/// A ball of radius 0.8 whose edge falls off over 0.3, in [-1, 1]^3; values 0 to 1.
+double ball(double x, double y, double z) {
+    const double inside = std::clamp((0.95 - std::sqrt(x * x + y * y + z * z)) / 0.3, 0.0, 1.0);
+    return inside * inside * (3.0 - 2.0 * inside);
+}
+
+/// The test signal of Marschner & Lobb 1994 with their fM = 6 and alpha = 0.25; values 0 to 1.
+double marschner_lobb(double x, double y, double z) {
+    constexpr double frequency = 6.0;
+    constexpr double alpha = 0.25;
+    const double radial = std::cos(2.0 * pi * frequency * std::cos(0.5 * pi * std::sqrt(x * x + y * y)));
+    return (1.0 - std::sin(0.5 * pi * z) + alpha * (1.0 + radial)) / (2.0 * (1.0 + alpha));
+}
+
+std::shared_ptr<const ss::RegularField> generate(const Options& options) {
+    const std::size_t n = options.samples;
+    std::vector<float> samples;
+    samples.reserve(n * n * n);
+    const auto at = [n](std::size_t index) {
+        return 2.0 * static_cast<double>(index) / static_cast<double>(n - 1) - 1.0;
+    };
+    for (std::size_t k = 0; k < n; ++k) {
+        for (std::size_t j = 0; j < n; ++j) {
+            for (std::size_t i = 0; i < n; ++i) {
+                const double value = *options.generated == Generated::ball ? ball(at(i), at(j), at(k))
+                                                                           : marschner_lobb(at(i), at(j), at(k));
+                samples.push_back(static_cast<float>(value));
+            }
+        }
+    }
+    ss::RegularFieldOptions field;
+    field.spacing = vector_of(options.spacing);
+    return std::make_shared<const ss::RegularField>(std::move(samples), std::array<std::size_t, 3>{n, n, n}, field);
+}
+
+/// The points that were given, or a ramp from transparent blue to orange over the limits.
+ss::TransferFunction make_transfer_function(const Options& options, const ss::RegularField& field) {
+    if (!options.points.empty()) {
+        return ss::TransferFunction(options.points);
+    }
+    const std::array<double, 2> limits = options.limits.value_or(field.value_range());
+    const double lower = limits[0];
+    // A constant field has no range to spread colours over.
+    const double upper = !options.limits && limits[1] == lower ? lower + 1.0 : limits[1];
+    const auto between = [&](double share) { return lower + share * (upper - lower); };
+    return ss::TransferFunction({{lower, {0.10, 0.15, 0.45}, 0.0},
+                                 {between(0.35), {0.15, 0.35, 0.75}, 0.0},
+                                 {between(0.65), {0.85, 0.80, 0.65}, 0.08},
+                                 {upper, {0.95, 0.50, 0.15}, 0.5}});
+}
+
+/// Azimuth turns the viewer about the y axis, elevation lifts it; at 0, 0 the camera looks along -z.
+ss::Camera make_camera(const Options& options, const ss::RegularField& field) {
+    const double azimuth = options.azimuth * pi / 180.0;
+    const double elevation = options.elevation * pi / 180.0;
+    const ss::Vec3 direction{-std::sin(azimuth) * std::cos(elevation), -std::sin(elevation),
+                             -std::cos(azimuth) * std::cos(elevation)};
+    // At right angles to the direction at every elevation, the poles included.
+    const ss::Vec3 up{-std::sin(azimuth) * std::sin(elevation), std::cos(elevation),
+                      -std::cos(azimuth) * std::sin(elevation)};
+    const ss::Camera whole =
+        ss::Camera::fit(field.supports_world(), direction, up, options.projection, 1.05, options.fov_y);
+    if (options.projection == ss::Projection::orthographic) {
+        return ss::Camera::orthographic(whole.eye(), whole.target(), up, whole.height() / options.zoom);
+    }
+    const double angle = 2.0 * std::atan(std::tan(options.fov_y * pi / 360.0) / options.zoom);
+    return ss::Camera::perspective(whole.eye(), whole.target(), up, angle * 180.0 / pi);
+}
+
+ss::Scene make_scene(const Options& options, std::shared_ptr<const ss::RegularField> field) {
+    ss::Scene scene{{field}, make_transfer_function(options, *field)};
+    scene.mode = options.mode;
+    scene.sampling = options.sampling;
+    scene.slice_spacing = options.slice_spacing;
+    scene.opacity_stop = options.opacity_stop;
+    scene.preintegration = options.preintegration;
+    scene.iso_value = options.iso_value;
+    if (options.mode == ss::Mode::isosurface && !options.iso_value) {
+        const std::array<double, 2> range = options.limits.value_or(field->value_range());
+        scene.iso_value = 0.5 * (range[0] + range[1]);
+    }
+    const bool has_colour = options.mode == ss::Mode::composite || options.mode == ss::Mode::isosurface;
+    if (options.shading && has_colour) {
+        scene.lights.push_back({{0.4, 0.5, 1.0}, {1.0, 1.0, 1.0}, ss::LightSpace::eye});
+        scene.material = {0.25, 0.75, 0.25, 32.0, true};
+    }
+    if (options.background && has_colour) {
+        scene.background = vector_of(*options.background);
+    }
+    return scene;
+}
+
+bool ends_with(const std::string& text, const std::string& end) {
+    return text.size() > end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+void run(const Options& options) {
+    const auto field = options.generated ? generate(options) : read_raw(options);
+    const ss::Scene scene = make_scene(options, field);
+    const ss::Camera camera = make_camera(options, *field);
+    ss::RendererOptions renderer_options;
+    renderer_options.backend = options.backend;
+    ss::Renderer renderer(renderer_options);
+    const ss::Image image = renderer.render(scene, camera, {options.size[0], options.size[1]});
+    if (ends_with(options.output, ".png")) {
+        ss::save_png(image, options.output);
+    } else {
+        ss::save_pfm(image, options.output);
+    }
+    std::cout << options.output << ": " << image.size.width << " x " << image.size.height << " pixels";
+    if (image.plan) {
+        std::cout << ", " << image.plan->slices << " slices, backend " << ss::to_string(image.plan->backend);
+    }
+    std::cout << '\n';
+}
+
+template <typename T>
+CLI::Validator one_of(const std::vector<std::pair<std::string, T>>& names) {
+    return CLI::CheckedTransformer(names, CLI::ignore_case).description("");
+}
+
+void declare(CLI::App& app, Options& options) {
+    using Names = std::vector<std::pair<std::string, SampleType>>;
+    auto* raw = app.add_option("--raw", options.raw, "headerless volume, x fastest, in this machine's byte order")
+                    ->group("Volume");
+    auto* shape = app.add_option("--shape", options.shape, "samples along X Y Z")->group("Volume");
+    app.add_option("--dtype", options.type, "uint8 | int16 | uint16 | float32 | float64")
+        ->transform(one_of(Names{{"uint8", SampleType::uint8},
+                                 {"int16", SampleType::int16},
+                                 {"uint16", SampleType::uint16},
+                                 {"float32", SampleType::float32},
+                                 {"float64", SampleType::float64}}))
+        ->needs(raw)
+        ->group("Volume");
+    raw->needs(shape);
+    shape->needs(raw);
+    auto* generated = app.add_option("--generate", options.generated, "ball | marschner-lobb")
+                          ->transform(one_of(std::vector<std::pair<std::string, Generated>>{
+                              {"ball", Generated::ball}, {"marschner-lobb", Generated::marschner_lobb}}))
+                          ->excludes(raw)
+                          ->group("Volume");
+    app.add_option("--samples", options.samples, "of a generated volume, along each edge (64)")
+        ->check(CLI::Range(2, 1024).description(""))
+        ->needs(generated)
+        ->group("Volume");
+    app.add_option("--spacing", options.spacing, "world units between samples, X Y Z (1 1 1)")->group("Volume");
+
+    auto* points = app.add_option_function<std::vector<std::string>>(
+        "--tf",
+        [&options](const std::vector<std::string>& texts) {
+            for (const std::string& text : texts) {
+                options.points.push_back(parse_point(text));
+            }
+        },
+        "a point of the transfer function, \"value red green blue opacity\"; repeated, values rising");
+    points->expected(1)->take_all()->group("Classification");
+    app.add_option("--clim", options.limits, "values that the built-in transfer function spans (the volume's range)")
+        ->excludes(points)
+        ->group("Classification");
+    app.add_option("--mode", options.mode, "composite | isosurface | xray | mip")
+        ->transform(one_of(std::vector<std::pair<std::string, ss::Mode>>{{"composite", ss::Mode::composite},
+                                                                         {"isosurface", ss::Mode::isosurface},
+                                                                         {"xray", ss::Mode::xray},
+                                                                         {"mip", ss::Mode::mip}}))
+        ->group("Classification");
+    app.add_option("--iso", options.iso_value, "value of the isosurface (the middle of the range)")
+        ->group("Classification");
+    app.add_option("--sampling", options.sampling, "point | slab")
+        ->transform(one_of(std::vector<std::pair<std::string, ss::Sampling>>{{"point", ss::Sampling::point},
+                                                                             {"slab", ss::Sampling::slab}}))
+        ->group("Classification");
+    app.add_option("--slice-spacing", options.slice_spacing, "world units between slices (the smallest spacing)")
+        ->group("Classification");
+    app.add_option("--opacity-stop", options.opacity_stop, "opacity at which a pixel is done; 1: never (0.98)")
+        ->group("Classification");
+    app.add_flag("--shading,!--no-shading", options.shading, "light the volume (on)")->group("Classification");
+    app.add_flag("--preintegration", options.preintegration, "classify between slices, not on them")
+        ->group("Classification");
+
+    app.add_option("--projection", options.projection, "orthographic | perspective")
+        ->transform(one_of(std::vector<std::pair<std::string, ss::Projection>>{
+            {"orthographic", ss::Projection::orthographic}, {"perspective", ss::Projection::perspective}}))
+        ->group("Camera");
+    app.add_option("--azimuth", options.azimuth, "degrees about the y axis (30)")->group("Camera");
+    app.add_option("--elevation", options.elevation, "degrees above the xz plane (20)")->group("Camera");
+    app.add_option("--zoom", options.zoom, "1 shows the whole volume")
+        ->check(CLI::PositiveNumber.description(""))
+        ->group("Camera");
+    app.add_option("--fov", options.fov_y, "vertical angle of the perspective camera in degrees (30)")->group("Camera");
+
+    app.add_option("--size", options.size, "pixels, WIDTH HEIGHT (400 400)")->group("Picture");
+    app.add_option("--background", options.background, "RED GREEN BLUE, 0 to 1 (transparent)")->group("Picture");
+    app.add_option("--backend", options.backend, "auto | gl | reference")
+        ->transform(one_of(std::vector<std::pair<std::string, ss::Backend>>{
+            {"auto", ss::Backend::automatic}, {"gl", ss::Backend::gl}, {"reference", ss::Backend::reference}}))
+        ->group("Picture");
+    app.add_option("-o,--output", options.output, "the picture, .png or .pfm")
+        ->required()
+        ->check(CLI::Validator(
+            [](const std::string& path) {
+                return ends_with(path, ".png") || ends_with(path, ".pfm")
+                           ? std::string()
+                           : "'" + path + "' ends neither in .png nor in .pfm";
+            },
+            ""))
+        ->group("Picture");
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    CLI::App app("Renders a regular volume by splatting it into image-aligned sheets.", "sheetsplat_render");
+    Options options;
+    try {
+        declare(app, options);
+        app.parse(argc, argv);
+        if (options.raw.empty() && !options.generated) {
+            throw CLI::RequiredError("--raw or --generate");
+        }
+    } catch (const CLI::ParseError& error) {
+        return app.exit(error) == 0 ? 0 : 2;
+    }
+    try {
+        run(options);
+    } catch (const std::bad_alloc&) {
+        std::cerr << "sheetsplat_render: there is not enough memory for this volume and picture\n";
+        return 1;
+    } catch (const std::exception& error) {
+        std::cerr << "sheetsplat_render: " << error.what() << '\n';
+        return 1;
+    }
+    return 0;
+}

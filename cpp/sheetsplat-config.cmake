@@ -1,0 +1,11 @@
+# find_package(sheetsplat): the target sheetsplat::sheetsplat.
+include(CMakeFindDependencyMacro)
+find_dependency(Threads)
+find_dependency(PNG)
+find_package(glm QUIET)
+if(NOT TARGET glm::glm)
+  find_path(GLM_INCLUDE_DIR glm/glm.hpp REQUIRED)
+  add_library(glm::glm INTERFACE IMPORTED)
+  target_include_directories(glm::glm SYSTEM INTERFACE ${GLM_INCLUDE_DIR})
+endif()
+include(${CMAKE_CURRENT_LIST_DIR}/targets.cmake)

@@ -183,7 +183,9 @@ struct Renderer::State {
         query.isosurface = plan.mode == Mode::isosurface;
         query.iso_value = scene.iso_value.value_or(0.0);
         query.alone = scene.fields.size() == 1;
-        query.slice_spacing = plan.mode == Mode::isosurface || plan.preintegration || plan.sampling == Sampling::slab ? frame.slice_spacing * slant : 0.0;
+        // Slabs average over a spacing of depth, crossings and intervals reach one further: where both hold, their sum.
+        const int reaches = (plan.sampling == Sampling::slab ? 1 : 0) + (plan.mode == Mode::isosurface || plan.preintegration ? 1 : 0);
+        query.slice_spacing = reaches * frame.slice_spacing * slant;
         if (!plan.culling) {
             query.weights_matter = true;
         } else if (!query.cull) {

@@ -1,0 +1,65 @@
+#include <memory>
+#include <vector>
+
+#include <pybind11/numpy.h>
+
+#include "convert.hpp"
+#include "registrars.hpp"
+#include "sheetsplat/image.hpp"
+
+namespace py = pybind11;
+
+namespace sheetsplat::bindings {
+namespace {
+
+/// A channel without a copy: the array keeps the image alive. None where the image does not have it.
+template <std::vector<float> Image::*channel, py::ssize_t values>
+py::object view_channel(const py::object& self) {
+    auto& image = self.cast<Image&>();
+    std::vector<float>& pixels = image.*channel;
+    if (pixels.empty()) {
+        return py::none();
+    }
+    std::vector<py::ssize_t> shape{image.size.height, image.size.width};
+    if (values > 1) {
+        shape.push_back(values);
+    }
+    return py::array(py::dtype::of<float>(), shape, pixels.data(), self);
+}
+
+using Floats = py::array_t<float, py::array::c_style>;
+
+py::dict compare_arrays(const Floats& picture, const Floats& reference, int channels) {
+    const std::vector<float> a(picture.data(), picture.data() + picture.size());
+    const std::vector<float> b(reference.data(), reference.data() + reference.size());
+    Difference difference;
+    {
+        const py::gil_scoped_release release;
+        difference = compare(a, b, channels);
+    }
+    py::dict result;
+    result["rmse"] = difference.rmse;
+    result["p99_9"] = difference.p99_9;
+    result["maximum"] = difference.maximum;
+    return result;
+}
+
+} // namespace
+
+void register_image(py::module_& module) {
+    py::class_<Image, std::shared_ptr<Image>>(module, "Image")
+        .def_property_readonly("size",
+                               [](const Image& image) { return py::make_tuple(image.size.width, image.size.height); })
+        .def_property_readonly("rgba", &view_channel<&Image::rgba, 4>)
+        .def_property_readonly("scalar", &view_channel<&Image::scalar, 1>)
+        .def_property_readonly("coverage", &view_channel<&Image::coverage, 1>)
+        .def_property_readonly("depth", &view_channel<&Image::depth, 1>)
+        .def_property_readonly("plan",
+                               [](const Image& image) { return std::const_pointer_cast<RenderPlan>(image.plan); })
+        .def_property_readonly("stats", [](const Image& image) { return image.stats; })
+        .def("save_png", &save_png, py::arg("path"), py::call_guard<py::gil_scoped_release>())
+        .def("save_pfm", &save_pfm, py::arg("path"), py::call_guard<py::gil_scoped_release>());
+    module.def("compare", &compare_arrays, py::arg("picture"), py::arg("reference"), py::arg("channels"));
+}
+
+} // namespace sheetsplat::bindings

@@ -1,0 +1,42 @@
+#include <memory>
+
+#include "convert.hpp"
+#include "registrars.hpp"
+#include "sheetsplat/render_plan.hpp"
+
+namespace py = pybind11;
+
+namespace sheetsplat::bindings {
+
+void register_plan(py::module_& module) {
+    py::class_<RenderPlan, std::shared_ptr<RenderPlan>>(module, "RenderPlan")
+        .def_property_readonly("backend", [](const RenderPlan& plan) { return to_string(plan.backend); })
+        .def_property_readonly("precision", [](const RenderPlan& plan) { return to_string(plan.precision); })
+        .def_property_readonly("packing", [](const RenderPlan& plan) { return to_string(plan.packing); })
+        .def_property_readonly("tagging", [](const RenderPlan& plan) { return to_string(plan.tagging); })
+        .def_property_readonly("size",
+                               [](const RenderPlan& plan) { return py::make_tuple(plan.size.width, plan.size.height); })
+        .def_property_readonly("slice_spacing", [](const RenderPlan& plan) { return plan.slice_spacing; })
+        .def_property_readonly("first_slice", [](const RenderPlan& plan) { return plan.first_slice; })
+        .def_property_readonly("slices", [](const RenderPlan& plan) { return plan.slices; })
+        .def_property_readonly("memory", [](const RenderPlan& plan) { return plan.memory; })
+        .def_property_readonly("device", [](const RenderPlan& plan) { return plan.device; })
+        .def_property_readonly("effects",
+                               [](const RenderPlan& plan) {
+                                   py::list effects;
+                                   for (const Effect& effect : plan.effects) {
+                                       effects.append(
+                                           py::make_tuple(effect.name, effect.on, effect.reason, effect.forced));
+                                   }
+                                   return effects;
+                               })
+        .def_property_readonly("error_budget", [](const RenderPlan& plan) {
+            py::list shares;
+            for (const ErrorShare& share : plan.error_budget) {
+                shares.append(py::make_tuple(share.cause, share.rmse));
+            }
+            return shares;
+        });
+}
+
+} // namespace sheetsplat::bindings

@@ -1,0 +1,172 @@
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "convert.hpp"
+#include "registrars.hpp"
+#include "sheetsplat/renderer.hpp"
+
+namespace py = pybind11;
+
+namespace sheetsplat::bindings {
+namespace {
+
+const std::map<std::string, Backend> backends{
+    {"auto", Backend::automatic}, {"gl", Backend::gl}, {"cpu", Backend::cpu}, {"reference", Backend::reference}};
+const std::map<std::string, Precision> precisions{{"auto", Precision::automatic},
+                                                  {"uint8", Precision::uint8},
+                                                  {"float16", Precision::float16},
+                                                  {"float32", Precision::float32},
+                                                  {"float64", Precision::float64}};
+const std::map<std::string, Tagging> taggings{{"auto", Tagging::automatic},
+                                              {"depth_bounds", Tagging::depth_bounds},
+                                              {"depth_equal", Tagging::depth_equal},
+                                              {"tiles", Tagging::tiles},
+                                              {"off", Tagging::off}};
+const std::map<std::string, Packing> packings{
+    {"auto", Packing::automatic}, {"paper", Packing::paper}, {"wide", Packing::wide}};
+
+/// Between slices: signals and the caller's callback. Taking the GIL after every slice would make threads of Python
+/// stutter, so that calls in quick succession are let through unseen.
+class Watch {
+  public:
+    explicit Watch(py::object callback) : callback_(std::move(callback)) {}
+    ~Watch() {
+        const py::gil_scoped_acquire acquire;
+        callback_ = py::object();
+        raised_.reset();
+    }
+    Watch(const Watch&) = delete;
+    Watch& operator=(const Watch&) = delete;
+
+    bool operator()(double share) {
+        const auto now = std::chrono::steady_clock::now();
+        if (seen_ && share < 1.0 && now - last_ < interval) {
+            return true;
+        }
+        seen_ = true;
+        last_ = now;
+        const py::gil_scoped_acquire acquire;
+        try {
+            if (PyErr_CheckSignals() != 0) {
+                throw py::error_already_set();
+            }
+            if (!callback_.is_none()) {
+                const py::object answer = callback_(share);
+                return !answer.is(py::bool_(false));
+            }
+        } catch (py::error_already_set& error) {
+            raised_ = std::move(error);
+            return false;
+        }
+        return true;
+    }
+
+    /// With the GIL held: raises what a signal handler or the callback raised.
+    void rethrow() {
+        if (raised_) {
+            py::error_already_set error = std::move(*raised_);
+            raised_.reset();
+            throw error;
+        }
+    }
+
+  private:
+    static constexpr std::chrono::milliseconds interval{20};
+    py::object callback_;
+    std::optional<py::error_already_set> raised_;
+    std::chrono::steady_clock::time_point last_;
+    bool seen_ = false;
+};
+
+/// A renderer serves one thread at a time: others wait, without the GIL.
+class LockedRenderer {
+  public:
+    explicit LockedRenderer(const RendererOptions& options) : renderer_(options) {}
+
+    std::shared_ptr<RenderPlan> plan(const Scene& scene, const Camera& camera, std::array<int, 2> size, bool coverage,
+                                     bool depth) {
+        refuse_reentry();
+        const py::gil_scoped_release release;
+        const Hold hold(*this);
+        return std::make_shared<RenderPlan>(renderer_.plan(scene, camera, {size[0], size[1]}, {coverage, depth}));
+    }
+
+    std::shared_ptr<Image> render(const Scene& scene, const Camera& camera, std::array<int, 2> size, bool coverage,
+                                  bool depth, const py::object& progress) {
+        refuse_reentry();
+        Watch watch(progress);
+        try {
+            const py::gil_scoped_release release;
+            const Hold hold(*this);
+            return std::make_shared<Image>(renderer_.render(scene, camera, {size[0], size[1]}, {coverage, depth},
+                                                            [&watch](double share) { return watch(share); }));
+        } catch (const Cancelled&) {
+            watch.rethrow();
+            throw;
+        }
+    }
+
+  private:
+    class Hold {
+      public:
+        explicit Hold(LockedRenderer& owner) : owner_(owner), lock_(owner.mutex_) {
+            owner_.holder_ = std::this_thread::get_id();
+        }
+        ~Hold() { owner_.holder_ = std::thread::id(); }
+        Hold(const Hold&) = delete;
+        Hold& operator=(const Hold&) = delete;
+
+      private:
+        LockedRenderer& owner_;
+        std::lock_guard<std::mutex> lock_;
+    };
+
+    void refuse_reentry() const {
+        if (holder_.load() == std::this_thread::get_id()) {
+            throw Unsupported(Complaint{"Renderer: it cannot start another picture",
+                                        "a call from its own progress callback", "one picture at a time",
+                                        "use a second Renderer inside the callback"});
+        }
+    }
+
+    std::mutex mutex_;
+    std::atomic<std::thread::id> holder_{};
+    Renderer renderer_;
+};
+
+std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::optional<int> device,
+                                              const std::string& precision, const std::string& tagging,
+                                              const std::string& packing, const std::map<std::string, bool>& effects,
+                                              bool allow_inexact, int tile_size, int tags_per_clear) {
+    RendererOptions options;
+    options.backend = from_name("backend", backend, backends);
+    options.device = device;
+    options.precision = from_name("precision", precision, precisions);
+    options.tagging = from_name("tagging", tagging, taggings);
+    options.packing = from_name("packing", packing, packings);
+    options.effects = effects;
+    options.allow_inexact = allow_inexact;
+    options.tile_size = tile_size;
+    options.tags_per_clear = tags_per_clear;
+    const py::gil_scoped_release release;
+    return std::make_unique<LockedRenderer>(options);
+}
+
+} // namespace
+
+void register_renderer(py::module_& module) {
+    py::class_<LockedRenderer>(module, "Renderer")
+        .def(py::init(&make_renderer), py::kw_only(), py::arg("backend"), py::arg("device"), py::arg("precision"),
+             py::arg("tagging"), py::arg("packing"), py::arg("effects"), py::arg("allow_inexact"), py::arg("tile_size"),
+             py::arg("tags_per_clear"))
+        .def("plan", &LockedRenderer::plan, py::arg("scene"), py::arg("camera"), py::kw_only(), py::arg("size"),
+             py::arg("coverage"), py::arg("depth"))
+        .def("render", &LockedRenderer::render, py::arg("scene"), py::arg("camera"), py::kw_only(), py::arg("size"),
+             py::arg("coverage"), py::arg("depth"), py::arg("progress"));
+}
+
+} // namespace sheetsplat::bindings

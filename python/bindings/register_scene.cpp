@@ -1,0 +1,68 @@
+#include <memory>
+#include <optional>
+#include <tuple>
+#include <vector>
+
+#include "convert.hpp"
+#include "registrars.hpp"
+#include "sheetsplat/scene.hpp"
+
+namespace py = pybind11;
+
+namespace sheetsplat::bindings {
+namespace {
+
+const std::map<std::string, Sampling> samplings{{"point", Sampling::point}, {"slab", Sampling::slab}};
+const std::map<std::string, Mode> modes{
+    {"composite", Mode::composite}, {"isosurface", Mode::isosurface}, {"xray", Mode::xray}, {"mip", Mode::mip}};
+const std::map<std::string, LightSpace> light_spaces{{"eye", LightSpace::eye}, {"world", LightSpace::world}};
+
+Light make_light(const Triple& direction, const Triple& color, const std::string& space) {
+    return {to_vec3(direction), to_vec3(color), from_name("space", space, light_spaces)};
+}
+
+Material make_material(double ambient, double diffuse, double specular, double shininess, bool two_sided) {
+    return {ambient, diffuse, specular, shininess, two_sided};
+}
+
+Scene make_scene(const std::vector<std::shared_ptr<RegularField>>& fields, const TransferFunction& transfer_function,
+                 std::optional<double> slice_spacing, const std::string& sampling,
+                 std::optional<double> reference_length, const std::string& mode, std::optional<double> iso_value,
+                 const std::vector<Light>& lights, const Material& material, double opacity_stop, bool preintegration,
+                 std::optional<Triple> background) {
+    Scene scene{{fields.begin(), fields.end()}, transfer_function};
+    scene.slice_spacing = slice_spacing;
+    scene.sampling = from_name("sampling", sampling, samplings);
+    scene.reference_length = reference_length;
+    scene.mode = from_name("mode", mode, modes);
+    scene.iso_value = iso_value;
+    scene.lights = lights;
+    scene.material = material;
+    scene.opacity_stop = opacity_stop;
+    scene.preintegration = preintegration;
+    if (background) {
+        scene.background = to_vec3(*background);
+    }
+    scene.validate();
+    return scene;
+}
+
+} // namespace
+
+void register_scene(py::module_& module) {
+    py::class_<Light>(module, "Light")
+        .def(py::init(&make_light), py::kw_only(), py::arg("direction"), py::arg("color"), py::arg("space"));
+    py::class_<Material>(module, "Material")
+        .def(py::init(&make_material), py::kw_only(), py::arg("ambient"), py::arg("diffuse"), py::arg("specular"),
+             py::arg("shininess"), py::arg("two_sided"));
+    py::class_<Scene>(module, "Scene")
+        .def(py::init(&make_scene), py::arg("fields"), py::arg("transfer_function"), py::kw_only(),
+             py::arg("slice_spacing"), py::arg("sampling"), py::arg("reference_length"), py::arg("mode"),
+             py::arg("iso_value"), py::arg("lights"), py::arg("material"), py::arg("opacity_stop"),
+             py::arg("preintegration"), py::arg("background"))
+        .def_property_readonly("slice_distance", &Scene::slice_distance)
+        .def_property_readonly("reference_distance", &Scene::reference_distance)
+        .def_property_readonly("centres", [](const Scene& scene) { return to_corners(scene.centres_world()); });
+}
+
+} // namespace sheetsplat::bindings

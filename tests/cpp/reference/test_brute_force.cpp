@@ -1,0 +1,542 @@
+// The renderer against a second evaluator of IMAGE FORMATION, written against the page and not against the renderer:
+// for each pixel and slice it visits every sample, in world space, and integrates slabs and pre-integrated intervals
+// numerically.
+#include <map>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "support.hpp"
+
+namespace sheetsplat::reference::testing {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// Deliberate mistakes, each small: a comparison that cannot see them is worth nothing.
+struct Mistakes {
+    double falloff = 0.0;   ///< added to k
+    double secant = 0.0;    ///< added to s
+    double depth = 0.0;     ///< added to every t_n
+    double shininess = 0.0; ///< added to the material's
+};
+
+struct Sample {
+    Vec3 position{0.0};
+    double value = 0.0;
+};
+
+class Page {
+  public:
+    Page(const Scene& scene, const Camera& camera, Size size, const Mistakes& mistakes)
+        : scene_(scene), camera_(camera), size_(size), mistakes_(mistakes), spacing_(scene.slice_distance()),
+          reference_length_(scene.reference_distance()) {
+        collect_samples();
+        choose_slices();
+        sum_everything();
+    }
+
+    Picture picture() const {
+        Picture result;
+        result.size = size_;
+        for (int j = 0; j < size_.height; ++j) {
+            for (int i = 0; i < size_.width; ++i) {
+                add_pixel(i, j, result);
+            }
+        }
+        return result;
+    }
+
+  private:
+    struct Point {
+        double rho = 0.0, w = 0.0;
+        bool empty = true;
+    };
+
+    void collect_samples() {
+        Vec3 lower(infinity), upper(-infinity);
+        for (const auto& field : scene_.fields) {
+            samples_.emplace_back();
+            const RegularFieldOptions& o = field->options();
+            const auto [nk, nj, ni] = field->shape();
+            for (std::size_t k = 0; k < nk; ++k) {
+                for (std::size_t j = 0; j < nj; ++j) {
+                    for (std::size_t i = 0; i < ni; ++i) {
+                        const double value = std::get<std::vector<double>>(field->samples())[(k * nj + j) * ni + i];
+                        if (std::isnan(value)) {
+                            continue;
+                        }
+                        const Vec3 index(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k));
+                        const double shift = 0.5 * static_cast<double>(k % 2), a = o.spacing.x;
+                        const Vec3 p =
+                            o.lattice == Lattice::bcc
+                                ? o.origin + Vec3((index.x + shift) * a, (index.y + shift) * a, index.z * a / 2.0)
+                                : o.origin + index * o.spacing;
+                        samples_.back().push_back({p, value});
+                        lower = Vec3(std::min(lower.x, p.x), std::min(lower.y, p.y), std::min(lower.z, p.z));
+                        upper = Vec3(std::max(upper.x, p.x), std::max(upper.y, p.y), std::max(upper.z, p.z));
+                    }
+                }
+            }
+        }
+        centre_ = 0.5 * (lower + upper);
+    }
+
+    Vec3 semi_axes(std::size_t f) const {
+        const RegularFieldOptions& o = scene_.fields[f]->options();
+        return o.lattice == Lattice::bcc ? Vec3(o.radius * o.spacing.x / std::sqrt(2.0)) : o.radius * o.spacing;
+    }
+
+    // C: mass of the kernel over the volume of a sample, by quadrature over spherical shells.
+    double lattice_constant(std::size_t f) const {
+        const RegularFieldOptions& o = scene_.fields[f]->options();
+        const Vec3 s = semi_axes(f);
+        const double volume =
+            o.lattice == Lattice::bcc ? std::pow(o.spacing.x, 3) / 2.0 : o.spacing.x * o.spacing.y * o.spacing.z;
+        const double mass =
+            integrate([&](double r) { return 4.0 * pi * r * r * kernel_value(r, o.falloff); }, 0.0, 1.0, 1e-16);
+        return mass * s.x * s.y * s.z / volume;
+    }
+
+    // More slices than there are; those without kernels add nothing.
+    void choose_slices() {
+        anchor_ = depth_of(centre_) + mistakes_.depth;
+        double reach = 0.0;
+        for (std::size_t f = 0; f < samples_.size(); ++f) {
+            const Vec3 s = semi_axes(f);
+            for (const Sample& sample : samples_[f]) {
+                reach = std::max(reach, glm::length(sample.position - centre_) + std::max({s.x, s.y, s.z}));
+            }
+        }
+        count_ = 2 * (static_cast<int>(reach / spacing_) + 2);
+        first_ = -count_ / 2;
+    }
+
+    double depth_of(const Vec3& point) const { return -glm::dot(point - camera_.eye(), camera_.back_world()); }
+    double depth(int n) const { return anchor_ + (n + 0.5) * spacing_; }
+    bool perspective() const { return camera_.projection() == Projection::perspective; }
+    bool exists(int n) const {
+        return n >= first_ && n < first_ + count_ && (!perspective() || depth(n) > camera_.near());
+    }
+    double half_height(double t) const {
+        return perspective() ? t * std::tan(camera_.fov_y() * pi / 360.0) : camera_.height() / 2.0;
+    }
+    Vec3 world_point(int i, int j, double t) const {
+        const double x = (2.0 * (i + 0.5) / size_.width - 1.0) * half_height(t) * size_.width / size_.height;
+        const double y = (1.0 - 2.0 * (j + 0.5) / size_.height) * half_height(t);
+        return camera_.eye() + x * camera_.right_world() + y * camera_.up_world() - t * camera_.back_world();
+    }
+    // The ray as eye-space (X, Y, -1).
+    Vec3 ray(int i, int j) const {
+        const Vec3 step = world_point(i, j, 2.0) - world_point(i, j, 1.0);
+        return {glm::dot(step, camera_.right_world()), glm::dot(step, camera_.up_world()), -1.0};
+    }
+    double secant(int i, int j) const { return glm::length(ray(i, j)) + mistakes_.secant; }
+
+    // D, W and emptiness of one field at a pixel and a slice.
+    void sums(std::size_t f, int i, int j, int n, double& d, double& w, bool& empty) const {
+        const double k = scene_.fields[f]->options().falloff + mistakes_.falloff;
+        const Vec3 s = semi_axes(f);
+        for (const Sample& sample : samples_[f]) {
+            double g = 0.0;
+            if (scene_.sampling == Sampling::point) {
+                const double r = glm::length((world_point(i, j, depth(n)) - sample.position) / s);
+                if (r >= 1.0) {
+                    continue;
+                }
+                g = kernel_value(r, k);
+            } else {
+                // |q(t)| = 1 is a quadratic in t; t counts from the slice.
+                const double t0 = depth(n);
+                const Vec3 q0 = (world_point(i, j, t0) - sample.position) / s;
+                const Vec3 v = (world_point(i, j, t0 + 1.0) - world_point(i, j, t0)) / s;
+                const double a = glm::dot(v, v), b = glm::dot(q0, v), c = glm::dot(q0, q0) - 1.0;
+                const double discriminant = b * b - a * c;
+                if (discriminant <= 0.0) {
+                    continue;
+                }
+                const double from = std::max((-b - std::sqrt(discriminant)) / a, -spacing_ / 2.0);
+                const double to = std::min((-b + std::sqrt(discriminant)) / a, spacing_ / 2.0);
+                if (from >= to) {
+                    continue;
+                }
+                g = integrate([&](double t) { return kernel_value(glm::length(q0 + t * v), k); }, from, to, 1e-15) /
+                    spacing_;
+            }
+            d += sample.value * g;
+            w += g;
+            empty = false;
+        }
+    }
+
+    void sum_everything() {
+        points_.resize(static_cast<std::size_t>((size_.width + 2) * (size_.height + 2) * count_));
+        std::vector<double> constants;
+        for (std::size_t f = 0; f < scene_.fields.size(); ++f) {
+            constants.push_back(lattice_constant(f));
+        }
+        for (int n = first_; n < first_ + count_; ++n) {
+            for (int j = -1; j <= size_.height && exists(n); ++j) {
+                for (int i = -1; i <= size_.width; ++i) {
+                    Point& point = points_[at(i, j, n)];
+                    for (std::size_t f = 0; f < scene_.fields.size(); ++f) {
+                        double d = 0.0, w = 0.0;
+                        sums(f, i, j, n, d, w, point.empty);
+                        const Normalization how = scene_.fields[f]->normalization();
+                        point.rho += how == Normalization::none      ? d
+                                     : how == Normalization::lattice ? d / constants[f]
+                                                                     : d / std::max(scene_.fields[f]->w0(), w);
+                        point.w += w;
+                    }
+                }
+            }
+        }
+    }
+
+    std::size_t at(int i, int j, int n) const {
+        return static_cast<std::size_t>(((n - first_) * (size_.height + 2) + j + 1) * (size_.width + 2) + i + 1);
+    }
+    Point point(int i, int j, int n) const { return exists(n) ? points_[at(i, j, n)] : Point{}; }
+
+    TransferPoint function(double value) const {
+        const auto& points = scene_.transfer_function.points();
+        if (value < points.front().value) {
+            return points.front();
+        }
+        for (std::size_t n = points.size(); n-- > 0;) {
+            if (points[n].value > value) {
+                continue;
+            }
+            if (n + 1 == points.size()) {
+                return points[n];
+            }
+            const double x = (value - points[n].value) / (points[n + 1].value - points[n].value);
+            return {value, (1.0 - x) * points[n].color + x * points[n + 1].color,
+                    (1.0 - x) * points[n].opacity + x * points[n + 1].opacity};
+        }
+        return points.front();
+    }
+
+    Vec3 gradient(int i, int j, int n) const {
+        if (!exists(n)) {
+            return {0.0, 0.0, (point(i, j, n + 1).rho - point(i, j, n - 1).rho) / (-2.0 * spacing_)};
+        }
+        const double width = 2.0 * half_height(depth(n)) / size_.height;
+        const double dx = (point(i + 1, j, n).rho - point(i - 1, j, n).rho) / (2.0 * width);
+        const double dy = (point(i, j - 1, n).rho - point(i, j + 1, n).rho) / (2.0 * width);
+        const double dt = (point(i, j, n + 1).rho - point(i, j, n - 1).rho) / (2.0 * spacing_);
+        const Vec3 r = ray(i, j);
+        return {dx, dy, r.x * dx + r.y * dy - dt};
+    }
+
+    Vec3 shaded(const Vec3& c, const Vec3& g, int i, int j) const {
+        if (scene_.lights.empty()) {
+            return c;
+        }
+        const auto& f = scene_.transfer_function;
+        const double weakest = 1e-3 * (f.v_max() - f.v_min()) / reference_length_;
+        const Vec3 n = g == Vec3(0.0) ? g : -g / std::max(glm::length(g), weakest);
+        const Vec3 v = -glm::normalize(ray(i, j));
+        const Material& m = scene_.material;
+        Vec3 color = c * m.ambient;
+        for (const Light& light : scene_.lights) {
+            const Vec3 l = glm::normalize(light.space == LightSpace::eye ? light.direction
+                                                                         : camera_.direction_to_eye(light.direction));
+            const Vec3 side = m.two_sided && glm::dot(n, l) < 0.0 ? -n : n;
+            const double nl = glm::dot(side, l);
+            const Vec3 r = 2.0 * nl * side - l;
+            color += light.color * std::max(0.0, nl) *
+                     (c * m.diffuse +
+                      m.specular * std::pow(std::max(0.0, glm::dot(r, v)), m.shininess + mistakes_.shininess));
+        }
+        return color;
+    }
+
+    // Means of tau and tau c over the ramp, the opacity's limit and the function's points being the only places where
+    // it is not smooth.
+    void interval(double front, double back, double& tau, Vec3& tau_color) const {
+        const double limit = 1.0 - std::pow(2.0, -24);
+        const auto extinction = [&](double value) {
+            return -std::log1p(-std::min(function(value).opacity, limit)) / reference_length_;
+        };
+        if (front == back) {
+            tau = extinction(front);
+            tau_color = tau * function(front).color;
+            return;
+        }
+        const double lower = std::min(front, back), upper = std::max(front, back);
+        std::vector<double> ends{lower, upper};
+        const auto& points = scene_.transfer_function.points();
+        for (std::size_t n = 0; n < points.size(); ++n) {
+            ends.push_back(points[n].value);
+            if (n > 0 && points[n].opacity != points[n - 1].opacity) {
+                const double x = (limit - points[n - 1].opacity) / (points[n].opacity - points[n - 1].opacity);
+                if (x > 0.0 && x < 1.0) {
+                    ends.push_back(points[n - 1].value + x * (points[n].value - points[n - 1].value));
+                }
+            }
+        }
+        std::sort(ends.begin(), ends.end());
+        tau = 0.0;
+        tau_color = Vec3(0.0);
+        for (std::size_t n = 0; n + 1 < ends.size(); ++n) {
+            const double from = std::max(ends[n], lower), to = std::min(ends[n + 1], upper);
+            if (from >= to) {
+                continue;
+            }
+            const double length = upper - lower;
+            tau += integrate(extinction, from, to, 1e-14 * length) / length;
+            for (int c = 0; c < 3; ++c) {
+                tau_color[c] += integrate([&](double v) { return extinction(v) * function(v).color[c]; }, from, to,
+                                          1e-14 * length) /
+                                length;
+            }
+        }
+    }
+
+    void add_pixel(int i, int j, Picture& result) const {
+        const double s = secant(i, j);
+        double coverage = 0.0, scalar = 0.0, opacity = 0.0, half_depth = infinity;
+        Vec3 color(0.0);
+        const auto behind = [&](const Vec3& c, double alpha, double t) {
+            color += (1.0 - opacity) * alpha * c;
+            opacity += (1.0 - opacity) * alpha;
+            if (opacity >= 0.5 && half_depth == infinity) {
+                half_depth = t;
+            }
+        };
+        bool crossed = false;
+        for (int n = first_ - 1; n <= first_ + count_; ++n) {
+            const Point here = point(i, j, n), next = point(i, j, n + 1);
+            coverage += here.w * spacing_ * s;
+            if (scene_.mode == Mode::xray) {
+                scalar += here.rho * spacing_ * s;
+            } else if (scene_.mode == Mode::mip) {
+                scalar = std::max(scalar, here.rho);
+            } else if (scene_.mode == Mode::isosurface) {
+                const double iso = *scene_.iso_value;
+                if (!crossed && (here.rho < iso) != (next.rho < iso)) {
+                    const double x = (iso - here.rho) / (next.rho - here.rho);
+                    const Vec3 g = gradient(i, j, n) * (1.0 - x) + gradient(i, j, n + 1) * x;
+                    behind(shaded(function(iso).color, g, i, j), 1.0, depth(n) + x * spacing_);
+                    crossed = true;
+                }
+            } else if (opacity >= scene_.opacity_stop) {
+                continue;
+            } else if (scene_.preintegration) {
+                double tau = 0.0;
+                Vec3 tau_color(0.0);
+                if (!here.empty || !next.empty) {
+                    interval(here.rho, next.rho, tau, tau_color);
+                }
+                if (tau > 0.0) {
+                    behind(shaded(tau_color / tau, 0.5 * (gradient(i, j, n) + gradient(i, j, n + 1)), i, j),
+                           -std::expm1(-spacing_ * s * tau), depth(n));
+                }
+            } else if (!here.empty) {
+                const TransferPoint looks = function(here.rho);
+                behind(shaded(looks.color, gradient(i, j, n), i, j),
+                       -std::expm1(spacing_ * s / reference_length_ * std::log1p(-looks.opacity)), depth(n));
+            }
+        }
+        if (scene_.mode == Mode::xray || scene_.mode == Mode::mip) {
+            result.scalar.push_back(scalar);
+        } else {
+            if (scene_.background) {
+                color += (1.0 - opacity) * *scene_.background;
+                opacity = 1.0;
+            }
+            result.rgba.insert(result.rgba.end(), {color.x, color.y, color.z, opacity});
+        }
+        result.coverage.push_back(coverage);
+        result.depth.push_back(half_depth);
+    }
+
+    const Scene& scene_;
+    const Camera& camera_;
+    Size size_;
+    Mistakes mistakes_;
+    double spacing_, reference_length_;
+    std::vector<std::vector<Sample>> samples_;
+    Vec3 centre_{0.0};
+    double anchor_ = 0.0;
+    int first_ = 0, count_ = 0;
+    std::vector<Point> points_;
+};
+
+struct Dice {
+    std::mt19937_64 generator;
+    double real(double from, double to) { return std::uniform_real_distribution<double>(from, to)(generator); }
+    int whole(int from, int to) { return std::uniform_int_distribution<int>(from, to)(generator); }
+    bool one_in(int sides) { return whole(1, sides) == 1; }
+    Vec3 color() { return {real(0.0, 1.0), real(0.0, 1.0), real(0.0, 1.0)}; }
+    Vec3 direction() {
+        for (;;) {
+            const Vec3 v(real(-1.0, 1.0), real(-1.0, 1.0), real(-1.0, 1.0));
+            if (glm::length(v) > 0.2 && glm::length(v) < 1.0) {
+                return glm::normalize(v);
+            }
+        }
+    }
+};
+
+std::shared_ptr<const RegularField> random_field(Dice& dice) {
+    RegularFieldOptions options;
+    options.spacing = Vec3(dice.real(0.6, 1.6), dice.real(0.6, 1.6), dice.real(0.6, 1.6));
+    options.origin = Vec3(dice.real(-3.0, 3.0), dice.real(-3.0, 3.0), dice.real(-3.0, 3.0));
+    options.lattice = dice.one_in(3) ? Lattice::bcc : Lattice::cartesian;
+    options.radius = dice.real(0.8, 2.4);
+    options.falloff = dice.real(2.0, 9.0);
+    options.normalization =
+        std::array{Normalization::none, Normalization::lattice, Normalization::threshold}[dice.generator() % 3];
+    options.w0 = dice.real(0.1, 1.5);
+    options.nan = NanPolicy::skip;
+    const std::array<std::size_t, 3> shape{static_cast<std::size_t>(dice.whole(1, 4)),
+                                           static_cast<std::size_t>(dice.whole(1, 4)),
+                                           static_cast<std::size_t>(dice.whole(2, 5))};
+    auto samples = sampled(shape, [&](int, int, int) {
+        return dice.one_in(6) ? 0.0 : dice.one_in(8) ? std::numeric_limits<double>::quiet_NaN() : dice.real(-0.4, 1.0);
+    });
+    samples[0] = 0.7;
+    return make_field(std::move(samples), shape, options);
+}
+
+TransferFunction random_function(Dice& dice) {
+    std::vector<TransferPoint> points;
+    double value = dice.real(-0.5, 0.3);
+    const int count = dice.whole(1, 5);
+    for (int n = 0; n < count; ++n) {
+        points.push_back({value, dice.color(), dice.one_in(6) ? 1.0 : dice.one_in(4) ? 0.0 : dice.real(0.0, 0.9)});
+        value += dice.one_in(4) ? 0.0 : dice.real(0.05, 0.5);
+    }
+    if (dice.one_in(2)) {
+        // Nothing at 0, so that kernels of value 0 are left out.
+        points.insert(points.begin(), {-2.0, dice.color(), 0.0});
+        points.insert(points.begin() + 1, {0.0, dice.color(), 0.0});
+        for (std::size_t n = 2; n < points.size(); ++n) {
+            points[n].value += 0.6;
+        }
+    }
+    return TransferFunction(points);
+}
+
+struct RandomPicture {
+    Scene scene;
+    Camera camera;
+    Size size;
+};
+
+RandomPicture random_picture(unsigned seed) {
+    Dice dice{std::mt19937_64(seed)};
+    Scene scene{{random_field(dice)}, random_function(dice)};
+    if (dice.one_in(3)) {
+        scene.fields.push_back(random_field(dice));
+    }
+    scene.slice_spacing = dice.real(0.25, 1.5);
+    scene.sampling = dice.one_in(2) ? Sampling::slab : Sampling::point;
+    scene.reference_length = dice.real(0.5, 2.0);
+    scene.mode = std::array{
+        Mode::composite, Mode::composite, Mode::composite, Mode::isosurface, Mode::xray, Mode::mip}[seed % 6];
+    if (scene.mode == Mode::isosurface) {
+        scene.iso_value = dice.real(-0.1, 0.5);
+    }
+    scene.preintegration = scene.mode == Mode::composite && dice.one_in(3);
+    scene.opacity_stop = dice.one_in(2) ? 1.0 : dice.real(0.4, 0.95);
+    const int lights = dice.whole(0, 3);
+    for (int n = 0; n < lights; ++n) {
+        scene.lights.push_back(
+            {3.0 * dice.direction(), dice.color(), dice.one_in(2) ? LightSpace::eye : LightSpace::world});
+    }
+    scene.material = {dice.real(0.0, 0.5), dice.real(0.0, 1.0), dice.real(0.0, 0.8), dice.real(0.0, 20.0),
+                      dice.one_in(2)};
+    if (dice.one_in(3)) {
+        scene.background = dice.color();
+    }
+    const Box box = scene.centres_world();
+    const Vec3 target = box.centre() + dice.real(0.0, 1.0) * dice.direction();
+    // Now and then the eye is among the kernels.
+    const double distance = dice.one_in(4) ? dice.real(0.3, 2.0) : dice.real(4.0, 15.0);
+    const Vec3 eye = target + distance * dice.direction();
+    const Vec3 up = dice.direction();
+    const Camera camera =
+        dice.one_in(2) ? Camera::orthographic(eye, target, up, dice.real(2.0, 10.0))
+                       : Camera::perspective(eye, target, up, dice.real(15.0, 90.0), dice.real(0.05, 1.0) * distance);
+    return {scene, camera, Size{dice.whole(1, 7), dice.whole(1, 6)}};
+}
+
+/// Largest difference over all outputs; scalars are divided by max(1, largest reference value), depths by 1 as they
+/// are.
+double distance(const Picture& a, const Picture& b) {
+    double largest = largest_difference(a.rgba, b.rgba);
+    if (!a.scalar.empty() || !b.scalar.empty()) {
+        largest = std::max(largest, largest_difference(a.scalar, b.scalar) / std::max(1.0, largest_of(b.scalar)));
+    }
+    largest = std::max(largest, largest_difference(a.coverage, b.coverage) / std::max(1.0, largest_of(b.coverage)));
+    return std::max(largest, largest_difference(a.depth, b.depth));
+}
+
+Picture brute_force(const RandomPicture& random, const Mistakes& mistakes = {}) {
+    return Page(random.scene, random.camera, random.size, mistakes).picture();
+}
+
+constexpr double tolerance = 1e-12;
+constexpr unsigned scenes = 120;
+
+} // namespace
+
+TEST(BruteForce, RandomScenesAgree) {
+    Request request;
+    request.coverage = request.depth = true;
+    double worst = 0.0;
+    int showing = 0;
+    std::map<std::string, int> kinds;
+    for (unsigned seed = 0; seed < scenes; ++seed) {
+        const RandomPicture random = random_picture(seed);
+        const Picture expected = brute_force(random);
+        const Picture actual = render(random.scene, random.camera, random.size, request);
+        const double difference = distance(actual, expected);
+        EXPECT_LE(difference, tolerance) << "seed " << seed;
+        worst = std::max(worst, difference);
+        showing += largest_of(expected.coverage) > 0.0 ? 1 : 0;
+        // Without coverage kernels of value 0 may be left out, which must not show.
+        Request less;
+        less.depth = true;
+        const Picture lean = render(random.scene, random.camera, random.size, less);
+        EXPECT_LE(largest_difference(lean.rgba, actual.rgba), tolerance) << "seed " << seed;
+        EXPECT_LE(largest_difference(lean.scalar, actual.scalar), tolerance) << "seed " << seed;
+        kinds[lean.kernels_drawn < actual.kernels_drawn ? "left out" : "all drawn"] += 1;
+        kinds[random.camera.projection() == Projection::perspective ? "perspective" : "orthographic"] += 1;
+        kinds[random.scene.sampling == Sampling::slab ? "slab" : "point"] += 1;
+        kinds[random.scene.preintegration ? "preintegrated" : "plain"] += 1;
+    }
+    std::printf("largest difference of %u scenes: %.2e, %d of them not empty\n", scenes, worst, showing);
+    EXPECT_GE(showing, static_cast<int>(scenes) * 3 / 4);
+    for (const char* kind :
+         {"left out", "all drawn", "perspective", "orthographic", "slab", "point", "preintegrated", "plain"}) {
+        EXPECT_GE(kinds[kind], 5) << kind;
+    }
+}
+
+TEST(BruteForce, SmallMistakesAreSeen) {
+    Request request;
+    request.coverage = request.depth = true;
+    struct Case {
+        const char* name;
+        Mistakes mistakes;
+        int seen_at_least;
+    };
+    constexpr unsigned tried = 24;
+    for (const Case& c : {Case{"falloff", {1e-9, 0.0, 0.0, 0.0}, 18}, Case{"secant", {0.0, 1e-9, 0.0, 0.0}, 18},
+                          Case{"depth", {0.0, 0.0, 1e-9, 0.0}, 18}, Case{"shininess", {0.0, 0.0, 0.0, 1e-7}, 6}}) {
+        int seen = 0;
+        for (unsigned seed = 0; seed < tried; ++seed) {
+            const RandomPicture random = random_picture(seed);
+            const Picture actual = render(random.scene, random.camera, random.size, request);
+            seen += distance(actual, brute_force(random, c.mistakes)) > tolerance ? 1 : 0;
+        }
+        EXPECT_GE(seen, c.seen_at_least) << c.name;
+    }
+}
+
+} // namespace sheetsplat::reference::testing

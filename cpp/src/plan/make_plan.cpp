@@ -21,6 +21,8 @@ constexpr double float16_bound = 1.0 / 510.0;
 /// Below this share of the reference length a pixel or a slice spacing loses gradients in differences of float32 sums.
 constexpr double fine_gradient_below = 1.0 / 8.0;
 constexpr std::size_t most_lights = 64;
+/// On a rasteriser in software, elimination pays where pixels can become opaque within so many slices (measured: 0.65 to 0.76 of the time).
+constexpr std::int64_t soon_opaque_slices = 16;
 
 constexpr std::array<const char*, 17> forcible = {
     "weight",         "gradient", "specular",      "two_sided",      "opacity_correction", "opacity_stop",
@@ -90,8 +92,8 @@ double unit_of_values(const Scene& scene) {
     return largest;
 }
 
-/// True where opacity can reach A_stop along some ray.
-bool can_saturate(const Scene& scene, const ViewFacts& view) {
+/// True where opacity can reach A_stop along some ray of this many slices.
+bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t slices) {
     if (scene.mode == Mode::isosurface) {
         return true;
     }
@@ -100,7 +102,7 @@ bool can_saturate(const Scene& scene, const ViewFacts& view) {
         return true;
     }
     const double exponent = view.slice_spacing / view.reference_length * view.largest_slant;
-    const double reach = -std::expm1(std::log1p(-a) * exponent * static_cast<double>(view.slices));
+    const double reach = -std::expm1(std::log1p(-a) * exponent * static_cast<double>(std::min(slices, view.slices)));
     return reach >= scene.opacity_stop;
 }
 
@@ -244,7 +246,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                                         : "opacity per reference length is opacity per slice here", true);
     plan.preintegration = scene.preintegration;
     effects.state("preintegration", scene.preintegration, scene.preintegration ? "asked for" : "not asked for");
-    const bool saturates = !scalar && can_saturate(scene, view);
+    const bool saturates = !scalar && saturates_within(scene, view, view.slices);
     const bool stops = saturates && (scene.opacity_stop < 1.0 || scene.mode == Mode::isosurface);
     plan.stop = effects.decide("opacity_stop", stops && scene.mode == Mode::composite,
                                scalar ? "the mode has no opacity" : scene.mode == Mode::isosurface ? "an isosurface is opaque at its first crossing"
@@ -278,8 +280,9 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         throw Unsupported(Complaint{"the plan cannot be made", "precision float64 with backend gl, whose targets blend 32 bits at most", "auto, uint8, float16 or float32", "choose backend reference for float64"});
     }
     plan.culling = effects.decide("culling", true, "kernels that cannot matter are not drawn");
-    // Depth tests slow a rasteriser in software more than they save where little becomes opaque.
-    const bool eliminate = stops && !outputs.coverage && (!capabilities->software || scene.mode == Mode::isosurface);
+    // Depth tests slow a rasteriser in software more than they save where little becomes opaque: there it must happen within a few slices.
+    const bool soon = scene.mode == Mode::isosurface || saturates_within(scene, view, soon_opaque_slices);
+    const bool eliminate = stops && !outputs.coverage && (!capabilities->software || soon);
     plan.elimination = effects.decide("elimination", eliminate,
                                       !stops ? "nothing can become opaque enough to stop"
                                       : outputs.coverage ? "coverage looks behind opaque pixels"

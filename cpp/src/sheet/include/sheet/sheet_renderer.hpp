@@ -47,9 +47,8 @@ class SheetRenderer {
     /// Fills the picture and adds to its stats. Throws OutOfMemory, Cancelled, Error.
     void render(const Job& job, Image& image);
 
-    /// Seconds that it takes to blend point sprites of `diameter_px` pixels into float32 targets, `targets` at a
-    /// time, and nothing else: the floor of the splat pass on this device. Positions are spread over width x height.
-    double fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets);
+    /// sheetsplat::fill_test on this context: the floor of the splat pass.
+    Seconds fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets, int repeats);
 
   private:
     struct State;

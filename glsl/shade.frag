@@ -2,6 +2,7 @@
 // Source: IMAGE FORMATION sections 4 to 7; [NM05] sections 4.2 to 4.4.
 #include "lib/interop.h"
 #include "lib/sheets.glsl"
+#include "lib/compensated.glsl"
 
 uniform float scalar_step;      // slice spacing in units of the result (xray, coverage)
 #ifdef PERSPECTIVE
@@ -43,13 +44,19 @@ uniform sampler2D image_depth_texture;
 #ifdef COVERAGE
 uniform sampler2D image_coverage_texture;
 #endif
+#ifdef COMPENSATED
+uniform sampler2D image_error_texture;
+#endif
 
 out vec4 image_out;
 #ifdef DEPTH_OUT
 out float depth_out;
 #endif
 #ifdef COVERAGE
-out float coverage_out;
+out vec2 coverage_out; // sum and its rounding error
+#endif
+#ifdef COMPENSATED
+out vec4 error_out;
 #endif
 
 // Slices of this pass are CENTER ... CENTER + SLICES - 1 of the array; intervals start one earlier, since their far end needs a gradient too.
@@ -76,9 +83,9 @@ void main() {
 #endif
 
 #ifdef COVERAGE
-    float covered = texelFetch(image_coverage_texture, at, 0).r;
+    vec2 covered = texelFetch(image_coverage_texture, at, 0).rg;
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
-        covered += w[c] * scalar_step * slant;
+        add(covered, w[c] * scalar_step * slant);
     }
     coverage_out = covered;
 #endif
@@ -91,10 +98,13 @@ void main() {
 #ifdef DEPTH_OUT
     float depth = texelFetch(image_depth_texture, at, 0).r;
 #endif
+#ifdef COMPENSATED
+    vec4 error = texelFetch(image_error_texture, at, 0);
+#endif
 
 #ifdef MODE_XRAY
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
-        result.r += rho[c] * scalar_step * slant;
+        add(result.rg, rho[c] * scalar_step * slant);
     }
 #endif
 #ifdef MODE_MIP
@@ -205,7 +215,11 @@ void main() {
             depth = depth_of_first + float(c) * depth_step;
         }
 #endif
+#ifdef COMPENSATED
+        add(result, error, vec4(color * share, share));
+#else
         result += vec4(color * share, share);
+#endif
     }
 #endif
 #ifdef DEPTH_OUT
@@ -213,4 +227,7 @@ void main() {
 #endif
 #endif
     image_out = result;
+#ifdef COMPENSATED
+    error_out = error;
+#endif
 }

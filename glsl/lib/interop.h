@@ -24,6 +24,7 @@
 #define UNIT_WEIGHT_Y_BACK 18
 #define UNIT_WEIGHT_Z_FRONT 19
 #define UNIT_WEIGHT_Z_BACK 20
+#define UNIT_IMAGE_ERROR 21
 
 // Vertex attributes.
 #define ATTRIBUTE_SAMPLE 0

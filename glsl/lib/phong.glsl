@@ -1,8 +1,10 @@
 // Phong shading of a classified point. Source: IMAGE FORMATION section 5.
 
+#if LIGHTS > 0
 uniform vec3 light_direction[LIGHTS]; // eye space, unit length, towards the light
 uniform vec3 light_color[LIGHTS];
-uniform vec4 material;                // ambient, diffuse, specular, shininess
+#endif
+uniform vec4 material; // ambient, diffuse, specular, shininess
 
 #ifdef SPECULAR
 float power(float base, float exponent) {
@@ -12,6 +14,10 @@ float power(float base, float exponent) {
 
 // gradient: of rho in the sheets' unit, per reference length; weakest: g0 in the same unit; view: unit vector towards the camera
 vec3 shade(vec3 color, vec3 gradient, float weakest, vec3 view) {
+#if LIGHTS == 0
+    // A scene without lights shows the colour itself.
+    return color;
+#else
     float size = length(gradient);
     vec3 normal = size > 0.0 ? -gradient / max(size, weakest) : vec3(0.0);
     vec3 result = color * material.x;
@@ -33,4 +39,5 @@ vec3 shade(vec3 color, vec3 gradient, float weakest, vec3 view) {
         result += light_color[l] * facing * reflected;
     }
     return result;
+#endif
 }

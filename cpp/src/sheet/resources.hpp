@@ -17,7 +17,7 @@ namespace sheetsplat::sheet {
 /// Made and destroyed with the context current.
 class Resources {
   public:
-    explicit Resources(const gl::Api& gl);
+    Resources(const gl::Api& gl, const Capabilities& capabilities);
 
     /// The program of two stages under these defines, compiled at its first use.
     const gl::Program& program(const std::string& vertex, const std::string& fragment, const gl::Defines& defines,
@@ -30,6 +30,7 @@ class Resources {
 
   private:
     const gl::Api* gl_;
+    bool precise_; ///< GLSL 4.00: the compiler can be told not to rearrange sums
     std::map<std::pair<std::string, gl::Defines>, gl::Program> programs_;
     std::unique_ptr<Targets> targets_;
 };

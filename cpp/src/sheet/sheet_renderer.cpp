@@ -88,7 +88,7 @@ void SheetRenderer::render(const Job& job, Image& image) {
     const gl::Api& gl = state_->context->api();
     const Capabilities& capabilities = state_->context->capabilities();
     if (!state_->resources) {
-        state_->resources = std::make_unique<Resources>(gl);
+        state_->resources = std::make_unique<Resources>(gl, capabilities);
     }
     const DrawPlan& plan = *job.plan;
     const Size size = job.frame->size;

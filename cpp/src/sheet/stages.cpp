@@ -98,7 +98,7 @@ gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 20> switches{{
+    const std::array<std::pair<const char*, bool>, 21> switches{{
         {"CLASSIFY", plan.mode == Mode::composite},
         {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
         {"MODE_XRAY", plan.mode == Mode::xray},
@@ -119,6 +119,7 @@ gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
         {"PREINTEGRATION", plan.preintegration},
         {"DEPTH_OUT", plan.depth},
         {"COVERAGE", plan.coverage},
+        {"COMPENSATED", plan.compensated},
     }};
     for (const auto& [name, active] : switches) {
         if (active) {
@@ -138,6 +139,9 @@ std::vector<std::string> shade_outputs(const DrawPlan& plan) {
     }
     if (plan.coverage) {
         names.emplace_back("coverage_out");
+    }
+    if (plan.compensated) {
+        names.emplace_back("error_out");
     }
     return names;
 }

@@ -8,7 +8,8 @@ namespace sheetsplat::sheet {
 
 bool TargetShape::operator==(const TargetShape& other) const {
     return width == other.width && height == other.height && sheet_format == other.sheet_format && wide == other.wide && weight == other.weight &&
-           fine == other.fine && shared_depth == other.shared_depth && depth == other.depth && coverage == other.coverage && copies == other.copies;
+           fine == other.fine && shared_depth == other.shared_depth && depth == other.depth && coverage == other.coverage &&
+           compensated == other.compensated && copies == other.copies;
 }
 
 namespace {
@@ -68,8 +69,12 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
         picture.push_back(&image_depth_);
     }
     if (shape.coverage) {
-        image_coverage_ = gl::Texture(gl, GL_R32F, w, h);
+        image_coverage_ = gl::Texture(gl, GL_RG32F, w, h);
         picture.push_back(&image_coverage_);
+    }
+    if (shape.compensated) {
+        image_error_ = gl::Texture(gl, GL_RGBA32F, w, h);
+        picture.push_back(&image_error_);
     }
     if (shape.copies) {
         image_copy_ = gl::Texture(gl, GL_RGBA32F, w, h);
@@ -77,7 +82,10 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
             image_depth_copy_ = gl::Texture(gl, GL_R32F, w, h);
         }
         if (shape.coverage) {
-            image_coverage_copy_ = gl::Texture(gl, GL_R32F, w, h);
+            image_coverage_copy_ = gl::Texture(gl, GL_RG32F, w, h);
+        }
+        if (shape.compensated) {
+            image_error_copy_ = gl::Texture(gl, GL_RGBA32F, w, h);
         }
     }
     image_fbo_ = gl::Framebuffer(gl, picture, tags);
@@ -123,7 +131,7 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
 
 std::size_t Targets::bytes() const {
     std::size_t sum = depth_tags_.bytes() + image_.bytes() + image_depth_.bytes() + image_coverage_.bytes() + image_copy_.bytes() +
-                      image_depth_copy_.bytes() + image_coverage_copy_.bytes();
+                      image_depth_copy_.bytes() + image_coverage_copy_.bytes() + image_error_.bytes() + image_error_copy_.bytes();
     for (const Sheet& sheet : sheets_) {
         sum += sheet.value.bytes() + sheet.weight.bytes();
         for (int axis = 0; axis < 3; ++axis) {
@@ -170,6 +178,9 @@ void Targets::clear_all() const {
     if (shape_.coverage) {
         gl_->ClearBufferfv(GL_COLOR, attachment++, zero);
     }
+    if (shape_.compensated) {
+        gl_->ClearBufferfv(GL_COLOR, attachment++, zero);
+    }
     clear_tags();
 }
 
@@ -177,6 +188,7 @@ void Targets::bind_so_far(const gl::Program& program) const {
     program.set("image_texture", UNIT_IMAGE);
     program.set("image_depth_texture", UNIT_IMAGE_DEPTH);
     program.set("image_coverage_texture", UNIT_IMAGE_COVERAGE);
+    program.set("image_error_texture", UNIT_IMAGE_ERROR);
     if (!shape_.copies) {
         image_.bind(UNIT_IMAGE);
         if (shape_.depth) {
@@ -184,6 +196,9 @@ void Targets::bind_so_far(const gl::Program& program) const {
         }
         if (shape_.coverage) {
             image_coverage_.bind(UNIT_IMAGE_COVERAGE);
+        }
+        if (shape_.compensated) {
+            image_error_.bind(UNIT_IMAGE_ERROR);
         }
         return;
     }
@@ -200,6 +215,9 @@ void Targets::bind_so_far(const gl::Program& program) const {
     }
     if (shape_.coverage) {
         copy(image_coverage_copy_, UNIT_IMAGE_COVERAGE);
+    }
+    if (shape_.compensated) {
+        copy(image_error_copy_, UNIT_IMAGE_ERROR);
     }
 }
 

@@ -19,6 +19,7 @@ struct TargetShape {
     bool shared_depth = false; ///< tags or elimination
     bool depth = false;        ///< a picture of depths
     bool coverage = false;
+    bool compensated = false;  ///< rounding errors of the picture are kept beside it
     bool copies = false;       ///< no texture barrier: the picture so far is copied before it is read
 
     [[nodiscard]] bool operator==(const TargetShape& other) const;
@@ -65,8 +66,8 @@ class Targets {
     const gl::Api* gl_ = nullptr;
     TargetShape shape_;
     std::vector<Sheet> sheets_;
-    gl::Texture depth_tags_, image_, image_depth_, image_coverage_;
-    gl::Texture image_copy_, image_depth_copy_, image_coverage_copy_;
+    gl::Texture depth_tags_, image_, image_depth_, image_coverage_, image_error_;
+    gl::Texture image_copy_, image_depth_copy_, image_coverage_copy_, image_error_copy_;
     std::vector<gl::Framebuffer> splat_, splat_weight_, clear_, clear_weight_;
     gl::Framebuffer copy_, copy_weight_, image_fbo_, depth_fbo_;
 };

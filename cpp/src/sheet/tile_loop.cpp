@@ -34,6 +34,7 @@ TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, con
     shape.shared_depth = plan.elimination || plan.tagging == Tagging::depth_bounds || plan.tagging == Tagging::depth_equal;
     shape.depth = plan.depth;
     shape.coverage = plan.coverage;
+    shape.compensated = plan.compensated;
     shape.copies = plan.read_image && !capabilities.texture_barrier;
     return shape;
 }

@@ -52,6 +52,7 @@ struct DrawPlan {
     bool opacity_buffer_average = false;
     bool coverage = false;
     bool depth = false;
+    bool compensated = false;      ///< rounding errors of the picture are carried along
     bool general = false;          ///< sections move or scale from slab to slab (perspective, leaning ellipsoids)
     bool points = true;
     bool vertex_arrays = true;

@@ -1,0 +1,74 @@
+"""Image-aligned sheet-buffer splatting of volumes.
+
+A field of kernels becomes a picture: its kernels are summed in sheets parallel to the image, and the finished sheets
+are classified, shaded and composited front to back.
+
+>>> import sheetsplat as ss
+>>> picture = ss.render("bonsai.nrrd")
+>>> picture.save("bonsai.png")
+"""
+
+from __future__ import annotations
+
+import importlib
+import logging
+from typing import TYPE_CHECKING, Any
+
+from sheetsplat._sheetsplat import __version__
+from sheetsplat.api import open, render
+from sheetsplat.camera import Camera
+from sheetsplat.device import Device, devices
+from sheetsplat.errors import Cancelled, DeviceUnavailable, Error, InvalidInput, OutOfMemory, Unsupported
+from sheetsplat.fields import RegularField
+from sheetsplat.image import Image
+from sheetsplat.plan import Effect, RenderPlan
+from sheetsplat.renderer import Renderer
+from sheetsplat.scene import Light, Material, Scene
+from sheetsplat.transfer import TransferFunction
+
+if TYPE_CHECKING:
+    from sheetsplat import datasets as datasets
+    from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
+
+__all__ = [
+    "Camera",
+    "Cancelled",
+    "Device",
+    "DeviceUnavailable",
+    "Effect",
+    "Error",
+    "Image",
+    "InvalidInput",
+    "Light",
+    "Material",
+    "OutOfMemory",
+    "RegularField",
+    "RenderPlan",
+    "Renderer",
+    "Scene",
+    "TransferFunction",
+    "Unsupported",
+    "__version__",
+    "datasets",
+    "devices",
+    "open",
+    "render",
+    "resample_to_bcc",
+]
+
+logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
+
+# Read when first asked for, so that importing the package stays quick.
+_LATE = {"datasets": ("sheetsplat.datasets", None), "resample_to_bcc": ("sheetsplat.bcc", "resample_to_bcc")}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATE:
+        module, attribute = _LATE[name]
+        found = importlib.import_module(module)
+        return found if attribute is None else getattr(found, attribute)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,63 @@
+"""How much memory may still be taken, so that sizes from files are judged before anything is allocated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sheetsplat.errors import OutOfMemory, complain
+
+
+def _proc_available() -> int | None:
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) * 1024
+    except (OSError, ValueError, IndexError):
+        pass
+    return None
+
+
+def _group_available() -> int | None:
+    # Version 2 of control groups, then version 1; a group without a limit says "max" or a number near 2**63.
+    for limit, used in (
+        ("memory.max", "memory.current"),
+        ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
+    ):
+        try:
+            root = Path("/sys/fs/cgroup")
+            return max(0, int((root / limit).read_text()) - int((root / used).read_text()))
+        except (OSError, ValueError):
+            continue
+    return None
+
+
+def _process_available() -> int | None:
+    try:
+        import resource
+
+        soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if soft == resource.RLIM_INFINITY:
+            return None
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        return max(0, soft - pages * resource.getpagesize())
+    except (ImportError, OSError, ValueError):
+        return None
+
+
+def available() -> int:
+    """Return the bytes that this process may still take, by the machine and by the limits set on it."""
+    known = [limit for limit in (_proc_available(), _group_available(), _process_available()) if limit is not None]
+    return min(known, default=2**62)
+
+
+def require(size: int, what: str) -> None:
+    """Raise OutOfMemory where `size` bytes for `what` are more than there are."""
+    limit = available()
+    if size > limit:
+        raise complain(
+            f"there is not enough memory for {what}",
+            f"{limit / 1e6:,.0f} MB",
+            f"{size / 1e6:,.0f} MB",
+            "use a smaller volume, or a narrower type of samples",
+            kind=OutOfMemory,
+        )

@@ -1,0 +1,401 @@
+"""The short way: one call from data to a picture, and the pieces that it and the command line are made of."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
+
+from sheetsplat import automatic
+from sheetsplat._checks import Bounds, Triple, Vector, image_size, number, shown, triple, whole
+from sheetsplat.camera import Camera, Kind, bounds_of
+from sheetsplat.errors import complain
+from sheetsplat.fields import Lattice, NanPolicy, Normalization, RegularField
+from sheetsplat.image import Image
+from sheetsplat.renderer import Backend, Output, Packing, Precision, Progress, Renderer, Tagging
+from sheetsplat.scene import Light, Material, Mode, Sampling, Scene
+from sheetsplat.transfer import Colormap, Opacity, TransferFunction
+
+Data = RegularField | Sequence[RegularField] | ArrayLike | str | os.PathLike[str]
+
+DEFAULT_CMAP = "viridis"
+# Straight on, a volume shows one face; from here it shows three.
+AZIMUTH, ELEVATION = 25.0, 20.0
+# One light over the viewer's left shoulder; with the specular share it shows the shape of smooth surfaces.
+HEAD_LIGHT = Light(direction=(-0.3, 0.4, 1.0))
+SHINY = Material(ambient=0.3, diffuse=0.85, specular=0.3, shininess=24.0, two_sided=True)
+
+
+def open(
+    path: str | os.PathLike[str],
+    *,
+    shape: tuple[int, int, int] | None = None,
+    dtype: DTypeLike | None = None,
+    offset: int = 0,
+    name: str | None = None,
+    spacing: Vector | None = None,
+    origin: Vector | None = None,
+    lattice: Lattice = "cartesian",
+    radius: float = 2.0,
+    falloff: float = 5.0,
+    normalization: Normalization = "lattice",
+    w0: float = 1.0,
+    nan: NanPolicy = "error",
+) -> RegularField:
+    """Return the field of a file: .npy, .npz, NRRD, MetaImage (.mhd, .mha) or raw samples, each also gzipped.
+
+    Parameters
+    ----------
+    path
+        The file; its format is found by content, then by suffix.
+    shape, dtype, offset
+        For raw samples: (nk, nj, ni), the order of the array [k, j, i], with i, along x, the fastest; their type (">i2"
+        for big-endian); the bytes before the first sample.
+    name
+        For .npz: the array to take, where the file has several with three axes.
+    spacing, origin
+        World units along x, y, z; what the file says unless given.
+    lattice, radius, falloff, normalization, w0, nan
+        As for `RegularField`.
+
+    Raises
+    ------
+    InvalidInput
+        For files that are damaged, lie about their size, or hold something else than a real volume with three axes.
+    OutOfMemory
+        Where the samples do not fit.
+    Error
+        Where the file cannot be read.
+    """
+    from sheetsplat.io import read_volume
+
+    sizes: tuple[int, int, int] | None = None
+    if shape is not None:
+        if isinstance(shape, str) or not isinstance(shape, Iterable) or len(list(shape)) != 3:
+            raise complain("open: shape cannot be used", shown(shape), "three whole numbers, (nk, nj, ni)")
+        nk, nj, ni = (whole("open: shape", part) for part in shape)
+        sizes = nk, nj, ni
+    volume = read_volume(path, shape=sizes, dtype=dtype, offset=whole("open: offset", offset), name=name)
+    return RegularField(
+        volume.values,
+        spacing=volume.spacing if spacing is None else spacing,
+        origin=volume.origin if origin is None else origin,
+        lattice=lattice,
+        radius=radius,
+        falloff=falloff,
+        normalization=normalization,
+        w0=w0,
+        nan=nan,
+    )
+
+
+def to_fields(data: Data, **options: Any) -> list[RegularField]:
+    """Return the fields of an array, a path, a field or several fields; `options` make fields of the first two."""
+    given = {name: value for name, value in options.items() if value is not None}
+    # The generated data sets, and whatever else makes a field of itself.
+    maker = None if isinstance(data, np.ndarray) else getattr(data, "field", None)
+    if callable(maker):
+        data = maker()
+    if isinstance(data, str | os.PathLike):
+        return [open(data, **given)]
+    is_fields = isinstance(data, list | tuple) and bool(data) and all(isinstance(one, RegularField) for one in data)
+    if isinstance(data, RegularField) or is_fields:
+        if given:
+            raise complain(
+                "render: these options cannot be used",
+                ", ".join(given) + " for a field that is made already",
+                "them only for arrays and files",
+                "give them to RegularField or sheetsplat.open",
+            )
+        return [data] if isinstance(data, RegularField) else list(data)  # type: ignore[arg-type]
+    for name in ("shape", "dtype", "offset", "name"):
+        if name in given:
+            raise complain(f"render: {name} cannot be used", "an array", f"{name} only for files")
+    return [RegularField(data, **given)]  # type: ignore[arg-type]
+
+
+def compose_scene(
+    fields: list[RegularField],
+    *,
+    transfer_function: TransferFunction | None = None,
+    cmap: Colormap | None = None,
+    opacity: Opacity | None = None,
+    clim: Sequence[float] | None = None,
+    mode: Mode = "composite",
+    iso_value: float | None = None,
+    shading: bool = True,
+    lights: Iterable[Light] | None = None,
+    material: Material | None = None,
+    **options: Any,
+) -> Scene:
+    """Return a scene; what is not given is chosen by the samples. Other options go to `Scene`."""
+    if transfer_function is not None:
+        clash = [name for name, value in (("cmap", cmap), ("opacity", opacity), ("clim", clim)) if value is not None]
+        if clash:
+            raise complain(
+                "render: these options cannot be used together",
+                ", ".join(["transfer_function", *clash]),
+                "either a transfer function, or cmap, opacity and clim",
+            )
+    elif mode in ("xray", "mip"):
+        # These look at no colours at all.
+        transfer_function = TransferFunction([(0.0, 1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)])
+    look = automatic.choose(fields) if transfer_function is None and (opacity is None or clim is None) else None
+    if mode == "isosurface" and iso_value is None:
+        iso_value = automatic.choose(fields).surface
+    if transfer_function is None:
+        if clim is None:
+            assert look is not None
+            limits: Sequence[float] = look.clim
+            opacities = look.opacity if opacity is None else opacity
+        else:
+            limits = clim
+            opacities = (0.0, automatic.TOP_OPACITY) if opacity is None else opacity
+        transfer_function = TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacities, limits)
+    if lights is None:
+        lights = (HEAD_LIGHT,) if shading and mode in ("composite", "isosurface") else ()
+    return Scene(
+        list(fields),
+        transfer_function,
+        mode=mode,
+        iso_value=iso_value,
+        lights=lights,
+        material=SHINY if material is None else material,
+        **options,
+    )
+
+
+def _turned(direction: Triple, up: Triple, azimuth: float, elevation: float) -> Triple:
+    """Return the direction of view after the eye went round `up` by azimuth and towards it by elevation, in degrees."""
+    view = np.asarray(direction) / np.linalg.norm(direction)
+    axis = np.asarray(up) / np.linalg.norm(up)
+    turned = _rotate(view, axis, math.radians(azimuth))
+    right = np.cross(turned, axis)
+    length = float(np.linalg.norm(right))
+    if length < 1e-9:
+        # Seen from above or below there is no horizon to rise from; the camera says what is wrong with such an up.
+        return triple("direction", turned)
+    return triple("direction", _rotate(turned, right / length, -math.radians(elevation)))
+
+
+def _rotate(vector: Any, axis: Any, angle: float) -> Any:
+    """Return the vector turned round a unit axis, counter-clockwise seen against the axis (Rodrigues' formula)."""
+    along = axis * np.dot(axis, vector)
+    return along + math.cos(angle) * (vector - along) + math.sin(angle) * np.cross(axis, vector)
+
+
+def compose_camera(
+    thing: object,
+    size: tuple[int, int],
+    *,
+    direction: Vector | None = None,
+    up: Vector | None = None,
+    azimuth: float | None = None,
+    elevation: float | None = None,
+    zoom: float = 1.0,
+    projection: Kind = "orthographic",
+    fov_y: float = 30.0,
+    margin: float = 1.05,
+) -> Camera:
+    """Return a camera that shows all of a field or a scene in a picture of any shape, turned and zoomed."""
+    bounds: Bounds = bounds_of(thing)
+    view = triple("render: direction", (0.0, 0.0, -1.0) if direction is None else direction)
+    upward = triple("render: up", (0.0, 1.0, 0.0) if up is None else up)
+    # Who gives a direction wants just that.
+    turn = number("render: azimuth", (AZIMUTH if direction is None else 0.0) if azimuth is None else azimuth)
+    rise = number("render: elevation", (ELEVATION if direction is None else 0.0) if elevation is None else elevation)
+    if not (math.isfinite(turn) and math.isfinite(rise)):
+        raise complain("render: azimuth or elevation cannot be used", f"{turn:g}, {rise:g}", "finite angles, degrees")
+    if any(view) and any(upward) and np.all(np.isfinite(view)) and np.all(np.isfinite(upward)):
+        view = _turned(view, upward, turn, rise)
+    nearer = number("render: zoom", zoom)
+    if not (math.isfinite(nearer) and nearer > 0):
+        raise complain("render: zoom cannot be used", f"{nearer:g}", "a finite number above 0")
+    width, height = size
+    reach = number("render: margin", margin)
+    box = _Box(bounds)
+    if projection == "perspective":
+        # A fit is for square pictures; a narrow one must show as much across.
+        camera = Camera.fit(box, view, upward, projection, reach * max(1.0, height / width), fov_y=fov_y)
+        if nearer == 1.0:
+            return camera
+        # Going nearer would end inside the thing; a narrower angle enlarges it where it is.
+        angle = 2 * math.degrees(math.atan(math.tan(math.radians(camera.fov_y) / 2) / nearer))
+        return Camera.perspective(camera.eye, camera.target, camera.up, fov_y=angle, near=camera.near)
+    camera = Camera.fit(box, view, upward, projection, reach, fov_y=fov_y)
+    # Width and height of the box as this camera sees it: the sums of its edges' shares.
+    edges = np.diag(np.subtract(bounds[1], bounds[0]))
+    across, high, _ = np.abs([camera._native.direction_to_eye(triple("edge", edge)) for edge in edges]).sum(axis=0)
+    if across > 0 and high > 0:
+        reach *= max(high, across * height / width) / max(high, across)
+    return Camera.fit(box, view, upward, projection, reach / nearer, fov_y=fov_y)
+
+
+class _Box:
+    """Something with bounds."""
+
+    def __init__(self, bounds: Bounds) -> None:
+        self.bounds = bounds
+
+
+def render(
+    data: Data,
+    *,
+    size: tuple[int, int] = (400, 400),
+    cmap: Colormap | None = None,
+    opacity: Opacity | None = None,
+    clim: Sequence[float] | None = None,
+    transfer_function: TransferFunction | None = None,
+    shading: bool = True,
+    lights: Iterable[Light] | None = None,
+    material: Material | None = None,
+    background: Vector | None = None,
+    mode: Mode = "composite",
+    iso_value: float | None = None,
+    slice_spacing: float | None = None,
+    sampling: Sampling = "point",
+    reference_length: float | None = None,
+    opacity_stop: float = 0.98,
+    preintegration: bool = False,
+    camera: Camera | None = None,
+    direction: Vector | None = None,
+    up: Vector | None = None,
+    azimuth: float | None = None,
+    elevation: float | None = None,
+    zoom: float = 1.0,
+    projection: Kind = "orthographic",
+    fov_y: float = 30.0,
+    margin: float = 1.05,
+    renderer: Renderer | None = None,
+    backend: Backend = "auto",
+    device: int | None = None,
+    precision: Precision = "auto",
+    tagging: Tagging = "auto",
+    packing: Packing = "auto",
+    effects: Mapping[str, bool] | None = None,
+    allow_inexact: bool = False,
+    outputs: Iterable[Output] = (),
+    progress: Progress | None = None,
+    spacing: Vector | None = None,
+    origin: Vector | None = None,
+    lattice: Lattice | None = None,
+    radius: float | None = None,
+    falloff: float | None = None,
+    normalization: Normalization | None = None,
+    w0: float | None = None,
+    nan: NanPolicy | None = None,
+    shape: tuple[int, int, int] | None = None,
+    dtype: DTypeLike | None = None,
+    offset: int | None = None,
+    name: str | None = None,
+) -> Image:
+    """Return a picture of an array, a file, a field or several fields. What is not given is chosen to show something.
+
+    Parameters
+    ----------
+    data
+        Array [k, j, i], path of a file, field, sequence of fields, or what makes a field by its method ``field()``, as
+        generated data sets do.
+    size
+        (width, height) in pixels.
+    cmap, opacity, clim
+        Colours, opacity per reference length, and the values at which the colormap begins and ends, as for
+        `TransferFunction.from_colormap`; by the samples' histogram unless given.
+    transfer_function
+        Takes the place of these three.
+    shading, lights, material
+        Without `lights` one light over the viewer's shoulder, or none where `shading` is False.
+    background
+        Red, green, blue behind the picture; transparent unless given.
+    mode, iso_value, slice_spacing, sampling, reference_length, opacity_stop, preintegration
+        As for `Scene`. Without `iso_value` a surface is put where the histogram parts things from background.
+    camera
+        Takes the place of the options that follow.
+    direction, up
+        World direction of the view, (0, 0, −1) unless given, and what is up in the picture, (0, 1, 0) unless given.
+    azimuth, elevation
+        Degrees by which the eye goes round `up` to the right, and then towards `up`; 25 and 20 unless given, 0 and 0
+        where `direction` is given.
+    zoom
+        Enlargement.
+    projection, fov_y, margin
+        As for `Camera.fit`: "orthographic" or "perspective", vertical angle in degrees, margin around the field.
+    renderer
+        Takes the place of the options that follow.
+    backend, device, precision, tagging, packing, effects, allow_inexact
+        As for `Renderer`.
+    outputs, progress
+        As for `Renderer.render`.
+    spacing, origin, lattice, radius, falloff, normalization, w0, nan
+        As for `RegularField`; for arrays and files.
+    shape, dtype, offset, name
+        As for `sheetsplat.open`; for files.
+
+    Raises
+    ------
+    Error
+        What opening, `Scene`, `Camera.fit` and `Renderer` raise.
+    """
+    width, height = image_size(size)
+    fields = to_fields(
+        Path(data) if isinstance(data, str) else data,
+        spacing=spacing,
+        origin=origin,
+        lattice=lattice,
+        radius=radius,
+        falloff=falloff,
+        normalization=normalization,
+        w0=w0,
+        nan=nan,
+        shape=shape,
+        dtype=dtype,
+        offset=offset,
+        name=name,
+    )
+    scene = compose_scene(
+        fields,
+        transfer_function=transfer_function,
+        cmap=cmap,
+        opacity=opacity,
+        clim=clim,
+        mode=mode,
+        iso_value=iso_value,
+        shading=shading,
+        lights=lights,
+        material=material,
+        background=background,
+        slice_spacing=slice_spacing,
+        sampling=sampling,
+        reference_length=reference_length,
+        opacity_stop=opacity_stop,
+        preintegration=preintegration,
+    )
+    if camera is None:
+        camera = compose_camera(
+            scene,
+            (width, height),
+            direction=direction,
+            up=up,
+            azimuth=azimuth,
+            elevation=elevation,
+            zoom=zoom,
+            projection=projection,
+            fov_y=fov_y,
+            margin=margin,
+        )
+    if renderer is None:
+        renderer = Renderer(
+            backend,
+            device=device,
+            precision=precision,
+            tagging=tagging,
+            packing=packing,
+            effects=effects,
+            allow_inexact=allow_inexact,
+        )
+    return renderer.render(scene, camera, size=(width, height), outputs=outputs, progress=progress)

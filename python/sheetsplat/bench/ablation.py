@@ -1,0 +1,213 @@
+"""What each technique is worth: time, and error against the reference, with it and without it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import sheetsplat as ss
+from sheetsplat import datasets
+from sheetsplat.bcc import resample_to_bcc
+from sheetsplat.bench._measure import Judge, attempt, device_of, difference, orbit, renderer_for, time_frames
+from sheetsplat.bench._report import Options, Report, Row, environment
+
+_COLUMNS = {
+    "group": "technique",
+    "row": "setting",
+    "scene": "scene",
+    "kernels_drawn": "drawn",
+    "splats": "splats",
+    "slices": "slices",
+    "wall_ms": "ms",
+    "cpu_ms": "cpu ms",
+    "ratio": "cpu over first",
+    "rmse": "rmse",
+    "p99_9": "p99.9",
+    "maximum": "max",
+    "cartesian_rmse": "rmse to Cartesian",
+    "error_size": "error at",
+    "paper": "the paper says",
+    "remark": "remark",
+}
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """One way to draw a scene."""
+
+    group: str
+    name: str
+    scene: str
+    renderer: dict[str, Any] = field(default_factory=dict)
+    paper: str = ""
+
+
+def _off(effect: str) -> dict[str, Any]:
+    return {"effects": {effect: False}, "allow_inexact": True}
+
+
+def _on(*effects: str) -> dict[str, Any]:
+    return {"effects": dict.fromkeys(effects, True), "allow_inexact": True}
+
+
+# Within a group the first setting is what the others are compared with. The paper's remarks: sections 4.1 to 4.4 and 5.
+_SETTINGS = (
+    _Setting("points", "points", "ball", _on("points")),
+    _Setting("points", "quads", "ball", _off("points"), "1.2 to 1.3 times slower"),
+    _Setting("vertex arrays", "arrays a slab", "tubes", _on("vertex_arrays")),
+    _Setting("vertex arrays", "a call a kernel", "tubes", _off("vertex_arrays")),
+    _Setting("channels", "four slabs at a time", "ball", {**_on("four_channels"), "packing": "paper"}),
+    _Setting("channels", "one slab at a time", "ball", _off("four_channels"), "3 times slower"),
+    _Setting("packing", "paper", "ball", {"packing": "paper"}),
+    _Setting("packing", "wide", "ball", {"packing": "wide"}),
+    *(
+        _Setting("skipping", name, scene, {"tagging": name}, paper)
+        for scene in ("tubes", "ball")
+        for name, paper in (("off", ""), ("depth_bounds", "1.2 times faster"), ("depth_equal", ""), ("tiles", ""))
+    ),
+    *(
+        _Setting("elimination", name, scene, settings)
+        for scene in ("opaque ball", "ball surface")
+        for name, settings in (("off", _off("elimination")), ("on", _on("elimination")))
+    ),
+    *(
+        _Setting("opacity buffer", name, scene, settings)
+        for scene in ("opaque ball", "ball surface")
+        for name, settings in (
+            ("off", _off("opacity_buffer")),
+            ("minimum", _on("opacity_buffer")),
+            ("average", _on("opacity_buffer_average")),
+        )
+    ),
+    _Setting("buffers", "32 bits", "ball", {"precision": "float32"}),
+    _Setting("buffers", "16 bits", "ball", {"precision": "float16", "allow_inexact": True}, "16 bits are adequate"),
+    _Setting("buffers", "8 bits", "ball", {"precision": "uint8", "allow_inexact": True}),
+    _Setting("lattice", "Cartesian", "vortex"),
+    _Setting("lattice", "BCC", "vortex BCC", paper="up to 30 % fewer kernels, more slices, slower as a rule"),
+    _Setting("lattice", "Cartesian", "signal"),
+    _Setting("lattice", "BCC", "signal BCC"),
+    _Setting("shading", "after splatting", "tubes near"),
+    _Setting("shading", "before splatting", "tubes near", _on("preshaded"), "blurs zoomed views"),
+)
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """A scene with its cameras; made once, so that all settings share one reference picture."""
+
+    scene: ss.Scene
+    cameras: list[ss.Camera]
+    # The same thing on the Cartesian lattice, where this is its BCC resampling.
+    cartesian: str = ""
+
+
+def _opaque(volume: datasets.Dataset) -> ss.Scene:
+    points = [(0.0, 0.2, 0.3, 0.6, 0.0), (60.0, 0.2, 0.3, 0.6, 0.0), (150.0, 1.0, 0.85, 0.6, 0.6)]
+    return volume.scene(transfer_function=ss.TransferFunction(points))
+
+
+def _stages(options: Options) -> dict[str, Callable[[], _Stage]]:
+    edge = options.edge(128)
+
+    def around(scene: ss.Scene, cartesian: str = "", zoom: float = 1.0) -> _Stage:
+        cameras = orbit(scene.fields[0], options.views)
+        if zoom != 1.0:
+            cameras = [
+                ss.Camera.orthographic(camera.eye, camera.target, camera.up, height=camera.height / zoom)
+                for camera in cameras
+            ]
+        return _Stage(scene, cameras, cartesian)
+
+    def ball() -> _Stage:
+        return around(datasets.noisy_ball(edge).scene())
+
+    def surface() -> _Stage:
+        return around(datasets.noisy_ball(edge).scene(mode="isosurface", iso_value=80.0))
+
+    def volume(make: Callable[[], datasets.Dataset], bcc: str = "") -> _Stage:
+        made = make()
+        if not bcc:
+            return around(made.scene())
+        field = resample_to_bcc(made.values, made.spacing, made.origin).field()
+        # Opacity stays per the Cartesian distance: the default would be the BCC lattice's shorter one.
+        return around(made.scene(field=field, reference_length=min(made.spacing)), bcc)
+
+    def vortex() -> datasets.Dataset:
+        return datasets.vortex(edge)
+
+    def signal() -> datasets.Dataset:
+        return datasets.marschner_lobb(options.edge(64), 3.0)
+
+    return {
+        "ball": ball,
+        "ball surface": surface,
+        "opaque ball": lambda: around(_opaque(datasets.noisy_ball(edge))),
+        "tubes": lambda: around(datasets.tubes(edge).scene()),
+        "tubes near": lambda: around(datasets.tubes(edge).scene(), zoom=4.0),
+        "vortex": partial(volume, vortex),
+        "vortex BCC": partial(volume, vortex, "vortex"),
+        "signal": partial(volume, signal),
+        "signal BCC": partial(volume, signal, "signal"),
+    }
+
+
+def _row(setting: _Setting, stages: dict[str, _Stage], options: Options, judge: Judge) -> Row:
+    stage = stages[setting.scene]
+    renderer = renderer_for(options, **setting.renderer)
+    timing = time_frames(renderer, stage.scene, stage.cameras, options.size)
+    options.keep(timing.picture, setting.group, setting.scene, setting.name)
+    row: Row = {
+        "kernels_drawn": round(timing.stats["kernels_drawn"]),
+        "splats": round(timing.stats.get("splats", timing.stats["kernels_drawn"])),
+        "slices": round(timing.stats["slices"]),
+        "wall_ms": 1000.0 * timing.wall,
+        "cpu_ms": 1000.0 * timing.cpu,
+    }
+    row |= judge.error(renderer, stage.scene, stage.cameras[0])
+    if stage.cartesian:
+        # Both through the Cartesian view's camera, which does not know of the other lattice's box.
+        other = stages[stage.cartesian]
+        expected = judge.reference(other.scene, other.cameras[0])
+        picture = renderer.render(stage.scene, other.cameras[0], size=expected.size)
+        row["cartesian_rmse"] = difference(picture, expected)["rmse"]
+    return row
+
+
+def run(options: Options) -> Report:
+    """Run every setting; ``options.rows`` choose techniques."""
+    makers = _stages(options)
+    stages: dict[str, _Stage] = {}
+    judge = Judge(options.size, options.reference_seconds)
+    rows: list[Row] = []
+    first: dict[tuple[str, str], float] = {}
+    for setting in _SETTINGS:
+        if not options.wants(setting.group):
+            continue
+        options.say(f"{setting.group}: {setting.name}, {setting.scene}")
+        for name in (setting.scene, setting.scene.removesuffix(" BCC")):
+            if name not in stages:
+                stages[name] = makers[name]()
+        row: Row = {"group": setting.group, "row": setting.name, "scene": setting.scene}
+        row |= attempt(partial(_row, setting, stages, options, judge))
+        if setting.paper:
+            row["paper"] = setting.paper
+        if "cpu_ms" in row:
+            key = (setting.group, setting.scene.removesuffix(" BCC"))
+            row["ratio"] = row["cpu_ms"] / first.setdefault(key, row["cpu_ms"])
+        rows.append(row)
+    return Report(
+        name="ablation",
+        title=f"What each technique is worth, at {options.size[0]}x{options.size[1]}, shaded",
+        columns=_COLUMNS,
+        rows=rows,
+        notes=[
+            f"Medians over {options.views} views of an orbit. cpu over first: time against the first setting of the "
+            "technique on that scene.",
+            "Errors are of the first view against the float64 reference of the same scene, at the size given beside "
+            "them; pixels at jumps (isosurfaces, A_stop) are included.",
+            "rmse to Cartesian: distance of the BCC lattice's picture from the Cartesian lattice's reference picture.",
+        ],
+        environment=environment(device_of(renderer_for(options))),
+    )

@@ -1,0 +1,200 @@
+"""Cameras: orthographic and perspective. Image formation, section 1."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from sheetsplat import _sheetsplat
+from sheetsplat._checks import Bounds, Triple, Vector, choice, number, optional_number, shown, triple
+from sheetsplat.errors import complain
+from sheetsplat.fields import joined_bounds
+
+Kind = Literal["orthographic", "perspective"]
+
+
+def bounds_of(thing: object) -> Bounds:
+    """Return the world-aligned box of a field, of a sequence of fields, or of anything with ``bounds``.
+
+    ``bounds`` are two corners, ((x0, y0, z0), (x1, y1, z1)). Raises InvalidInput for anything else.
+    """
+    wanted = "a field, a scene, a sequence of fields, or something with bounds ((x0, y0, z0), (x1, y1, z1))"
+    if isinstance(thing, list | tuple):
+        if not thing:
+            raise complain("Camera.fit: there is nothing to look at", "an empty sequence", wanted)
+        return joined_bounds([bounds_of(one) for one in thing])
+    bounds: Any = getattr(thing, "bounds", None)
+    if callable(bounds):
+        bounds = bounds()
+    try:
+        corners = np.asarray(bounds, dtype=np.float64)
+    except (TypeError, ValueError):
+        corners = np.empty(0)
+    if bounds is None or corners.shape != (2, 3) or not np.all(corners[0] <= corners[1]):
+        raise complain("Camera.fit: this cannot be looked at", shown(thing if bounds is None else bounds), wanted)
+    return triple("bounds", corners[0]), triple("bounds", corners[1])
+
+
+class Camera:
+    """Where the picture is taken from. Immutable; made by `orthographic`, `perspective` or `fit`.
+
+    The camera looks from eye to target; lengths are world units, angles degrees.
+    """
+
+    __slots__ = ("_native",)
+    _native: _sheetsplat.Camera
+
+    def __init__(self) -> None:
+        raise TypeError("a Camera is made by Camera.orthographic, Camera.perspective or Camera.fit")
+
+    @classmethod
+    def _of(cls, native: _sheetsplat.Camera) -> Camera:
+        camera = cls.__new__(cls)
+        camera._native = native
+        return camera
+
+    @classmethod
+    def orthographic(cls, eye: Vector, target: Vector, up: Vector = (0.0, 1.0, 0.0), *, height: float) -> Camera:
+        """Return a camera without perspective.
+
+        Parameters
+        ----------
+        eye, target
+            World positions.
+        up
+            World direction that is up in the picture; not along the view.
+        height
+            World units from the bottom edge of the picture to the top, > 0.
+
+        Raises
+        ------
+        InvalidInput
+            Where eye = target, up is along the view, a number is not finite, or height is not positive.
+        """
+        return cls._of(
+            _sheetsplat.Camera.orthographic(
+                triple("Camera: eye", eye),
+                triple("Camera: target", target),
+                triple("Camera: up", up),
+                number("Camera: height", height),
+            )
+        )
+
+    @classmethod
+    def perspective(
+        cls, eye: Vector, target: Vector, up: Vector = (0.0, 1.0, 0.0), *, fov_y: float, near: float | None = None
+    ) -> Camera:
+        """Return a camera with perspective.
+
+        Parameters
+        ----------
+        eye, target
+            World positions.
+        up
+            World direction that is up in the picture; not along the view.
+        fov_y
+            Vertical angle in degrees, between 0 and 180.
+        near
+            Depth in front of which nothing is shown, > 0; a thousandth of the distance from eye to target unless given.
+
+        Raises
+        ------
+        InvalidInput
+            Where eye = target, up is along the view, a number is not finite, or an angle or depth is out of range.
+        """
+        return cls._of(
+            _sheetsplat.Camera.perspective(
+                triple("Camera: eye", eye),
+                triple("Camera: target", target),
+                triple("Camera: up", up),
+                number("Camera: fov_y", fov_y),
+                optional_number("Camera: near", near),
+            )
+        )
+
+    @classmethod
+    def fit(
+        cls,
+        field: object,
+        direction: Vector = (0.0, 0.0, -1.0),
+        up: Vector = (0.0, 1.0, 0.0),
+        kind: Kind = "orthographic",
+        margin: float = 1.05,
+        *,
+        fov_y: float = 30.0,
+    ) -> Camera:
+        """Return a camera that looks along `direction` and shows all of something in a square picture.
+
+        Parameters
+        ----------
+        field
+            A field, a scene, a sequence of fields, or anything with ``bounds`` ((x0, y0, z0), (x1, y1, z1)).
+        direction
+            World direction of the view, from the eye into the scene.
+        up
+            World direction that is up in the picture; not along the view.
+        kind
+            "orthographic" or "perspective".
+        margin
+            How much larger than the thing the picture is, > 0.
+        fov_y
+            Vertical angle in degrees, for perspective.
+
+        Raises
+        ------
+        InvalidInput
+            Where there is nothing to look at, or a number has no meaning.
+        """
+        lower, upper = bounds_of(field)
+        return cls._of(
+            _sheetsplat.Camera.fit(
+                lower,
+                upper,
+                triple("Camera: direction", direction),
+                triple("Camera: up", up),
+                choice("Camera: kind", kind, ("orthographic", "perspective")),
+                number("Camera: margin", margin),
+                number("Camera: fov_y", fov_y),
+            )
+        )
+
+    @property
+    def kind(self) -> str:
+        """Either "orthographic" or "perspective"."""
+        return self._native.kind
+
+    @property
+    def eye(self) -> Triple:
+        """World position of the eye."""
+        return self._native.eye
+
+    @property
+    def target(self) -> Triple:
+        """World position that is looked at."""
+        return self._native.target
+
+    @property
+    def up(self) -> Triple:
+        """World direction that is up in the picture, as it was given."""
+        return self._native.up
+
+    @property
+    def height(self) -> float:
+        """World units from the bottom edge of the picture to the top, for orthographic cameras."""
+        return self._native.height
+
+    @property
+    def fov_y(self) -> float:
+        """Vertical angle in degrees, for perspective cameras."""
+        return self._native.fov_y
+
+    @property
+    def near(self) -> float:
+        """Depth in front of which a perspective camera shows nothing."""
+        return self._native.near
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        last = f"height={self.height:g}" if self.kind == "orthographic" else f"fov_y={self.fov_y:g}, near={self.near:g}"
+        return f"Camera.{self.kind}(eye={self.eye}, target={self.target}, up={self.up}, {last})"

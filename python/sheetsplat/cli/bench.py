@@ -1,0 +1,68 @@
+"""sheetsplat bench."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from sheetsplat.cli.options import Numbers, as_json, common
+from sheetsplat.cli.output import report_json, say
+from sheetsplat.renderer import BACKENDS
+
+
+@click.command("bench")
+@click.argument("name", required=False)
+@click.option("--list", "list_names", is_flag=True, help="List the benchmarks.")
+@click.option("--size", type=Numbers("WxH", 2, whole=True), default="400x400", show_default=True, help="Pixels.")
+@click.option("--views", type=int, default=5, show_default=True, help="Views that are timed; the median counts.")
+@click.option("--backend", type=click.Choice(BACKENDS), default="auto", show_default=True)
+@click.option("--data", type=click.Path(path_type=Path), help="Folder of the measured volumes.")
+@click.option("--row", "rows", multiple=True, help="Run this row only; may be repeated.")
+@click.option("--scale", type=float, default=1.0, show_default=True, help="Edge of generated volumes.")
+@click.option("--check", is_flag=True, help="Exit code 1 where a figure to be reached was missed.")
+@as_json
+@common
+def command(
+    name: str | None,
+    list_names: bool,
+    size: tuple[int, int],
+    views: int,
+    backend: str,
+    data: Path | None,
+    rows: tuple[str, ...],
+    scale: float,
+    check: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Run the benchmark NAME and print its table."""
+    from sheetsplat.bench import BENCHES, Options
+
+    if list_names:
+        if as_json:
+            report_json({name: bench.summary for name, bench in BENCHES.items()})
+            return
+        width = max(map(len, BENCHES))
+        for known, bench in BENCHES.items():
+            click.echo(f"{known:<{width}}  {bench.summary}")
+        return
+    if name is None:
+        raise click.UsageError("give the NAME of a benchmark, or --list")
+    if name not in BENCHES:
+        raise click.BadParameter(f"{name!r}: wanted one of: {', '.join(BENCHES)}", param_hint="NAME")
+    options = Options(
+        size=size,
+        views=views,
+        backend=backend,
+        data=data,
+        rows=rows,
+        scale=scale,
+        tell=lambda text: say(text, quiet=quiet),
+    )
+    report = BENCHES[name].run(options)
+    click.echo(report.to_json() if as_json else report.table())
+    if check and not report.reached:
+        say(f"{name}: a figure to be reached was missed", quiet=quiet)
+        sys.exit(1)

@@ -1,0 +1,59 @@
+"""sheetsplat demo."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from sheetsplat.cli.options import Numbers, as_json, common
+from sheetsplat.cli.output import progress_bar, report_json, say
+from sheetsplat.renderer import BACKENDS
+
+_DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "jet")
+
+
+@click.command("demo")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    default="sheetsplat-demo.png",
+    show_default=True,
+    help="The picture: .png, .exr or .npy.",
+)
+@click.option(
+    "--dataset", type=click.Choice(_DATASETS), default="tubes", show_default=True, help="What to make and show."
+)
+@click.option("--size", type=Numbers("WxH", 2, whole=True), default="400x400", show_default=True, help="Pixels.")
+@click.option("--backend", type=click.Choice(BACKENDS), default="auto", show_default=True)
+@as_json
+@common
+def command(output: Path, dataset: str, size: tuple[int, int], backend: str, as_json: bool, quiet: bool) -> None:
+    """Render a data set that is made on the spot, and say where the picture is."""
+    from sheetsplat import api, datasets
+    from sheetsplat._checks import image_size
+    from sheetsplat.io import pictures
+    from sheetsplat.renderer import Renderer
+
+    pictures.check_suffix(output)
+    pictures.check_folder(output)
+    began = time.perf_counter()
+    say(f"making {dataset} ...", quiet=quiet)
+    scene = datasets.DATASETS[dataset]().scene()
+    camera = api.compose_camera(scene, image_size(size))
+    with progress_bar(dataset, quiet=quiet) as progress:
+        image = Renderer(backend).render(scene, camera, size=image_size(size), progress=progress)  # type: ignore[arg-type]
+    image.save(output)
+    seconds = time.perf_counter() - began
+    if as_json:
+        report = {"output": str(output.resolve()), "dataset": dataset, "seconds": seconds}
+        report_json({**report, "plan": image.plan.to_dict(), "stats": image.stats})
+    else:
+        click.echo(str(output.resolve()))
+    plan = image.plan
+    say(
+        f"rendered {dataset} by {plan.backend}{f' on {plan.device}' if plan.device else ''} in {seconds:.1f} s",
+        quiet=quiet,
+    )

@@ -1,0 +1,62 @@
+"""The command group, and what is common to all commands: errors, exit codes, the log."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Any
+
+import click
+
+from sheetsplat import __version__
+from sheetsplat.errors import Error
+
+_COMMANDS = {
+    "render": "Render a volume into a picture.",
+    "plan": "Show what the scene calls for, effect by effect, with the reason.",
+    "info": "Show sizes, ranges, histogram and memory of a volume.",
+    "devices": "Show backends and contexts that could be made here, and why others could not.",
+    "compare": "Compare two pictures: RMSE, P99.9, maximum and FLIP.",
+    "bench": "Measure: tables, ablations, scaling.",
+    "demo": "Render a data set that is made on the spot.",
+}
+
+
+class _Group(click.Group):
+    """Reads a command's module when it is asked for, and turns errors into messages and exit codes."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names in their order in the help."""
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command, or None."""
+        if cmd_name not in _COMMANDS:
+            return None
+        module = importlib.import_module(f"sheetsplat.cli.{cmd_name}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands without reading their modules."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command; errors of the package become one message on stderr and exit code 1."""
+        try:
+            return super().invoke(ctx)
+        except Error as error:
+            click.echo(f"sheetsplat: {error}", err=True)
+        except MemoryError:
+            click.echo("sheetsplat: memory ran out; use a smaller volume or picture", err=True)
+        sys.exit(1)
+
+
+@click.command(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="sheetsplat")
+def main() -> None:
+    """Image-aligned sheet-buffer splatting of volumes.
+
+    Exit codes: 0 done, 1 failed, 2 wrong usage.
+    """

@@ -1,0 +1,51 @@
+"""Reports on stdout, words and bars on stderr."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import click
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON has it: no infinities, no NaN, no types of NumPy."""
+    if isinstance(value, dict):
+        return {str(name): _plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def report_json(value: Any) -> None:
+    """Print a value as JSON on stdout; numbers that are not finite become null."""
+    click.echo(json.dumps(_plain(value), indent=2, allow_nan=False))
+
+
+def say(text: str, *, quiet: bool) -> None:
+    """Print a line on stderr unless told to be quiet."""
+    if not quiet:
+        click.echo(text, err=True)
+
+
+@contextlib.contextmanager
+def progress_bar(what: str, *, quiet: bool) -> Iterator[Callable[[float], object] | None]:
+    """Give a progress callback that draws a bar on stderr, or None where nobody would see it."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda share: bar.update(task, completed=share)

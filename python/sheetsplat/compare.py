@@ -1,0 +1,64 @@
+"""Distances between pictures. Image formation, section 8, and FLIP."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sheetsplat import _sheetsplat
+from sheetsplat.errors import complain
+
+Floats = NDArray[np.float32]
+
+
+def _picture(array: ArrayLike, what: str) -> Floats:
+    picture = np.ascontiguousarray(array, dtype=np.float32)
+    if picture.size == 0 or not (picture.ndim == 2 or (picture.ndim == 3 and picture.shape[2] == 4)):
+        raise complain(
+            f"compare: the {what} cannot be used", f"shape {picture.shape}", "(h, w, 4), or (h, w) for scalars"
+        )
+    return picture
+
+
+def _for_eyes(picture: Floats, reference: Floats) -> Floats:
+    """Return the picture as a screen would show it over black: (h, w, 3) in [0, 1]."""
+    if picture.ndim == 2:
+        finite = np.nan_to_num(reference, posinf=0.0, neginf=0.0)
+        top = float(finite.max(initial=0.0))
+        picture = np.repeat((picture / top if top > 0 else picture)[..., None], 3, axis=2)
+    return np.clip(np.nan_to_num(picture[..., :3]), 0.0, 1.0).astype(np.float32)
+
+
+def compare(picture: ArrayLike, reference: ArrayLike) -> dict[str, float]:
+    """Return the distances of a picture from a reference.
+
+    Parameters
+    ----------
+    picture, reference
+        Two pictures of one shape: premultiplied RGBA (h, w, 4), or scalars (h, w).
+
+    Returns
+    -------
+    dict
+        "rmse", "p99_9" (99.9th percentile of the largest channel difference of a pixel) and "maximum" as image
+        formation, section 8, defines them; "flip", the mean of FLIP (Andersson et al. 2020) over black. NaN in one
+        picture only counts as infinitely far.
+
+    Raises
+    ------
+    InvalidInput
+        Where the shapes differ or are no pictures.
+    """
+    first, second = _picture(picture, "picture"), _picture(reference, "reference")
+    if first.shape != second.shape:
+        raise complain(
+            "compare: the pictures cannot be compared",
+            f"shapes {first.shape} and {second.shape}",
+            "one and the same shape",
+        )
+    distances = _sheetsplat.compare(first, second, 1 if first.ndim == 2 else 4)
+    import flip_evaluator  # type: ignore[import-untyped]
+
+    seen, expected = _for_eyes(first, second), _for_eyes(second, second)
+    _, flip, _ = flip_evaluator.evaluate(expected, seen, "LDR", inputsRGB=True, applyMagma=False)
+    return {**distances, "flip": float(flip)}

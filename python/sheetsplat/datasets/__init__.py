@@ -1,0 +1,46 @@
+"""Generated data sets: seeded, exact, made here and nowhere downloaded.
+
+Each function returns a :class:`Dataset`, which knows its samples and how to draw them::
+
+    from sheetsplat import datasets
+    ball = datasets.noisy_ball()
+    field = ball.field()
+
+Formulas: :func:`marschner_lobb` (with :func:`marschner_lobb_value` and :func:`marschner_lobb_gradient`),
+:func:`noisy_ball`, :func:`tubes`. Flows from a solver, standing in for the simulations of the 2005 paper:
+:func:`vortex`, :func:`turbulence`, :func:`jet`; these take up to some twenty seconds the first time and are then kept
+in :func:`cache_folder`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ._cache import cache_folder
+from ._dataset import Dataset
+from ._flows import jet, turbulence, vortex
+from ._shapes import marschner_lobb, marschner_lobb_gradient, marschner_lobb_value, noisy_ball, tubes
+
+#: Every data set by its name; each can be called without arguments.
+DATASETS: dict[str, Callable[..., Dataset]] = {
+    "marschner_lobb": marschner_lobb,
+    "noisy_ball": noisy_ball,
+    "tubes": tubes,
+    "vortex": vortex,
+    "turbulence": turbulence,
+    "jet": jet,
+}
+
+__all__ = [
+    "DATASETS",
+    "Dataset",
+    "cache_folder",
+    "jet",
+    "marschner_lobb",
+    "marschner_lobb_gradient",
+    "marschner_lobb_value",
+    "noisy_ball",
+    "tubes",
+    "turbulence",
+    "vortex",
+]

@@ -1,0 +1,104 @@
+"""The noun that every generator of :mod:`sheetsplat.datasets` returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from sheetsplat import RegularField, Scene, TransferFunction
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """A generated volume with all that is needed to draw it.
+
+    Attributes
+    ----------
+    name
+        Short name, fit for a file name.
+    values
+        Samples, indexed ``[k, j, i]``; read-only.
+    spacing
+        World units between samples along x, y, z; on a BCC lattice three times its edge ``a``.
+    origin
+        World position of sample (0, 0, 0).
+    lattice
+        ``"cartesian"`` or ``"bcc"``.
+    description
+        What it is and how it was made, in one or two sentences.
+    stand_in_for
+        The data set of a paper in whose place this one is used, or None where it is nobody's stand-in.
+    suggested
+        Options of a picture that shows it well: ``points`` of a transfer function, ``clim``, ``mode``, ``iso_value``.
+    """
+
+    name: str
+    values: NDArray[Any]
+    spacing: Vector
+    origin: Vector
+    lattice: str = "cartesian"
+    description: str = ""
+    stand_in_for: str | None = None
+    suggested: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        values = np.ascontiguousarray(self.values)
+        if values is self.values and values.flags.writeable:
+            values = values.view()
+        values.flags.writeable = False
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "suggested", MappingProxyType(dict(self.suggested)))
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of samples along k, j, i."""
+        nk, nj, ni = self.values.shape
+        return nk, nj, ni
+
+    @property
+    def clim(self) -> tuple[float, float]:
+        """The suggested range of values, or the smallest and largest value."""
+        if "clim" in self.suggested:
+            lower, upper = self.suggested["clim"]
+            return float(lower), float(upper)
+        return float(self.values.min()), float(self.values.max())
+
+    def field(self, **options: Any) -> RegularField:
+        """Return the volume as a field of kernels; `options` are those of :class:`sheetsplat.RegularField`."""
+        import sheetsplat
+
+        arguments: dict[str, Any] = {"spacing": self.spacing, "origin": self.origin, "lattice": self.lattice}
+        return sheetsplat.RegularField(self.values, **{**arguments, **options})
+
+    def transfer_function(self) -> TransferFunction:
+        """Return the suggested transfer function, else a grey ramp over :attr:`clim`."""
+        import sheetsplat
+
+        lower, upper = self.clim
+        ramp = [(lower, 0.0, 0.0, 0.0, 0.0), (upper, 1.0, 1.0, 1.0, 0.2)]
+        return sheetsplat.TransferFunction(list(self.suggested.get("points", ramp)))
+
+    def scene(self, **options: Any) -> Scene:
+        """Return the suggested picture; `options` are those of :class:`sheetsplat.Scene` and win."""
+        import sheetsplat
+
+        arguments: dict[str, Any] = {
+            name: self.suggested[name] for name in ("mode", "iso_value") if name in self.suggested
+        }
+        arguments.setdefault("lights", [sheetsplat.Light((0.3, 0.5, 1.0))])
+        arguments.update(options)
+        field = arguments.pop("field", None)
+        transfer_function = arguments.pop("transfer_function", None)
+        return sheetsplat.Scene(
+            self.field() if field is None else field,
+            self.transfer_function() if transfer_function is None else transfer_function,
+            **arguments,
+        )

@@ -1,0 +1,134 @@
+"""The result of a rendering. Image formation, sections 6 and 7."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from sheetsplat import _sheetsplat
+from sheetsplat.errors import complain
+from sheetsplat.plan import RenderPlan
+
+
+class Image:
+    """A picture, row 0 at the top. Either `rgba` or `scalar` is there, by the scene's mode.
+
+    ``np.asarray(image)`` gives the one that is there. The arrays may outlive the image.
+    """
+
+    __slots__ = ("_coverage", "_depth", "_native", "_plan", "_rgba", "_scalar", "_stats")
+
+    def __init__(self) -> None:
+        raise TypeError("an Image is made by Renderer.render or sheetsplat.render")
+
+    @classmethod
+    def _of(cls, native: _sheetsplat.Image) -> Image:
+        image = cls.__new__(cls)
+        image._native = native
+        image._rgba = native.rgba
+        image._scalar = native.scalar
+        image._coverage = native.coverage
+        image._depth = native.depth
+        image._plan = RenderPlan._of(native.plan)
+        image._stats = native.stats
+        return image
+
+    _native: _sheetsplat.Image
+    _rgba: NDArray[np.float32] | None
+    _scalar: NDArray[np.float32] | None
+    _coverage: NDArray[np.float32] | None
+    _depth: NDArray[np.float32] | None
+    _plan: RenderPlan
+    _stats: dict[str, float]
+
+    @staticmethod
+    def _there(name: str, array: NDArray[np.float32] | None, then: str) -> NDArray[np.float32]:
+        if array is None:
+            raise complain(f"this picture has no {name}", then=then)
+        return array
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self._native.size
+
+    @property
+    def is_scalar(self) -> bool:
+        """True for the modes "xray" and "mip"."""
+        return self._scalar is not None
+
+    @property
+    def rgba(self) -> NDArray[np.float32]:
+        """Premultiplied, linear colour and opacity, float32 (h, w, 4). InvalidInput in scalar modes."""
+        return self._there("rgba", self._rgba, "its mode is a scalar one: look at image.scalar")
+
+    @property
+    def scalar(self) -> NDArray[np.float32]:
+        """Result of the modes "xray" and "mip", float32 (h, w). InvalidInput in other modes."""
+        return self._there("scalar", self._scalar, "its mode is a coloured one: look at image.rgba")
+
+    @property
+    def coverage(self) -> NDArray[np.float32]:
+        """Line integral of the kernels' weights, float32 (h, w). InvalidInput unless asked for."""
+        return self._there("coverage", self._coverage, 'render with outputs=("coverage",)')
+
+    @property
+    def depth(self) -> NDArray[np.float32]:
+        """Depth at which opacity first reaches one half, float32 (h, w), infinite where none.
+
+        InvalidInput unless asked for.
+        """
+        return self._there("depth", self._depth, 'render with outputs=("depth",)')
+
+    @property
+    def plan(self) -> RenderPlan:
+        """What ran, and why."""
+        return self._plan
+
+    @property
+    def stats(self) -> dict[str, float]:
+        """Seconds per stage, slices, kernels drawn and culled, bytes."""
+        return dict(self._stats)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the picture to a file, by its suffix; the file appears whole or not at all.
+
+        Parameters
+        ----------
+        path
+            .png: straight alpha, clamped, 8 bit, no gamma; scalar pictures are scaled to their largest value.
+            .exr: float32, premultiplied R, G, B, A, or Y for scalar pictures. .npy: the array as it is.
+
+        Raises
+        ------
+        InvalidInput
+            For another suffix.
+        Error
+            Where the file cannot be written.
+        """
+        import sheetsplat.io.pictures as pictures
+
+        pictures.save(self, Path(path))
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        """Return `rgba` or `scalar`, whichever is there."""
+        array = self._scalar if self._rgba is None else self._rgba
+        if copy is False and dtype is not None and np.dtype(dtype) != np.float32:
+            raise ValueError(f"an Image is float32; it cannot be seen as {np.dtype(dtype)} without a copy")
+        return np.array(array, dtype=dtype, copy=copy or None)
+
+    def _repr_png_(self) -> bytes:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "image.png"
+            self._native.save_png(str(path))
+            return path.read_bytes()
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        width, height = self.size
+        return f"Image({width} x {height}, {'scalar' if self.is_scalar else 'rgba'}, {self._plan.backend})"

@@ -1,0 +1,202 @@
+"""NRRD files, attached and detached. pynrrd reads the header; the samples are read here, bounded by what it says."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat._checks import Triple, shown, triple
+from sheetsplat.errors import Error, complain
+from sheetsplat.io.source import Payload, Source, beside, checked_shape
+from sheetsplat.io.volume import Volume
+
+# Longer headers than this are no headers.
+_HEADER_LIMIT = 1 << 20
+# Fields that are handed on as they are.
+_TOLD: tuple[str, ...] = ("content", "space", "encoding")
+_ENCODINGS = {
+    "raw": "raw",
+    "gzip": "gzip",
+    "gz": "gzip",
+    "bzip2": "bzip2",
+    "bz2": "bzip2",
+    "ascii": "text",
+    "text": "text",
+    "txt": "text",
+}
+_TYPES = {
+    "int8": ("signed char", "int8", "int8_t"),
+    "uint8": ("uchar", "unsigned char", "uint8", "uint8_t"),
+    "int16": ("short", "short int", "signed short", "signed short int", "int16", "int16_t"),
+    "uint16": ("ushort", "unsigned short", "unsigned short int", "uint16", "uint16_t"),
+    "int32": ("int", "signed int", "int32", "int32_t"),
+    "uint32": ("uint", "unsigned int", "uint32", "uint32_t"),
+    "int64": ("longlong", "long long", "long long int", "signed long long", "signed long long int", "int64", "int64_t"),
+    "uint64": ("ulonglong", "unsigned long long", "unsigned long long int", "uint64", "uint64_t"),
+    "float32": ("float",),
+    "float64": ("double",),
+}
+_TYPE_OF = {name: dtype for dtype, names in _TYPES.items() for name in names}
+
+
+def _fail(path: Path, found: str, wanted: str, then: str = "") -> Error:
+    return complain(f"{path} cannot be read", found, wanted, then)
+
+
+def _header(source: Source) -> tuple[dict[str, Any], int]:
+    """Return the header's fields and its length in bytes."""
+    import nrrd  # type: ignore[import-untyped]
+
+    head = source.head(_HEADER_LIMIT)
+    lines: list[bytes] = []
+    length = 0
+    # A detached header may end with the file instead of an empty line.
+    while length < len(head):
+        end = head.find(b"\n", length)
+        end = len(head) if end < 0 else end + 1
+        line = head[length:end]
+        length = end
+        lines.append(line)
+        if not line.strip():
+            break
+    else:
+        if length == _HEADER_LIMIT:
+            raise _fail(source.path, f"no end of the header in the first {_HEADER_LIMIT} bytes", "an NRRD header")
+    try:
+        return dict(nrrd.read_header(lines)), length
+    except Exception as error:
+        # The library lets errors of many classes through where a header is damaged.
+        raise _fail(source.path, f"a damaged NRRD header ({error})", "an NRRD header") from None
+
+
+def _field(header: dict[str, Any], *names: str) -> Any:
+    return next((header[name] for name in names if name in header), None)
+
+
+def _dtype(path: Path, header: dict[str, Any], encoding: str) -> np.dtype[Any]:
+    name = str(_field(header, "type"))
+    if name not in _TYPE_OF:
+        raise _fail(path, f"samples of type {name!r}", "one of: " + ", ".join(_TYPES))
+    dtype = np.dtype(_TYPE_OF[name])
+    if dtype.itemsize == 1 or encoding == "text":
+        return dtype
+    endian = str(_field(header, "endian")).lower()
+    if endian not in ("little", "big"):
+        raise _fail(path, f"endian {endian!r}", '"little" or "big"')
+    return dtype.newbyteorder("<" if endian == "little" else ">")
+
+
+def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[NDArray[Any], Triple, Triple]:
+    """Return the array turned so that its axes are z, y, x of the world, with spacing and origin."""
+    spacing = np.ones(3)
+    directions = _field(header, "space directions")
+    origin = np.zeros(3)
+    if _field(header, "space origin") is not None:
+        origin = np.asarray(_field(header, "space origin"), dtype=np.float64)
+        if origin.shape != (3,) or not np.all(np.isfinite(origin)):
+            raise _fail(path, f"space origin {shown(origin.tolist())}", "three finite numbers")
+    if directions is not None:
+        rows = np.asarray([np.full(3, np.nan) if row is None else row for row in directions], dtype=np.float64)
+        wanted = "three directions along the axes of the world"
+        if rows.shape != (3, 3) or not np.all(np.isfinite(rows)):
+            raise _fail(path, f"space directions {shown(rows.tolist())}", wanted)
+        along = rows != 0
+        if not (np.all(along.sum(axis=0) == 1) and np.all(along.sum(axis=1) == 1)):
+            raise _fail(path, f"space directions {shown(rows.tolist())}", wanted, "resample the volume to such axes")
+        # Row a of `rows` is the step along the file's axis a, the fastest first.
+        world = along.argmax(axis=1)
+        steps = rows[np.arange(3), world]
+        file_axis = np.argsort(world)
+        values = values.transpose([2 - file_axis[2], 2 - file_axis[1], 2 - file_axis[0]])
+        for axis in range(3):
+            step = steps[file_axis[axis]]
+            if step < 0:
+                values = np.flip(values, 2 - axis)
+                origin[axis] += step * (values.shape[2 - axis] - 1)
+            spacing[axis] = abs(step)
+    elif _field(header, "spacings") is not None:
+        spacing = np.asarray(_field(header, "spacings"), dtype=np.float64)
+        # NaN stands for "not known" in this format.
+        spacing = np.where(np.isnan(spacing), 1.0, spacing)
+        if spacing.shape != (3,) or not np.all(np.isfinite(spacing)) or np.any(spacing == 0):
+            raise _fail(path, f"spacings {shown(spacing.tolist())}", "three numbers other than 0")
+        spacing = np.abs(spacing)
+    return values, triple("spacing", spacing), triple("origin", origin)
+
+
+def _skip_lines(payload_source: Source, count: int) -> None:
+    for _ in range(count):
+        if not payload_source.stream.readline(_HEADER_LIMIT):
+            raise _fail(payload_source.path, "fewer lines than the header skips", f"{count} lines before the samples")
+
+
+def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...], start: int) -> NDArray[Any]:
+    encoding = _ENCODINGS.get(str(_field(header, "encoding")).lower())
+    if encoding is None:
+        found = shown(_field(header, "encoding"))
+        raise _fail(source.path, f"encoding {found}", "raw, gzip, bzip2 or ascii", "convert it with: unu save -e gzip")
+    dtype = _dtype(source.path, header, encoding)
+    count = math.prod(sizes)
+    line_skip = _field(header, "line skip", "lineskip") or 0
+    byte_skip = _field(header, "byte skip", "byteskip") or 0
+    if line_skip < 0 or byte_skip < -1 or (byte_skip == -1 and (encoding != "raw" or source.packed)):
+        raise _fail(source.path, f"line skip {line_skip}, byte skip {byte_skip}", "numbers that are not negative")
+    source.seek(start)
+    _skip_lines(source, line_skip)
+    if byte_skip == -1:
+        beginning = source.path.stat().st_size - count * dtype.itemsize
+        if beginning < start:
+            return source.payload("raw").array(dtype, count)
+        source.seek(beginning)
+        byte_skip = 0
+    if encoding == "text":
+        return _read_text(source, source.payload("raw"), dtype, count)
+    payload = source.payload(encoding)
+    payload.skip(byte_skip)
+    return payload.array(dtype, count)
+
+
+def _read_text(source: Source, payload: Payload, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+    # A number and its separator take two characters at least; forty are more than any needs.
+    if count * 2 - 1 > source.at_most():
+        raise _fail(source.path, f"at most {source.at_most()} characters of samples", f"{count} numbers")
+    words = payload.text(count * 40).split()
+    if len(words) < count:
+        raise _fail(source.path, f"{len(words)} numbers", f"{count} numbers, as the header says")
+    try:
+        return np.array(words[:count]).astype(dtype)
+    except (ValueError, OverflowError) as error:
+        raise _fail(source.path, f"text that is no number ({error})", "numbers") from None
+
+
+def read(source: Source) -> Volume:
+    """Read an NRRD volume with three axes; the fastest is x. Directions must lie along the axes of the world."""
+    header, length = _header(source)
+    for name in ("type", "dimension", "sizes", "encoding"):
+        if name not in header:
+            raise _fail(source.path, f"a header without {name}", "an NRRD header")
+    sizes = checked_shape(source.path, header["sizes"], "sizes")
+    if header["dimension"] != 3 or len(sizes) != 3:
+        raise _fail(
+            source.path,
+            f"{header['dimension']} axes, sizes {' x '.join(map(str, sizes))}",
+            "three axes",
+            "choose one channel or one time step, for instance with: unu slice",
+        )
+    data = _field(header, "data file", "datafile")
+    if data is None:
+        flat = _read_samples(source, header, sizes, length)
+    elif str(data).upper().startswith("LIST") or "%" in str(data):
+        raise _fail(source.path, f"several data files ({data})", "one", "join them with: unu save")
+    else:
+        with Source(beside(source.path, str(data))) as samples:
+            # An encoding of gzip and a gzipped data file are one and the same packing here, not two.
+            plain = dict(header, encoding="raw") if samples.packed and header["encoding"] in ("gzip", "gz") else header
+            flat = _read_samples(samples, plain, sizes, 0)
+    values, spacing, origin = _placed(source.path, header, flat.reshape(sizes[::-1]))
+    details: dict[str, str] = {name: str(header[name]) for name in _TOLD if name in header}
+    return Volume(values, spacing, origin, "nrrd", details)

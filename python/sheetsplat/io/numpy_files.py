@@ -1,0 +1,105 @@
+"""NumPy's .npy and .npz. Pickles are refused; headers are judged before memory is taken."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.lib import format as npy_format
+
+from sheetsplat.errors import complain
+from sheetsplat.io.source import _DAMAGED, Payload, Source, checked_shape
+from sheetsplat.io.volume import Volume
+
+_Header = tuple[tuple[int, ...], bool, np.dtype[Any]]
+# Of the deflate method; stored entries hold what they hold.
+_RATIO = 1032
+
+
+def _header(source: Source, stream: BinaryIO) -> _Header:
+    """Return shape, whether the first axis is the fastest, and the type, and leave the stream at the first value."""
+    try:
+        version = npy_format.read_magic(stream)
+        # Version 3 differs from 2 by the encoding of field names alone, and arrays with fields are refused anyway.
+        if version == (1, 0):
+            return npy_format.read_array_header_1_0(stream)
+        if version in ((2, 0), (3, 0)):
+            return npy_format.read_array_header_2_0(stream)
+    except _DAMAGED as error:
+        raise source.damaged(error) from None
+    except (ValueError, SyntaxError, TypeError, KeyError, RecursionError, MemoryError) as error:
+        raise complain(
+            f"{source.path} cannot be read", f"a damaged .npy header ({error})", "an array of NumPy"
+        ) from None
+    raise complain(f"{source.path} cannot be read", f".npy version {version}", "version 1, 2 or 3")
+
+
+def _check(source: Source, header: _Header) -> None:
+    shape, _, dtype = header
+    if dtype.hasobject or dtype.kind not in "biuf":
+        raise complain(
+            f"{source.path} cannot be read",
+            f"an array of {'Python objects' if dtype.hasobject else dtype}",
+            "integers, booleans or real floating-point numbers",
+            "save it again as numbers" if dtype.hasobject else "",
+        )
+    if len(shape) != 3:
+        raise complain(
+            f"{source.path} cannot be read", f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]"
+        )
+
+
+def _array(source: Source, header: _Header, payload: Payload, file_format: str) -> Volume:
+    _check(source, header)
+    shape, first_fastest, dtype = header
+    sizes = checked_shape(source.path, shape, "shape")
+    values = payload.array(dtype, math.prod(sizes))
+    return Volume(values.reshape(sizes, order="F" if first_fastest else "C"), format=file_format)
+
+
+def read_npy(source: Source) -> Volume:
+    """Read the array of a .npy file."""
+    header = _header(source, source.stream)
+    return _array(source, header, source.payload("raw"), "npy")
+
+
+def read_npz(source: Source, name: str | None) -> Volume:
+    """Read one array of a .npz file: `name`, else the only one with three axes."""
+    try:
+        with zipfile.ZipFile(source.stream) as archive:
+            entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
+            if name is None:
+                name = _only_volume(source, archive, entries)
+            if name not in entries:
+                raise complain(
+                    f"{source.path} cannot be read", f"no array {name!r}", "one of: " + ", ".join(sorted(entries)), ""
+                )
+            entry = entries[name]
+            with archive.open(entry) as stream:
+                header = _header(source, stream)  # type: ignore[arg-type]
+                bound = min(entry.file_size, entry.compress_size * _RATIO + 64)
+                payload = Payload(source, stream, bound, exact=False)  # type: ignore[arg-type]
+                return _array(source, header, payload, "npz")
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, *_DAMAGED) as error:
+        if isinstance(error, RuntimeError) and isinstance(error, ValueError):
+            raise
+        raise source.damaged(error) from None
+
+
+def _only_volume(source: Source, archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo]) -> str:
+    found = []
+    for name, entry in entries.items():
+        if entry.filename.endswith(".npy"):
+            with archive.open(entry) as stream:
+                if len(_header(source, stream)[0]) == 3:  # type: ignore[arg-type]
+                    found.append(name)
+    if len(found) != 1:
+        raise complain(
+            f"{source.path} cannot be read",
+            f"{len(found)} arrays with three axes" + (f": {', '.join(sorted(found))}" if found else ""),
+            "one, or the name of one",
+            "give name=... to choose" if found else "",
+        )
+    return found[0]

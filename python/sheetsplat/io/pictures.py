@@ -1,0 +1,185 @@
+"""Pictures to files and back."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat.errors import Error, complain
+
+if TYPE_CHECKING:
+    from sheetsplat.image import Image
+
+Floats = NDArray[np.float32]
+_WRITTEN = (".png", ".exr", ".npy")
+
+
+def check_suffix(path: Path) -> str:
+    """Return the suffix in small letters, or InvalidInput where no writer has it."""
+    suffix = path.suffix.lower()
+    if suffix not in _WRITTEN:
+        raise complain(f"{path} cannot be written", f"the suffix {suffix!r}", "one of: " + ", ".join(_WRITTEN))
+    return suffix
+
+
+def check_folder(path: Path) -> None:
+    """Raise Error where the folder of `path` is not there or cannot be written to."""
+    folder = path.resolve().parent
+    if not folder.is_dir():
+        raise complain(
+            f"{path} cannot be written", f"no folder {folder}", "a path in a folder that is there", kind=Error
+        )
+    if not os.access(folder, os.W_OK):
+        raise complain(f"{path} cannot be written", f"no right to write to {folder}", "another folder", kind=Error)
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a path beside `path` to write to; it becomes `path` at the end, and nothing is left after an error."""
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+        os.close(handle)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    made = Path(name)
+    try:
+        yield made
+        mask = os.umask(0)
+        os.umask(mask)
+        made.chmod(0o666 & ~mask)
+        made.replace(path)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    finally:
+        with contextlib.suppress(OSError):
+            made.unlink()
+
+
+def _unwritable(path: Path, error: OSError) -> Error:
+    reason = error.strerror or str(error)
+    return complain(f"{path} cannot be written", reason, "a path in a folder that can be written to", kind=Error)
+
+
+def save_array(array: Floats, path: Path) -> None:
+    """Write float32 (h, w) or (h, w, 4), premultiplied, as .exr or .npy; whole or not at all."""
+    if check_suffix(path) == ".npy":
+        with whole_file(path) as made, made.open("wb") as stream:
+            np.save(stream, array, allow_pickle=False)
+        return
+    import OpenEXR  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+    channels = {"Y": array} if array.ndim == 2 else dict(zip("RGBA", np.moveaxis(array, -1, 0), strict=True))
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with whole_file(path) as made:
+        try:
+            OpenEXR.File(header, {name: np.ascontiguousarray(plane) for name, plane in channels.items()}).write(
+                str(made)
+            )
+        except RuntimeError as error:
+            raise complain(f"{path} cannot be written", str(error), kind=Error) from None
+
+
+def save(image: Image, path: Path) -> None:
+    """Write an image by the suffix of `path`: .png, .exr or .npy."""
+    if check_suffix(path) == ".png":
+        # The native writer makes the file whole or not at all by itself.
+        image._native.save_png(str(path))
+        return
+    save_array(np.asarray(image), path)
+
+
+def save_channel(channel: Floats, path: Path) -> None:
+    """Write coverage or depth, float32 (h, w): .exr, .npy, or .png scaled to its largest finite value."""
+    if check_suffix(path) != ".png":
+        save_array(channel, path)
+        return
+    from PIL import Image as PillowImage
+
+    finite = np.where(np.isfinite(channel), channel, 0.0)
+    top = float(finite.max(initial=0.0))
+    gray = np.rint(np.clip(finite / top if top > 0 else finite, 0, 1) * 255).astype(np.uint8)
+    with whole_file(path) as made:
+        PillowImage.fromarray(gray).save(made, format="PNG")
+
+
+def save_difference(picture: Floats, reference: Floats, path: Path) -> None:
+    """Write the absolute difference of two pictures of one shape: .exr, .npy, or .png (opaque, 1 is white)."""
+    difference = np.abs(picture - reference)
+    if check_suffix(path) != ".png":
+        save_array(difference, path)
+        return
+    from PIL import Image as PillowImage
+
+    levels = np.rint(np.clip(np.nan_to_num(difference), 0, 1) * 255).astype(np.uint8)
+    # Opacity differs as well; as it cannot be seen it is added to the colours.
+    shown = levels if levels.ndim == 2 else np.maximum(levels[..., :3], levels[..., 3:])
+    with whole_file(path) as made:
+        PillowImage.fromarray(shown).save(made, format="PNG")
+
+
+def read_picture(path: Path) -> Floats:
+    """Return the picture of a .png, .exr or .npy file as float32: premultiplied (h, w, 4), or scalars (h, w).
+
+    Raises InvalidInput for other files and for damaged ones, Error where the file cannot be read.
+    """
+    suffix = path.suffix.lower()
+    readers = {".png": _read_png, ".exr": _read_exr, ".npy": _read_npy}
+    if suffix not in readers:
+        raise complain(f"{path} cannot be read as a picture", f"the suffix {suffix!r}", "one of: " + ", ".join(readers))
+    if not path.is_file():
+        raise complain(f"{path} cannot be read", "no such file", "a picture")
+    try:
+        array = readers[suffix](path)
+    except Error:
+        raise
+    except MemoryError:
+        raise
+    except Exception as error:
+        # Each of the libraries has errors of its own for damaged files.
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise complain(f"{path} cannot be read as a picture", f"damaged data ({reason})", f"a {suffix} file") from None
+    if array.ndim == 3 and array.shape[2] == 3:
+        array = np.concatenate([array, np.ones_like(array[..., :1])], axis=2)
+    if array.size == 0 or not (array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 4)):
+        raise complain(f"{path} cannot be read as a picture", f"an array of shape {array.shape}", "(h, w, 4) or (h, w)")
+    return array
+
+
+def _read_png(path: Path) -> Floats:
+    from PIL import Image as PillowImage
+
+    with PillowImage.open(path, formats=["PNG"]) as picture:
+        if picture.mode in ("L", "I;16", "1"):
+            scale = np.float32(65535.0 if picture.mode == "I;16" else 255.0)
+            return np.asarray(picture.convert("L") if picture.mode == "1" else picture, dtype=np.float32) / scale
+        straight = np.asarray(picture.convert("RGBA"), dtype=np.float32) / np.float32(255.0)
+    straight[..., :3] *= straight[..., 3:]
+    return straight
+
+
+def _read_exr(path: Path) -> Floats:
+    import OpenEXR  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+    channels: dict[str, Any] = OpenEXR.File(str(path), separate_channels=True).channels()
+    planes = {name: np.asarray(channel.pixels, dtype=np.float32) for name, channel in channels.items()}
+    if "Y" in planes:
+        return planes["Y"]
+    if not {"R", "G", "B"} <= planes.keys():
+        found = ", ".join(planes)
+        raise complain(f"{path} cannot be read as a picture", f"the channels {found}", "R, G, B and perhaps A, or Y")
+    opaque = planes.get("A", np.ones_like(planes["R"]))
+    return np.stack([planes["R"], planes["G"], planes["B"], opaque], axis=-1)
+
+
+def _read_npy(path: Path) -> Floats:
+    array = np.load(path, mmap_mode="r", allow_pickle=False)
+    if array.dtype.kind not in "biuf":
+        raise complain(f"{path} cannot be read as a picture", f"an array of {array.dtype}", "real numbers")
+    return np.array(array, dtype=np.float32)

@@ -1,0 +1,232 @@
+"""Byte streams of files, plain or gzipped, that know how much they can possibly hold."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import io
+import math
+import os
+import zlib
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat import _memory
+from sheetsplat.errors import Error, complain
+
+# One byte of deflate stands for at most 1032 (RFC 1951: a match of 258 bytes in two bits); the rest is for short files.
+_DEFLATE = 1032
+_DEFLATE_SLACK = 4096
+_CHUNK = 1 << 22
+_DAMAGED = (OSError, EOFError, zlib.error)
+
+
+class _ZlibStream(io.RawIOBase):
+    """A zlib stream inside another stream, unpacked a piece at a time."""
+
+    def __init__(self, inner: BinaryIO) -> None:
+        self._inner = inner
+        self._unpack = zlib.decompressobj()
+
+    def readable(self) -> bool:
+        """Tell that this can be read."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Fill the buffer with at most its length of unpacked bytes."""
+        view = memoryview(buffer).cast("B")
+        while True:
+            packed = self._unpack.unconsumed_tail or self._inner.read(1 << 16)
+            out = self._unpack.decompress(packed, len(view))
+            if not (out or packed or self._unpack.eof):
+                raise EOFError("the packed stream ends early")
+            if out or self._unpack.eof:
+                view[: len(out)] = out
+                return len(out)
+
+
+class Source:
+    """A file that is read from its beginning, unpacked on the way where it is gzipped.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Raises
+    ------
+    Error
+        Where it cannot be read.
+    InvalidInput
+        Where its packing is damaged (on reading).
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            if path.is_dir():
+                raise complain(f"{path} cannot be read", "a folder", "a file")
+            self._file: BinaryIO = path.open("rb")
+            packed = self._file.read(2) == b"\x1f\x8b"
+            self._file.seek(0)
+            size = os.fstat(self._file.fileno()).st_size
+        except OSError as error:
+            kind = Error if not isinstance(error, FileNotFoundError) else None
+            reason = error.strerror or str(error)
+            if kind is None:
+                raise complain(f"{path} cannot be read", "no such file", "", "check the path") from None
+            raise complain(f"{path} cannot be read", reason, kind=Error) from None
+        self.packed = packed
+        self._stream: BinaryIO = cast(BinaryIO, gzip.GzipFile(mode="rb", fileobj=self._file)) if packed else self._file
+        self._end = size * _DEFLATE + _DEFLATE_SLACK if packed else size
+
+    def __enter__(self) -> Source:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file."""
+        self._file.close()
+
+    @property
+    def stream(self) -> BinaryIO:
+        """The unpacked bytes, seekable."""
+        return self._stream
+
+    def damaged(self, error: Exception) -> Error:
+        """Return the error to raise for bytes that cannot be unpacked or read."""
+        return complain(
+            f"{self.path} cannot be read", f"damaged or cut-off data ({error})", "a whole file", "fetch it again"
+        )
+
+    def head(self, count: int) -> bytes:
+        """Return the first bytes without moving on."""
+        try:
+            self._stream.seek(0)
+            head = self._stream.read(count)
+            self._stream.seek(0)
+        except _DAMAGED as error:
+            raise self.damaged(error) from None
+        return head
+
+    def seek(self, position: int) -> None:
+        """Go to a byte, counted from the beginning of the unpacked file."""
+        try:
+            self._stream.seek(position)
+        except _DAMAGED as error:
+            raise self.damaged(error) from None
+
+    def at_most(self) -> int:
+        """Return a bound on the bytes that are left: exact for plain files, what can be packed into it for others."""
+        return max(0, self._end - self._stream.tell())
+
+    def payload(self, encoding: str) -> Payload:
+        """Return the rest of the file as data that are packed with "raw", "gzip", "zlib" or "bzip2"."""
+        bound = self.at_most()
+        if encoding == "raw":
+            return Payload(self, self._stream, bound, exact=not self.packed)
+        if encoding == "bzip2":
+            return Payload(self, cast(BinaryIO, bz2.BZ2File(self._stream)), None, exact=False)
+        bound = bound * _DEFLATE + _DEFLATE_SLACK
+        if encoding == "gzip":
+            return Payload(self, cast(BinaryIO, gzip.GzipFile(mode="rb", fileobj=self._stream)), bound, exact=False)
+        return Payload(self, cast(BinaryIO, io.BufferedReader(_ZlibStream(self._stream))), bound, exact=False)
+
+
+class Payload:
+    """The samples of a file: a stream, and how much it can possibly hold (None where that is not known)."""
+
+    def __init__(self, source: Source, stream: BinaryIO, bound: int | None, *, exact: bool) -> None:
+        self._source, self._stream, self._bound, self._exact = source, stream, bound, exact
+        self._more = False
+
+    def skip(self, count: int) -> None:
+        """Leave out unpacked bytes."""
+        left = count
+        try:
+            while left > 0:
+                piece = self._stream.read(min(left, _CHUNK))
+                if not piece:
+                    raise self._short(count, count - left, "bytes before the samples")
+                left -= len(piece)
+        except _DAMAGED as error:
+            raise self._source.damaged(error) from None
+        if self._bound is not None:
+            self._bound = max(0, self._bound - count)
+
+    def _short(self, wanted: int, found: int, what: str, *, about: bool = False) -> Error:
+        return complain(
+            f"{self._source.path} cannot be read",
+            f"{'at most ' if about else ''}{found} bytes of {what}",
+            f"{wanted} bytes, as the header says",
+            "the file is cut off or its header is wrong; fetch it again",
+        )
+
+    def array(self, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+        """Return `count` values. InvalidInput where the file has fewer, OutOfMemory where they do not fit."""
+        needed = count * dtype.itemsize
+        if self._bound is not None and needed > self._bound:
+            raise self._short(needed, self._bound, "samples", about=not self._exact)
+        _memory.require(needed, f"the samples of {self._source.path}")
+        try:
+            values = np.empty(count, dtype)
+        except MemoryError:
+            _memory.require(2**63, f"the samples of {self._source.path}")
+            raise
+        view = memoryview(values.view(np.uint8).data) if count else memoryview(b"")
+        filled = 0
+        try:
+            while filled < needed:
+                piece = self._stream.read(min(_CHUNK, needed - filled))
+                if not piece:
+                    raise self._short(needed, filled, "samples")
+                view[filled : filled + len(piece)] = piece
+                filled += len(piece)
+            # At the end of a packed stream its checksum is compared.
+            self._more = bool(self._stream.read(1))
+        except _DAMAGED as error:
+            raise self._source.damaged(error) from None
+        return values
+
+    def text(self, limit: int) -> bytes:
+        """Return the rest, at most `limit` bytes."""
+        try:
+            return self._stream.read(limit)
+        except _DAMAGED as error:
+            raise self._source.damaged(error) from None
+
+    def surplus(self) -> bool:
+        """Return True where a byte is left after the samples that were read."""
+        return self._more
+
+
+def checked_shape(path: Path, sizes: object, what: str) -> tuple[int, ...]:
+    """Return `sizes` as positive ints whose product fits 63 bits, or InvalidInput."""
+    wanted = "positive whole numbers whose product fits 63 bits"
+    try:
+        shape = tuple(int(part) for part in sizes)  # type: ignore[attr-defined]
+    except (TypeError, ValueError, OverflowError):
+        raise complain(f"{path} cannot be read", f"{what} {sizes!r}", wanted) from None
+    if any(part < 1 for part in shape) or math.prod(shape) >= 2**59:
+        raise complain(f"{path} cannot be read", f"{what} {' x '.join(map(str, shape))}", wanted)
+    return shape
+
+
+def beside(header: Path, name: str) -> Path:
+    """Return the path of a data file that a header names. InvalidInput unless it is in the header's folder."""
+    folder = header.resolve().parent
+    path = (folder / name).resolve() if name and "\0" not in name else folder
+    if Path(name).is_absolute() or path == folder or folder not in path.parents:
+        raise complain(
+            f"{header} cannot be read",
+            f"a data file {name!r}",
+            "the name of a file in the header's own folder",
+            "put both files into one folder and name the data file without a path",
+        )
+    return path

@@ -1,0 +1,208 @@
+"""The renderer: scene, camera and size become a picture."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Literal
+
+from sheetsplat import _sheetsplat
+from sheetsplat._checks import choice, image_size, instance, shown, whole
+from sheetsplat.camera import Camera
+from sheetsplat.errors import complain
+from sheetsplat.image import Image
+from sheetsplat.plan import RenderPlan
+from sheetsplat.scene import Scene
+
+Backend = Literal["auto", "gl", "reference"]
+Precision = Literal["auto", "uint8", "float16", "float32", "float64"]
+Tagging = Literal["auto", "depth_bounds", "depth_equal", "tiles", "off"]
+Packing = Literal["auto", "paper", "wide"]
+Output = Literal["coverage", "depth"]
+# Told the share that is done, from 0 to 1; False stops the rendering, anything else does not.
+Progress = Callable[[float], object]
+
+_log = logging.getLogger("sheetsplat")
+BACKENDS = ("auto", "gl", "reference")
+PRECISIONS = ("auto", "uint8", "float16", "float32", "float64")
+TAGGINGS = ("auto", "depth_bounds", "depth_equal", "tiles", "off")
+PACKINGS = ("auto", "paper", "wide")
+OUTPUTS = ("coverage", "depth")
+
+
+def _chosen_backend(backend: str) -> str:
+    choice("Renderer: backend", backend, BACKENDS)
+    if backend == "auto":
+        wanted = os.environ.get("SHEETSPLAT_BACKEND", "") or "auto"
+        return choice("the environment variable SHEETSPLAT_BACKEND", wanted, BACKENDS)
+    return backend
+
+
+def _outputs(outputs: Iterable[str]) -> tuple[str, ...]:
+    names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+    return tuple(choice("Renderer: outputs", name, OUTPUTS) for name in names)
+
+
+class Renderer:
+    """Keeps a device and what it prepared between pictures.
+
+    Threads may share a renderer: they take turns. Several renderers may live side by side.
+
+    Parameters
+    ----------
+    backend
+        "auto" (the environment variable SHEETSPLAT_BACKEND, else the fastest that is here), "gl" or "reference".
+    device
+        Number of the EGL device; the environment variable SHEETSPLAT_EGL_DEVICE, else the first that works, unless
+        given.
+    precision
+        Numbers of the sheet buffers: "auto", "uint8", "float16", "float32" or "float64", of what the backend has.
+    tagging
+        How empty space is skipped: "auto", "depth_bounds", "depth_equal", "tiles" or "off".
+    packing
+        How slices lie in buffers: "auto", "paper" (four in one, one shaded a pass) or "wide" (several shaded a pass).
+    effects
+        Forces single effects on or off, by name; ``plan().effects`` lists the names.
+    allow_inexact
+        Lets settings through that cannot keep the error bound.
+    tile_size
+        Largest edge of an image tile in pixels; what the device can do unless given.
+    tags_per_clear
+        Depth tags before the depth buffer is cleared; what its resolution allows unless given.
+
+    The device itself is looked for at the first plan or picture.
+
+    Raises
+    ------
+    InvalidInput
+        For unknown names, also in SHEETSPLAT_BACKEND.
+    """
+
+    __slots__ = ("_native",)
+
+    def __init__(
+        self,
+        backend: Backend = "auto",
+        *,
+        device: int | None = None,
+        precision: Precision = "auto",
+        tagging: Tagging = "auto",
+        packing: Packing = "auto",
+        effects: Mapping[str, bool] | None = None,
+        allow_inexact: bool = False,
+        tile_size: int | None = None,
+        tags_per_clear: int | None = None,
+    ) -> None:
+        forced: dict[str, bool] = {}
+        if effects is not None:
+            if not isinstance(effects, Mapping) or not all(isinstance(name, str) for name in effects):
+                raise complain("Renderer: effects cannot be used", shown(effects), "{name: True or False}")
+            forced = {name: bool(on) for name, on in effects.items()}
+        self._native = _sheetsplat.Renderer(
+            backend=_chosen_backend(backend),
+            device=None if device is None else whole("Renderer: device", device),
+            precision=choice("Renderer: precision", precision, PRECISIONS),
+            tagging=choice("Renderer: tagging", tagging, TAGGINGS),
+            packing=choice("Renderer: packing", packing, PACKINGS),
+            effects=forced,
+            allow_inexact=bool(allow_inexact),
+            tile_size=0 if tile_size is None else whole("Renderer: tile_size", tile_size),
+            tags_per_clear=0 if tags_per_clear is None else whole("Renderer: tags_per_clear", tags_per_clear),
+        )
+
+    def plan(
+        self,
+        scene: Scene,
+        camera: Camera,
+        size: tuple[int, int] = (400, 400),
+        outputs: Iterable[Output] = (),
+    ) -> RenderPlan:
+        """Return what would run, and why. Raises what `render` would raise before it draws.
+
+        Parameters
+        ----------
+        scene, camera
+            What is seen, and from where.
+        size
+            (width, height) in pixels.
+        outputs
+            "coverage" and "depth", where wanted beside the picture.
+
+        Raises
+        ------
+        DeviceUnavailable
+            Where the backend has no device here; the message lists every try.
+        InvalidInput, Unsupported, OutOfMemory
+            As `render` would.
+        """
+        instance("Renderer: scene", scene, Scene)
+        instance("Renderer: camera", camera, Camera)
+        names = _outputs(outputs)
+        native = self._native.plan(
+            scene._native,
+            camera._native,
+            size=image_size(size),
+            coverage="coverage" in names,
+            depth="depth" in names,
+        )
+        return RenderPlan._of(native)
+
+    def render(
+        self,
+        scene: Scene,
+        camera: Camera,
+        size: tuple[int, int] = (400, 400),
+        outputs: Iterable[Output] = (),
+        progress: Progress | None = None,
+    ) -> Image:
+        """Return the picture. Other threads of Python run meanwhile; Ctrl-C stops it within a slice.
+
+        Parameters
+        ----------
+        scene, camera
+            What is seen, and from where.
+        size
+            (width, height) in pixels.
+        outputs
+            "coverage" and "depth", where wanted beside the picture.
+        progress
+            Called between slices, at most fifty times a second, with the share that is done, 0 to 1. Where it returns
+            False the rendering stops; where it raises, that error comes out of here.
+
+        Raises
+        ------
+        DeviceUnavailable
+            Where the backend has no device here; the message lists every try.
+        InvalidInput
+            For a size, an output or the name of an effect that has no meaning, and for more than 10⁷ slices.
+        Unsupported
+            Where the backend does not have a setting, or the picture cannot be made within its error bound.
+        OutOfMemory
+            Where it does not fit.
+        Cancelled
+            Where `progress` returned False.
+        """
+        instance("Renderer: scene", scene, Scene)
+        instance("Renderer: camera", camera, Camera)
+        if progress is not None and not callable(progress):
+            raise complain("Renderer: progress cannot be used", shown(progress), "a function of one number, or None")
+        names = _outputs(outputs)
+        began = time.perf_counter()
+        native = self._native.render(
+            scene._native,
+            camera._native,
+            size=image_size(size),
+            coverage="coverage" in names,
+            depth="depth" in names,
+            progress=progress,
+        )
+        image = Image._of(native)
+        width, height = image.size
+        plan = image.plan
+        _log.info("rendered %d x %d on %s in %.3f s", width, height, plan.backend, time.perf_counter() - began)
+        if _log.isEnabledFor(logging.DEBUG):
+            _log.debug("plan\n%s", plan)
+            _log.debug("stats %s", image.stats)
+        return image

@@ -1,0 +1,202 @@
+"""Transfer functions: scalar to colour and opacity. Image formation, section 4."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sheetsplat import _sheetsplat
+from sheetsplat._checks import number, shown
+from sheetsplat.errors import complain
+
+Floats = NDArray[np.float64]
+# A name of the cmap package, a table (N, 3 or 4), or a function of numbers in [0, 1] that gives such rows.
+Colormap = str | ArrayLike | Callable[[Floats], ArrayLike]
+# One opacity, opacities spread evenly over clim, or pairs (value, opacity).
+Opacity = float | Sequence[float] | Sequence[tuple[float, float]] | NDArray[Any]
+
+# A name or a function of the caller's is sampled this often; tables of 8 bits have as many entries.
+_COLORS = 256
+
+
+def _table(values: Any, what: str, wanted: str) -> Floats:
+    try:
+        table = np.asarray(values)
+        scale = 255.0 if table.dtype == np.uint8 else 1.0
+        return np.asarray(table, dtype=np.float64) / scale
+    except (TypeError, ValueError):
+        raise complain(f"{what} cannot be used", shown(values), wanted) from None
+
+
+def _colors(cmap: Colormap) -> Floats:
+    """Return rows r, g, b, a at equal distances over [0, 1]."""
+    wanted = "a name of the cmap package, rows (N, 3) or (N, 4) of numbers in [0, 1], or a function that gives them"
+    if isinstance(cmap, str):
+        import cmap as cmap_package
+
+        try:
+            rows = np.asarray(cmap_package.Colormap(cmap).lut(_COLORS), dtype=np.float64)
+        except (ValueError, TypeError, KeyError) as error:
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise complain(
+                "the colormap cannot be used",
+                f"{cmap!r} ({reason})",
+                "a name of the cmap package",
+                'try "viridis" or "gray"',
+            ) from None
+    elif callable(cmap):
+        rows = _table(cmap(np.linspace(0.0, 1.0, _COLORS)), "the colormap's result", wanted)
+    else:
+        rows = _table(cmap, "the colormap", wanted)
+    if rows.ndim != 2 or rows.shape[1] not in (3, 4) or len(rows) < 1:
+        raise complain("the colormap cannot be used", f"an array of shape {rows.shape}", wanted)
+    if not np.all((rows >= 0) & (rows <= 1)):
+        raise complain(
+            "the colormap cannot be used", "numbers outside [0, 1]", wanted, "divide tables of 8 bits by 255"
+        )
+    if len(rows) == 1:
+        rows = np.repeat(rows, 2, axis=0)
+    if rows.shape[1] == 3:
+        rows = np.column_stack([rows, np.ones(len(rows))])
+    return rows
+
+
+def _opacities(opacity: Opacity, low: float, high: float) -> Floats:
+    """Return rows value, opacity; values may repeat (a step) but never fall."""
+    wanted = "a number in [0, 1], a sequence of them (spread evenly over clim), or pairs (value, opacity)"
+    table = _table(opacity, "the opacity", wanted)
+    if table.ndim == 0:
+        table = np.array([[low, float(table)], [high, float(table)]])
+    elif table.ndim == 1 and len(table) >= 1:
+        spread = np.repeat(table, 2) if len(table) == 1 else table
+        table = np.column_stack([np.linspace(low, high, len(spread)), spread])
+    elif table.ndim != 2 or table.shape[1] != 2 or not len(table):
+        raise complain("the opacity cannot be used", f"an array of shape {table.shape}", wanted)
+    if not np.all(np.isfinite(table)) or not np.all((table[:, 1] >= 0) & (table[:, 1] <= 1)):
+        raise complain("the opacity cannot be used", shown(opacity), wanted)
+    if np.any(np.diff(table[:, 0]) < 0):
+        raise complain("the opacity cannot be used", "values that fall", "pairs in the order of their values")
+    return table
+
+
+def _two_sided(values: Floats, at: Floats, heights: Floats) -> tuple[Floats, Floats]:
+    """Return the limits of a piecewise linear function from the left and from the right at `values`."""
+    columns = heights.reshape(len(at), -1)
+    left = np.empty((len(values), columns.shape[1]))
+    right = np.empty_like(left)
+    for row, value in enumerate(values):
+        first, last = np.searchsorted(at, value, "left"), np.searchsorted(at, value, "right")
+        if first < last:
+            left[row], right[row] = columns[first], columns[last - 1]
+        elif first == 0:
+            left[row] = right[row] = columns[0]
+        elif first == len(at):
+            left[row] = right[row] = columns[-1]
+        else:
+            share = (value - at[first - 1]) / (at[first] - at[first - 1])
+            left[row] = right[row] = (1 - share) * columns[first - 1] + share * columns[first]
+    return left, right
+
+
+class TransferFunction:
+    """Scalar to colour and opacity: linear between points, clamped beyond the first and the last. Immutable.
+
+    Parameters
+    ----------
+    points
+        Rows (value, r, g, b, opacity) with values that do not fall; of two points at one value the later one holds from
+        there on. Colours are not multiplied by the opacity; the opacity is per reference length, in [0, 1].
+
+    Raises
+    ------
+    InvalidInput
+        For no points, values that fall, numbers that are not finite, opacities outside [0, 1].
+    """
+
+    __slots__ = ("_native",)
+
+    def __init__(self, points: ArrayLike) -> None:
+        wanted = "rows of five numbers: value, r, g, b, opacity"
+        try:
+            rows = np.asarray(points, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise complain("TransferFunction: the points cannot be used", shown(points), wanted) from None
+        if rows.size == 0:
+            rows = rows.reshape(0, 5)
+        if rows.ndim != 2 or rows.shape[1] != 5:
+            raise complain("TransferFunction: the points cannot be used", f"an array of shape {rows.shape}", wanted)
+        self._native = _sheetsplat.TransferFunction(np.ascontiguousarray(rows))
+
+    @classmethod
+    def from_colormap(
+        cls, cmap: Colormap = "viridis", opacity: Opacity = (0.0, 1.0), clim: Sequence[float] = (0.0, 1.0)
+    ) -> TransferFunction:
+        """Return a transfer function with the colours of a colormap.
+
+        Parameters
+        ----------
+        cmap
+            A name that the cmap package knows ("viridis", "gray", "matlab:jet" …), a table of shape (N, 3) or (N, 4) in
+            [0, 1] (or uint8), or a function that gives such rows for an array of numbers in [0, 1]. A fourth column
+            multiplies the opacity.
+        opacity
+            Per reference length: one number, a sequence spread evenly over `clim`, or pairs (value, opacity).
+        clim
+            The two values at which the colormap begins and ends.
+
+        Raises
+        ------
+        InvalidInput
+            For unknown names, other shapes, and numbers outside their range.
+        """
+        limits = list(clim) if not isinstance(clim, str) and hasattr(clim, "__iter__") else []
+        if len(limits) != 2:
+            raise complain("clim cannot be used", shown(clim), "two numbers, the lower one first")
+        low, high = number("clim", limits[0]), number("clim", limits[1])
+        if not (np.isfinite(low) and np.isfinite(high) and low < high):
+            raise complain("clim cannot be used", f"({low:g}, {high:g})", "two finite numbers, the lower one first")
+        colors = _colors(cmap)
+        color_at = np.linspace(low, high, len(colors))
+        opacities = _opacities(opacity, low, high)
+        values = np.unique(np.concatenate([color_at, opacities[:, 0]]))
+        color_left, color_right = _two_sided(values, color_at, colors)
+        opacity_left, opacity_right = _two_sided(values, opacities[:, 0], opacities[:, 1])
+        left = np.column_stack([values, color_left[:, :3], opacity_left * color_left[:, 3:]])
+        right = np.column_stack([values, color_right[:, :3], opacity_right * color_right[:, 3:]])
+        steps = np.any(left != right, axis=1)
+        both = np.concatenate([left[:, None], right[:, None]], axis=1)
+        keep = np.column_stack([steps, np.ones(len(values), bool)])
+        return cls(both[keep])
+
+    @property
+    def points(self) -> Floats:
+        """The points, float64 (N, 5): value, r, g, b, opacity."""
+        return self._native.points
+
+    @property
+    def v_min(self) -> float:
+        """Value of the first point."""
+        return self._native.v_min
+
+    @property
+    def v_max(self) -> float:
+        """Value of the last point."""
+        return self._native.v_max
+
+    @property
+    def max_opacity(self) -> float:
+        """Largest opacity anywhere."""
+        return self._native.max_opacity
+
+    def at(self, values: ArrayLike) -> Floats:
+        """Return r, g, b and opacity at each value: float64, the shape of `values` and one more axis of 4."""
+        array = np.asarray(values, dtype=np.float64)
+        rows = self._native.at(np.ascontiguousarray(array.ravel()))
+        return rows[:, 1:].reshape(*array.shape, 4)
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        return f"TransferFunction({len(self.points)} points, {self.v_min:g} to {self.v_max:g})"

@@ -1,0 +1,81 @@
+"""Fixtures of all Python tests."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sheetsplat as ss
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep the figures of every comparison of pictures, also of those that pass, in out/python/comparisons.txt."""
+    folder = ROOT / "out" / "python"
+    folder.mkdir(parents=True, exist_ok=True)
+    handler = logging.FileHandler(folder / "comparisons.txt", mode="w")
+    logger = logging.getLogger("image_checks")
+    logger.setLevel(logging.INFO)
+    logger.addHandler(handler)
+
+
+def gl_missing() -> str:
+    """Return why no picture can be made by OpenGL here, or an empty text."""
+    reports = [device for device in ss.devices() if device.backend == "gl"]
+    if any(device.available for device in reports):
+        return ""
+    return "no OpenGL: " + "; ".join(f"{device.platform}: {device.description}" for device in reports)
+
+
+@pytest.fixture(scope="session")
+def _gl_reason() -> str:
+    return gl_missing()
+
+
+@pytest.fixture(autouse=True)
+def _skip_without_gl(request: pytest.FixtureRequest) -> None:
+    if request.node.get_closest_marker("gl") is not None:
+        reason = request.getfixturevalue("_gl_reason")
+        if reason:
+            pytest.skip(reason)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Return a generator with a fixed seed."""
+    return np.random.default_rng(20050901)
+
+
+@pytest.fixture(scope="session")
+def ball() -> np.ndarray:
+    """Return a smooth ball, float32 [k, j, i] of shape (14, 16, 18): 1 in the middle, 0 from the radius 7 on."""
+    k, j, i = np.mgrid[0:14, 0:16, 0:18]
+    distance = np.sqrt((k - 6.5) ** 2 + (j - 7.5) ** 2 + (i - 8.5) ** 2)
+    return np.clip(1 - distance / 7, 0, 1).astype(np.float32)
+
+
+@pytest.fixture(scope="session")
+def data_dir() -> Path:
+    """Return the folder of the measured volumes: SHEETSPLAT_DATA, else ../shared/data."""
+    folder = Path(os.environ.get("SHEETSPLAT_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"no measured volumes: {folder} is no folder (SHEETSPLAT_DATA names it)")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def reference_renderer() -> ss.Renderer:
+    """Return a renderer by the reference."""
+    return ss.Renderer("reference")
+
+
+@pytest.fixture(scope="session")
+def gl_renderer() -> Iterator[ss.Renderer]:
+    """Return a renderer by OpenGL; tests that ask for it carry the mark gl."""
+    yield ss.Renderer("gl")

@@ -1,0 +1,85 @@
+"""Comparison of pictures: logs its figures always, and writes actual, expected and difference where it fails."""
+
+from __future__ import annotations
+
+import logging
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image as PillowImage
+
+from sheetsplat.compare import compare
+
+OUT = Path(__file__).resolve().parents[2] / "out" / "python"
+log = logging.getLogger("image_checks")
+
+# Image formation, section 9: RMSE and P99.9.
+FLOAT32 = (2e-5, 2e-4)
+FLOAT32_HARD = (1e-4, 1e-3)
+FLOAT16 = (1 / 510, 1 / 85)
+# Of a picture; such pixels are counted and not compared.
+MOST_AMBIGUOUS = 0.005
+
+
+@dataclass(frozen=True)
+class Distance:
+    """What two pictures differ by."""
+
+    rmse: float
+    p99_9: float
+    maximum: float
+    flip: float
+    ambiguous: float
+
+    def within(self, bounds: tuple[float, float]) -> bool:
+        """Return whether the bounds of RMSE and P99.9 are kept."""
+        return self.rmse <= bounds[0] and self.p99_9 <= bounds[1] and self.ambiguous <= MOST_AMBIGUOUS
+
+
+def distance(
+    actual: NDArray[np.float32], expected: NDArray[np.float32], ambiguous: NDArray[np.bool_] | None = None
+) -> Distance:
+    """Return the distances over the pixels that are not ambiguous."""
+    actual, expected = np.array(actual), np.array(expected)
+    share = 0.0
+    if ambiguous is not None:
+        share = float(ambiguous.mean())
+        actual[ambiguous] = expected[ambiguous]
+    found = compare(actual, expected)
+    return Distance(found["rmse"], found["p99_9"], found["maximum"], found["flip"], share)
+
+
+def _write(array: NDArray[np.float32], path: Path, scale: float = 1.0) -> None:
+    shown = np.nan_to_num(np.asarray(array[..., :3] if array.ndim == 3 else array), posinf=0, neginf=0) * scale
+    PillowImage.fromarray(np.rint(np.clip(shown, 0, 1) * 255).astype(np.uint8)).save(path)
+
+
+def assert_close(
+    actual: NDArray[np.float32],
+    expected: NDArray[np.float32],
+    bounds: tuple[float, float],
+    name: str,
+    ambiguous: NDArray[np.bool_] | None = None,
+) -> Distance:
+    """Fail where two pictures differ by more than the bounds of RMSE and P99.9."""
+    actual, expected = np.asarray(actual), np.asarray(expected)
+    found = distance(actual, expected, ambiguous)
+    text = (
+        f"{name}: RMSE {found.rmse:.3g} (at most {bounds[0]:.3g}), P99.9 {found.p99_9:.3g} (at most {bounds[1]:.3g}), "
+        f"maximum {found.maximum:.3g}, FLIP {found.flip:.3g}, ambiguous {found.ambiguous:.2%}"
+    )
+    log.info(text)
+    if not found.within(bounds):
+        folder = OUT / re.sub(r"[^A-Za-z0-9.]+", "-", name).strip("-")
+        folder.mkdir(parents=True, exist_ok=True)
+        _write(actual, folder / "actual.png")
+        _write(expected, folder / "expected.png")
+        difference = np.abs(actual - expected)
+        top = float(np.nan_to_num(difference).max())
+        _write(difference, folder / "difference.png", 1 / top if top > 0 else 1.0)
+        pytest.fail(f"{text}; see {folder}")
+    return found

@@ -1,0 +1,643 @@
+"""An independent float64 renderer in NumPy: the image-formation page once more, for judging every backend.
+
+The names and arguments are those of the package (RegularField, TransferFunction, Light, Material, Scene, Camera), so that one
+function that takes a module builds the same scene for both. Nothing of the package is imported. Meant for small scenes.
+Section numbers are the page's. Vectorised over pixels and kernels; loops over slices and fields.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+# Of the numbers held at once for one slice, pixels times kernels.
+CHUNK = 2_000_000
+
+_erf = np.vectorize(math.erf, otypes=[float])
+
+
+def erf(x: Array) -> Array:
+    """Return the error function; SciPy's where it is there, since it is quicker."""
+    try:
+        from scipy.special import erf as quick
+    except ImportError:
+        return _erf(x)
+    return np.asarray(quick(x))
+
+
+# Section 2: fields
+
+
+@dataclass
+class RegularField:
+    """Samples values[k, j, i] of a Cartesian or BCC lattice."""
+
+    values: ArrayLike
+    spacing: Sequence[float] = (1, 1, 1)
+    origin: Sequence[float] = (0, 0, 0)
+    lattice: str = "cartesian"
+    radius: float = 2.0
+    falloff: float = 5.0
+    normalization: str = "lattice"
+    w0: float = 1.0
+    nan: str = "error"
+
+    def kernels(self) -> tuple[Array, Array]:
+        """Return the centres (N, 3) in world units without the origin, and the values (N,)."""
+        values = np.asarray(self.values, float)
+        k, j, i = np.meshgrid(*(np.arange(n, dtype=float) for n in values.shape), indexing="ij")
+        if self.lattice == "bcc":
+            half = (k % 2) / 2
+            a = float(self.spacing[0])
+            centres = np.stack([(i + half) * a, (j + half) * a, k * a / 2], -1)
+        else:
+            centres = np.stack([i, j, k], -1) * np.asarray(self.spacing, float)
+        kept = ~np.isnan(values)
+        return centres[kept], values[kept]
+
+    def semi_axes(self) -> Array:
+        """Return the semi-axes of the support, world units."""
+        if self.lattice == "bcc":
+            return np.full(3, self.radius * float(self.spacing[0]) / math.sqrt(2))
+        return self.radius * np.asarray(self.spacing, float)
+
+    def sample_volume(self) -> float:
+        """Return the volume per sample."""
+        if self.lattice == "bcc":
+            return float(self.spacing[0]) ** 3 / 2
+        return float(np.prod(np.asarray(self.spacing, float)))
+
+    def default_slice_spacing(self) -> float:
+        """Return the default distance of slices (section 3)."""
+        return float(self.spacing[0]) / 2 if self.lattice == "bcc" else float(min(self.spacing))
+
+
+def ball_integral(k: float) -> float:
+    """Return the integral of g over the unit ball."""
+    edge = math.exp(-k)
+    radial = math.sqrt(math.pi) * math.erf(math.sqrt(k)) / (4 * k**1.5) - edge / (2 * k)
+    return (4 * math.pi * radial - 4 * math.pi / 3 * edge) / (1 - edge)
+
+
+def kernel(r2: Array, k: float) -> Array:
+    """Return g of squared radii."""
+    return np.maximum(0.0, (np.exp(-k * r2) - math.exp(-k)) / (1 - math.exp(-k)))
+
+
+def kernel_mean(r2: Array, speed: float, t0: Array, t1: Array, k: float, length: float) -> Array:
+    """Return the mean of g over a slab of the given length, of which the chord [t0, t1] is inside the support.
+
+    The square of the radius is r2 + speed² t² along the ray, t from the nearest point.
+    """
+    root = math.sqrt(k)
+    gauss = np.exp(-k * r2) * math.sqrt(math.pi) / (2 * root * speed)
+    whole = gauss * (erf(root * speed * t1) - erf(root * speed * t0)) - (t1 - t0) * math.exp(-k)
+    return np.maximum(0.0, whole) / (1 - math.exp(-k)) / length
+
+
+# Section 4: classification
+
+
+@dataclass
+class TransferFunction:
+    """Points (value, r, g, b, opacity per reference length)."""
+
+    points: Sequence[Sequence[float]]
+
+    def table(self) -> Array:
+        """Return the points as (n, 5)."""
+        return np.asarray(self.points, float).reshape(-1, 5)
+
+    def span(self) -> float:
+        """Return v_max - v_min."""
+        table = self.table()
+        return float(table[-1, 0] - table[0, 0])
+
+    def __call__(self, rho: Array) -> Array:
+        """Return r, g, b, opacity, shape (..., 4)."""
+        table = self.table()
+        after = np.searchsorted(table[:, 0], rho, side="right")
+        low = np.clip(after - 1, 0, len(table) - 1)
+        high = np.clip(after, 0, len(table) - 1)
+        width = table[high, 0] - table[low, 0]
+        share = np.where(width > 0, (rho - table[low, 0]) / np.where(width > 0, width, 1), 0.0)[..., None]
+        return np.asarray(table[low, 1:] * (1 - share) + table[high, 1:] * share)
+
+
+def slice_opacity(a: Array, exponent: Array) -> Array:
+    """Return 1 - (1 - a)^exponent."""
+    with np.errstate(divide="ignore"):
+        return -np.expm1(np.log1p(-a) * exponent)
+
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(14)
+MOST_OPACITY = 1 - 2.0**-24
+
+
+def _segment(a0: Array, a1: Array, c0: Array, c1: Array) -> tuple[Array, Array]:
+    """Return the means over a unit ramp of -ln(1 - a) and of it times c, a and c linear; a at most MOST_OPACITY."""
+    u0, u1 = 1 - a0, 1 - a1
+    tau = np.zeros(a0.shape)
+    tau_c = np.zeros(c0.shape)
+    for node, weight in zip((_NODES + 1) / 2, _WEIGHTS / 2, strict=True):
+        value = -np.log1p(-(a0 + node * (a1 - a0)))
+        tau += weight * value
+        tau_c += weight * value[..., None] * (c0 + node * (c1 - c0))
+    # Steep: the closed forms, with no more than a bit of cancellation there.
+    steep = np.minimum(u0, u1) < 0.5 * np.maximum(u0, u1)
+    if steep.any():
+        x, y = u0[steep], u1[steep]
+        d = y - x
+        zero = (y - x - (y * np.log(y) - x * np.log(x))) / d
+        # The integral of -u ln u is u²/4 - u² ln(u)/2.
+        one = ((y**2 / 4 - y**2 * np.log(y) / 2) - (x**2 / 4 - x**2 * np.log(x) / 2)) / d
+        share = (one - x * zero) / d
+        tau[steep] = zero
+        tau_c[steep] = zero[:, None] * c0[steep] + share[:, None] * (c1 - c0)[steep]
+    return tau, tau_c
+
+
+def ramp_means(tf: TransferFunction, first: Array, last: Array) -> tuple[Array, Array]:
+    """Return the means of -ln(1 - min(a, 1 - 2^-24)) and of it times the colour, over ρ from first to last (each (P,))."""
+    table = tf.table()
+    # A piece of the transfer function runs between two neighbours; the ends go on for ever.
+    ends = np.concatenate([[-np.inf], table[:, 0], [np.inf]])
+    low, high = np.minimum(first, last), np.maximum(first, last)
+    tau, tau_c = np.zeros(first.shape), np.zeros((*first.shape, 3))
+    width = high - low
+    moving = width > 0
+    for piece in range(len(table) + 1):
+        left, right = table[max(piece - 1, 0)], table[min(piece, len(table) - 1)]
+        if ends[piece] == ends[piece + 1]:
+            continue
+        cuts = [ends[piece], ends[piece + 1]]
+        inner = 0 < piece < len(table)
+        if inner and (left[4] > MOST_OPACITY) != (right[4] > MOST_OPACITY):
+            cut = left[0] + (right[0] - left[0]) * (MOST_OPACITY - left[4]) / (right[4] - left[4])
+            cuts.insert(1, min(max(cut, ends[piece]), ends[piece + 1]))
+        for begin, end in zip(cuts, cuts[1:], strict=False):
+            x, y = np.maximum(low, begin), np.minimum(high, end)
+            at = moving & (y > x)
+            if not at.any():
+                continue
+            x, y = x[at], y[at]
+
+            def value(v: Array, inner: bool = inner, left: Array = left, right: Array = right) -> Array:
+                s = (v - left[0]) / (right[0] - left[0]) if inner else np.zeros(v.shape)
+                return np.asarray(left[1:] * (1 - s[:, None]) + right[1:] * s[:, None])
+
+            p, q = value(x), value(y)
+            t, tc = _segment(
+                np.minimum(p[:, 3], MOST_OPACITY), np.minimum(q[:, 3], MOST_OPACITY), p[:, :3], q[:, :3]
+            )
+            share = (y - x) / width[at]
+            tau[at] += t * share
+            tau_c[at] += tc * share[:, None]
+    still = ~moving
+    at_value = tf(first[still])
+    tau[still] = -np.log1p(-np.minimum(at_value[:, 3], MOST_OPACITY))
+    tau_c[still] = tau[still][:, None] * at_value[:, :3]
+    return tau, tau_c
+
+
+# Section 5: lights
+
+
+@dataclass
+class Light:
+    """A directional light."""
+
+    direction: Sequence[float]
+    color: Sequence[float] = (1, 1, 1)
+    space: str = "eye"
+
+
+@dataclass
+class Material:
+    """Phong's numbers."""
+
+    ambient: float = 0.1
+    diffuse: float = 0.9
+    specular: float = 0.0
+    shininess: float = 32
+    two_sided: bool = False
+
+
+def unit(vector: ArrayLike) -> Array:
+    """Return the vector divided by its length."""
+    v = np.asarray(vector, float)
+    return np.asarray(v / np.linalg.norm(v))
+
+
+def shade(colour: Array, gradient: Array, to_camera: Array, weak: float, scene: Scene, turn: Array) -> Array:
+    """Return the shaded colour of points; gradient and to_camera in eye space, turn the rotation from world to eye."""
+    if not scene.lights:
+        return colour
+    length = np.linalg.norm(gradient, axis=-1)
+    bound = np.maximum(length, weak)
+    normal = -gradient / np.where(bound > 0, bound, 1)[..., None]
+    material = scene.material
+    shaded = colour * material.ambient
+    for light in scene.lights:
+        towards = unit(light.direction)
+        if light.space == "world":
+            towards = turn @ towards
+        cosine = normal @ towards
+        n = normal
+        if material.two_sided:
+            n = np.where(cosine[..., None] < 0, -normal, normal)
+            cosine = np.abs(cosine)
+        reflected = 2 * cosine[..., None] * n - towards
+        highlight = np.maximum(0.0, (reflected * to_camera).sum(-1)) ** material.shininess
+        amount = colour * material.diffuse + material.specular * highlight[..., None]
+        shaded = shaded + np.asarray(light.color, float) * np.maximum(0.0, cosine)[..., None] * amount
+    return shaded
+
+
+# Section 1: camera
+
+
+@dataclass
+class Camera:
+    """A camera; height for orthographic, fov_y for perspective."""
+
+    eye: Array
+    target: Array
+    up: Array
+    height: float = 0.0
+    fov_y: float = 0.0
+    near: float = 0.0
+
+    @classmethod
+    def orthographic(
+        cls, eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0, 1, 0), *, height: float
+    ) -> Camera:
+        """Return a camera with parallel rays."""
+        return cls(np.asarray(eye, float), np.asarray(target, float), np.asarray(up, float), height=height)
+
+    @classmethod
+    def perspective(
+        cls, eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0, 1, 0), *, fov_y: float, near: float | None = None
+    ) -> Camera:
+        """Return a camera with rays through the eye."""
+        e, t = np.asarray(eye, float), np.asarray(target, float)
+        first = 1e-3 * float(np.linalg.norm(e - t)) if near is None else near
+        return cls(e, t, np.asarray(up, float), fov_y=fov_y, near=first)
+
+    @property
+    def is_perspective(self) -> bool:
+        """Whether rays meet in the eye."""
+        return self.fov_y > 0
+
+    def turn(self) -> Array:
+        """Return the rotation from world to eye axes."""
+        z = unit(self.eye - self.target)
+        x = unit(np.cross(self.up, z))
+        return np.stack([x, np.cross(z, x), z])
+
+    def height_at_one(self) -> float:
+        """Return the picture's height: in world units, or per unit of depth."""
+        return 2 * math.tan(math.radians(self.fov_y) / 2) if self.is_perspective else self.height
+
+
+# Section 3, 6, 7: scene and picture
+
+
+@dataclass
+class Scene:
+    """What is shown and how."""
+
+    field: Any
+    transfer_function: TransferFunction
+    slice_spacing: float | None = None
+    sampling: str = "point"
+    reference_length: float | None = None
+    mode: str = "composite"
+    iso_value: float | None = None
+    lights: Sequence[Light] = ()
+    material: Material = field(default_factory=Material)
+    opacity_stop: float = 0.98
+    preintegration: bool = False
+    background: Sequence[float] | None = None
+
+    def fields(self) -> list[RegularField]:
+        """Return the fields."""
+        return list(self.field) if isinstance(self.field, (list, tuple)) else [self.field]
+
+    def default_spacing(self) -> float:
+        """Return the slice spacing that holds unless given."""
+        return min(f.default_slice_spacing() for f in self.fields())
+
+    def spacing(self) -> float:
+        """Return the slice spacing."""
+        return self.default_spacing() if self.slice_spacing is None else self.slice_spacing
+
+    def length(self) -> float:
+        """Return the reference length."""
+        return self.default_spacing() if self.reference_length is None else self.reference_length
+
+
+@dataclass
+class Nudge:
+    """What section 9 moves to find ambiguous pixels: ρ of points that are not empty, supports, A_stop."""
+
+    rho: float = 0.0
+    support: float = 1.0
+    stop: float = 0.0
+
+
+@dataclass
+class Picture:
+    """The result, float64."""
+
+    rgba: Array | None
+    scalar: Array | None
+    coverage: Array
+    depth: Array
+    slices: int
+
+
+@dataclass
+class Samples:
+    """ρ and what is empty on slices first - 2 ... last + 2, at the pixels and one more on every side."""
+
+    depth: Array  # (S,)
+    rho: Array  # (S, h + 2, w + 2)
+    empty: Array  # (S, h + 2, w + 2)
+    weight: Array  # (S, h, w)
+
+
+def slice_depth(n: Array, centre: float, spacing: float) -> Array:
+    """Return t_n."""
+    return np.asarray(centre + (n + 0.5) * spacing)
+
+
+def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> Samples:
+    """Return ρ on all slices (sections 2 and 3)."""
+    w, h = size
+    turn = camera.turn()
+    fields = scene.fields()
+    spacing = scene.spacing()
+    # Relative to the eye from the start, so that far origins cost no digits.
+    placed = []
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for f in fields:
+        centres, values = f.kernels()
+        offset = np.asarray(f.origin, float) - camera.eye
+        world = centres + offset
+        low, high = np.minimum(low, world.min(0)), np.maximum(high, world.max(0))
+        placed.append((f, world @ turn.T, values))
+    centre = -float(turn[2] @ ((low + high) / 2))
+    begin, end = np.inf, -np.inf
+    for f, eye_centres, _ in placed:
+        reach = float(np.linalg.norm(turn[2] * f.semi_axes())) * nudge.support
+        begin, end = min(begin, float((-eye_centres[:, 2]).min()) - reach), max(end, float((-eye_centres[:, 2]).max()) + reach)
+    n = np.arange(math.floor((begin - centre) / spacing), math.floor((end - centre) / spacing) + 1)
+    depth = slice_depth(n, centre, spacing)
+    if camera.is_perspective:
+        depth = depth[depth > camera.near]
+    if len(depth) == 0:
+        return Samples(np.zeros(0), np.zeros((0, h + 2, w + 2)), np.zeros((0, h + 2, w + 2), bool), np.zeros((0, h, w)))
+    all_depth = np.concatenate(
+        [depth[0] - spacing * np.array([2, 1]), depth, depth[-1] + spacing * np.array([1, 2])]
+    )
+    count = len(all_depth)
+    rho = np.zeros((count, (h + 2) * (w + 2)))
+    weight = np.zeros((count, (h + 2) * (w + 2)))
+    empty = np.ones((count, (h + 2) * (w + 2)), bool)
+    tall = camera.height_at_one()
+    x, y = np.meshgrid(
+        (2 * (np.arange(-1, w + 1) + 0.5) / w - 1) * tall / 2 * w / h, (1 - 2 * (np.arange(-1, h + 1) + 0.5) / h) * tall / 2
+    )
+    x, y = x.ravel(), y.ravel()
+    for f, eye_centres, values in placed:
+        semi = f.semi_axes() * nudge.support
+        to_sphere = turn.T / semi[:, None]  # eye axes to the kernel's unit sphere
+        reach = float(np.linalg.norm(turn[2] * semi))
+        extra = spacing / 2 if scene.sampling == "slab" else 0.0
+        if camera.is_perspective:
+            ray = np.stack([x, y, -np.ones(x.shape)], -1) @ to_sphere.T
+            start = np.zeros(ray.shape)
+        else:
+            ray = np.tile(np.array([0.0, 0.0, -1.0]) @ to_sphere.T, (len(x), 1))
+            start = np.stack([x, y, np.zeros(x.shape)], -1) @ to_sphere.T
+        for s in range(2, count - 2):
+            t = float(all_depth[s])
+            near = np.abs(-eye_centres[:, 2] - t) <= (reach + extra) * (1 + 1e-9)
+            if not near.any():
+                continue
+            data, weights, reached = np.zeros(x.shape), np.zeros(x.shape), np.zeros(x.shape, bool)
+            centres, f_values = eye_centres[near] @ to_sphere.T, values[near]
+            step = max(1, CHUNK // len(centres))
+            for p in range(0, len(x), step):
+                part = slice(p, p + step)
+                delta = (start[part] + t * ray[part])[:, None, :] - centres
+                if scene.sampling == "slab":
+                    g, inside = _slab(delta, ray[part], spacing, f.falloff)
+                else:
+                    r2 = (delta**2).sum(-1)
+                    g, inside = kernel(r2, f.falloff), r2 < 1
+                data[part] = g @ f_values
+                weights[part] = g.sum(-1)
+                reached[part] = inside.any(-1)
+            rho[s] += np.where(reached, normalised(f, data, weights), 0.0)
+            weight[s] += weights
+            empty[s] &= ~reached
+    rho += np.where(empty, 0.0, nudge.rho)
+    shape = (count, h + 2, w + 2)
+    return Samples(all_depth, rho.reshape(shape), empty.reshape(shape), weight.reshape(shape)[:, 1:-1, 1:-1])
+
+
+def _slab(delta: Array, ray: Array, spacing: float, k: float) -> tuple[Array, Array]:
+    """Return the mean of g over the slab and whether the support is met; delta (P, K, 3) at its middle, ray (P, 3) per depth."""
+    speed = np.linalg.norm(ray, axis=-1)[:, None]
+    nearest = -(delta * ray[:, None, :]).sum(-1) / speed**2
+    r2 = ((delta + nearest[..., None] * ray[:, None, :]) ** 2).sum(-1)
+    half = np.sqrt(np.maximum(0.0, 1 - r2)) / speed
+    t0 = np.maximum(-half, -spacing / 2 - nearest)
+    t1 = np.minimum(half, spacing / 2 - nearest)
+    inside = (r2 < 1) & (t1 > t0)
+    g = np.zeros(r2.shape)
+    full_speed = np.broadcast_to(speed, r2.shape)
+    g[inside] = kernel_mean(r2[inside], full_speed[inside], t0[inside], t1[inside], k, spacing)  # type: ignore[arg-type]
+    return g, inside
+
+
+def normalised(f: RegularField, data: Array, weights: Array) -> Array:
+    """Return ρ of the sums D and W (section 2)."""
+    if f.normalization == "none":
+        return data
+    if f.normalization == "threshold":
+        return data / np.maximum(f.w0, weights)
+    return data / (ball_integral(f.falloff) * float(np.prod(f.semi_axes())) / f.sample_volume())
+
+
+def gradients(samples: Samples, camera: Camera, size: tuple[int, int], spacing: float) -> Array:
+    """Return ∇ρ in eye space on slices 1 ... S - 2 of the samples, (S - 2, h, w, 3) (section 5)."""
+    w, h = size
+    rho = samples.rho
+    pixel = np.full(len(samples.depth) - 2, camera.height_at_one() / h)
+    tall = camera.height_at_one()
+    if camera.is_perspective:
+        pixel = pixel * samples.depth[1:-1]
+    middle = rho[1:-1]
+    width = np.where(pixel > 0, 2 * pixel, np.inf)[:, None, None]  # a slice that is not there has no gradient across
+    dx = (middle[:, 1:-1, 2:] - middle[:, 1:-1, :-2]) / width
+    dy = (middle[:, :-2, 1:-1] - middle[:, 2:, 1:-1]) / width
+    dt = (rho[2:, 1:-1, 1:-1] - rho[:-2, 1:-1, 1:-1]) / (2 * spacing)
+    if not camera.is_perspective:
+        return np.stack([dx, dy, -dt], -1)
+    x = (2 * (np.arange(w) + 0.5) / w - 1) * tall / 2 * w / h
+    y = (1 - 2 * (np.arange(h) + 0.5) / h) * tall / 2
+    return np.stack([dx, dy, x * dx + y[:, None] * dy - dt], -1)
+
+
+def render(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge | None = None) -> Picture:
+    """Return the picture (sections 4 to 7)."""
+    w, h = size
+    nudge = nudge or Nudge()
+    spacing, length = scene.spacing(), scene.length()
+    samples = sample(scene, camera, size, nudge)
+    tall = camera.height_at_one()
+    x = (2 * (np.arange(w) + 0.5) / w - 1) * tall / 2 * w / h
+    y = (1 - 2 * (np.arange(h) + 0.5) / h) * tall / 2
+    if camera.is_perspective:
+        to_camera = np.stack([*np.broadcast_arrays(-x, -y[:, None]), np.ones((h, w))], -1)
+        stretch = np.linalg.norm(to_camera, axis=-1)
+        to_camera = to_camera / stretch[..., None]
+    else:
+        to_camera = np.zeros((h, w, 3))
+        to_camera[..., 2] = 1
+        stretch = np.ones((h, w))
+    turn = camera.turn()
+    rho, empty = samples.rho[1:-1, 1:-1, 1:-1], samples.empty[1:-1, 1:-1, 1:-1]
+    depths = samples.depth[1:-1]
+    coverage = samples.weight.sum(0) * spacing * stretch
+    depth = np.full((h, w), np.inf)
+    found = max(len(depths) - 2, 0)
+    if scene.mode in ("xray", "mip"):
+        if scene.mode == "xray":
+            scalar = rho.sum(0) * spacing * stretch
+        else:
+            scalar = np.maximum(0.0, rho.max(0)) if found else np.zeros((h, w))
+        return Picture(None, scalar, coverage, depth, found)
+    rgba = np.zeros((h, w, 4))
+    if found:
+        slopes = gradients(samples, camera, size, spacing)
+        weak = 1e-3 * scene.transfer_function.span() / length
+
+        def shaded(colour: Array, gradient: Array, at: Array) -> Array:
+            return shade(colour, gradient, to_camera[at], weak, scene, turn)
+
+        paint = _isosurface if scene.mode == "isosurface" else _composite
+        paint(scene, rho, empty, depths, slopes, shaded, spacing * stretch, length, nudge, rgba, depth)
+    if scene.background is not None:
+        rgba[..., :3] += (1 - rgba[..., 3:]) * np.asarray(scene.background, float)
+        rgba[..., 3] = 1
+    return Picture(rgba, None, coverage, depth, found)
+
+
+Shader = Callable[[Array, Array, Array], Array]
+
+
+def _composite(
+    scene: Scene,
+    rho: Array,
+    empty: Array,
+    depths: Array,
+    slopes: Array,
+    shaded: Shader,
+    step: Array,
+    length: float,
+    nudge: Nudge,
+    rgba: Array,
+    depth: Array,
+) -> None:
+    tf = scene.transfer_function
+    stop = scene.opacity_stop + nudge.stop
+    for s in range(len(depths) - 1):
+        live = rgba[..., 3] < stop
+        if scene.preintegration:
+            at = live & ~(empty[s] & empty[s + 1])
+            tau, tau_c = ramp_means(tf, rho[s][at], rho[s + 1][at])
+            alpha = -np.expm1(-step[at] * tau / length)
+            colour = tau_c / np.where(tau > 0, tau, 1)[:, None]
+            gradient = (slopes[s][at] + slopes[s + 1][at]) / 2
+        else:
+            at = live & ~empty[s]
+            classified = tf(rho[s][at])
+            alpha, colour = slice_opacity(classified[:, 3], step[at] / length), classified[:, :3]
+            gradient = slopes[s][at]
+        colour = shaded(colour, gradient, at)
+        before = rgba[..., 3].copy()
+        left = 1 - before[at]
+        rgba[at, :3] += (left * alpha)[:, None] * colour
+        rgba[at, 3] += left * alpha
+        reached = (before < 0.5) & (rgba[..., 3] >= 0.5)
+        depth[reached] = depths[s]
+
+
+def _isosurface(
+    scene: Scene,
+    rho: Array,
+    empty: Array,
+    depths: Array,
+    slopes: Array,
+    shaded: Shader,
+    step: Array,
+    length: float,
+    nudge: Nudge,
+    rgba: Array,
+    depth: Array,
+) -> None:
+    iso = float(scene.iso_value or 0.0)
+    colour = scene.transfer_function(np.array(iso))[:3]
+    for s in range(len(depths) - 1):
+        at = (rgba[..., 3] == 0) & ((rho[s] < iso) != (rho[s + 1] < iso))
+        share = (iso - rho[s][at]) / (rho[s + 1][at] - rho[s][at])
+        gradient = slopes[s][at] * (1 - share)[:, None] + slopes[s + 1][at] * share[:, None]
+        rgba[at, :3] = shaded(np.broadcast_to(colour, gradient.shape), gradient, at)
+        rgba[at, 3] = 1
+        depth[at] = depths[s] + share * (depths[s + 1] - depths[s])
+
+
+# Section 9: ambiguous pixels and gentle scenes
+
+
+def ambiguous(scene: Scene, camera: Camera, size: tuple[int, int], picture: Picture) -> NDArray[np.bool_]:
+    """Return the pixels that change by more than 1e-3 when ρ, the supports' radius or A_stop is nudged."""
+    found = np.zeros((size[1], size[0]), bool)
+    if picture.rgba is None:
+        return found
+    nudges = []
+    for sign in (-1, 1):
+        nudges.append(Nudge(rho=sign * 1e-5 * scene.transfer_function.span()))
+        nudges.append(Nudge(support=1 + sign * 1e-5))
+        if scene.mode == "composite":
+            nudges.append(Nudge(stop=sign * 1e-5))
+    for nudge in nudges:
+        moved = render(scene, camera, size, nudge).rgba
+        assert moved is not None
+        found |= np.abs(moved - picture.rgba).max(-1) > 1e-3
+    return found
+
+
+def is_gentle(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
+    """Return whether the tighter bound of section 9 holds: slopes of at most 10 and a pixel of at least ℓ/100."""
+    table = scene.transfer_function.table()
+    span = scene.transfer_function.span()
+    steps = np.diff(table[:, 0])
+    rises = np.abs(np.diff(table[:, 1:], axis=0)).max(-1)
+    if span == 0 or (rises[steps == 0] > 0).any():
+        return False
+    tall = camera.height_at_one()
+    stretch = math.sqrt(1 + (tall / 2) ** 2 * (1 + (size[0] / size[1]) ** 2)) if camera.is_perspective else 1.0
+    slope = (rises[steps > 0] / steps[steps > 0]).max() * span
+    pixel = tall / size[1] * (camera.near if camera.is_perspective else 1.0)
+    return bool(slope * scene.spacing() * stretch / scene.length() <= 10 and pixel >= scene.length() / 100)

@@ -1,0 +1,203 @@
+"""Scenes and cameras: what they take and what they refuse."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import sheetsplat as ss
+from sheetsplat import api
+
+GRAY = ss.TransferFunction([(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)])
+
+
+@pytest.fixture
+def field(ball):
+    return ss.RegularField(ball, spacing=(1, 2, 3))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"slice_spacing": 0},
+        {"slice_spacing": -1},
+        {"slice_spacing": np.nan},
+        {"slice_spacing": "1"},
+        {"sampling": "line"},
+        {"reference_length": 0},
+        {"reference_length": np.inf},
+        {"mode": "minip"},
+        {"mode": "isosurface"},
+        {"mode": "isosurface", "iso_value": np.nan},
+        {"opacity_stop": 0},
+        {"opacity_stop": 1.5},
+        {"opacity_stop": np.nan},
+        {"lights": ["head"]},
+        {"material": "shiny"},
+        {"background": (1, 1)},
+        {"background": (1, np.nan, 1)},
+        {"background": "white"},
+    ],
+)
+def test_scene_options_without_meaning_are_refused(field, options):
+    with pytest.raises(ss.InvalidInput, match="wanted"):
+        ss.Scene(field, GRAY, **options)
+
+
+@pytest.mark.parametrize("field", [None, [], "bonsai.nrrd", np.zeros((2, 2, 2)), [None]])
+def test_scenes_need_fields(field):
+    with pytest.raises(ss.InvalidInput, match="field"):
+        ss.Scene(field, GRAY)
+
+
+def test_scene_knows_what_it_will_use(field):
+    scene = ss.Scene([field, field], [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)], lights=ss.Light())
+    assert scene.slice_spacing == scene.reference_length == 1
+    assert scene.fields == (field, field) and scene.lights == (ss.Light(),)
+    assert scene.bounds == field.bounds
+    assert scene.mode == "composite" and scene.background is None
+    assert "composite" in repr(scene)
+    assert ss.Scene(field, GRAY, slice_spacing=0.5, reference_length=2).slice_spacing == 0.5
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"direction": (0, 0, 0)},
+        {"direction": (0, 0)},
+        {"direction": (0, 0, "z")},
+        {"color": None},
+        {"space": "camera"},
+    ],
+)
+def test_lights_without_meaning_are_refused(arguments):
+    with pytest.raises(ss.InvalidInput, match="Light"):
+        ss.Light(**arguments)
+
+
+def test_materials_without_meaning_are_refused(field):
+    with pytest.raises(ss.InvalidInput, match="Material"):
+        ss.Material(ambient="a")
+    for bad in (math.nan, math.inf):
+        with pytest.raises(ss.InvalidInput, match="wanted"):
+            ss.Scene(field, GRAY, material=ss.Material(diffuse=bad), lights=[ss.Light()])
+
+
+def test_lights_and_materials_are_values():
+    assert ss.Light((0, 0, 1)) == ss.Light(np.array([0, 0, 1]))
+    assert ss.Material() != ss.Material(specular=0.5)
+    assert "specular=0.5" in repr(ss.Material(specular=0.5))
+    with pytest.raises(AttributeError):
+        ss.Material().ambient = 1
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: ss.Camera.orthographic((0, 0, 0), (0, 0, 0), height=1),
+        lambda: ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 0, 1), height=1),
+        lambda: ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 0, 0), height=1),
+        lambda: ss.Camera.orthographic((0, 0, 5), (0, 0, 0), height=0),
+        lambda: ss.Camera.orthographic((0, 0, 5), (0, 0, 0), height=-1),
+        lambda: ss.Camera.orthographic((0, 0, 5), (0, 0, 0), height=np.nan),
+        lambda: ss.Camera.orthographic((0, np.inf, 5), (0, 0, 0), height=1),
+        lambda: ss.Camera.orthographic((0, 0), (0, 0, 0), height=1),
+        lambda: ss.Camera.perspective((0, 0, 0), (0, 0, 0), fov_y=30),
+        lambda: ss.Camera.perspective((0, 0, 5), (0, 0, 0), (0, 0, -2), fov_y=30),
+        lambda: ss.Camera.perspective((0, 0, 5), (0, 0, 0), fov_y=0),
+        lambda: ss.Camera.perspective((0, 0, 5), (0, 0, 0), fov_y=180),
+        lambda: ss.Camera.perspective((0, 0, 5), (0, 0, 0), fov_y=30, near=0),
+        lambda: ss.Camera.perspective((0, 0, 5), (0, 0, 0), fov_y=30, near=-1),
+        lambda: ss.Camera.fit([]),
+        lambda: ss.Camera.fit(None),
+        lambda: ss.Camera.fit(SimpleNamespace(bounds=((0, 0, 0), (1, 1, -1)))),
+        lambda: ss.Camera.fit(SimpleNamespace(bounds=((0, 0, 0), (1, 1, np.nan)))),
+        lambda: ss.Camera.fit(SimpleNamespace(bounds="abc")),
+        lambda: ss.Camera.fit(SimpleNamespace(bounds=((0, 0, 0), (1, 1, 1))), (0, 0, 0)),
+        lambda: ss.Camera.fit(SimpleNamespace(bounds=((0, 0, 0), (1, 1, 1))), (0, 1, 0)),
+        lambda: ss.Camera.fit(SimpleNamespace(bounds=((0, 0, 0), (1, 1, 1))), kind="fisheye"),
+        lambda: ss.Camera.fit(SimpleNamespace(bounds=((0, 0, 0), (1, 1, 1))), margin=0),
+    ],
+)
+def test_cameras_without_meaning_are_refused(make):
+    with pytest.raises(ss.InvalidInput, match="Camera"):
+        make()
+
+
+def test_cameras_know_what_they_are():
+    camera = ss.Camera.perspective((0, 0, 4), (0, 0, 0), fov_y=40)
+    assert (camera.kind, camera.eye, camera.fov_y) == ("perspective", (0, 0, 4), 40)
+    assert math.isclose(camera.near, 4e-3)
+    assert "fov_y=40" in repr(camera)
+    camera = ss.Camera.orthographic((0, 0, 4), (0, 0, 0), height=3)
+    assert (camera.kind, camera.height, camera.up) == ("orthographic", 3, (0, 1, 0))
+    with pytest.raises(TypeError):
+        ss.Camera()
+
+
+@pytest.mark.parametrize("kind", ["orthographic", "perspective"])
+def test_fit_shows_all_corners(field, kind):
+    camera = ss.Camera.fit(field, (1, -0.5, -0.7), kind=kind)
+    half = camera.height / 2 if kind == "orthographic" else math.tan(math.radians(camera.fov_y / 2))
+    corners = np.array(np.meshgrid(*np.transpose(field.bounds))).reshape(3, -1).T
+    for corner in corners:
+        x, y, z = camera._native.to_eye(tuple(corner))
+        reach = half if kind == "orthographic" else -z * half
+        assert z < 0 and abs(x) <= reach and abs(y) <= reach
+
+
+def test_fit_takes_anything_with_bounds(field):
+    box = SimpleNamespace(bounds=field.bounds)
+    scene = ss.Scene(field, GRAY)
+    eyes = [
+        ss.Camera.fit(one).eye
+        for one in (field, [field], (field, box), box, scene, SimpleNamespace(bounds=lambda: field.bounds))
+    ]
+    assert len(set(eyes)) == 1
+
+
+@pytest.mark.parametrize("projection", ["orthographic", "perspective"])
+@pytest.mark.parametrize("size", [(40, 40), (80, 20), (20, 80)])
+def test_pictures_of_any_shape_show_all(field, size, projection):
+    camera = api.compose_camera(field, size, azimuth=40, elevation=-30, projection=projection)
+    half = camera.height / 2 if projection == "orthographic" else math.tan(math.radians(camera.fov_y / 2))
+    across = half * size[0] / size[1]
+    reach_x = reach_y = 0.0
+    for corner in np.array(np.meshgrid(*np.transpose(field.bounds))).reshape(3, -1).T:
+        x, y, z = camera._native.to_eye(tuple(corner))
+        depth = 1.0 if projection == "orthographic" else -z
+        reach_x, reach_y = max(reach_x, abs(x) / depth / across), max(reach_y, abs(y) / depth / half)
+    assert max(reach_x, reach_y) <= 1
+    # And not much smaller than it could be.
+    assert max(reach_x, reach_y) > (0.95 if projection == "orthographic" else 0.5)
+
+
+def test_azimuth_and_elevation_turn_the_eye(field):
+    def view(**options):
+        camera = api.compose_camera(field, (40, 40), **options)
+        offset = np.subtract(camera.eye, camera.target)
+        return offset / np.linalg.norm(offset)
+
+    assert np.allclose(view(azimuth=0, elevation=0), (0, 0, 1))
+    assert np.allclose(view(azimuth=90, elevation=0), (1, 0, 0))
+    assert np.allclose(view(azimuth=0, elevation=30), (0, 0.5, math.sqrt(0.75)))
+    assert np.allclose(view(azimuth=-90, elevation=0, up=(0, 0, 1), direction=(0, 1, 0)), (-1, 0, 0))
+    assert np.allclose(view(direction=(1, 0, 0)), (-1, 0, 0))
+    assert not np.allclose(view(), (0, 0, 1))
+
+
+def test_zoom_enlarges(field):
+    near, far = (api.compose_camera(field, (40, 40), zoom=zoom) for zoom in (2, 1))
+    assert math.isclose(near.height * 2, far.height)
+    near, far = (api.compose_camera(field, (40, 40), zoom=zoom, projection="perspective") for zoom in (2, 1))
+    assert math.isclose(2 * math.tan(math.radians(near.fov_y / 2)), math.tan(math.radians(far.fov_y / 2)))
+    for bad in (0, -1, math.nan, "2"):
+        with pytest.raises(ss.InvalidInput, match="zoom"):
+            api.compose_camera(field, (40, 40), zoom=bad)
+    with pytest.raises(ss.InvalidInput, match="azimuth"):
+        api.compose_camera(field, (40, 40), azimuth=math.inf)
+    with pytest.raises(ss.InvalidInput, match="Camera"):
+        api.compose_camera(field, (40, 40), up=(0, 0, 1))

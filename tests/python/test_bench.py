@@ -142,7 +142,13 @@ def test_ablation_names_what_this_backend_lacks(tmp_path: Path) -> None:
 
 def test_frame_and_scaling(tmp_path: Path) -> None:
     frame = BENCHES["frame"].run(_options(tmp_path))
-    assert {row["row"] for row in frame.rows} == {"noisy ball", "bare fill test", "noisy ball, packing paper", "tubes"}
+    assert {row["row"] for row in frame.rows} == {
+        "noisy ball",
+        "bare fill test, one target",
+        "bare fill test, two targets as packing wide has",
+        "noisy ball, packing paper",
+        "tubes",
+    }
     scaling = BENCHES["scaling"].run(_options(tmp_path, size=(24, 24), scale=0.1))
     kernels = [row for row in scaling.rows if row["row"] == "kernels"]
     assert all(a["kernels_drawn"] < b["kernels_drawn"] for a, b in zip(kernels, kernels[1:], strict=False))

@@ -299,6 +299,7 @@ Capabilities read_capabilities(const Api& gl, const std::string& platform) {
     c.max_viewport = std::min(viewport[0], viewport[1]);
     GLint attachments = 0;
     gl.GetIntegerv(GL_MAX_COLOR_ATTACHMENTS, &attachments);
+    gl.GetIntegerv(GL_SUBPIXEL_BITS, &c.subpixel_bits);
     gl.GetIntegerv(GL_MAX_DRAW_BUFFERS, &c.max_draw_buffers);
     c.max_draw_buffers = std::min(c.max_draw_buffers, attachments);
     gl.GetIntegerv(GL_MAX_TEXTURE_IMAGE_UNITS, &c.max_texture_units);

@@ -307,6 +307,13 @@ Buffer::Buffer(const Api& gl, GLenum target) : target_(target) {
 
 void Buffer::bind() const { handle_.api().BindBuffer(target_, name()); }
 
+namespace {
+
+/// Storage that is kept for a frame's vertices; a larger frame hands its storage back part by part.
+constexpr std::size_t most_ring_bytes = std::size_t{16} << 20;
+
+} // namespace
+
 void* Buffer::map(std::size_t bytes) {
     const Api& gl = handle_.api();
     // Its contents pass through a target that no drawing reads: GL_ELEMENT_ARRAY_BUFFER would change the bound vertex
@@ -344,6 +351,30 @@ void* Buffer::map(std::size_t bytes) {
     if (memory == nullptr) {
         refuse(take_errors(gl).names);
     }
+    return memory;
+}
+
+void* Buffer::map_next(std::size_t bytes) {
+    constexpr std::size_t alignment = 64;
+    constexpr std::size_t least = std::size_t{1} << 20;
+    const std::size_t begin = (used_ + alignment - 1) / alignment * alignment;
+    if (capacity_ == 0 || begin + bytes > capacity_) {
+        // A frame that outgrows the storage doubles it for the frames to come; what is queued keeps the old one.
+        void* memory = map(std::max({bytes, least, std::min(2 * capacity_, most_ring_bytes)}));
+        offset_ = 0;
+        used_ = bytes;
+        return memory;
+    }
+    const Api& gl = handle_.api();
+    gl.BindBuffer(GL_COPY_WRITE_BUFFER, name());
+    void* memory = gl.MapBufferRange(GL_COPY_WRITE_BUFFER, static_cast<GLintptr>(begin), static_cast<GLsizeiptr>(std::max<std::size_t>(bytes, 1)),
+                                     GL_MAP_WRITE_BIT | GL_MAP_UNSYNCHRONIZED_BIT | GL_MAP_INVALIDATE_RANGE_BIT);
+    if (memory == nullptr) {
+        used_ = capacity_;
+        return map_next(bytes);
+    }
+    offset_ = begin;
+    used_ = begin + bytes;
     return memory;
 }
 

@@ -119,6 +119,10 @@ void SheetRenderer::render(const Job& job, Image& image) {
     if (plan.depth) {
         image.depth.assign(pixels, std::numeric_limits<float>::infinity());
     }
+    // Reading the last picture back waited for all of its drawing.
+    state_->resources->samples.rewind();
+    state_->resources->boxes.rewind();
+    state_->resources->rectangles.rewind();
     std::size_t drawn = 0, dropped = 0, bytes = 0;
     double vertex_seconds = 0.0, read_seconds = 0.0;
     std::vector<float> buffer;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 
 #include <glm/geometric.hpp>
 
@@ -18,10 +19,11 @@ constexpr std::int64_t opacity_buffer_period = 10;
 /// Tags are multiples of tag_step below 1, so that a depth buffer of 24 bits or more tells neighbours apart by far.
 constexpr int most_tags = 1 << 18;
 constexpr float tag_step = 1.0F / (1 << 20);
-/// Rasterisers round positions and sizes, the coarsest to 1/16 of a pixel: by so much sprites are larger, in pixels.
-constexpr double sprite_margin = 0.25;
 /// Depth of splats where nothing is tagged: behind opaque pixels (0), before a clear buffer (1).
 constexpr float middle = 0.0F;
+
+/// Rasterisers round positions and sizes to 2^-bits of a pixel: by so much sprites are larger, in pixels.
+double sprite_margin(const Capabilities& capabilities) { return 4.0 * std::exp2(-capabilities.subpixel_bits); }
 
 TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, const Tile& tile) {
     TargetShape shape;
@@ -128,8 +130,8 @@ void TileLoop::splat_field(std::size_t field, std::int64_t pass, std::int64_t fi
     const VertexMaker& maker = makers_[field];
     const bool boxed = plan_.projection == Projection::perspective;
     const auto started = std::chrono::steady_clock::now();
-    auto* vertices = static_cast<SplatVertex*>(resources_.samples.map(count * sizeof(SplatVertex)));
-    auto* boxes = boxed ? static_cast<PixelBox*>(resources_.boxes.map(count * sizeof(PixelBox))) : nullptr;
+    auto* vertices = static_cast<SplatVertex*>(resources_.samples.map_next(count * sizeof(SplatVertex)));
+    auto* boxes = boxed ? static_cast<PixelBox*>(resources_.boxes.map_next(count * sizeof(PixelBox))) : nullptr;
     const bool marking = plan_.tagging == Tagging::tiles;
     const std::size_t made = maker.make(batches.begin(batch), count, first_slab, vertices, boxes, [&](const PixelBox& box, std::uint32_t) {
         if (plan_.opacity_buffer && opacity_.hides(box)) {
@@ -199,12 +201,12 @@ void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, c
     resources_.splat_array.bind();
     resources_.samples.bind();
     gl_.EnableVertexAttribArray(ATTRIBUTE_SAMPLE);
-    gl_.VertexAttribPointer(ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex), nullptr);
+    gl_.VertexAttribPointer(ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex), reinterpret_cast<const void*>(resources_.samples.offset()));
     gl_.VertexAttribDivisor(ATTRIBUTE_SAMPLE, plan_.points ? 0 : 1);
     if (perspective) {
         resources_.boxes.bind();
         gl_.EnableVertexAttribArray(ATTRIBUTE_BOX);
-        gl_.VertexAttribPointer(ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox), nullptr);
+        gl_.VertexAttribPointer(ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox), reinterpret_cast<const void*>(resources_.boxes.offset()));
         gl_.VertexAttribDivisor(ATTRIBUTE_BOX, 1);
     } else {
         gl_.DisableVertexAttribArray(ATTRIBUTE_BOX);
@@ -218,7 +220,7 @@ void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, c
         gl_.Scissor(0, 0, tile_.target_width(), tile_.target_height());
         gl_.Enable(GL_PROGRAM_POINT_SIZE);
         program.set("guard", f(guard), f(guard));
-        program.set("point_size", f(2.0 * maker.half_size() + sprite_margin));
+        program.set("point_size", f(2.0 * maker.half_size() + sprite_margin(capabilities_)));
         if (plan_.vertex_arrays) {
             gl_.DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(count));
         } else {
@@ -237,10 +239,10 @@ void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, c
     }
     for (std::size_t kernel = 0; kernel < count; ++kernel) {
         resources_.samples.bind();
-        gl_.VertexAttribPointer(ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex), reinterpret_cast<const void*>(kernel * sizeof(SplatVertex)));
+        gl_.VertexAttribPointer(ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex), reinterpret_cast<const void*>(resources_.samples.offset() + kernel * sizeof(SplatVertex)));
         if (perspective) {
             resources_.boxes.bind();
-            gl_.VertexAttribPointer(ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox), reinterpret_cast<const void*>(kernel * sizeof(PixelBox)));
+            gl_.VertexAttribPointer(ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox), reinterpret_cast<const void*>(resources_.boxes.offset() + kernel * sizeof(PixelBox)));
         }
         gl_.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, 1);
     }
@@ -250,11 +252,12 @@ void TileLoop::draw_rectangles(const std::vector<Rectangle>& rectangles) {
     if (rectangles.empty()) {
         return;
     }
-    resources_.rectangles.upload(rectangles.data(), rectangles.size() * sizeof(Rectangle));
+    std::memcpy(resources_.rectangles.map_next(rectangles.size() * sizeof(Rectangle)), rectangles.data(), rectangles.size() * sizeof(Rectangle));
+    resources_.rectangles.unmap();
     resources_.rectangle_array.bind();
     resources_.rectangles.bind();
     gl_.EnableVertexAttribArray(ATTRIBUTE_RECTANGLE);
-    gl_.VertexAttribPointer(ATTRIBUTE_RECTANGLE, 4, GL_FLOAT, GL_FALSE, sizeof(Rectangle), nullptr);
+    gl_.VertexAttribPointer(ATTRIBUTE_RECTANGLE, 4, GL_FLOAT, GL_FALSE, sizeof(Rectangle), reinterpret_cast<const void*>(resources_.rectangles.offset()));
     gl_.VertexAttribDivisor(ATTRIBUTE_RECTANGLE, 1);
     gl_.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(rectangles.size()));
 }

@@ -35,6 +35,12 @@ class Bench:
     summary: str
     module: str
 
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """Names of the rows that can be run alone; none where it is all or nothing."""
+        names: tuple[str, ...] = getattr(importlib.import_module(self.module), "ROWS", ())
+        return names
+
     def run(self, options: Options | None = None) -> Report:
         """Run it."""
         report = importlib.import_module(self.module).run(options or Options())

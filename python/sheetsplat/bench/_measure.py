@@ -72,7 +72,7 @@ def _array(picture: ss.Image) -> tuple[NDArray[np.float32], int]:
 
 
 def difference(picture: ss.Image, reference: ss.Image) -> dict[str, float]:
-    """Return ``rmse``, ``p99_9`` and ``maximum`` as image formation, section 8, defines them."""
+    """Return ``rmse``, ``p99_9`` and ``maximum`` as the conventions, section 8, define them."""
     (values, channels), (expected, _) = _array(picture), _array(reference)
     return dict(_sheetsplat.compare(np.ascontiguousarray(values), np.ascontiguousarray(expected), channels))
 

@@ -92,6 +92,9 @@ _SETTINGS = (
     _Setting("shading", "before splatting", "tubes near", _on("preshaded"), "blurs zoomed views"),
 )
 
+#: Names of the techniques, which are what can be run alone.
+ROWS = tuple(dict.fromkeys(setting.group for setting in _SETTINGS))
+
 
 @dataclass(frozen=True)
 class _Stage:

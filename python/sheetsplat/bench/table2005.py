@@ -125,6 +125,9 @@ _PICTURES = {
     ),
 }
 
+#: Names of the rows.
+ROWS = tuple(_PICTURES)
+
 
 def threshold_for(values: Values, share: float) -> float:
     """Return a value that about this share of the samples exceeds; for whole numbers half-way between two of them."""

@@ -26,6 +26,7 @@ struct Capabilities {
     float max_point_size = 1.0F;   ///< pixels, as measured
     int max_texture_size = 1024;
     int max_viewport = 1024;
+    int subpixel_bits = 4; ///< of positions in the rasteriser
     int max_draw_buffers = 8;      ///< of one framebuffer
     int max_texture_units = 16;    ///< of the fragment stage
     int depth_bits = 24;           ///< of a GL_DEPTH_COMPONENT24 texture, as the driver stores it

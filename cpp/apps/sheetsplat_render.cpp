@@ -58,7 +58,7 @@ struct Options {
     std::optional<std::array<double, 3>> background;
 
     ss::Projection projection = ss::Projection::orthographic;
-    double azimuth = 30.0;
+    double azimuth = 25.0;
     double elevation = 20.0;
     double zoom = 1.0;
     double fov_y = 30.0;
@@ -287,7 +287,9 @@ void declare(CLI::App& app, Options& options) {
     using Names = std::vector<std::pair<std::string, SampleType>>;
     auto* raw = app.add_option("--raw", options.raw, "headerless volume, x fastest, in this machine's byte order")
                     ->group("Volume");
-    auto* shape = app.add_option("--shape", options.shape, "samples along X Y Z")->group("Volume");
+    auto* shape = app.add_option("--shape", options.shape, "samples along x, y, z, XxYxZ or X Y Z")
+                      ->delimiter('x')
+                      ->group("Volume");
     app.add_option("--dtype", options.type, "uint8 | int16 | uint16 | float32 | float64")
         ->transform(one_of(Names{{"uint8", SampleType::uint8},
                                  {"int16", SampleType::int16},
@@ -345,14 +347,16 @@ void declare(CLI::App& app, Options& options) {
         ->transform(one_of(std::vector<std::pair<std::string, ss::Projection>>{
             {"orthographic", ss::Projection::orthographic}, {"perspective", ss::Projection::perspective}}))
         ->group("Camera");
-    app.add_option("--azimuth", options.azimuth, "degrees about the y axis (30)")->group("Camera");
+    app.add_option("--azimuth", options.azimuth, "degrees about the y axis (25)")->group("Camera");
     app.add_option("--elevation", options.elevation, "degrees above the xz plane (20)")->group("Camera");
     app.add_option("--zoom", options.zoom, "1 shows the whole volume")
         ->check(CLI::PositiveNumber.description(""))
         ->group("Camera");
     app.add_option("--fov", options.fov_y, "vertical angle of the perspective camera in degrees (30)")->group("Camera");
 
-    app.add_option("--size", options.size, "pixels, WIDTH HEIGHT (400 400)")->group("Picture");
+    app.add_option("--size", options.size, "pixels, WIDTHxHEIGHT or WIDTH HEIGHT (400x400)")
+        ->delimiter('x')
+        ->group("Picture");
     app.add_option("--background", options.background, "RED GREEN BLUE, 0 to 1 (transparent)")->group("Picture");
     app.add_option("--backend", options.backend, "auto | gl | reference")
         ->transform(one_of(std::vector<std::pair<std::string, ss::Backend>>{

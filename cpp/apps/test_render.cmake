@@ -47,6 +47,13 @@ if(CASE STREQUAL picture)
   expect(0 "raw.png: 9 x 8 pixels" --raw volume.raw --shape 4 2 8 --dtype uint8 --spacing 1 2 1 --size 9 8
          --backend reference --tf "90 0 0 0 0" --tf "125 1 0.5 0 0.8" -o raw.png)
   expect_file(raw.png 89504e470d0a1a0a)
+  expect(0 "written.png: 9 x 8 pixels" --raw volume.raw --shape 4x2x8 --spacing 1 2 1 --size 9x8 --backend reference
+         --tf "90 0 0 0 0" --tf "125 1 0.5 0 0.8" -o written.png)
+  file(SHA256 ${FOLDER}/raw.png separate)
+  file(SHA256 ${FOLDER}/written.png joined)
+  if(NOT separate STREQUAL joined)
+    message(FATAL_ERROR "--size 9x8 --shape 4x2x8 is not --size 9 8 --shape 4 2 8")
+  endif()
   file(SHA256 ${FOLDER}/ball.png ball)
   expect(0 "turned.png" --generate ball ${small} --zoom 2 -o turned.png)
   file(SHA256 ${FOLDER}/turned.png turned)

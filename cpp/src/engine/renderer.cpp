@@ -101,7 +101,7 @@ ViewFacts facts_of(const Scene& scene, const Camera& camera, const Frame& frame)
     facts.slices = frame.slices;
     facts.slice_spacing = frame.slice_spacing;
     facts.reference_length = frame.reference_length;
-    facts.smallest_pixel = frame.smallest_pixel();
+    facts.smallest_pixel = frame.slices > 0 ? frame.smallest_pixel() : frame.reference_length;
     facts.largest_pixel = frame.largest_pixel();
     facts.largest_slant = largest_slant(camera, frame.size);
     facts.cut_by_near = frame.cut_by_near;
@@ -112,9 +112,11 @@ ViewFacts facts_of(const Scene& scene, const Camera& camera, const Frame& frame)
         const FieldView view = make_field_view(*field, camera, frame, scene.sampling, 1.0);
         facts.sheared = facts.sheared || view.sheared;
         facts.longest_span = std::max(facts.longest_span, view.longest_span);
-        if (frame.projection == Projection::orthographic) {
-            facts.largest_splat_px = std::max({facts.largest_splat_px, view.extent_x / frame.pixel, view.extent_y / frame.pixel});
+        facts.smallest_falloff = field == scene.fields.front() ? field->kernel().falloff : std::min(facts.smallest_falloff, field->kernel().falloff);
+        if (frame.slices == 0) {
+            continue;
         }
+        facts.largest_splat_px = std::max({facts.largest_splat_px, view.extent_x / frame.smallest_pixel(), view.extent_y / frame.smallest_pixel()});
         // |w| ds / h: how far a ray gets through the unit sphere in one slab. Its part along n is ds / h; the smallest semi-axis bounds it all.
         const Vec3 axes = field->semi_axes_world();
         const double thinnest = std::min({axes.x, axes.y, axes.z});
@@ -315,6 +317,11 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
         job.tags_per_clear = state.options.tags_per_clear;
         job.progress = &progress;
         state.sheets->render(job, image);
+        for (const float value : image.scalar) {
+            if (!std::isfinite(value)) {
+                throw Unsupported(Complaint{"the picture cannot be shown in float32", "sums beyond 3.4e38", "numbers that float32 holds", "divide the values by a constant"});
+            }
+        }
         if (scene.background && !scalar) {
             put_background(image.rgba, *scene.background);
         }

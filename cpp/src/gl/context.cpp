@@ -2,8 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <charconv>
 #include <utility>
+
+#include <sys/types.h>
+#include <unistd.h>
 
 #include "library.hpp"
 #include "platforms.hpp"
@@ -130,9 +134,33 @@ bool try_platform(const std::string& platform, std::optional<int> device, bool d
 
 constexpr std::array<const char*, 3> all_platforms = {"egl", "surfaceless", "osmesa"};
 
+// Drivers keep threads and locks that a forked child has no part in: the first call there would wait for ever.
+std::atomic<pid_t> home_process{0};
+
+constexpr const char* forked_story = "OpenGL was used before this process was forked, and drivers do not survive a fork";
+
+bool in_forked_child() {
+    const pid_t home = home_process.load();
+    return home != 0 && home != getpid();
+}
+
+void refuse_forked_child() {
+    if (in_forked_child()) {
+        throw DeviceUnavailable(Complaint{"no OpenGL context can be used here", forked_story, "the process that used OpenGL first",
+                                          "start processes by spawn instead of fork (multiprocessing.get_context(\"spawn\")), or use backend reference"});
+    }
+}
+
+void note_home_process() {
+    pid_t nobody = 0;
+    home_process.compare_exchange_strong(nobody, getpid());
+}
+
 } // namespace
 
 std::unique_ptr<Context> Context::create(const ContextOptions& options) {
+    refuse_forked_child();
+    note_home_process();
     const std::string platform = chosen_platform(options);
     const std::optional<int> device = chosen_device(options, platform);
     const bool debug = wants_debug(options);
@@ -161,6 +189,16 @@ std::unique_ptr<Context> Context::create(const ContextOptions& options) {
 
 std::vector<Attempt> Context::survey() {
     std::vector<Attempt> attempts;
+    if (in_forked_child()) {
+        for (const char* platform : all_platforms) {
+            Attempt attempt;
+            attempt.platform = platform;
+            attempt.story = forked_story;
+            attempts.push_back(attempt);
+        }
+        return attempts;
+    }
+    note_home_process();
     const auto take = [&](const std::string& name, Made made) {
         Attempt attempt;
         attempt.platform = name;
@@ -216,6 +254,7 @@ void NativeContext::leave_current() noexcept {
 }
 
 Current::Current(Context& context) : context_(context), previous_(current_here) {
+    refuse_forked_child();
     if (current_here == &context) {
         return;
     }

@@ -21,6 +21,11 @@ constexpr double float16_bound = 1.0 / 510.0;
 /// Below this share of the reference length a pixel or a slice spacing loses gradients in differences of float32 sums.
 constexpr double fine_gradient_below = 1.0 / 8.0;
 constexpr std::size_t most_lights = 64;
+/// Beyond, the square of a distance in pixels leaves float32.
+constexpr double largest_separable_px = 1e6;
+constexpr double largest_splat_px = 1e12;
+/// exp(-k r^2) - exp(-k) is known to 1e-7 / k of itself.
+constexpr double smallest_falloff = 0.05;
 /// Plain float32 sums over 28,000 slices were seen 2e-6 off, over 280,000 4e-5, over 1,750,000 6e-4.
 constexpr std::int64_t most_plain_slices = 1 << 14;
 constexpr std::int64_t most_imprecise_slices = 1 << 17;
@@ -301,6 +306,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     plan.points = effects.decide("points", sprites, sprites ? "point sprites need one vertex a kernel"
                                                             : projection == Projection::perspective ? "kernels differ in size: quads fit them"
                                                                                                     : "kernels are larger than the largest point sprite: quads") && sprites;
+    plan.separable = !plan.general && plan.sampling == Sampling::point && !plan.fine_gradient && view.largest_splat_px < largest_separable_px;
     plan.vertex_arrays = effects.decide("vertex_arrays", true, "a batch is one draw call");
     plan.four_channels = effects.decide("four_channels", true, "four slabs are splatted at a time");
     if (!plan.four_channels) {
@@ -352,6 +358,14 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
             names += names.empty() ? name : ", " + name;
         }
         throw Unsupported(Complaint{"the plan cannot be made", "effects forced off that the scene calls for: " + names, "a picture within its error bound", "leave them to the plan, or pass allow_inexact=True"});
+    }
+    if (view.largest_splat_px > largest_splat_px && !options.allow_inexact) {
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", "kernels of " + number(view.largest_splat_px) + " pixels",
+                                    "at most " + number(largest_splat_px), "magnify less, or use backend reference"});
+    }
+    if (view.smallest_falloff < smallest_falloff && !options.allow_inexact) {
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", "a falloff of " + number(view.smallest_falloff) + ", whose differences float32 cannot resolve",
+                                    "at least " + number(smallest_falloff), "use a larger falloff, or backend reference"});
     }
     check_precision(scene, view, options, capabilities, plan);
 

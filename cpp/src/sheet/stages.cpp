@@ -43,7 +43,7 @@ BatchLayout make_layout(const DrawPlan& plan) {
 
 gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, bool weights_alone) {
     const bool general = plan.general || view.sheared;
-    const bool separable = plan.sampling == Sampling::point && !general && !plan.fine_gradient && view.extent_x == view.extent_y;
+    const bool separable = plan.separable && !general && view.extent_x == view.extent_y;
     gl::Defines defines;
     if (plan.sampling == Sampling::slab) {
         defines["SLAB"] = on;

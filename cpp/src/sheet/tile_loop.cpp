@@ -19,6 +19,8 @@ constexpr std::int64_t opacity_buffer_period = 10;
 /// Tags are multiples of tag_step below 1, so that a depth buffer of 24 bits or more tells neighbours apart by far.
 constexpr int most_tags = 1 << 18;
 constexpr float tag_step = 1.0F / (1 << 20);
+/// A_stop that float32 would round to 0 must still let an empty pixel go on.
+constexpr double smallest_stop = 1.2e-38;
 /// Depth of splats where nothing is tagged: behind opaque pixels (0), before a clear buffer (1).
 constexpr float middle = 0.0F;
 
@@ -411,9 +413,10 @@ void TileLoop::set_shading(const gl::Program& program, std::int64_t pass) {
     program.set("pixel", f(frame_.pixel));
     program.set("first_depth", f(frame_.depth_of(first_slab)));
     program.set("slice_spacing", f(frame_.slice_spacing));
-    program.set("exponent", f(frame_.slice_spacing / reference));
+    // Beyond float32 an opacity above 0 is 1 anyway; infinity times an opacity of 0 would be no number.
+    program.set("exponent", f(std::min(frame_.slice_spacing / reference, 1e30)));
     program.set("w0", f(scene.fields.front()->w0()));
-    program.set("opacity_stop", f(scene.opacity_stop));
+    program.set("opacity_stop", f(std::max(scene.opacity_stop, smallest_stop)));
     program.set("depth_of_first", f(frame_.depth_of(first_slab)));
     program.set("depth_step", f(frame_.slice_spacing));
     program.set("first_slab", static_cast<int>(first_slab));

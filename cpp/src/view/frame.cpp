@@ -9,6 +9,7 @@
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 
+#include "base/checks.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -87,11 +88,20 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size) {
     }
     const double count = last - first + 1.0;
     if (!(count <= most_slices)) {
+        // Rounded up, so that what is advised is also accepted.
+        const double enough = (farthest - nearest) / most_slices * 1.01;
         throw InvalidInput(Complaint{"the scene cannot be sliced",
-                                     "a slice spacing of " + std::to_string(spacing) + " for a depth of " +
-                                         std::to_string(farthest - nearest),
-                                     "at most 10,000,000 slices",
-                                     "pass a slice_spacing of at least " + std::to_string((farthest - nearest) / most_slices)});
+                                     "a slice spacing of " + text_of(spacing) + " for a depth of " + text_of(farthest - nearest),
+                                     "at most 10,000,000 slices", "pass a slice_spacing of at least " + text_of(enough)});
+    }
+    // Where an eye is so far away that its depths cannot tell slices apart, every sum would be garbage.
+    const double largest_depth = std::max(std::abs(nearest), std::abs(farthest));
+    const double resolution = largest_depth * std::numeric_limits<double>::epsilon();
+    if (resolution > 1e-6 * std::min(spacing, farthest - nearest)) {
+        throw InvalidInput(Complaint{"the scene cannot be sliced",
+                                     "depths up to " + text_of(largest_depth) + ", which float64 resolves to " + text_of(resolution),
+                                     "a resolution of a millionth of the slice spacing " + text_of(spacing),
+                                     "move the eye closer: an orthographic picture does not depend on its distance"});
     }
     frame.slices = count < 1.0 ? 0 : static_cast<std::int64_t>(count);
     frame.first_slice = static_cast<std::int64_t>(first);

@@ -278,6 +278,48 @@ TEST(AgainstReference, OpacityBufferDropsKernelsAndNoPixel) {
     EXPECT_THROW(static_cast<void>(Renderer(options).render(scene, camera, {96, 96})), Unsupported);
 }
 
+TEST(AgainstReference, ExtremesAreRightOrRefused) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    auto field = blobs({});
+    const Scene unlit = [&] {
+        Scene scene = scene_of(field);
+        scene.lights.clear();
+        return scene;
+    }();
+    const Vec3 centre = field->centres_world().centre();
+    const auto look = [&](double height, double distance) { return Camera::orthographic(centre + Vec3(0, 0, distance), centre, Vec3(0, 1, 0), height); };
+    // Magnified until a kernel spans a thousand million pixels; beyond a bound, refused.
+    for (const double height : {1e-3, 1e-6, 1e-8}) {
+        EXPECT_LT(against_reference(unlit, look(height, 30.0), {32, 32}, {}, {}, "height " + std::to_string(std::log10(height))).rmse, 1e-4);
+    }
+    RendererOptions options;
+    options.backend = Backend::gl;
+    Renderer renderer(options);
+    EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(1e-20, 30.0), {32, 32})), Unsupported);
+    // Depths that float64 cannot tell apart.
+    EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(12.0, 1e17), {32, 32})), InvalidInput);
+    EXPECT_LT(against_reference(unlit, look(16.0, 1e8), {32, 32}, {}, {}, "far eye").rmse, 1e-4);
+    // A reference length that float32 cannot hold.
+    Scene tiny = unlit;
+    tiny.reference_length = 1e-40;
+    EXPECT_LT(against_reference(tiny, look(16.0, 30.0), {32, 32}, {}, {}, "tiny reference length").p99_9, 1e-3);
+    // A stop that float32 cannot hold: pixels stop at their first opacity, but they are not black.
+    Scene stop = unlit;
+    stop.opacity_stop = 1e-40;
+    const Image stopped = renderer.render(stop, look(16.0, 30.0), {32, 32});
+    EXPECT_GT(*std::max_element(stopped.rgba.begin(), stopped.rgba.end()), 0.01F);
+    RegularFieldOptions flat;
+    flat.falloff = 0.05;
+    Scene flat_scene = unlit;
+    flat_scene.fields = {blobs(flat)};
+    EXPECT_LT(against_reference(flat_scene, look(16.0, 30.0), {32, 32}, {}, {}, "falloff 0.05").rmse, 1e-4);
+    flat.falloff = 1e-6;
+    flat_scene.fields = {blobs(flat)};
+    EXPECT_THROW(static_cast<void>(renderer.render(flat_scene, look(16.0, 30.0), {32, 32})), Unsupported);
+}
+
 TEST(AgainstReference, PreshadedSplattingIsAnotherPicture) {
     if (!gl_available()) {
         GTEST_SKIP() << "no OpenGL context can be made here";

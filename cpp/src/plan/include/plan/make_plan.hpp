@@ -25,7 +25,8 @@ struct ViewFacts {
     double largest_slant = 1.0;   ///< largest s = 1 / cos(theta) over the picture
     bool cut_by_near = false;
     bool sheared = false;         ///< cross-sections of some field lean (unequal spacing, seen askew)
-    double largest_splat_px = 1.0; ///< largest radius of a kernel on the screen, pixels
+    double largest_splat_px = 1.0; ///< largest radius of a kernel on the screen, pixels (perspective: at the nearest slice)
+    double smallest_falloff = 8.0; ///< over the fields
     double thinnest_slab = 1.0;   ///< smallest sqrt(k) ds / h over the fields
     double widest_slab = 1.0;     ///< largest sqrt(k) |w| ds / h over the fields
     std::int64_t longest_span = 4; ///< most slices that one kernel meets
@@ -55,6 +56,7 @@ struct DrawPlan {
     bool compensated = false;      ///< rounding errors of the picture are carried along
     bool general = false;          ///< sections move or scale from slab to slab (perspective, leaning ellipsoids)
     bool points = true;
+    bool separable = true;         ///< one Gaussian on the screen serves all sections of a kernel
     bool vertex_arrays = true;
     bool four_channels = true;
     bool fine_gradient = false;

@@ -12,7 +12,7 @@ struct DeviceReport {
     std::string backend;  ///< "reference" or "gl"
     std::string platform; ///< "" or "egl" | "surfaceless" | "osmesa"
     bool available = false;
-    std::string description; ///< renderer and version where available, else why not and what to do
+    std::string description;              ///< renderer and version where available, else why not and what to do
     std::vector<std::string> extensions;  ///< of those that are used
     std::vector<std::string> workarounds; ///< names of those in force
 };
@@ -26,9 +26,9 @@ struct Seconds {
     double cpu = 0.0;
 };
 
-/// What a picture is measured against: the time that backend gl takes to blend `kernels` point sprites of `diameter_px` pixels,
-/// spread over width x height, into `targets` (1 to 4) float32 targets, and nothing else; the median of `repeats` draws.
-/// Throws DeviceUnavailable, InvalidInput.
+/// What a picture is measured against: the time that backend gl takes to blend `kernels` point sprites of `diameter_px`
+/// pixels, spread over width x height, into `targets` (1 to 4) float32 targets, and nothing else; the median of
+/// `repeats` draws. Throws DeviceUnavailable, InvalidInput.
 Seconds fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets = 1, int repeats = 5);
 
 } // namespace sheetsplat

@@ -1,4 +1,5 @@
-// The errors of the library. Every message has four parts: what failed, what was found, what was wanted, what to do next.
+// The errors of the library. Every message has four parts: what failed, what was found, what was wanted, what to do
+// next.
 #pragma once
 
 #include <stdexcept>

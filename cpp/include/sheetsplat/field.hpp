@@ -75,10 +75,10 @@ using SampleArray = std::variant<std::vector<std::uint8_t>, std::vector<std::int
                                  std::vector<float>, std::vector<double>>;
 
 struct RegularFieldOptions {
-    Vec3 spacing{1.0, 1.0, 1.0};  ///< world units between samples; lattice bcc: spacing.x is a
-    Vec3 origin{0.0, 0.0, 0.0};   ///< world position of sample (0, 0, 0)
+    Vec3 spacing{1.0, 1.0, 1.0}; ///< world units between samples; lattice bcc: spacing.x is a
+    Vec3 origin{0.0, 0.0, 0.0};  ///< world position of sample (0, 0, 0)
     Lattice lattice = Lattice::cartesian;
-    double radius = 2.0;          ///< of the support, in sample distances (bcc: of a / sqrt 2)
+    double radius = 2.0; ///< of the support, in sample distances (bcc: of a / sqrt 2)
     double falloff = 5.0;
     Normalization normalization = Normalization::lattice;
     double w0 = 1.0;
@@ -89,7 +89,8 @@ struct RegularFieldOptions {
 class RegularField final : public Field {
   public:
     /// samples: nk * nj * ni values, i fastest; shape: {nk, nj, ni} as the array [k, j, i] says.
-    /// Throws InvalidInput for empty or mismatched arrays, NaN (unless skipped), infinities, spacing, radius or falloff <= 0.
+    /// Throws InvalidInput for empty or mismatched arrays, NaN (unless skipped), infinities, spacing, radius or falloff
+    /// <= 0.
     RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options = {});
 
     [[nodiscard]] std::size_t size() const override { return kernels_; }

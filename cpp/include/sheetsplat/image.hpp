@@ -25,7 +25,7 @@ struct Image {
 /// Distances of two pictures: over premultiplied RGBA in [0, 1], or scalars divided by max(1, largest reference value).
 struct Difference {
     double rmse = 0.0;
-    double p99_9 = 0.0;    ///< 99.9th percentile of the largest channel difference of a pixel
+    double p99_9 = 0.0; ///< 99.9th percentile of the largest channel difference of a pixel
     double maximum = 0.0;
 };
 

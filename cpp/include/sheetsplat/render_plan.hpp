@@ -39,8 +39,8 @@ struct RenderPlan {
     std::int64_t slices = 0;      ///< number of slices
     std::vector<Effect> effects;
     std::vector<ErrorShare> error_budget;
-    std::uint64_t memory = 0;     ///< bytes beside the fields, all stages at once
-    std::string device;           ///< in words
+    std::uint64_t memory = 0; ///< bytes beside the fields, all stages at once
+    std::string device;       ///< in words
 
     /// True where the effect exists and is on.
     [[nodiscard]] bool has(const std::string& effect) const;

@@ -23,7 +23,7 @@ struct RendererOptions {
     std::map<std::string, bool> effects{}; ///< forces single effects on or off
     bool allow_inexact = false;            ///< lets settings through that cannot keep the error bound
     int tile_size = 0;                     ///< largest edge of an image tile in pixels; 0: what the device can do
-    int tags_per_clear = 0;                ///< depth tags before the depth buffer is cleared; 0: what its resolution allows
+    int tags_per_clear = 0; ///< depth tags before the depth buffer is cleared; 0: what its resolution allows
 };
 
 /// Called between slices with the share that is done, 0 to 1. Returning false stops the rendering (Cancelled).

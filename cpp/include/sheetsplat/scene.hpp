@@ -40,15 +40,15 @@ struct Material {
 struct Scene {
     std::vector<std::shared_ptr<const RegularField>> fields;
     TransferFunction transfer_function;
-    std::optional<double> slice_spacing{};    ///< world units
+    std::optional<double> slice_spacing{}; ///< world units
     Sampling sampling = Sampling::point;
     std::optional<double> reference_length{}; ///< world units
     Mode mode = Mode::composite;
     std::optional<double> iso_value{};
     std::vector<Light> lights{};
     Material material{};
-    double opacity_stop = 0.98;               ///< 1 = never
-    bool preintegration = false;              ///< [EKE01]
+    double opacity_stop = 0.98;  ///< 1 = never
+    bool preintegration = false; ///< [EKE01]
     std::optional<Vec3> background{};
 
     /// The default slice distance of all fields: the smallest of theirs.

@@ -20,8 +20,10 @@ std::vector<DeviceReport> devices() {
 
 Seconds fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets, int repeats) {
     if (!(diameter_px >= 1.0) || width < 1 || height < 1 || targets < 1 || targets > 4 || repeats < 1) {
-        throw InvalidInput(Complaint{"the fill test cannot be run", "a diameter, size or number of targets out of range",
-                                     "a diameter of at least 1 pixel, at least 1 x 1 pixels, 1 to 4 targets, at least 1 repeat", "correct the arguments"});
+        throw InvalidInput(
+            Complaint{"the fill test cannot be run", "a diameter, size or number of targets out of range",
+                      "a diameter of at least 1 pixel, at least 1 x 1 pixels, 1 to 4 targets, at least 1 repeat",
+                      "correct the arguments"});
     }
     sheet::SheetRenderer renderer;
     return renderer.fill_test(kernels, diameter_px, width, height, targets, repeats);

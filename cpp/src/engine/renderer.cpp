@@ -39,7 +39,8 @@ Backend requested_backend(Backend option) {
             return backend;
         }
     }
-    throw InvalidInput(Complaint{"the backend cannot be chosen", std::string("SHEETSPLAT_BACKEND=") + name, "auto, gl or reference", "correct or unset the variable"});
+    throw InvalidInput(Complaint{"the backend cannot be chosen", std::string("SHEETSPLAT_BACKEND=") + name,
+                                 "auto, gl or reference", "correct or unset the variable"});
 }
 
 bool same(const std::vector<TransferPoint>& a, const std::vector<TransferPoint>& b) {
@@ -56,12 +57,17 @@ struct IndexEntry {
     VisibleRuns runs;
 
     [[nodiscard]] bool answers(const std::shared_ptr<const RegularField>& asked, const VisibilityQuery& other) const {
-        const bool functions = other.transfer_function == nullptr ? points.empty() : same(points, other.transfer_function->points());
-        // A longer reach than was asked for draws more than needed, which is never wrong; twice as long would be a waste.
-        const auto reaches = [](double kept, double asked_reach) { return kept >= asked_reach && (kept <= 2.0 * asked_reach || kept == asked_reach); };
-        return field == asked && functions && query.weights_matter == other.weights_matter && reaches(query.stencil_world, other.stencil_world) &&
-               query.cull == other.cull && query.isosurface == other.isosurface && query.iso_value == other.iso_value && query.alone == other.alone &&
-               reaches(query.slice_spacing, other.slice_spacing);
+        const bool functions =
+            other.transfer_function == nullptr ? points.empty() : same(points, other.transfer_function->points());
+        // A longer reach than was asked for draws more than needed, which is never wrong; twice as long would be a
+        // waste.
+        const auto reaches = [](double kept, double asked_reach) {
+            return kept >= asked_reach && (kept <= 2.0 * asked_reach || kept == asked_reach);
+        };
+        return field == asked && functions && query.weights_matter == other.weights_matter &&
+               reaches(query.stencil_world, other.stencil_world) && query.cull == other.cull &&
+               query.isosurface == other.isosurface && query.iso_value == other.iso_value &&
+               query.alone == other.alone && reaches(query.slice_spacing, other.slice_spacing);
     }
 };
 
@@ -74,15 +80,21 @@ struct Prepared {
 
 void check_size(Size size) {
     if (size.width < 1 || size.height < 1) {
-        throw InvalidInput(Complaint{"the picture cannot be made", "a size of " + std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels",
-                                     "at least 1 x 1", "pass size=(width, height)"});
+        throw InvalidInput(
+            Complaint{"the picture cannot be made",
+                      "a size of " + std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels",
+                      "at least 1 x 1", "pass size=(width, height)"});
     }
 }
 
 void check_picture_memory(Size size, const Outputs& outputs) {
-    const std::uint64_t pixels = checked_product(static_cast<std::uint64_t>(size.width), static_cast<std::uint64_t>(size.height), "the picture");
-    const std::uint64_t bytes = checked_product(pixels, 16U + (outputs.coverage ? 4U : 0U) + (outputs.depth ? 4U : 0U), "the picture");
-    require_memory(bytes, "a picture of " + std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels", "make the picture smaller");
+    const std::uint64_t pixels =
+        checked_product(static_cast<std::uint64_t>(size.width), static_cast<std::uint64_t>(size.height), "the picture");
+    const std::uint64_t bytes =
+        checked_product(pixels, 16U + (outputs.coverage ? 4U : 0U) + (outputs.depth ? 4U : 0U), "the picture");
+    require_memory(bytes,
+                   "a picture of " + std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels",
+                   "make the picture smaller");
 }
 
 double largest_slant(const Camera& camera, Size size) {
@@ -112,16 +124,22 @@ ViewFacts facts_of(const Scene& scene, const Camera& camera, const Frame& frame)
         const FieldView view = make_field_view(*field, camera, frame, scene.sampling, 1.0);
         facts.sheared = facts.sheared || view.sheared;
         facts.longest_span = std::max(facts.longest_span, view.longest_span);
-        facts.smallest_falloff = field == scene.fields.front() ? field->kernel().falloff : std::min(facts.smallest_falloff, field->kernel().falloff);
+        facts.smallest_falloff = field == scene.fields.front()
+                                     ? field->kernel().falloff
+                                     : std::min(facts.smallest_falloff, field->kernel().falloff);
         if (frame.slices == 0) {
             continue;
         }
-        facts.largest_splat_px = std::max({facts.largest_splat_px, view.extent_x / frame.smallest_pixel(), view.extent_y / frame.smallest_pixel()});
-        // |w| ds / h: how far a ray gets through the unit sphere in one slab. Its part along n is ds / h; the smallest semi-axis bounds it all.
+        facts.largest_splat_px = std::max(
+            {facts.largest_splat_px, view.extent_x / frame.smallest_pixel(), view.extent_y / frame.smallest_pixel()});
+        // |w| ds / h: how far a ray gets through the unit sphere in one slab. Its part along n is ds / h; the smallest
+        // semi-axis bounds it all.
         const Vec3 axes = field->semi_axes_world();
         const double thinnest = std::min({axes.x, axes.y, axes.z});
         const double along = frame.slice_spacing / view.half_depth;
-        const double across = frame.projection == Projection::perspective || view.sheared ? frame.slice_spacing * facts.largest_slant / thinnest : along;
+        const double across = frame.projection == Projection::perspective || view.sheared
+                                  ? frame.slice_spacing * facts.largest_slant / thinnest
+                                  : along;
         facts.widest_slab = std::max(facts.widest_slab, std::sqrt(field->kernel().falloff) * std::max(along, across));
     }
     return facts;
@@ -138,7 +156,8 @@ struct Renderer::State {
     Backend backend() {
         const Backend asked = requested_backend(options.backend);
         if (asked == Backend::cpu) {
-            throw Unsupported(Complaint{"the backend cannot be chosen", "backend cpu", "auto, gl or reference in this version", "use backend auto"});
+            throw Unsupported(Complaint{"the backend cannot be chosen", "backend cpu",
+                                        "auto, gl or reference in this version", "use backend auto"});
         }
         if (asked == Backend::reference) {
             return asked;
@@ -164,18 +183,20 @@ struct Renderer::State {
         const Backend chosen = backend();
         prepared.frame = make_frame(scene, camera, size);
         const ViewFacts facts = facts_of(scene, camera, prepared.frame);
-        prepared.plan = make_plan(scene, facts, options, outputs, camera.projection(), chosen, sheets ? &sheets->capabilities() : nullptr);
+        prepared.plan = make_plan(scene, facts, options, outputs, camera.projection(), chosen,
+                                  sheets ? &sheets->capabilities() : nullptr);
         if (chosen == Backend::reference && !why_no_gl.empty()) {
             prepared.plan.summary.device += "; no OpenGL: " + why_no_gl;
         }
         for (const auto& field : scene.fields) {
-            prepared.views.push_back(make_field_view(*field, camera, prepared.frame, scene.sampling, prepared.plan.value_unit));
+            prepared.views.push_back(
+                make_field_view(*field, camera, prepared.frame, scene.sampling, prepared.plan.value_unit));
         }
         return prepared;
     }
 
-    const VisibleRuns& runs_of(const std::shared_ptr<const RegularField>& field, const Scene& scene, const DrawPlan& plan, const Frame& frame,
-                               double slant) {
+    const VisibleRuns& runs_of(const std::shared_ptr<const RegularField>& field, const Scene& scene,
+                               const DrawPlan& plan, const Frame& frame, double slant) {
         VisibilityQuery query;
         const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
         query.transfer_function = scalar ? nullptr : &scene.transfer_function;
@@ -186,7 +207,8 @@ struct Renderer::State {
         query.iso_value = scene.iso_value.value_or(0.0);
         query.alone = scene.fields.size() == 1;
         // Slabs average over a spacing of depth, crossings and intervals reach one further: where both hold, their sum.
-        const int reaches = (plan.sampling == Sampling::slab ? 1 : 0) + (plan.mode == Mode::isosurface || plan.preintegration ? 1 : 0);
+        const int reaches =
+            (plan.sampling == Sampling::slab ? 1 : 0) + (plan.mode == Mode::isosurface || plan.preintegration ? 1 : 0);
         query.slice_spacing = reaches * frame.slice_spacing * slant;
         if (!plan.culling) {
             query.weights_matter = true;
@@ -200,7 +222,9 @@ struct Renderer::State {
             }
         }
         // One index a field is kept: that of the last scene.
-        index.erase(std::remove_if(index.begin(), index.end(), [&](const IndexEntry& entry) { return entry.field == field; }), index.end());
+        index.erase(
+            std::remove_if(index.begin(), index.end(), [&](const IndexEntry& entry) { return entry.field == field; }),
+            index.end());
         IndexEntry entry;
         entry.field = field;
         entry.query = query;
@@ -216,7 +240,8 @@ struct Renderer::State {
     void forget_others(const Scene& scene) {
         index.erase(std::remove_if(index.begin(), index.end(),
                                    [&](const IndexEntry& entry) {
-                                       return std::find(scene.fields.begin(), scene.fields.end(), entry.field) == scene.fields.end();
+                                       return std::find(scene.fields.begin(), scene.fields.end(), entry.field) ==
+                                              scene.fields.end();
                                    }),
                     index.end());
     }
@@ -233,7 +258,8 @@ RenderPlan Renderer::plan(const Scene& scene, const Camera& camera, Size size, c
 
 namespace {
 
-Image render_by_reference(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs, const Progress& progress) {
+Image render_by_reference(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
+                          const Progress& progress) {
     reference::Request request;
     request.coverage = outputs.coverage;
     request.depth = outputs.depth;
@@ -265,7 +291,8 @@ void put_background(std::vector<float>& rgba, const Vec3& background) {
 
 } // namespace
 
-Image Renderer::render(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs, const Progress& progress) {
+Image Renderer::render(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
+                       const Progress& progress) {
     State& state = *state_;
     const auto started = Clock::now();
     const Prepared prepared = state.prepare(scene, camera, size, outputs);
@@ -284,7 +311,8 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
         for (int round = 0; round < 2; ++round) {
             runs.clear();
             for (const auto& field : scene.fields) {
-                runs.push_back(&state.runs_of(field, scene, prepared.plan, prepared.frame, largest_slant(camera, size)));
+                runs.push_back(
+                    &state.runs_of(field, scene, prepared.plan, prepared.frame, largest_slant(camera, size)));
             }
         }
         for (std::size_t field = 0; field < scene.fields.size(); ++field) {
@@ -299,7 +327,8 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
         std::vector<SlabBatches> batches;
         std::size_t drawn = 0, view_bytes = 0;
         for (std::size_t field = 0; field < scene.fields.size(); ++field) {
-            batches.push_back(SlabBatches::of(prepared.views[field], *runs[field], prepared.frame, scene.sampling, layout, prepared.plan.fine_along ? 1 : 0));
+            batches.push_back(SlabBatches::of(prepared.views[field], *runs[field], prepared.frame, scene.sampling,
+                                              layout, prepared.plan.fine_along ? 1 : 0));
             drawn += batches.back().kernels();
             view_bytes += batches.back().bytes();
         }
@@ -319,7 +348,8 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
         state.sheets->render(job, image);
         for (const float value : image.scalar) {
             if (!std::isfinite(value)) {
-                throw Unsupported(Complaint{"the picture cannot be shown in float32", "sums beyond 3.4e38", "numbers that float32 holds", "divide the values by a constant"});
+                throw Unsupported(Complaint{"the picture cannot be shown in float32", "sums beyond 3.4e38",
+                                            "numbers that float32 holds", "divide the values by a constant"});
             }
         }
         if (scene.background && !scalar) {
@@ -334,7 +364,8 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
     }
     image.size = size;
     if (outputs.depth && scalar) {
-        image.depth.assign(static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height), std::numeric_limits<float>::infinity());
+        image.depth.assign(static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height),
+                           std::numeric_limits<float>::infinity());
     }
     image.stats["slices"] = static_cast<double>(prepared.frame.slices);
     image.stats["seconds_total"] = seconds_since(started);

@@ -137,7 +137,8 @@ constexpr std::array<const char*, 3> all_platforms = {"egl", "surfaceless", "osm
 // Drivers keep threads and locks that a forked child has no part in: the first call there would wait for ever.
 std::atomic<pid_t> home_process{0};
 
-constexpr const char* forked_story = "OpenGL was used before this process was forked, and drivers do not survive a fork";
+constexpr const char* forked_story =
+    "OpenGL was used before this process was forked, and drivers do not survive a fork";
 
 bool in_forked_child() {
     const pid_t home = home_process.load();
@@ -146,8 +147,10 @@ bool in_forked_child() {
 
 void refuse_forked_child() {
     if (in_forked_child()) {
-        throw DeviceUnavailable(Complaint{"no OpenGL context can be used here", forked_story, "the process that used OpenGL first",
-                                          "start processes by spawn instead of fork (multiprocessing.get_context(\"spawn\")), or use backend reference"});
+        throw DeviceUnavailable(Complaint{"no OpenGL context can be used here", forked_story,
+                                          "the process that used OpenGL first",
+                                          "start processes by spawn instead of fork "
+                                          "(multiprocessing.get_context(\"spawn\")), or use backend reference"});
     }
 }
 

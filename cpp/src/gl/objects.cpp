@@ -367,7 +367,8 @@ void* Buffer::map_next(std::size_t bytes) {
     }
     const Api& gl = handle_.api();
     gl.BindBuffer(GL_COPY_WRITE_BUFFER, name());
-    void* memory = gl.MapBufferRange(GL_COPY_WRITE_BUFFER, static_cast<GLintptr>(begin), static_cast<GLsizeiptr>(std::max<std::size_t>(bytes, 1)),
+    void* memory = gl.MapBufferRange(GL_COPY_WRITE_BUFFER, static_cast<GLintptr>(begin),
+                                     static_cast<GLsizeiptr>(std::max<std::size_t>(bytes, 1)),
                                      GL_MAP_WRITE_BIT | GL_MAP_UNSYNCHRONIZED_BIT | GL_MAP_INVALIDATE_RANGE_BIT);
     if (memory == nullptr) {
         used_ = capacity_;

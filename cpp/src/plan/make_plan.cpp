@@ -29,13 +29,15 @@ constexpr double smallest_falloff = 0.05;
 /// Plain float32 sums over 28,000 slices were seen 2e-6 off, over 280,000 4e-5, over 1,750,000 6e-4.
 constexpr std::int64_t most_plain_slices = 1 << 14;
 constexpr std::int64_t most_imprecise_slices = 1 << 17;
-/// On a rasteriser in software, elimination pays where pixels can become opaque within so many slices (measured: 0.65 to 0.76 of the time).
+/// On a rasteriser in software, elimination pays where pixels can become opaque within so many slices (measured: 0.65
+/// to 0.76 of the time).
 constexpr std::int64_t soon_opaque_slices = 16;
 
 constexpr std::array<const char*, 18> forcible = {
-    "weight",         "gradient", "specular",      "two_sided",      "opacity_correction", "opacity_stop",
-    "elimination",    "culling",  "opacity_buffer", "opacity_buffer_average", "points",     "vertex_arrays",
-    "four_channels",  "fine_gradient", "preshaded", "general_sections", "empty_test", "compensation"};
+    "weight",           "gradient",      "specular",      "two_sided",      "opacity_correction",
+    "opacity_stop",     "elimination",   "culling",       "opacity_buffer", "opacity_buffer_average",
+    "points",           "vertex_arrays", "four_channels", "fine_gradient",  "preshaded",
+    "general_sections", "empty_test",    "compensation"};
 
 std::string number(double value) {
     std::ostringstream text;
@@ -54,7 +56,8 @@ class Effects {
                 for (const char* known : forcible) {
                     names += names.empty() ? known : std::string(", ") + known;
                 }
-                throw InvalidInput(Complaint{"the effects cannot be forced", "the name \"" + name + "\"", "one of " + names, "correct effects="});
+                throw InvalidInput(Complaint{"the effects cannot be forced", "the name \"" + name + "\"",
+                                             "one of " + names, "correct effects="});
             }
         }
     }
@@ -69,7 +72,10 @@ class Effects {
         if (needed && on && !found->second) {
             dropped_.push_back(name);
         }
-        list_.push_back({name, found->second, std::string(found->second ? "forced on" : "forced off") + "; the scene says " + (on ? "on" : "off") + ": " + reason, true});
+        list_.push_back({name, found->second,
+                         std::string(found->second ? "forced on" : "forced off") + "; the scene says " +
+                             (on ? "on" : "off") + ": " + reason,
+                         true});
         return found->second;
     }
 
@@ -117,11 +123,15 @@ bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t sl
 Tagging choose_tagging(const RendererOptions& options, const Capabilities& capabilities) {
     switch (options.tagging) {
     case Tagging::automatic:
-        return capabilities.software ? Tagging::tiles : capabilities.depth_bounds ? Tagging::depth_bounds : Tagging::tiles;
+        return capabilities.software       ? Tagging::tiles
+               : capabilities.depth_bounds ? Tagging::depth_bounds
+                                           : Tagging::tiles;
     case Tagging::depth_bounds:
         if (!capabilities.depth_bounds) {
-            throw Unsupported(Complaint{"the plan cannot be made", "tagging depth_bounds on " + capabilities.renderer + ", which lacks GL_EXT_depth_bounds_test",
-                                        "a device that has it", "use tagging auto, tiles, depth_equal or off"});
+            throw Unsupported(
+                Complaint{"the plan cannot be made",
+                          "tagging depth_bounds on " + capabilities.renderer + ", which lacks GL_EXT_depth_bounds_test",
+                          "a device that has it", "use tagging auto, tiles, depth_equal or off"});
         }
         return options.tagging;
     default:
@@ -129,8 +139,8 @@ Tagging choose_tagging(const RendererOptions& options, const Capabilities& capab
     }
 }
 
-void check_precision(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Capabilities* capabilities,
-                     DrawPlan& plan) {
+void check_precision(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
+                     const Capabilities* capabilities, DrawPlan& plan) {
     const double unit = plan.value_unit;
     double largest = 0.0;
     for (const auto& field : scene.fields) {
@@ -140,7 +150,9 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     const double ratio = largest / unit;
     const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
     const double per_length = view.slice_spacing * view.largest_slant / view.reference_length;
-    const double steepness = scalar || plan.mode == Mode::isosurface ? 1.0 : std::max(1.0, scene.transfer_function.steepest() * unit * per_length);
+    const double steepness = scalar || plan.mode == Mode::isosurface
+                                 ? 1.0
+                                 : std::max(1.0, scene.transfer_function.steepest() * unit * per_length);
 
     const double sums = float32_epsilon * std::sqrt(usual_overlap) * ratio;
     double noise = sums;
@@ -158,16 +170,20 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     if (options.allow_inexact) {
         return;
     }
-    if (plan.precision == Precision::uint8 || (plan.precision == Precision::float16 && noise * steepness > float16_bound)) {
-        throw Unsupported(Complaint{std::string("the picture cannot be made with ") + to_string(plan.precision) + " sheets",
-                                    "an estimated error of " + number(noise * steepness), "at most " + number(float16_bound),
-                                    "use precision float32, or pass allow_inexact=True"});
+    if (plan.precision == Precision::uint8 ||
+        (plan.precision == Precision::float16 && noise * steepness > float16_bound)) {
+        throw Unsupported(
+            Complaint{std::string("the picture cannot be made with ") + to_string(plan.precision) + " sheets",
+                      "an estimated error of " + number(noise * steepness), "at most " + number(float16_bound),
+                      "use precision float32, or pass allow_inexact=True"});
     }
     if (plan.precision == Precision::float32 && sums * std::min(steepness, 1e3) > 20.0 * float32_bound) {
-        throw Unsupported(Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
-                                    "values up to " + number(largest) + " under a transfer function whose window is " + number(unit),
-                                    "an estimated error of at most " + number(20.0 * float32_bound) + ", not " + number(sums * std::min(steepness, 1e3)),
-                                    "subtract an offset from the values, use backend reference, or pass allow_inexact=True"});
+        throw Unsupported(
+            Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
+                      "values up to " + number(largest) + " under a transfer function whose window is " + number(unit),
+                      "an estimated error of at most " + number(20.0 * float32_bound) + ", not " +
+                          number(sums * std::min(steepness, 1e3)),
+                      "subtract an offset from the values, use backend reference, or pass allow_inexact=True"});
     }
 }
 
@@ -205,44 +221,66 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     plan.depth = outputs.depth && !scalar;
     plan.empty_test = effects.decide("empty_test", visible_at_zero,
                                      visible_at_zero ? "opacity at 0 is above 0, and empty points must stay transparent"
-                                                     : scalar ? "empty points count as 0" : "what is 0 is transparent anyway", true);
+                                     : scalar        ? "empty points count as 0"
+                                                     : "what is 0 is transparent anyway",
+                                     true);
     const bool weight = threshold || outputs.coverage || plan.empty_test;
     plan.weight = effects.decide("weight", weight,
-                                 threshold ? "rho is divided by the weight sum"
-                                           : outputs.coverage ? "coverage is the weight sum"
-                                                              : plan.empty_test ? "only the weight tells an empty point from one whose sum is 0"
-                                                                                : "no normalisation by weights, no coverage, and opacity at 0 is 0",
-                                 true) || plan.empty_test;
+                                 threshold          ? "rho is divided by the weight sum"
+                                 : outputs.coverage ? "coverage is the weight sum"
+                                 : plan.empty_test  ? "only the weight tells an empty point from one whose sum is 0"
+                                                    : "no normalisation by weights, no coverage, and opacity at 0 is 0",
+                                 true) ||
+                  plan.empty_test;
     effects.state("slab_sampling", scene.sampling == Sampling::slab,
-                  scene.sampling == Sampling::slab ? "asked for: slices are means over their slabs" : "slices are points in depth");
+                  scene.sampling == Sampling::slab ? "asked for: slices are means over their slabs"
+                                                   : "slices are points in depth");
     effects.state("perspective", projection == Projection::perspective,
                   projection == Projection::perspective ? "the camera is perspective" : "the camera is orthographic");
     plan.general = effects.decide("general_sections", view.sheared || projection == Projection::perspective,
                                   view.sheared ? "cross-sections lean: spacing is unequal and seen askew"
-                                               : projection == Projection::perspective ? "cross-sections scale from slab to slab"
-                                                                                       : "all sections of a kernel share one place on the screen",
+                                  : projection == Projection::perspective
+                                      ? "cross-sections scale from slab to slab"
+                                      : "all sections of a kernel share one place on the screen",
                                   true);
 
     // Light.
-    plan.gradient = effects.decide("gradient", lit, lit ? "lights need normals" : scalar ? "the mode is not shaded" : "there are no lights", true);
+    plan.gradient = effects.decide("gradient", lit,
+                                   lit      ? "lights need normals"
+                                   : scalar ? "the mode is not shaded"
+                                            : "there are no lights",
+                                   true);
     if (plan.gradient && scalar) {
-        throw InvalidInput(Complaint{"the effects cannot be forced", "gradient on in a scalar mode", "mode composite or isosurface", "drop gradient from effects="});
+        throw InvalidInput(Complaint{"the effects cannot be forced", "gradient on in a scalar mode",
+                                     "mode composite or isosurface", "drop gradient from effects="});
     }
     const bool specular = lit && scene.material.specular != 0.0;
-    plan.specular = effects.decide("specular", specular, specular ? "the material reflects" : "the material's specular coefficient is 0 or nothing is lit", true) && plan.gradient;
+    plan.specular = effects.decide("specular", specular,
+                                   specular ? "the material reflects"
+                                            : "the material's specular coefficient is 0 or nothing is lit",
+                                   true) &&
+                    plan.gradient;
     const bool two_sided = lit && scene.material.two_sided;
-    plan.two_sided = effects.decide("two_sided", two_sided, two_sided ? "asked for by the material" : "normals keep their side", true) && plan.gradient;
+    plan.two_sided = effects.decide("two_sided", two_sided,
+                                    two_sided ? "asked for by the material" : "normals keep their side", true) &&
+                     plan.gradient;
     bool world = false;
     for (const Light& light : scene.lights) {
         world = world || light.space == LightSpace::world;
     }
-    effects.state("world_lights", lit && world, lit && world ? "a light stays with the world" : "no light is fixed to the world");
-    const bool fine = lit && std::min(view.smallest_pixel, view.slice_spacing) < fine_gradient_below * view.reference_length && backend != Backend::reference;
+    effects.state("world_lights", lit && world,
+                  lit && world ? "a light stays with the world" : "no light is fixed to the world");
+    const bool fine = lit &&
+                      std::min(view.smallest_pixel, view.slice_spacing) < fine_gradient_below * view.reference_length &&
+                      backend != Backend::reference;
     plan.fine_gradient = effects.decide("fine_gradient", fine,
-                                        fine ? "a pixel or the slice spacing is so small that differences of sums would lose the gradient: differences are splatted"
+                                        fine ? "a pixel or the slice spacing is so small that differences of sums "
+                                               "would lose the gradient: differences are splatted"
                                              : "differences of neighbouring sums keep enough digits",
-                                        true) && plan.gradient;
-    plan.fine_across = plan.fine_gradient && (view.smallest_pixel < fine_gradient_below * view.reference_length || !fine);
+                                        true) &&
+                         plan.gradient;
+    plan.fine_across =
+        plan.fine_gradient && (view.smallest_pixel < fine_gradient_below * view.reference_length || !fine);
     plan.fine_along = plan.fine_gradient && (view.slice_spacing < fine_gradient_below * view.reference_length || !fine);
 
     // Opacity.
@@ -251,26 +289,36 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                             (exponent != 1.0 || (projection == Projection::perspective));
     plan.opacity_correction = effects.decide("opacity_correction", correction,
                                              correction ? "slices are not one reference length apart along every ray"
-                                                        : "opacity per reference length is opacity per slice here", true);
+                                                        : "opacity per reference length is opacity per slice here",
+                                             true);
     plan.preintegration = scene.preintegration;
     effects.state("preintegration", scene.preintegration, scene.preintegration ? "asked for" : "not asked for");
     const bool saturates = !scalar && saturates_within(scene, view, view.slices);
     const bool stops = saturates && (scene.opacity_stop < 1.0 || scene.mode == Mode::isosurface);
     plan.stop = effects.decide("opacity_stop", stops && scene.mode == Mode::composite,
-                               scalar ? "the mode has no opacity" : scene.mode == Mode::isosurface ? "an isosurface is opaque at its first crossing"
-                               : stops ? "opacity can reach A_stop" : saturates ? "A_stop is 1" : "opacity cannot reach A_stop under this transfer function", true) && scene.mode == Mode::composite;
+                               scalar                           ? "the mode has no opacity"
+                               : scene.mode == Mode::isosurface ? "an isosurface is opaque at its first crossing"
+                               : stops                          ? "opacity can reach A_stop"
+                               : saturates                      ? "A_stop is 1"
+                                           : "opacity cannot reach A_stop under this transfer function",
+                               true) &&
+                scene.mode == Mode::composite;
 
     // How it is drawn.
     if (backend == Backend::reference) {
         plan.precision = Precision::float64;
         if (options.precision != Precision::automatic && options.precision != Precision::float64) {
-            throw Unsupported(Complaint{"the plan cannot be made", std::string("precision ") + to_string(options.precision) + " with backend reference", "float64 or auto", "choose backend gl for lower precision"});
+            throw Unsupported(
+                Complaint{"the plan cannot be made",
+                          std::string("precision ") + to_string(options.precision) + " with backend reference",
+                          "float64 or auto", "choose backend gl for lower precision"});
         }
         summary.precision = plan.precision;
         summary.packing = Packing::wide;
         summary.tagging = Tagging::off;
         summary.device = "float64, one thread";
-        effects.state("background", scene.background.has_value() && !scalar, scene.background ? "a background was given" : "no background was given");
+        effects.state("background", scene.background.has_value() && !scalar,
+                      scene.background ? "a background was given" : "no background was given");
         effects.state("coverage", outputs.coverage, outputs.coverage ? "asked for" : "not asked for");
         effects.state("depth", outputs.depth, outputs.depth ? "asked for" : "not asked for");
         return plan;
@@ -280,33 +328,54 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     const bool crowded = plan.fine_gradient && plan.threshold;
     plan.packing = options.packing == Packing::automatic ? crowded ? Packing::paper : Packing::wide : options.packing;
     if (crowded && plan.packing == Packing::wide && capabilities->max_texture_units <= 20) {
-        throw Unsupported(Complaint{"the plan cannot be made", "packing wide for a close-up of a field with normalization threshold, which needs 21 texture units of " + std::to_string(capabilities->max_texture_units), "packing auto or paper", "leave packing to the plan"});
+        throw Unsupported(Complaint{
+            "the plan cannot be made",
+            "packing wide for a close-up of a field with normalization threshold, which needs 21 texture units of " +
+                std::to_string(capabilities->max_texture_units),
+            "packing auto or paper", "leave packing to the plan"});
     }
     plan.tagging = choose_tagging(options, *capabilities);
     plan.precision = options.precision == Precision::automatic ? Precision::float32 : options.precision;
     if (plan.precision == Precision::float64) {
-        throw Unsupported(Complaint{"the plan cannot be made", "precision float64 with backend gl, whose targets blend 32 bits at most", "auto, uint8, float16 or float32", "choose backend reference for float64"});
+        throw Unsupported(Complaint{"the plan cannot be made",
+                                    "precision float64 with backend gl, whose targets blend 32 bits at most",
+                                    "auto, uint8, float16 or float32", "choose backend reference for float64"});
     }
     plan.culling = effects.decide("culling", true, "kernels that cannot matter are not drawn");
-    // Depth tests slow a rasteriser in software more than they save where little becomes opaque: there it must happen within a few slices.
+    // Depth tests slow a rasteriser in software more than they save where little becomes opaque: there it must happen
+    // within a few slices.
     const bool soon = scene.mode == Mode::isosurface || saturates_within(scene, view, soon_opaque_slices);
     const bool eliminate = stops && !outputs.coverage && (!capabilities->software || soon);
     plan.elimination = effects.decide("elimination", eliminate,
-                                      !stops ? "nothing can become opaque enough to stop"
+                                      !stops             ? "nothing can become opaque enough to stop"
                                       : outputs.coverage ? "coverage looks behind opaque pixels"
-                                      : eliminate ? "opaque pixels take no more splats" : "depth tests cost more than they save on this rasteriser") && stops && !outputs.coverage;
-    const bool average = options.effects.count("opacity_buffer_average") != 0 && options.effects.at("opacity_buffer_average");
-    plan.opacity_buffer_average = effects.decide("opacity_buffer_average", false, "the average of the paper may drop kernels that still show") && stops;
-    plan.opacity_buffer = effects.decide("opacity_buffer", average, "reading opacity back costs more than it saves as a rule; ask for it") && stops && !outputs.coverage;
+                                      : eliminate        ? "opaque pixels take no more splats"
+                                                         : "depth tests cost more than they save on this rasteriser") &&
+                       stops && !outputs.coverage;
+    const bool average =
+        options.effects.count("opacity_buffer_average") != 0 && options.effects.at("opacity_buffer_average");
+    plan.opacity_buffer_average =
+        effects.decide("opacity_buffer_average", false, "the average of the paper may drop kernels that still show") &&
+        stops;
+    plan.opacity_buffer = effects.decide("opacity_buffer", average,
+                                         "reading opacity back costs more than it saves as a rule; ask for it") &&
+                          stops && !outputs.coverage;
     plan.opacity_buffer = plan.opacity_buffer || (plan.opacity_buffer_average && !outputs.coverage);
     if (plan.opacity_buffer_average && !options.allow_inexact) {
-        throw Unsupported(Complaint{"the plan cannot be made", "opacity_buffer_average, which drops kernels that still show", "exact culling", "use opacity_buffer, or pass allow_inexact=True"});
+        throw Unsupported(Complaint{"the plan cannot be made",
+                                    "opacity_buffer_average, which drops kernels that still show", "exact culling",
+                                    "use opacity_buffer, or pass allow_inexact=True"});
     }
-    const bool sprites = projection == Projection::orthographic && 2.0 * view.largest_splat_px + 1.0 <= static_cast<double>(capabilities->max_point_size);
-    plan.points = effects.decide("points", sprites, sprites ? "point sprites need one vertex a kernel"
-                                                            : projection == Projection::perspective ? "kernels differ in size: quads fit them"
-                                                                                                    : "kernels are larger than the largest point sprite: quads") && sprites;
-    plan.separable = !plan.general && plan.sampling == Sampling::point && !plan.fine_gradient && view.largest_splat_px < largest_separable_px;
+    const bool sprites = projection == Projection::orthographic &&
+                         2.0 * view.largest_splat_px + 1.0 <= static_cast<double>(capabilities->max_point_size);
+    plan.points = effects.decide("points", sprites,
+                                 sprites ? "point sprites need one vertex a kernel"
+                                 : projection == Projection::perspective
+                                     ? "kernels differ in size: quads fit them"
+                                     : "kernels are larger than the largest point sprite: quads") &&
+                  sprites;
+    plan.separable = !plan.general && plan.sampling == Sampling::point && !plan.fine_gradient &&
+                     view.largest_splat_px < largest_separable_px;
     plan.vertex_arrays = effects.decide("vertex_arrays", true, "a batch is one draw call");
     plan.four_channels = effects.decide("four_channels", true, "four slabs are splatted at a time");
     if (!plan.four_channels) {
@@ -314,16 +383,22 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     }
     plan.preshaded = effects.decide("preshaded", false, "kernels are summed before they are classified");
     if (plan.preshaded && !options.allow_inexact) {
-        throw Unsupported(Complaint{"the plan cannot be made", "preshaded splatting, which colours kernels before they are summed", "post-shaded splatting", "drop preshaded from effects=, or pass allow_inexact=True"});
+        throw Unsupported(
+            Complaint{"the plan cannot be made", "preshaded splatting, which colours kernels before they are summed",
+                      "post-shaded splatting", "drop preshaded from effects=, or pass allow_inexact=True"});
     }
     if (plan.preshaded) {
         bool cartesian = true;
         for (const auto& field : scene.fields) {
             cartesian = cartesian && field->lattice() == Lattice::cartesian;
         }
-        if (scene.mode != Mode::composite || projection == Projection::perspective || scene.sampling == Sampling::slab || !cartesian || outputs.coverage ||
-            outputs.depth || view.sheared || scene.preintegration) {
-            throw Unsupported(Complaint{"the plan cannot be made", "preshaded splatting of anything but Cartesian volumes in mode composite, orthographic, with point sampling and no further outputs", "such a scene", "drop preshaded from effects="});
+        if (scene.mode != Mode::composite || projection == Projection::perspective ||
+            scene.sampling == Sampling::slab || !cartesian || outputs.coverage || outputs.depth || view.sheared ||
+            scene.preintegration) {
+            throw Unsupported(Complaint{"the plan cannot be made",
+                                        "preshaded splatting of anything but Cartesian volumes in mode composite, "
+                                        "orthographic, with point sampling and no further outputs",
+                                        "such a scene", "drop preshaded from effects="});
         }
         plan.packing = Packing::paper;
         plan.tagging = Tagging::off;
@@ -334,38 +409,52 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     const bool many = view.slices > most_plain_slices && scene.mode == Mode::composite;
     plan.compensated = effects.decide("compensation", many,
                                       many ? "so many slices would let plain float32 sums drift"
-                                           : "sums over these slices keep their digits", true) && scene.mode == Mode::composite;
+                                           : "sums over these slices keep their digits",
+                                      true) &&
+                       scene.mode == Mode::composite;
     if (view.slices > most_imprecise_slices && !capabilities->at_least(4, 0) && !options.allow_inexact) {
-        throw Unsupported(Complaint{"the scene cannot be drawn within its error bound", std::to_string(view.slices) + " slices on OpenGL " + capabilities->version,
-                                    "OpenGL 4.0 for compensated sums, or at most " + std::to_string(most_imprecise_slices) + " slices",
+        throw Unsupported(Complaint{"the scene cannot be drawn within its error bound",
+                                    std::to_string(view.slices) + " slices on OpenGL " + capabilities->version,
+                                    "OpenGL 4.0 for compensated sums, or at most " +
+                                        std::to_string(most_imprecise_slices) + " slices",
                                     "use a larger slice_spacing, or backend reference"});
     }
-    plan.read_image = plan.compensated || plan.stop || scene.mode == Mode::isosurface || scalar || plan.depth || plan.coverage;
-    effects.state("background", scene.background.has_value() && !scalar, scene.background ? "a background was given" : "no background was given");
+    plan.read_image =
+        plan.compensated || plan.stop || scene.mode == Mode::isosurface || scalar || plan.depth || plan.coverage;
+    effects.state("background", scene.background.has_value() && !scalar,
+                  scene.background ? "a background was given" : "no background was given");
     effects.state("coverage", plan.coverage, plan.coverage ? "asked for" : "not asked for");
     effects.state("depth", outputs.depth, outputs.depth ? "asked for" : "not asked for");
 
     if (scene.fields.size() > 1 && !linear) {
-        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", "several fields of which one has normalization threshold",
-                                    "fields with normalization none or lattice, or one field alone", "use backend reference"});
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn with backend gl", "several fields of which one has normalization threshold",
+            "fields with normalization none or lattice, or one field alone", "use backend reference"});
     }
     if (scene.lights.size() > most_lights) {
-        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", std::to_string(scene.lights.size()) + " lights", "at most 64", "use fewer lights, or backend reference"});
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
+                                    std::to_string(scene.lights.size()) + " lights", "at most 64",
+                                    "use fewer lights, or backend reference"});
     }
     if (!effects.dropped().empty() && !options.allow_inexact) {
         std::string names;
         for (const std::string& name : effects.dropped()) {
             names += names.empty() ? name : ", " + name;
         }
-        throw Unsupported(Complaint{"the plan cannot be made", "effects forced off that the scene calls for: " + names, "a picture within its error bound", "leave them to the plan, or pass allow_inexact=True"});
+        throw Unsupported(Complaint{"the plan cannot be made", "effects forced off that the scene calls for: " + names,
+                                    "a picture within its error bound",
+                                    "leave them to the plan, or pass allow_inexact=True"});
     }
     if (view.largest_splat_px > largest_splat_px && !options.allow_inexact) {
-        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", "kernels of " + number(view.largest_splat_px) + " pixels",
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
+                                    "kernels of " + number(view.largest_splat_px) + " pixels",
                                     "at most " + number(largest_splat_px), "magnify less, or use backend reference"});
     }
     if (view.smallest_falloff < smallest_falloff && !options.allow_inexact) {
-        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", "a falloff of " + number(view.smallest_falloff) + ", whose differences float32 cannot resolve",
-                                    "at least " + number(smallest_falloff), "use a larger falloff, or backend reference"});
+        throw Unsupported(
+            Complaint{"the scene cannot be drawn with backend gl",
+                      "a falloff of " + number(view.smallest_falloff) + ", whose differences float32 cannot resolve",
+                      "at least " + number(smallest_falloff), "use a larger falloff, or backend reference"});
     }
     check_precision(scene, view, options, capabilities, plan);
 
@@ -373,9 +462,13 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     summary.packing = plan.packing;
     summary.tagging = plan.tagging;
     summary.device = capabilities->renderer + ", OpenGL " + capabilities->version + ", by " + capabilities->platform;
-    const std::uint64_t texel = plan.precision == Precision::float32 ? 16 : plan.precision == Precision::float16 ? 8 : 4;
-    const std::uint64_t sheets = (plan.packing == Packing::wide ? 3U : 2U) * (plan.weight ? 2U : 1U) * (plan.fine_gradient ? 4U : 1U);
-    summary.memory = static_cast<std::uint64_t>(view.size.width + 2) * static_cast<std::uint64_t>(view.size.height + 2) * (sheets * texel + 16 + 4 + 16);
+    const std::uint64_t texel = plan.precision == Precision::float32   ? 16
+                                : plan.precision == Precision::float16 ? 8
+                                                                       : 4;
+    const std::uint64_t sheets =
+        (plan.packing == Packing::wide ? 3U : 2U) * (plan.weight ? 2U : 1U) * (plan.fine_gradient ? 4U : 1U);
+    summary.memory = static_cast<std::uint64_t>(view.size.width + 2) *
+                     static_cast<std::uint64_t>(view.size.height + 2) * (sheets * texel + 16 + 4 + 16);
     return plan;
 }
 

@@ -38,7 +38,9 @@ Classification::Classification(const gl::Api& gl, const TransferFunction& functi
     std::vector<std::int32_t> cells(TRANSFER_CELLS, 0);
     for (std::size_t cell = 0; cell < cells.size(); ++cell) {
         // A cell's start as the shader may round it: one rounding too low is made up for by the shader's walk upwards.
-        const float start = first_ + span * (static_cast<float>(cell) / static_cast<float>(TRANSFER_CELLS)) * (1.0F - 1e-6F) - span * 1e-6F;
+        const float start = first_ +
+                            span * (static_cast<float>(cell) / static_cast<float>(TRANSFER_CELLS)) * (1.0F - 1e-6F) -
+                            span * 1e-6F;
         const auto after = std::upper_bound(values.begin(), values.end(), start);
         cells[cell] = static_cast<std::int32_t>(std::max<std::ptrdiff_t>(after - values.begin() - 1, 0));
     }

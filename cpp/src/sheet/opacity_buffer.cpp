@@ -13,8 +13,12 @@ void OpacityBuffer::update(const float* rgba) {
     for (int y = 0; y < height_; ++y) {
         double sum = 0.0;
         for (int x = 0; x < width_; ++x) {
-            const bool border = x < Tile::border || y < Tile::border || x >= width_ - Tile::border || y >= height_ - Tile::border;
-            const float alpha = border ? 1.0F : rgba[4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x)) + 3];
+            const bool border =
+                x < Tile::border || y < Tile::border || x >= width_ - Tile::border || y >= height_ - Tile::border;
+            const float alpha = border ? 1.0F
+                                       : rgba[4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
+                                                   static_cast<std::size_t>(x)) +
+                                              3];
             // The comparison is the shader's own: in float32.
             sum += average_ ? static_cast<double>(alpha) : alpha >= static_cast<float>(stop_) ? 0.0 : 1.0;
             const std::size_t at = static_cast<std::size_t>(y + 1) * row + static_cast<std::size_t>(x + 1);
@@ -33,7 +37,9 @@ bool OpacityBuffer::hides(const PixelBox& box) const {
     const int y0 = std::max(box.y0 - wider, 0);
     const int x1 = std::min(box.x1 + wider, width_);
     const int y1 = std::min(box.y1 + wider, height_);
-    const auto at = [&](int x, int y) { return sums_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_ + 1) + static_cast<std::size_t>(x)]; };
+    const auto at = [&](int x, int y) {
+        return sums_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_ + 1) + static_cast<std::size_t>(x)];
+    };
     const double sum = at(x1, y1) - at(x0, y1) - at(x1, y0) + at(x0, y0);
     if (average_) {
         return sum >= stop_ * static_cast<double>(x1 - x0) * static_cast<double>(y1 - y0);

@@ -1,4 +1,5 @@
-// The opacity buffer of [NM05] section 4.4: opacity that is read back now and then, so that whole kernels can be dropped before they are drawn.
+// The opacity buffer of [NM05] section 4.4: opacity that is read back now and then, so that whole kernels can be
+// dropped before they are drawn.
 #pragma once
 
 #include <vector>
@@ -11,7 +12,8 @@ namespace sheetsplat::sheet {
 class OpacityBuffer {
   public:
     OpacityBuffer() = default;
-    /// average: the paper's test of the mean alpha over the splat instead of its minimum, which may drop kernels that still show.
+    /// average: the paper's test of the mean alpha over the splat instead of its minimum, which may drop kernels that
+    /// still show.
     OpacityBuffer(int width, int height, double opacity_stop, bool average);
 
     /// alpha: width * height values. Pixels of the border count as opaque: no picture shows them.
@@ -19,7 +21,6 @@ class OpacityBuffer {
     [[nodiscard]] bool hides(const PixelBox& box) const;
 
   private:
-
     int width_ = 0, height_ = 0;
     double stop_ = 1.0;
     bool average_ = false;

@@ -19,9 +19,11 @@ constexpr double log2_e = 1.4426950408889634;
 /// Colours of samples: the transfer function at the sample's value, lit by the central difference of its neighbours.
 class SampleColors {
   public:
-    explicit SampleColors(const Job& job, const FieldView& view) : scene_(*job.scene), camera_(*job.camera), field_(*view.field) {
+    explicit SampleColors(const Job& job, const FieldView& view)
+        : scene_(*job.scene), camera_(*job.camera), field_(*view.field) {
         exponent_ = job.frame->slice_spacing / job.frame->reference_length;
-        share_ = field_.kernel().gain() / (field_.normalization() == Normalization::lattice ? field_.lattice_constant() : 1.0);
+        share_ = field_.kernel().gain() /
+                 (field_.normalization() == Normalization::lattice ? field_.lattice_constant() : 1.0);
         for (const Light& light : scene_.lights) {
             const Vec3 unit = light.direction / glm::length(light.direction);
             lights_.push_back(light.space == LightSpace::world ? camera_.direction_to_eye(unit) : unit);
@@ -59,7 +61,8 @@ class SampleColors {
     [[nodiscard]] Vec3 lit(const Vec3& color, const Vec3& slope) const {
         const Material& material = scene_.material;
         const double size = glm::length(slope);
-        const double weakest = 1e-3 * (scene_.transfer_function.v_max() - scene_.transfer_function.v_min()) / scene_.reference_distance();
+        const double weakest =
+            1e-3 * (scene_.transfer_function.v_max() - scene_.transfer_function.v_min()) / scene_.reference_distance();
         const Vec3 normal = size > 0.0 ? -slope / std::max(size, weakest) : Vec3(0.0);
         Vec3 result = color * material.ambient;
         for (std::size_t l = 0; l < lights_.size(); ++l) {
@@ -71,7 +74,8 @@ class SampleColors {
             }
             if (facing > 0.0) {
                 const Vec3 mirrored = 2.0 * facing * side - lights_[l];
-                const Vec3 glow = color * material.diffuse + Vec3(material.specular * std::pow(std::max(mirrored.z, 0.0), material.shininess));
+                const Vec3 glow = color * material.diffuse +
+                                  Vec3(material.specular * std::pow(std::max(mirrored.z, 0.0), material.shininess));
                 result += scene_.lights[l].color * facing * glow;
             }
         }
@@ -95,15 +99,16 @@ TargetShape preshaded_shape(const Tile& tile) {
     return shape;
 }
 
-std::size_t draw_preshaded(const Job& job, const gl::Api& gl, Resources& resources, const Targets& targets, const Tile& tile,
-                           const std::function<void(double)>& progress) {
+std::size_t draw_preshaded(const Job& job, const gl::Api& gl, Resources& resources, const Targets& targets,
+                           const Tile& tile, const std::function<void(double)>& progress) {
     const Frame& frame = *job.frame;
     const auto f = [](double value) { return static_cast<float>(value); };
     gl.Viewport(0, 0, tile.target_width(), tile.target_height());
     gl.Disable(GL_DEPTH_TEST);
     gl.Enable(GL_BLEND);
     targets.clear_all();
-    const Rectangle inside{f(Tile::border), f(Tile::border), f(Tile::border + tile.width), f(Tile::border + tile.height)};
+    const Rectangle inside{f(Tile::border), f(Tile::border), f(Tile::border + tile.width),
+                           f(Tile::border + tile.height)};
     gl::Buffer colors(gl, GL_ARRAY_BUFFER);
     std::vector<SampleColors> shaders;
     std::vector<VertexMaker> makers;
@@ -125,8 +130,8 @@ std::size_t draw_preshaded(const Job& job, const gl::Api& gl, Resources& resourc
             }
             batch_colors.clear();
             auto* vertices = static_cast<SplatVertex*>(resources.samples.map(count * sizeof(SplatVertex)));
-            const std::size_t made = makers[n].make(batches.begin(static_cast<std::size_t>(slice)), count, slice, vertices, nullptr,
-                                                    [&](const PixelBox&, std::uint32_t sample) {
+            const std::size_t made = makers[n].make(batches.begin(static_cast<std::size_t>(slice)), count, slice,
+                                                    vertices, nullptr, [&](const PixelBox&, std::uint32_t sample) {
                                                         const auto color = shaders[n].at(sample);
                                                         if (color[3] == 0.0F) {
                                                             return false;
@@ -149,8 +154,8 @@ std::size_t draw_preshaded(const Job& job, const gl::Api& gl, Resources& resourc
             splat.set("edge", f(view.field->kernel().edge()));
             splat.set("target_size", f(tile.target_width()), f(tile.target_height()));
             splat.set("half_size", f(makers[n].half_x()), f(makers[n].half_y()));
-            splat.set_matrix2("to_unit", f(view.to_unit[0].x * frame.pixel), f(view.to_unit[0].y * frame.pixel), f(-view.to_unit[1].x * frame.pixel),
-                              f(-view.to_unit[1].y * frame.pixel));
+            splat.set_matrix2("to_unit", f(view.to_unit[0].x * frame.pixel), f(view.to_unit[0].y * frame.pixel),
+                              f(-view.to_unit[1].x * frame.pixel), f(-view.to_unit[1].y * frame.pixel));
             resources.splat_array.bind();
             const auto attribute = [&](GLuint location, const gl::Buffer& buffer, GLsizei stride) {
                 buffer.bind();

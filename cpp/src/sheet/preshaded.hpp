@@ -1,5 +1,6 @@
-// Pre-shaded splatting: kernels are classified and lit one by one, and their colours summed. What image-aligned sheet buffers with
-// post-shading were made to overcome ([NM05] section 1): kept as a mode for comparison, never chosen by a plan.
+// Pre-shaded splatting: kernels are classified and lit one by one, and their colours summed. What image-aligned sheet
+// buffers with post-shading were made to overcome ([NM05] section 1): kept as a mode for comparison, never chosen by a
+// plan.
 #pragma once
 
 #include <functional>
@@ -11,8 +12,8 @@ namespace sheetsplat::sheet {
 
 /// Draws one tile; the picture is left in targets.image(). Orthographic, point sampling, Cartesian fields.
 /// Returns the splats that were drawn.
-std::size_t draw_preshaded(const Job& job, const gl::Api& gl, Resources& resources, const Targets& targets, const Tile& tile,
-                           const std::function<void(double)>& progress);
+std::size_t draw_preshaded(const Job& job, const gl::Api& gl, Resources& resources, const Targets& targets,
+                           const Tile& tile, const std::function<void(double)>& progress);
 
 /// The surfaces that draw_preshaded needs.
 TargetShape preshaded_shape(const Tile& tile);

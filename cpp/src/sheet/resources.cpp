@@ -5,11 +5,11 @@
 namespace sheetsplat::sheet {
 
 Resources::Resources(const gl::Api& gl, const Capabilities& capabilities)
-    : samples(gl, GL_ARRAY_BUFFER), boxes(gl, GL_ARRAY_BUFFER), rectangles(gl, GL_ARRAY_BUFFER), splat_array(gl), rectangle_array(gl), gl_(&gl),
-      precise_(capabilities.at_least(4, 0)) {}
+    : samples(gl, GL_ARRAY_BUFFER), boxes(gl, GL_ARRAY_BUFFER), rectangles(gl, GL_ARRAY_BUFFER), splat_array(gl),
+      rectangle_array(gl), gl_(&gl), precise_(capabilities.at_least(4, 0)) {}
 
-const gl::Program& Resources::program(const std::string& vertex, const std::string& fragment, const gl::Defines& defines,
-                                      const std::vector<std::string>& outputs) {
+const gl::Program& Resources::program(const std::string& vertex, const std::string& fragment,
+                                      const gl::Defines& defines, const std::vector<std::string>& outputs) {
     auto key = std::make_pair(vertex + " + " + fragment, defines);
     const auto found = programs_.find(key);
     if (found != programs_.end()) {
@@ -17,7 +17,8 @@ const gl::Program& Resources::program(const std::string& vertex, const std::stri
     }
     gl::Defines all = defines;
     all["PRECISE"] = precise_ ? "precise" : "";
-    gl::Program made(*gl_, embedded_glsl(), vertex, fragment, all, precise_ ? "#version 400 core" : "#version 330 core", outputs);
+    gl::Program made(*gl_, embedded_glsl(), vertex, fragment, all, precise_ ? "#version 400 core" : "#version 330 core",
+                     outputs);
     return programs_.emplace(std::move(key), std::move(made)).first->second;
 }
 

@@ -41,18 +41,23 @@ std::vector<Tile> tiles_of(Size size, int edge) {
     const std::vector<int> rows = cut(size.height);
     for (std::size_t row = 0; row + 1 < rows.size(); ++row) {
         for (std::size_t column = 0; column + 1 < columns.size(); ++column) {
-            tiles.push_back({columns[column], rows[row], columns[column + 1] - columns[column], rows[row + 1] - rows[row]});
+            tiles.push_back(
+                {columns[column], rows[row], columns[column + 1] - columns[column], rows[row + 1] - rows[row]});
         }
     }
     return tiles;
 }
 
-void copy_rows(const std::vector<float>& from, const Tile& tile, Size size, std::size_t channels, std::vector<float>& to) {
+void copy_rows(const std::vector<float>& from, const Tile& tile, Size size, std::size_t channels,
+               std::vector<float>& to) {
     const auto width = static_cast<std::size_t>(tile.width) * channels;
     for (int y = 0; y < tile.height; ++y) {
         const auto source = from.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(y) * width);
-        const std::size_t target = (static_cast<std::size_t>(tile.y + y) * static_cast<std::size_t>(size.width) + static_cast<std::size_t>(tile.x)) * channels;
-        std::copy(source, source + static_cast<std::ptrdiff_t>(width), to.begin() + static_cast<std::ptrdiff_t>(target));
+        const std::size_t target = (static_cast<std::size_t>(tile.y + y) * static_cast<std::size_t>(size.width) +
+                                    static_cast<std::size_t>(tile.x)) *
+                                   channels;
+        std::copy(source, source + static_cast<std::ptrdiff_t>(width),
+                  to.begin() + static_cast<std::ptrdiff_t>(target));
     }
 }
 
@@ -140,7 +145,8 @@ void SheetRenderer::render(const Job& job, Image& image) {
             targets = &state_->resources->targets(preshaded_shape(tile));
             drawn += draw_preshaded(job, gl, *state_->resources, *targets, tile, report);
         } else {
-            TileLoop loop(job, gl, capabilities, *state_->resources, plan.mode == Mode::composite ? &classification : nullptr, tile);
+            TileLoop loop(job, gl, capabilities, *state_->resources,
+                          plan.mode == Mode::composite ? &classification : nullptr, tile);
             loop.run(report);
             targets = &loop.targets();
             drawn += loop.drawn();
@@ -151,7 +157,8 @@ void SheetRenderer::render(const Job& job, Image& image) {
 
         const auto reading = Clock::now();
         const auto tile_pixels = static_cast<std::size_t>(tile.width) * static_cast<std::size_t>(tile.height);
-        const auto read = [&](int attachment, GLenum format, std::size_t channels, double scale, std::vector<float>& to) {
+        const auto read = [&](int attachment, GLenum format, std::size_t channels, double scale,
+                              std::vector<float>& to) {
             buffer.resize(tile_pixels * channels);
             targets->read(attachment, Tile::border, Tile::border, tile.width, tile.height, format, buffer.data());
             if (scale != 1.0) {
@@ -162,7 +169,8 @@ void SheetRenderer::render(const Job& job, Image& image) {
             copy_rows(buffer, tile, size, channels, to);
         };
         if (scalar) {
-            read(0, GL_RED, 1, plan.mode == Mode::xray ? plan.value_unit * job.frame->slice_spacing : plan.value_unit, image.scalar);
+            read(0, GL_RED, 1, plan.mode == Mode::xray ? plan.value_unit * job.frame->slice_spacing : plan.value_unit,
+                 image.scalar);
         } else {
             read(0, GL_RGBA, 4, 1.0, image.rgba);
         }
@@ -178,7 +186,8 @@ void SheetRenderer::render(const Job& job, Image& image) {
     gl::check_errors(gl, "drawing a picture");
     const std::vector<std::string> complaints = state_->context->take_debug_errors();
     if (!complaints.empty()) {
-        throw Error(Complaint{"the picture cannot be trusted", "a report of the OpenGL driver: " + complaints.front(), "none", "report this with the output of `sheetsplat devices`"});
+        throw Error(Complaint{"the picture cannot be trusted", "a report of the OpenGL driver: " + complaints.front(),
+                              "none", "report this with the output of `sheetsplat devices`"});
     }
     image.stats["seconds_draw"] += seconds_since(started) - read_seconds;
     image.stats["seconds_vertices"] += vertex_seconds;
@@ -189,7 +198,8 @@ void SheetRenderer::render(const Job& job, Image& image) {
     image.stats["bytes_device"] = static_cast<double>(bytes);
 }
 
-Seconds SheetRenderer::fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets, int repeats) {
+Seconds SheetRenderer::fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets,
+                                 int repeats) {
     const gl::Current current(*state_->context);
     const gl::Api& gl = state_->context->api();
     std::vector<gl::Texture> textures;
@@ -203,7 +213,8 @@ Seconds SheetRenderer::fill_test(std::size_t kernels, double diameter_px, int wi
         colors.push_back(&texture);
     }
     const gl::Framebuffer framebuffer(gl, colors);
-    const gl::Program program(gl, embedded_glsl(), "fill.vert", "fill.frag", {{"TARGETS", std::to_string(targets)}}, "#version 330 core", outputs);
+    const gl::Program program(gl, embedded_glsl(), "fill.vert", "fill.frag", {{"TARGETS", std::to_string(targets)}},
+                              "#version 330 core", outputs);
     std::vector<float> positions;
     std::mt19937 random(1);
     std::uniform_real_distribution<float> spread(0.0F, 1.0F);
@@ -249,7 +260,9 @@ std::vector<DeviceReport> survey() {
         report.backend = "gl";
         report.platform = attempt.platform;
         report.available = attempt.succeeded;
-        report.description = attempt.succeeded ? attempt.capabilities.renderer + ", OpenGL " + attempt.capabilities.version : attempt.story;
+        report.description = attempt.succeeded
+                                 ? attempt.capabilities.renderer + ", OpenGL " + attempt.capabilities.version
+                                 : attempt.story;
         report.extensions = attempt.capabilities.extensions;
         report.workarounds = attempt.capabilities.workarounds;
         reports.push_back(std::move(report));

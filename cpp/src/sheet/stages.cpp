@@ -154,7 +154,8 @@ std::array<float, 4> channel_offsets(const DrawPlan& plan, std::int64_t first_sl
     const auto phase = static_cast<int>(first_slab % 4);
     for (int channel = 0; channel < 4; ++channel) {
         const int offset = (channel - phase + 4) % 4;
-        offsets[static_cast<std::size_t>(channel)] = plan.four_channels || offset == 0 ? static_cast<float>(offset) : 1e6F;
+        offsets[static_cast<std::size_t>(channel)] =
+            plan.four_channels || offset == 0 ? static_cast<float>(offset) : 1e6F;
     }
     return offsets;
 }

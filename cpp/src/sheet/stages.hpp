@@ -1,4 +1,5 @@
-// From a plan to shader variants: which #defines and outputs each stage is compiled with. No branch on an effect is left in a shader.
+// From a plan to shader variants: which #defines and outputs each stage is compiled with. No branch on an effect is
+// left in a shader.
 #pragma once
 
 #include <array>
@@ -33,8 +34,8 @@ std::vector<std::string> splat_outputs(const DrawPlan& plan, bool weights_alone)
 gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase);
 std::vector<std::string> shade_outputs(const DrawPlan& plan);
 
-/// Offsets of the four channels' slabs from the batch's first one: in order (wide), or rotated so that slab m lies in channel
-/// m mod 4 (paper). A channel that takes no part lies where no kernel reaches.
+/// Offsets of the four channels' slabs from the batch's first one: in order (wide), or rotated so that slab m lies in
+/// channel m mod 4 (paper). A channel that takes no part lies where no kernel reaches.
 std::array<float, 4> channel_offsets(const DrawPlan& plan, std::int64_t first_slab);
 
 } // namespace sheetsplat::sheet

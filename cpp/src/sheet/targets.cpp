@@ -7,15 +7,16 @@
 namespace sheetsplat::sheet {
 
 bool TargetShape::operator==(const TargetShape& other) const {
-    return width == other.width && height == other.height && sheet_format == other.sheet_format && wide == other.wide && weight == other.weight &&
-           fine == other.fine && shared_depth == other.shared_depth && depth == other.depth && coverage == other.coverage &&
-           compensated == other.compensated && copies == other.copies;
+    return width == other.width && height == other.height && sheet_format == other.sheet_format && wide == other.wide &&
+           weight == other.weight && fine == other.fine && shared_depth == other.shared_depth && depth == other.depth &&
+           coverage == other.coverage && compensated == other.compensated && copies == other.copies;
 }
 
 namespace {
 
 /// Attachments of one sheet as the splat shader's outputs are numbered.
-void append(std::vector<const gl::Texture*>& list, const std::vector<const Sheet*>& sheets, const TargetShape& shape, bool weights) {
+void append(std::vector<const gl::Texture*>& list, const std::vector<const Sheet*>& sheets, const TargetShape& shape,
+            bool weights) {
     if (!shape.fine) {
         for (const Sheet* sheet : sheets) {
             list.push_back(&sheet->value);
@@ -130,8 +131,9 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
 }
 
 std::size_t Targets::bytes() const {
-    std::size_t sum = depth_tags_.bytes() + image_.bytes() + image_depth_.bytes() + image_coverage_.bytes() + image_copy_.bytes() +
-                      image_depth_copy_.bytes() + image_coverage_copy_.bytes() + image_error_.bytes() + image_error_copy_.bytes();
+    std::size_t sum = depth_tags_.bytes() + image_.bytes() + image_depth_.bytes() + image_coverage_.bytes() +
+                      image_copy_.bytes() + image_depth_copy_.bytes() + image_coverage_copy_.bytes() +
+                      image_error_.bytes() + image_error_copy_.bytes();
     for (const Sheet& sheet : sheets_) {
         sum += sheet.value.bytes() + sheet.weight.bytes();
         for (int axis = 0; axis < 3; ++axis) {

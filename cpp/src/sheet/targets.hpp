@@ -13,14 +13,14 @@ namespace sheetsplat::sheet {
 struct TargetShape {
     int width = 0, height = 0; ///< with the border
     GLenum sheet_format = GL_RGBA32F;
-    bool wide = true;          ///< three sheets in a ring; else a splat buffer and a copy buffer
+    bool wide = true; ///< three sheets in a ring; else a splat buffer and a copy buffer
     bool weight = false;
     bool fine = false;         ///< differences along x, y and z beside each sheet
     bool shared_depth = false; ///< tags or elimination
     bool depth = false;        ///< a picture of depths
     bool coverage = false;
-    bool compensated = false;  ///< rounding errors of the picture are kept beside it
-    bool copies = false;       ///< no texture barrier: the picture so far is copied before it is read
+    bool compensated = false; ///< rounding errors of the picture are kept beside it
+    bool copies = false;      ///< no texture barrier: the picture so far is copied before it is read
 
     [[nodiscard]] bool operator==(const TargetShape& other) const;
 };
@@ -41,10 +41,13 @@ class Targets {
 
     /// wide: sheet r of the ring (0..2). paper: 0 is the splat buffer, 1 the copy buffer.
     [[nodiscard]] const Sheet& sheet(int r) const { return sheets_[static_cast<std::size_t>(r)]; }
-    /// Draws to sheets r and r + 1 of the ring (wide), or to the splat buffer (paper): values, and weights where there are any.
+    /// Draws to sheets r and r + 1 of the ring (wide), or to the splat buffer (paper): values, and weights where there
+    /// are any.
     void bind_splat(int r) const { splat_[static_cast<std::size_t>(r)].bind(); }
     /// fine only: values with their differences, or weights with theirs.
-    void bind_splat_fine(int r, bool weights) const { (weights ? splat_weight_ : splat_)[static_cast<std::size_t>(r)].bind(); }
+    void bind_splat_fine(int r, bool weights) const {
+        (weights ? splat_weight_ : splat_)[static_cast<std::size_t>(r)].bind();
+    }
     void bind_copy(bool weights) const { (weights ? copy_weight_ : copy_).bind(); }
     void bind_image() const { image_fbo_.bind(); }
     void bind_depth_only() const { depth_fbo_.bind(); }
@@ -53,7 +56,8 @@ class Targets {
     void clear_all() const;
     void clear_sheet(int r) const;
     void clear_tags() const;
-    /// The picture so far as textures that the shading pass may read: the picture itself, or a copy that is brought up to date.
+    /// The picture so far as textures that the shading pass may read: the picture itself, or a copy that is brought up
+    /// to date.
     void bind_so_far(const gl::Program& program) const;
 
     [[nodiscard]] const gl::Texture& image() const { return image_; }

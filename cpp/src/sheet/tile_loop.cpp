@@ -31,11 +31,14 @@ TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, con
     TargetShape shape;
     shape.width = tile.target_width();
     shape.height = tile.target_height();
-    shape.sheet_format = plan.precision == Precision::float16 ? GL_RGBA16F : plan.precision == Precision::uint8 ? GL_RGBA8 : GL_RGBA32F;
+    shape.sheet_format = plan.precision == Precision::float16 ? GL_RGBA16F
+                         : plan.precision == Precision::uint8 ? GL_RGBA8
+                                                              : GL_RGBA32F;
     shape.wide = plan.packing == Packing::wide;
     shape.weight = plan.weight;
     shape.fine = plan.fine_gradient;
-    shape.shared_depth = plan.elimination || plan.tagging == Tagging::depth_bounds || plan.tagging == Tagging::depth_equal;
+    shape.shared_depth =
+        plan.elimination || plan.tagging == Tagging::depth_bounds || plan.tagging == Tagging::depth_equal;
     shape.depth = plan.depth;
     shape.coverage = plan.coverage;
     shape.compensated = plan.compensated;
@@ -45,17 +48,20 @@ TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, con
 
 } // namespace
 
-TileLoop::TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabilities, Resources& resources, const Classification* classification,
-                   const Tile& tile)
-    : job_(job), gl_(gl), capabilities_(capabilities), resources_(resources), classification_(classification), plan_(*job.plan),
-      frame_(*job.frame), tile_(tile), steps_(make_steps(*job.plan, *job.frame)), marks_(tile, steps_.history + 1),
+TileLoop::TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabilities, Resources& resources,
+                   const Classification* classification, const Tile& tile)
+    : job_(job), gl_(gl), capabilities_(capabilities), resources_(resources), classification_(classification),
+      plan_(*job.plan), frame_(*job.frame), tile_(tile), steps_(make_steps(*job.plan, *job.frame)),
+      marks_(tile, steps_.history + 1),
       tags_limit_(job.tags_per_clear > 0 ? std::min(job.tags_per_clear, most_tags) : most_tags) {
     for (const FieldView& view : *job.views) {
         makers_.emplace_back(view, frame_, tile_, job.layout, plan_.fine_gradient ? 1 : 0);
     }
     if (plan_.opacity_buffer) {
-        const auto pixels = static_cast<std::size_t>(tile.target_width()) * static_cast<std::size_t>(tile.target_height());
-        opacity_ = OpacityBuffer(tile.target_width(), tile.target_height(), job.scene->opacity_stop, plan_.opacity_buffer_average);
+        const auto pixels =
+            static_cast<std::size_t>(tile.target_width()) * static_cast<std::size_t>(tile.target_height());
+        opacity_ = OpacityBuffer(tile.target_width(), tile.target_height(), job.scene->opacity_stop,
+                                 plan_.opacity_buffer_average);
         readback_ = gl::AsyncReadback(gl, pixels * 4 * sizeof(float));
         readback_pixels_.resize(pixels * 4);
     }
@@ -135,16 +141,17 @@ void TileLoop::splat_field(std::size_t field, std::int64_t pass, std::int64_t fi
     auto* vertices = static_cast<SplatVertex*>(resources_.samples.map_next(count * sizeof(SplatVertex)));
     auto* boxes = boxed ? static_cast<PixelBox*>(resources_.boxes.map_next(count * sizeof(PixelBox))) : nullptr;
     const bool marking = plan_.tagging == Tagging::tiles;
-    const std::size_t made = maker.make(batches.begin(batch), count, first_slab, vertices, boxes, [&](const PixelBox& box, std::uint32_t) {
-        if (plan_.opacity_buffer && opacity_.hides(box)) {
-            ++dropped_;
-            return false;
-        }
-        if (marking) {
-            marks_.touch(box);
-        }
-        return true;
-    });
+    const std::size_t made =
+        maker.make(batches.begin(batch), count, first_slab, vertices, boxes, [&](const PixelBox& box, std::uint32_t) {
+            if (plan_.opacity_buffer && opacity_.hides(box)) {
+                ++dropped_;
+                return false;
+            }
+            if (marking) {
+                marks_.touch(box);
+            }
+            return true;
+        });
     resources_.samples.unmap();
     if (boxed) {
         resources_.boxes.unmap();
@@ -156,17 +163,19 @@ void TileLoop::splat_field(std::size_t field, std::int64_t pass, std::int64_t fi
     drawn_ += made;
 
     targets_->bind_splat(targets_->shape().wide ? ring(pass) : 0);
-    const gl::Program& program = resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, false), splat_outputs(plan_, false));
+    const gl::Program& program =
+        resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, false), splat_outputs(plan_, false));
     draw_kernels(program, view, maker, first_slab, made);
     if (plan_.fine_gradient && plan_.weight) {
         targets_->bind_splat_fine(targets_->shape().wide ? ring(pass) : 0, true);
-        const gl::Program& weights = resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, true), splat_outputs(plan_, true));
+        const gl::Program& weights = resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, true),
+                                                        splat_outputs(plan_, true));
         draw_kernels(weights, view, maker, first_slab, made);
     }
 }
 
-void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, const VertexMaker& maker, std::int64_t first_slab,
-                            std::size_t count) {
+void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, const VertexMaker& maker,
+                            std::int64_t first_slab, std::size_t count) {
     program.use();
     const bool perspective = plan_.projection == Projection::perspective;
     const auto f = [](double value) { return static_cast<float>(value); };
@@ -183,8 +192,8 @@ void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, c
     program.set("axis", f(maker.origin_x()), f(maker.origin_y()));
     program.set("shear", f(view.shear.x), f(view.shear.y));
     // Rows count downwards, eye y upwards.
-    program.set_matrix2("to_unit", f(view.to_unit[0].x * frame_.pixel), f(view.to_unit[0].y * frame_.pixel), f(-view.to_unit[1].x * frame_.pixel),
-                        f(-view.to_unit[1].y * frame_.pixel));
+    program.set_matrix2("to_unit", f(view.to_unit[0].x * frame_.pixel), f(view.to_unit[0].y * frame_.pixel),
+                        f(-view.to_unit[1].x * frame_.pixel), f(-view.to_unit[1].y * frame_.pixel));
     program.set("tag", tags_by_depth() ? tag_of(tag_) : middle);
     const auto front = channel_offsets(plan_, first_slab);
     program.set("offset_front", front[0], front[1], front[2], front[3]);
@@ -203,19 +212,22 @@ void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, c
     resources_.splat_array.bind();
     resources_.samples.bind();
     gl_.EnableVertexAttribArray(ATTRIBUTE_SAMPLE);
-    gl_.VertexAttribPointer(ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex), reinterpret_cast<const void*>(resources_.samples.offset()));
+    gl_.VertexAttribPointer(ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex),
+                            reinterpret_cast<const void*>(resources_.samples.offset()));
     gl_.VertexAttribDivisor(ATTRIBUTE_SAMPLE, plan_.points ? 0 : 1);
     if (perspective) {
         resources_.boxes.bind();
         gl_.EnableVertexAttribArray(ATTRIBUTE_BOX);
-        gl_.VertexAttribPointer(ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox), reinterpret_cast<const void*>(resources_.boxes.offset()));
+        gl_.VertexAttribPointer(ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox),
+                                reinterpret_cast<const void*>(resources_.boxes.offset()));
         gl_.VertexAttribDivisor(ATTRIBUTE_BOX, 1);
     } else {
         gl_.DisableVertexAttribArray(ATTRIBUTE_BOX);
     }
 
     if (plan_.points) {
-        // A point whose centre lies outside the viewport is not drawn, though its square may reach in: the viewport is made larger.
+        // A point whose centre lies outside the viewport is not drawn, though its square may reach in: the viewport is
+        // made larger.
         const int guard = static_cast<int>(std::ceil(maker.half_size())) + 1;
         gl_.Viewport(-guard, -guard, tile_.target_width() + 2 * guard, tile_.target_height() + 2 * guard);
         gl_.Enable(GL_SCISSOR_TEST);
@@ -241,10 +253,14 @@ void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, c
     }
     for (std::size_t kernel = 0; kernel < count; ++kernel) {
         resources_.samples.bind();
-        gl_.VertexAttribPointer(ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex), reinterpret_cast<const void*>(resources_.samples.offset() + kernel * sizeof(SplatVertex)));
+        gl_.VertexAttribPointer(
+            ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex),
+            reinterpret_cast<const void*>(resources_.samples.offset() + kernel * sizeof(SplatVertex)));
         if (perspective) {
             resources_.boxes.bind();
-            gl_.VertexAttribPointer(ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox), reinterpret_cast<const void*>(resources_.boxes.offset() + kernel * sizeof(PixelBox)));
+            gl_.VertexAttribPointer(
+                ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox),
+                reinterpret_cast<const void*>(resources_.boxes.offset() + kernel * sizeof(PixelBox)));
         }
         gl_.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, 1);
     }
@@ -254,17 +270,20 @@ void TileLoop::draw_rectangles(const std::vector<Rectangle>& rectangles) {
     if (rectangles.empty()) {
         return;
     }
-    std::memcpy(resources_.rectangles.map_next(rectangles.size() * sizeof(Rectangle)), rectangles.data(), rectangles.size() * sizeof(Rectangle));
+    std::memcpy(resources_.rectangles.map_next(rectangles.size() * sizeof(Rectangle)), rectangles.data(),
+                rectangles.size() * sizeof(Rectangle));
     resources_.rectangles.unmap();
     resources_.rectangle_array.bind();
     resources_.rectangles.bind();
     gl_.EnableVertexAttribArray(ATTRIBUTE_RECTANGLE);
-    gl_.VertexAttribPointer(ATTRIBUTE_RECTANGLE, 4, GL_FLOAT, GL_FALSE, sizeof(Rectangle), reinterpret_cast<const void*>(resources_.rectangles.offset()));
+    gl_.VertexAttribPointer(ATTRIBUTE_RECTANGLE, 4, GL_FLOAT, GL_FALSE, sizeof(Rectangle),
+                            reinterpret_cast<const void*>(resources_.rectangles.offset()));
     gl_.VertexAttribDivisor(ATTRIBUTE_RECTANGLE, 1);
     gl_.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(rectangles.size()));
 }
 
-/// Draws with the program wherever the newest batches touched the tile, by the plan's way of telling. The target is bound.
+/// Draws with the program wherever the newest batches touched the tile, by the plan's way of telling. The target is
+/// bound.
 void TileLoop::draw_touched(const gl::Program& program) {
     program.set("target_size", static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height()));
     program.set("tag", middle);
@@ -274,7 +293,8 @@ void TileLoop::draw_touched(const gl::Program& program) {
     case Tagging::depth_bounds: {
         // Half a step of distance on both sides; opaque pixels (0) lie below, untouched ones (1) above.
         const double low = 0.5 * static_cast<double>(tag_of(tag_)) + 0.5 - 0.5 * static_cast<double>(tag_step);
-        const double high = untagged_ > 0 ? 1.0 : 0.5 * static_cast<double>(tag_of(oldest)) + 0.5 + 0.5 * static_cast<double>(tag_step);
+        const double high =
+            untagged_ > 0 ? 1.0 : 0.5 * static_cast<double>(tag_of(oldest)) + 0.5 + 0.5 * static_cast<double>(tag_step);
         gl_.Disable(GL_DEPTH_TEST);
         gl_.Enable(GL_DEPTH_BOUNDS_TEST_EXT);
         gl_.DepthBoundsEXT(low, high);
@@ -311,7 +331,8 @@ void TileLoop::draw_touched(const gl::Program& program) {
 void TileLoop::copy(std::int64_t pass) {
     const auto channel = static_cast<int>(pass % 4);
     const auto mask = [&](int only) {
-        gl_.ColorMask(only == 0 ? GL_TRUE : GL_FALSE, only == 1 ? GL_TRUE : GL_FALSE, only == 2 ? GL_TRUE : GL_FALSE, only == 3 ? GL_TRUE : GL_FALSE);
+        gl_.ColorMask(only == 0 ? GL_TRUE : GL_FALSE, only == 1 ? GL_TRUE : GL_FALSE, only == 2 ? GL_TRUE : GL_FALSE,
+                      only == 3 ? GL_TRUE : GL_FALSE);
     };
     mask(channel);
     // Copying what is tagged alone would leave an older slab's values elsewhere, and corrupt gradients.
@@ -348,7 +369,8 @@ void TileLoop::copy(std::int64_t pass) {
         program.set("target_size", static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height()));
         program.set("tag", middle);
         // The border takes part: pixels at the edge look for their neighbours there.
-        draw_rectangles({{0.0F, 0.0F, static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height())}});
+        draw_rectangles(
+            {{0.0F, 0.0F, static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height())}});
     };
     const Sheet& from = targets_->sheet(0);
     const bool fine = plan_.fine_gradient;
@@ -449,13 +471,15 @@ void TileLoop::set_shading(const gl::Program& program, std::int64_t pass) {
 
 void TileLoop::shade(std::int64_t pass) {
     gl_.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
-    const gl::Program& program = resources_.program("rectangle.vert", "shade.frag",
-                                                    shade_defines(plan_, job_.scene->lights.size(), static_cast<int>(pass % 4)), shade_outputs(plan_));
+    const gl::Program& program = resources_.program(
+        "rectangle.vert", "shade.frag", shade_defines(plan_, job_.scene->lights.size(), static_cast<int>(pass % 4)),
+        shade_outputs(plan_));
     program.use();
     bind_sheets(program, pass);
     set_shading(program, pass);
     if (plan_.read_image) {
-        // Each texel is read by the one fragment that writes it: the barrier orders passes, copies stand in where there is none.
+        // Each texel is read by the one fragment that writes it: the barrier orders passes, copies stand in where there
+        // is none.
         targets_->bind_so_far(program);
         if (!targets_->shape().copies) {
             if (gl_.TextureBarrier != nullptr) {
@@ -494,7 +518,8 @@ void TileLoop::eliminate() {
 void TileLoop::restart_tags() {
     targets_->clear_tags();
     tag_ = 0;
-    // What the last batches touched is forgotten with their tags: until they are through, every pixel counts as touched.
+    // What the last batches touched is forgotten with their tags: until they are through, every pixel counts as
+    // touched.
     untagged_ = steps_.history + 1;
     if (plan_.elimination) {
         eliminate();

@@ -15,8 +15,8 @@ namespace sheetsplat::sheet {
 
 class TileLoop {
   public:
-    TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabilities, Resources& resources, const Classification* classification,
-             const Tile& tile);
+    TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabilities, Resources& resources,
+             const Classification* classification, const Tile& tile);
 
     /// progress: called after each pass with the share of this tile that is done.
     void run(const std::function<void(double)>& progress);
@@ -31,7 +31,8 @@ class TileLoop {
   private:
     void splat(std::int64_t pass);
     void splat_field(std::size_t field, std::int64_t pass, std::int64_t first_slab);
-    void draw_kernels(const gl::Program& program, const FieldView& view, const VertexMaker& maker, std::int64_t first_slab, std::size_t count);
+    void draw_kernels(const gl::Program& program, const FieldView& view, const VertexMaker& maker,
+                      std::int64_t first_slab, std::size_t count);
     void copy(std::int64_t pass);
     void shade(std::int64_t pass);
     void set_shading(const gl::Program& program, std::int64_t pass);
@@ -42,7 +43,9 @@ class TileLoop {
     void update_opacity(std::int64_t pass);
     void draw_rectangles(const std::vector<Rectangle>& rectangles);
     [[nodiscard]] float tag_of(int batch) const;
-    [[nodiscard]] bool tags_by_depth() const { return plan_.tagging == Tagging::depth_bounds || plan_.tagging == Tagging::depth_equal; }
+    [[nodiscard]] bool tags_by_depth() const {
+        return plan_.tagging == Tagging::depth_bounds || plan_.tagging == Tagging::depth_equal;
+    }
     [[nodiscard]] int ring(std::int64_t pass) const { return static_cast<int>(pass % 3); }
 
     const Job& job_;
@@ -58,8 +61,8 @@ class TileLoop {
     std::vector<VertexMaker> makers_;
     const Targets* targets_ = nullptr;
     int tags_limit_;
-    int tag_ = 0;          ///< of the newest batch, counted since the tags were cleared
-    int untagged_ = 0;     ///< passes for which tags are missing, since they were cleared
+    int tag_ = 0;      ///< of the newest batch, counted since the tags were cleared
+    int untagged_ = 0; ///< passes for which tags are missing, since they were cleared
     OpacityBuffer opacity_;
     gl::AsyncReadback readback_;
     std::vector<float> readback_pixels_;

@@ -7,7 +7,8 @@
 namespace sheetsplat::sheet {
 
 TileMarks::TileMarks(const Tile& tile, int batches)
-    : tile_(tile), columns_((tile.target_width() + TILE_EDGE - 1) / TILE_EDGE), rows_((tile.target_height() + TILE_EDGE - 1) / TILE_EDGE),
+    : tile_(tile), columns_((tile.target_width() + TILE_EDGE - 1) / TILE_EDGE),
+      rows_((tile.target_height() + TILE_EDGE - 1) / TILE_EDGE),
       marks_(static_cast<std::size_t>(batches),
              std::vector<std::uint8_t>(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_), 0)) {}
 
@@ -22,7 +23,8 @@ void TileMarks::touch(const PixelBox& box) {
     const int last_row = (box.y1 - 1) / TILE_EDGE;
     for (int row = box.y0 / TILE_EDGE; row <= last_row; ++row) {
         for (int column = box.x0 / TILE_EDGE; column <= last_column; ++column) {
-            marks[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column)] = 1;
+            marks[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+                  static_cast<std::size_t>(column)] = 1;
         }
     }
 }
@@ -37,12 +39,15 @@ std::vector<Rectangle> TileMarks::touched() const {
         for (int column = 0; column <= columns_; ++column) {
             bool marked = false;
             for (const auto& marks : marks_) {
-                marked = marked || (column < columns_ && marks[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column)] != 0);
+                marked = marked || (column < columns_ &&
+                                    marks[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+                                          static_cast<std::size_t>(column)] != 0);
             }
             if (marked && start < 0) {
                 start = column;
             } else if (!marked && start >= 0) {
-                const Rectangle box{std::max(first, static_cast<float>(start * TILE_EDGE)), std::max(first, static_cast<float>(row * TILE_EDGE)),
+                const Rectangle box{std::max(first, static_cast<float>(start * TILE_EDGE)),
+                                    std::max(first, static_cast<float>(row * TILE_EDGE)),
                                     std::min(right, static_cast<float>(column * TILE_EDGE)),
                                     std::min(bottom, static_cast<float>((row + 1) * TILE_EDGE))};
                 if (box[0] < box[2] && box[1] < box[3]) {
@@ -57,7 +62,8 @@ std::vector<Rectangle> TileMarks::touched() const {
 
 std::vector<Rectangle> TileMarks::whole() const {
     const auto first = static_cast<float>(Tile::border);
-    return {{first, first, static_cast<float>(Tile::border + tile_.width), static_cast<float>(Tile::border + tile_.height)}};
+    return {{first, first, static_cast<float>(Tile::border + tile_.width),
+             static_cast<float>(Tile::border + tile_.height)}};
 }
 
 } // namespace sheetsplat::sheet

@@ -18,7 +18,8 @@ namespace {
 
 constexpr double most_slices = 1e7;
 
-/// Depths between which some kernel of a field reaches. The box of the centres bounds it: a tighter bound would only save empty slices.
+/// Depths between which some kernel of a field reaches. The box of the centres bounds it: a tighter bound would only
+/// save empty slices.
 std::array<double, 2> depth_range(const RegularField& field, const Camera& camera) {
     const Box box = field.centres_world();
     double nearest = std::numeric_limits<double>::infinity();
@@ -38,18 +39,22 @@ std::array<double, 2> depth_range(const RegularField& field, const Camera& camer
 } // namespace
 
 double Frame::smallest_pixel() const {
-    return projection == Projection::orthographic ? pixel : pixel * std::max(depth_of(0), std::numeric_limits<double>::min());
+    return projection == Projection::orthographic ? pixel
+                                                  : pixel * std::max(depth_of(0), std::numeric_limits<double>::min());
 }
 
 double Frame::largest_pixel() const {
-    return projection == Projection::orthographic ? pixel : pixel * std::max(depth_of(std::max<std::int64_t>(slices, 1) - 1), 0.0);
+    return projection == Projection::orthographic
+               ? pixel
+               : pixel * std::max(depth_of(std::max<std::int64_t>(slices, 1) - 1), 0.0);
 }
 
 Frame make_frame(const Scene& scene, const Camera& camera, Size size) {
     if (size.width < 1 || size.height < 1) {
-        throw InvalidInput(Complaint{"the picture cannot be made",
-                                     "a size of " + std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels",
-                                     "at least 1 x 1", "pass size=(width, height)"});
+        throw InvalidInput(
+            Complaint{"the picture cannot be made",
+                      "a size of " + std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels",
+                      "at least 1 x 1", "pass size=(width, height)"});
     }
     Frame frame;
     frame.projection = camera.projection();
@@ -57,7 +62,8 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size) {
     frame.pixel = 2.0 * camera.half_height() / size.height;
     frame.slice_spacing = scene.slice_distance();
     frame.reference_length = scene.reference_distance();
-    frame.near = camera.projection() == Projection::perspective ? camera.near() : -std::numeric_limits<double>::infinity();
+    frame.near =
+        camera.projection() == Projection::perspective ? camera.near() : -std::numeric_limits<double>::infinity();
 
     const Box box = scene.centres_world();
     if (box.empty()) {
@@ -90,18 +96,20 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size) {
     if (!(count <= most_slices)) {
         // Rounded up, so that what is advised is also accepted.
         const double enough = (farthest - nearest) / most_slices * 1.01;
-        throw InvalidInput(Complaint{"the scene cannot be sliced",
-                                     "a slice spacing of " + text_of(spacing) + " for a depth of " + text_of(farthest - nearest),
-                                     "at most 10,000,000 slices", "pass a slice_spacing of at least " + text_of(enough)});
+        throw InvalidInput(
+            Complaint{"the scene cannot be sliced",
+                      "a slice spacing of " + text_of(spacing) + " for a depth of " + text_of(farthest - nearest),
+                      "at most 10,000,000 slices", "pass a slice_spacing of at least " + text_of(enough)});
     }
     // Where an eye is so far away that its depths cannot tell slices apart, every sum would be garbage.
     const double largest_depth = std::max(std::abs(nearest), std::abs(farthest));
     const double resolution = largest_depth * std::numeric_limits<double>::epsilon();
     if (resolution > 1e-6 * std::min(spacing, farthest - nearest)) {
-        throw InvalidInput(Complaint{"the scene cannot be sliced",
-                                     "depths up to " + text_of(largest_depth) + ", which float64 resolves to " + text_of(resolution),
-                                     "a resolution of a millionth of the slice spacing " + text_of(spacing),
-                                     "move the eye closer: an orthographic picture does not depend on its distance"});
+        throw InvalidInput(
+            Complaint{"the scene cannot be sliced",
+                      "depths up to " + text_of(largest_depth) + ", which float64 resolves to " + text_of(resolution),
+                      "a resolution of a millionth of the slice spacing " + text_of(spacing),
+                      "move the eye closer: an orthographic picture does not depend on its distance"});
     }
     frame.slices = count < 1.0 ? 0 : static_cast<std::int64_t>(count);
     frame.first_slice = static_cast<std::int64_t>(first);
@@ -110,7 +118,8 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size) {
 }
 
 Vec3 FieldView::eye_position(std::size_t i, std::size_t j, std::size_t k) const {
-    Vec3 position = first_eye + static_cast<double>(i) * step_i + static_cast<double>(j) * step_j + static_cast<double>(k) * step_k;
+    Vec3 position =
+        first_eye + static_cast<double>(i) * step_i + static_cast<double>(j) * step_j + static_cast<double>(k) * step_k;
     if (k % 2 == 1) {
         position += odd_layer;
     }
@@ -166,8 +175,9 @@ FieldView make_field_view(const RegularField& field, const Camera& camera, const
         view.value_scale /= field.lattice_constant();
     }
     const double slices = 2.0 * view.half_depth / frame.slice_spacing;
-    view.longest_span = static_cast<std::int64_t>(std::min(std::floor(slices) + (sampling == Sampling::slab ? 2.0 : 1.0),
-                                                           static_cast<double>(std::max<std::int64_t>(frame.slices, 1))));
+    view.longest_span =
+        static_cast<std::int64_t>(std::min(std::floor(slices) + (sampling == Sampling::slab ? 2.0 : 1.0),
+                                           static_cast<double>(std::max<std::int64_t>(frame.slices, 1))));
     return view;
 }
 

@@ -44,15 +44,16 @@ bool row_outside(const FieldView& view, const Frame& frame, const Vec3& a, const
     if (frame.projection == Projection::orthographic) {
         const double half_width = 0.5 * frame.pixel * (frame.size.width + 2) + view.extent_x;
         const double half_height = 0.5 * frame.pixel * (frame.size.height + 2) + view.extent_y;
-        return std::min(a.x, b.x) > half_width || std::max(a.x, b.x) < -half_width || std::min(a.y, b.y) > half_height ||
-               std::max(a.y, b.y) < -half_height;
+        return std::min(a.x, b.x) > half_width || std::max(a.x, b.x) < -half_width ||
+               std::min(a.y, b.y) > half_height || std::max(a.y, b.y) < -half_height;
     }
     return false;
 }
 
 /// Calls visit(sample index, first slice, last slice) for every drawn sample that meets a slice.
 template <class Visit>
-void for_each_span(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling, int wider, Visit&& visit) {
+void for_each_span(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling, int wider,
+                   Visit&& visit) {
     const auto& shape = view.field->shape();
     const SliceSpan span(view, frame, sampling, wider);
     const double depth_step = -view.step_i.z;
@@ -81,8 +82,8 @@ void for_each_span(const FieldView& view, const VisibleRuns& runs, const Frame& 
 
 } // namespace
 
-SlabBatches SlabBatches::of(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling, BatchLayout layout,
-                            int wider) {
+SlabBatches SlabBatches::of(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling,
+                            BatchLayout layout, int wider) {
     SlabBatches result;
     if (frame.slices == 0) {
         return result;
@@ -92,7 +93,8 @@ SlabBatches SlabBatches::of(const FieldView& view, const VisibleRuns& runs, cons
                    "use a larger slice_spacing");
     result.offset_.assign(batches + 1, 0);
     const std::int64_t again = layout.covered / layout.stride;
-    // The divisions by stride and covered are shifts in the usual layouts: spelled out for the compiler, which cannot know.
+    // The divisions by stride and covered are shifts in the usual layouts: spelled out for the compiler, which cannot
+    // know.
     const auto batch_of = [&](std::int64_t slice) { return layout.stride == 4 ? slice >> 2 : slice / layout.stride; };
 
     std::size_t kernels = 0;
@@ -143,13 +145,15 @@ VertexMaker::Placed VertexMaker::place(const Vec3& eye, double value, double fir
         bottom = y + half_y_;
     } else {
         // The centre's ray is taken where the kernel is sliced, so that a kernel beside or behind the eye has one too.
-        const double reference = std::clamp(depth, first_depth, first_depth + (layout_.covered - 1) * frame_->slice_spacing);
+        const double reference =
+            std::clamp(depth, first_depth, first_depth + (layout_.covered - 1) * frame_->slice_spacing);
         x = eye.x / (reference * frame_->pixel) + origin_x_;
         y = origin_y_ - eye.y / (reference * frame_->pixel);
         const double nearest = std::max(depth - view.half_depth, first_depth - view.slab_half);
         const double farthest = std::max(std::min(depth + view.half_depth, last_depth + view.slab_half), nearest);
         if (nearest <= 1e-9 * frame_->slice_spacing) {
-            // A whole slab counts where its middle lies behind the near plane: it can reach through the eye, where every ray starts.
+            // A whole slab counts where its middle lies behind the near plane: it can reach through the eye, where
+            // every ray starts.
             left = top = 0.0;
             right = tile_.target_width();
             bottom = tile_.target_height();
@@ -168,9 +172,7 @@ VertexMaker::Placed VertexMaker::place(const Vec3& eye, double value, double fir
     placed.vertex.y = static_cast<float>(y);
     placed.vertex.s = static_cast<float>((depth - first_depth) / view.half_depth);
     placed.vertex.value = static_cast<float>(value * view.value_scale);
-    const auto pixel = [](double at, int limit) {
-        return at <= 0.0 ? 0 : at >= limit ? limit : static_cast<int>(at);
-    };
+    const auto pixel = [](double at, int limit) { return at <= 0.0 ? 0 : at >= limit ? limit : static_cast<int>(at); };
     placed.box.x0 = pixel(left - 0.5, tile_.target_width());
     placed.box.y0 = pixel(top - 0.5, tile_.target_height());
     placed.box.x1 = right < 0.0 ? 0 : pixel(right + 1.5, tile_.target_width());

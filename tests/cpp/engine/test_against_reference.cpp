@@ -23,14 +23,16 @@ std::shared_ptr<const RegularField> blobs(RegularFieldOptions options, std::size
     std::vector<float> samples(n * n * n);
     std::vector<std::array<double, 5>> centres;
     for (int b = 0; b < 5; ++b) {
-        centres.push_back({uniform(random) * double(n), uniform(random) * double(n), uniform(random) * double(n), 1.5 + 2.0 * uniform(random), 0.4 + 0.6 * uniform(random)});
+        centres.push_back({uniform(random) * double(n), uniform(random) * double(n), uniform(random) * double(n),
+                           1.5 + 2.0 * uniform(random), 0.4 + 0.6 * uniform(random)});
     }
     for (std::size_t k = 0; k < n; ++k) {
         for (std::size_t j = 0; j < n; ++j) {
             for (std::size_t i = 0; i < n; ++i) {
                 double value = 0.0;
                 for (const auto& c : centres) {
-                    const double d2 = std::pow(double(i) - c[0], 2) + std::pow(double(j) - c[1], 2) + std::pow(double(k) - c[2], 2);
+                    const double d2 =
+                        std::pow(double(i) - c[0], 2) + std::pow(double(j) - c[1], 2) + std::pow(double(k) - c[2], 2);
                     value += c[4] * std::exp(-d2 / (2 * c[3] * c[3]));
                 }
                 samples[(k * n + j) * n + i] = static_cast<float>(value + 0.02 * uniform(random));
@@ -55,7 +57,8 @@ Camera askew(const RegularField& field, Projection projection) {
     return Camera::fit(field.supports_world(), Vec3(-0.5, -0.35, -0.8), Vec3(0, 1, 0), projection, 1.0, 40.0);
 }
 
-Difference against_reference(const Scene& scene, const Camera& camera, Size size, RendererOptions options, const Outputs& outputs, const std::string& name) {
+Difference against_reference(const Scene& scene, const Camera& camera, Size size, RendererOptions options,
+                             const Outputs& outputs, const std::string& name) {
     options.backend = Backend::gl;
     Renderer gl(options);
     RendererOptions exact;
@@ -64,12 +67,14 @@ Difference against_reference(const Scene& scene, const Camera& camera, Size size
     const Image picture = gl.render(scene, camera, size, outputs);
     const Image judge = reference.render(scene, camera, size, outputs);
     const bool scalar = !judge.scalar.empty();
-    const Difference difference = scalar ? compare(picture.scalar, judge.scalar, 1) : compare(picture.rgba, judge.rgba, 4);
+    const Difference difference =
+        scalar ? compare(picture.scalar, judge.scalar, 1) : compare(picture.rgba, judge.rgba, 4);
     double largest = 0.0;
     for (float value : scalar ? judge.scalar : judge.rgba) {
         largest = std::max(largest, std::abs(double(value)));
     }
-    std::printf("%-70s rmse %.2e p99.9 %.2e max %.2e (largest %.3f)\n", name.c_str(), difference.rmse, difference.p99_9, difference.maximum, largest);
+    std::printf("%-70s rmse %.2e p99.9 %.2e max %.2e (largest %.3f)\n", name.c_str(), difference.rmse, difference.p99_9,
+                difference.maximum, largest);
     EXPECT_GT(largest, 0.05) << name;
     if (outputs.coverage) {
         EXPECT_LT(compare(picture.coverage, judge.coverage, 1).rmse, 2e-5) << name << " coverage";
@@ -86,7 +91,8 @@ bool gl_available() {
     return false;
 }
 
-class Matrix : public ::testing::TestWithParam<std::tuple<Mode, Sampling, Projection, Lattice, Normalization, Packing>> {};
+class Matrix
+    : public ::testing::TestWithParam<std::tuple<Mode, Sampling, Projection, Lattice, Normalization, Packing>> {};
 
 TEST_P(Matrix, IsTheReferencesPicture) {
     if (!gl_available()) {
@@ -104,14 +110,22 @@ TEST_P(Matrix, IsTheReferencesPicture) {
     scene.iso_value = 0.45;
     if (normalization == Normalization::none) {
         const double c = field->lattice_constant();
-        scene.transfer_function = TransferFunction({{0.1 * c, {0.1, 0.2, 0.9}, 0.0}, {0.5 * c, {0.2, 0.9, 0.3}, 0.15}, {1.1 * c, {1.0, 0.8, 0.2}, 0.6}});
+        scene.transfer_function = TransferFunction(
+            {{0.1 * c, {0.1, 0.2, 0.9}, 0.0}, {0.5 * c, {0.2, 0.9, 0.3}, 0.15}, {1.1 * c, {1.0, 0.8, 0.2}, 0.6}});
         scene.iso_value = 0.45 * c;
     }
     RendererOptions options;
     options.packing = packing;
-    const std::string name = std::string(mode == Mode::composite ? "composite" : mode == Mode::isosurface ? "iso" : mode == Mode::xray ? "xray" : "mip") +
-                             (sampling == Sampling::slab ? " slab" : " point") + (projection == Projection::perspective ? " persp" : " ortho") +
-                             (lattice == Lattice::bcc ? " bcc" : " cart") + (normalization == Normalization::none ? " none" : normalization == Normalization::lattice ? " lattice" : " threshold") +
+    const std::string name = std::string(mode == Mode::composite    ? "composite"
+                                         : mode == Mode::isosurface ? "iso"
+                                         : mode == Mode::xray       ? "xray"
+                                                                    : "mip") +
+                             (sampling == Sampling::slab ? " slab" : " point") +
+                             (projection == Projection::perspective ? " persp" : " ortho") +
+                             (lattice == Lattice::bcc ? " bcc" : " cart") +
+                             (normalization == Normalization::none      ? " none"
+                              : normalization == Normalization::lattice ? " lattice"
+                                                                        : " threshold") +
                              " " + to_string(packing);
     const Difference difference = against_reference(scene, askew(*field, projection), {48, 40}, options, {}, name);
     if (mode == Mode::isosurface) {
@@ -127,7 +141,8 @@ INSTANTIATE_TEST_SUITE_P(All, Matrix,
                                             ::testing::Values(Sampling::point, Sampling::slab),
                                             ::testing::Values(Projection::orthographic, Projection::perspective),
                                             ::testing::Values(Lattice::cartesian, Lattice::bcc),
-                                            ::testing::Values(Normalization::none, Normalization::lattice, Normalization::threshold),
+                                            ::testing::Values(Normalization::none, Normalization::lattice,
+                                                              Normalization::threshold),
                                             ::testing::Values(Packing::wide, Packing::paper)));
 
 struct Draw {
@@ -146,7 +161,8 @@ class Drawing : public ::testing::TestWithParam<Draw> {};
 /// Saturates, so that everything that looks for opaque pixels has something to find.
 Scene dense(const std::shared_ptr<const RegularField>& field) {
     Scene scene = scene_of(field);
-    scene.transfer_function = TransferFunction({{0.1, {0.1, 0.2, 0.9}, 0.0}, {0.3, {0.2, 0.9, 0.3}, 0.5}, {1.1, {1.0, 0.8, 0.2}, 0.9}});
+    scene.transfer_function =
+        TransferFunction({{0.1, {0.1, 0.2, 0.9}, 0.0}, {0.3, {0.2, 0.9, 0.3}, 0.5}, {1.1, {1.0, 0.8, 0.2}, 0.9}});
     return scene;
 }
 
@@ -178,9 +194,10 @@ TEST_P(Drawing, IsTheReferencesPicture) {
             Scene scene = dense(field);
             scene.mode = mode;
             scene.iso_value = 0.45;
-            const Difference difference = against_reference(scene, askew(*field, projection), {70, 66}, options, {},
-                                                            std::string(draw.name) + (mode == Mode::composite ? " composite" : " iso") +
-                                                                (projection == Projection::perspective ? " persp" : " ortho"));
+            const Difference difference =
+                against_reference(scene, askew(*field, projection), {70, 66}, options, {},
+                                  std::string(draw.name) + (mode == Mode::composite ? " composite" : " iso") +
+                                      (projection == Projection::perspective ? " persp" : " ortho"));
             EXPECT_LT(difference.rmse, 1e-4) << draw.name;
             EXPECT_LT(difference.p99_9, 1e-3) << draw.name;
         }
@@ -196,7 +213,8 @@ std::vector<Draw> draws() {
                 static std::vector<std::string> names;
                 names.reserve(200);
                 const auto add = [&](const std::string& more, std::map<std::string, bool> with, int tile, int tags) {
-                    names.push_back(std::string(to_string(packing)) + " " + to_string(tagging) + (elimination ? " elimination" : "") + more);
+                    names.push_back(std::string(to_string(packing)) + " " + to_string(tagging) +
+                                    (elimination ? " elimination" : "") + more);
                     with.insert(effects.begin(), effects.end());
                     list.push_back({names.back().c_str(), packing, tagging, with, tile, tags});
                 };
@@ -210,7 +228,14 @@ std::vector<Draw> draws() {
                     add(" opacity buffer", {{"opacity_buffer", true}}, 0, 0);
                     add(" one channel", {{"four_channels", false}}, 0, 0);
                     add(" single calls", {{"vertex_arrays", false}}, 0, 0);
-                    add(" everything on", {{"weight", true}, {"empty_test", true}, {"specular", true}, {"opacity_correction", true}, {"opacity_stop", true}, {"general_sections", true}}, 0, 0);
+                    add(" everything on",
+                        {{"weight", true},
+                         {"empty_test", true},
+                         {"specular", true},
+                         {"opacity_correction", true},
+                         {"opacity_stop", true},
+                         {"general_sections", true}},
+                        0, 0);
                     add(" no culling", {{"culling", false}}, 0, 0);
                     add(" fine gradient", {{"fine_gradient", true}}, 0, 0);
                     add(" fine gradient and weights", {{"fine_gradient", true}, {"weight", true}}, 0, 0);
@@ -250,10 +275,13 @@ TEST(AgainstReference, PicturesThatAreWrongByALittleFail) {
     wrong.slice_spacing = right.slice_distance() * 1.001;
     EXPECT_GT(error_of(wrong, camera), 2e-5) << "slice spacing";
     wrong = right;
-    wrong.transfer_function = TransferFunction({{0.1, {0.1, 0.2, 0.9}, 0.0}, {0.5, {0.2, 0.9, 0.3}, 0.1502}, {1.1, {1.0, 0.8, 0.2}, 0.6}});
+    wrong.transfer_function =
+        TransferFunction({{0.1, {0.1, 0.2, 0.9}, 0.0}, {0.5, {0.2, 0.9, 0.3}, 0.1502}, {1.1, {1.0, 0.8, 0.2}, 0.6}});
     EXPECT_GT(error_of(wrong, camera), 2e-5) << "opacity";
     const Vec3 aside = camera.eye() + 1e-3 * camera.right_world();
-    EXPECT_GT(error_of(right, Camera::orthographic(aside, camera.target() + 1e-3 * camera.right_world(), camera.up(), camera.height())), 2e-5)
+    EXPECT_GT(error_of(right, Camera::orthographic(aside, camera.target() + 1e-3 * camera.right_world(), camera.up(),
+                                                   camera.height())),
+              2e-5)
         << "camera";
 }
 
@@ -263,7 +291,8 @@ TEST(AgainstReference, OpacityBufferDropsKernelsAndNoPixel) {
     }
     auto field = blobs({}, 24);
     Scene scene = dense(field);
-    scene.transfer_function = TransferFunction({{0.05, {0.1, 0.2, 0.9}, 0.0}, {0.1, {0.2, 0.9, 0.3}, 0.9}, {1.1, {1.0, 0.8, 0.2}, 1.0}});
+    scene.transfer_function =
+        TransferFunction({{0.05, {0.1, 0.2, 0.9}, 0.0}, {0.1, {0.2, 0.9, 0.3}, 0.9}, {1.1, {1.0, 0.8, 0.2}, 1.0}});
     RendererOptions options;
     options.backend = Backend::gl;
     const Camera camera = Camera::fit(field->supports_world(), Vec3(0, 0, -1), Vec3(0, 1, 0));
@@ -271,7 +300,8 @@ TEST(AgainstReference, OpacityBufferDropsKernelsAndNoPixel) {
     const Image plain = Renderer(options).render(scene, camera, {96, 96});
     options.effects = {{"opacity_buffer", true}};
     const Image buffered = Renderer(options).render(scene, camera, {96, 96});
-    std::printf("opacity buffer: %.0f kernels hidden of %.0f\n", buffered.stats.at("kernels_hidden"), buffered.stats.at("kernels_drawn"));
+    std::printf("opacity buffer: %.0f kernels hidden of %.0f\n", buffered.stats.at("kernels_hidden"),
+                buffered.stats.at("kernels_drawn"));
     EXPECT_GT(buffered.stats.at("kernels_hidden"), 0.0);
     EXPECT_LT(compare(buffered.rgba, plain.rgba, 4).maximum, 1e-6);
     options.effects = {{"opacity_buffer_average", true}};
@@ -289,10 +319,15 @@ TEST(AgainstReference, ExtremesAreRightOrRefused) {
         return scene;
     }();
     const Vec3 centre = field->centres_world().centre();
-    const auto look = [&](double height, double distance) { return Camera::orthographic(centre + Vec3(0, 0, distance), centre, Vec3(0, 1, 0), height); };
+    const auto look = [&](double height, double distance) {
+        return Camera::orthographic(centre + Vec3(0, 0, distance), centre, Vec3(0, 1, 0), height);
+    };
     // Magnified until a kernel spans a thousand million pixels; beyond a bound, refused.
     for (const double height : {1e-3, 1e-6, 1e-8}) {
-        EXPECT_LT(against_reference(unlit, look(height, 30.0), {32, 32}, {}, {}, "height " + std::to_string(std::log10(height))).rmse, 1e-4);
+        EXPECT_LT(against_reference(unlit, look(height, 30.0), {32, 32}, {}, {},
+                                    "height " + std::to_string(std::log10(height)))
+                      .rmse,
+                  1e-4);
     }
     RendererOptions options;
     options.backend = Backend::gl;
@@ -351,9 +386,12 @@ TEST(AgainstReference, PreintegrationCoverageDepthAndBackground) {
             scene.preintegration = preintegration;
             scene.slice_spacing = 1.7;
             scene.background = Vec3(0.2, 0.3, 0.4);
-            scene.transfer_function = TransferFunction({{-0.2, {0, 0, 1}, 0.05}, {0.3, {0, 1, 0}, 0.05}, {0.3, {1, 1, 0}, 0.5}, {0.8, {1, 0, 0}, 1.0}});
-            const Difference difference = against_reference(scene, askew(*field, projection), {48, 40}, {}, {true, true},
-                                                            std::string("all outputs") + (preintegration ? " preintegrated" : "") + (projection == Projection::perspective ? " persp" : " ortho"));
+            scene.transfer_function = TransferFunction(
+                {{-0.2, {0, 0, 1}, 0.05}, {0.3, {0, 1, 0}, 0.05}, {0.3, {1, 1, 0}, 0.5}, {0.8, {1, 0, 0}, 1.0}});
+            const Difference difference =
+                against_reference(scene, askew(*field, projection), {48, 40}, {}, {true, true},
+                                  std::string("all outputs") + (preintegration ? " preintegrated" : "") +
+                                      (projection == Projection::perspective ? " persp" : " ortho"));
             EXPECT_LT(difference.rmse, 1e-4);
             EXPECT_LT(difference.p99_9, preintegration ? 1e-3 : 1.0);
         }
@@ -371,8 +409,10 @@ TEST(AgainstReference, SpacingAndCloseUps) {
             auto field = blobs(uneven);
             Scene scene = scene_of(field);
             scene.sampling = sampling;
-            const std::string words = std::string(sampling == Sampling::slab ? " slab" : " point") + (projection == Projection::perspective ? " persp" : " ortho");
-            Difference difference = against_reference(scene, askew(*field, projection), {48, 40}, {}, {}, "unequal spacing" + words);
+            const std::string words = std::string(sampling == Sampling::slab ? " slab" : " point") +
+                                      (projection == Projection::perspective ? " persp" : " ortho");
+            Difference difference =
+                against_reference(scene, askew(*field, projection), {48, 40}, {}, {}, "unequal spacing" + words);
             EXPECT_LT(difference.rmse, 2e-5);
             EXPECT_LT(difference.p99_9, 2e-4);
             auto cube = blobs({});
@@ -386,11 +426,14 @@ TEST(AgainstReference, SpacingAndCloseUps) {
                     close.slice_spacing = zoom == 0.1 ? 1.0 : 0.05;
                     const Vec3 centre = weighted->centres_world().centre();
                     const Vec3 eye = centre + Vec3(11, 8, 17);
-                    const Camera camera = projection == Projection::orthographic ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
-                                                                                 : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
+                    const Camera camera = projection == Projection::orthographic
+                                              ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
+                                              : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
                     RendererOptions options;
                     options.packing = packing;
-                    difference = against_reference(close, camera, {24, 24}, options, {}, "threshold zoom " + std::to_string(zoom) + words + " " + to_string(packing));
+                    difference =
+                        against_reference(close, camera, {24, 24}, options, {},
+                                          "threshold zoom " + std::to_string(zoom) + words + " " + to_string(packing));
                     EXPECT_LT(difference.rmse, 2e-5);
                     EXPECT_LT(difference.p99_9, 2e-4);
                 }
@@ -400,8 +443,9 @@ TEST(AgainstReference, SpacingAndCloseUps) {
                 close.sampling = sampling;
                 const Vec3 centre = cube->centres_world().centre();
                 const Vec3 eye = centre + Vec3(11, 8, 17);
-                const Camera camera = projection == Projection::orthographic ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
-                                                                             : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
+                const Camera camera = projection == Projection::orthographic
+                                          ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
+                                          : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
                 difference = against_reference(close, camera, {40, 40}, {}, {}, "zoom " + std::to_string(zoom) + words);
                 EXPECT_LT(difference.rmse, zoom > 0.02 ? 2e-5 : 1e-4);
                 EXPECT_LT(difference.p99_9, zoom > 0.02 ? 2e-4 : 1e-3);
@@ -410,7 +454,8 @@ TEST(AgainstReference, SpacingAndCloseUps) {
                 Scene thin = scene_of(cube);
                 thin.sampling = sampling;
                 thin.slice_spacing = spacing;
-                difference = against_reference(thin, askew(*cube, projection), {32, 32}, {}, {}, "slices " + std::to_string(spacing) + words);
+                difference = against_reference(thin, askew(*cube, projection), {32, 32}, {}, {},
+                                               "slices " + std::to_string(spacing) + words);
                 EXPECT_LT(difference.rmse, 2e-5);
                 EXPECT_LT(difference.p99_9, 2e-4);
             }

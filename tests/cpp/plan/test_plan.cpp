@@ -10,7 +10,8 @@ namespace {
 std::shared_ptr<const RegularField> small_field(Normalization normalization = Normalization::lattice) {
     RegularFieldOptions options;
     options.normalization = normalization;
-    return std::make_shared<RegularField>(std::vector<float>{0.0F, 1.0F, 0.5F, 0.2F, 0.1F, 0.9F, 0.3F, 0.4F}, std::array<std::size_t, 3>{2, 2, 2}, options);
+    return std::make_shared<RegularField>(std::vector<float>{0.0F, 1.0F, 0.5F, 0.2F, 0.1F, 0.9F, 0.3F, 0.4F},
+                                          std::array<std::size_t, 3>{2, 2, 2}, options);
 }
 
 Scene plain_scene(Normalization normalization = Normalization::lattice) {
@@ -33,15 +34,17 @@ Capabilities software() {
     return capabilities;
 }
 
-DrawPlan plan_of(const Scene& scene, const RendererOptions& options = {}, const Outputs& outputs = {}, ViewFacts view = facts(),
-                 Capabilities capabilities = software(), Projection projection = Projection::orthographic) {
+DrawPlan plan_of(const Scene& scene, const RendererOptions& options = {}, const Outputs& outputs = {},
+                 ViewFacts view = facts(), Capabilities capabilities = software(),
+                 Projection projection = Projection::orthographic) {
     return make_plan(scene, view, options, outputs, projection, Backend::gl, &capabilities);
 }
 
 TEST(Plan, LeavesOutWhatTheSceneDoesNotCallFor) {
     const DrawPlan plan = plan_of(plain_scene());
-    for (const char* name : {"weight", "gradient", "specular", "two_sided", "opacity_correction", "opacity_stop", "elimination", "opacity_buffer",
-                             "perspective", "slab_sampling", "preintegration", "coverage", "depth", "background", "world_lights", "preshaded"}) {
+    for (const char* name : {"weight", "gradient", "specular", "two_sided", "opacity_correction", "opacity_stop",
+                             "elimination", "opacity_buffer", "perspective", "slab_sampling", "preintegration",
+                             "coverage", "depth", "background", "world_lights", "preshaded"}) {
         EXPECT_FALSE(plan.summary.has(name)) << name;
     }
     EXPECT_TRUE(plan.summary.has("classification"));
@@ -102,7 +105,8 @@ TEST(Plan, EliminatesOnHardwareWhereSomethingSaturates) {
     deep.slices = 100;
     EXPECT_FALSE(plan_of(slow, {}, {}, deep).elimination);
     EXPECT_TRUE(plan_of(slow, {}, {}, deep, hardware).elimination);
-    EXPECT_FALSE(plan_of(scene, {}, {true, false}, facts(), hardware).elimination) << "coverage looks behind opaque pixels";
+    EXPECT_FALSE(plan_of(scene, {}, {true, false}, facts(), hardware).elimination)
+        << "coverage looks behind opaque pixels";
     EXPECT_FALSE(plan_of(plain_scene(), {}, {}, facts(), hardware).elimination) << "nothing saturates";
 }
 

@@ -55,7 +55,8 @@ TEST(SlabBatches, DrawEveryKernelOnceInEverySlabThatItMeets) {
                             auto field = random_field(lattice, spacing, static_cast<unsigned>(++checked));
                             const Scene scene = scene_of(field, slice_spacing);
                             const Vec3 direction(uniform(random), uniform(random), uniform(random) - 1.5);
-                            const Camera camera = Camera::fit(field->supports_world(), direction, Vec3(0, 1, 0), projection);
+                            const Camera camera =
+                                Camera::fit(field->supports_world(), direction, Vec3(0, 1, 0), projection);
                             const Frame frame = make_frame(scene, camera, {40, 30});
                             const FieldView view = make_field_view(*field, camera, frame, sampling, 1.0);
                             const VisibleRuns runs = VisibleRuns::of(*field, VisibilityQuery{});
@@ -63,7 +64,8 @@ TEST(SlabBatches, DrawEveryKernelOnceInEverySlabThatItMeets) {
                             // sample -> slabs that it is drawn to
                             std::map<std::uint32_t, std::multiset<std::int64_t>> drawn;
                             for (std::size_t batch = 0; batch < batches.batches(); ++batch) {
-                                for (const std::uint32_t* entry = batches.begin(batch); entry != batches.end(batch); ++entry) {
+                                for (const std::uint32_t* entry = batches.begin(batch); entry != batches.end(batch);
+                                     ++entry) {
                                     for (int slab = 0; slab < layout.covered; ++slab) {
                                         drawn[*entry].insert(static_cast<std::int64_t>(batch) * layout.stride + slab);
                                     }
@@ -74,7 +76,8 @@ TEST(SlabBatches, DrawEveryKernelOnceInEverySlabThatItMeets) {
                             for (std::size_t k = 0; k < shape[0]; ++k) {
                                 for (std::size_t j = 0; j < shape[1]; ++j) {
                                     for (std::size_t i = 0; i < shape[2]; ++i) {
-                                        const auto sample = static_cast<std::uint32_t>((k * shape[1] + j) * shape[2] + i);
+                                        const auto sample =
+                                            static_cast<std::uint32_t>((k * shape[1] + j) * shape[2] + i);
                                         if (field->value(i, j, k) == 0.0) {
                                             EXPECT_EQ(drawn.count(sample), 0U);
                                             continue;
@@ -83,7 +86,9 @@ TEST(SlabBatches, DrawEveryKernelOnceInEverySlabThatItMeets) {
                                         bool met = false;
                                         for (std::int64_t slice = 0; slice < frame.slices; ++slice) {
                                             const double away = std::abs(frame.depth_of(slice) - depth);
-                                            const double reach = view.half_depth + (sampling == Sampling::slab ? 0.5 * slice_spacing : 0.0);
+                                            const double reach =
+                                                view.half_depth +
+                                                (sampling == Sampling::slab ? 0.5 * slice_spacing : 0.0);
                                             const std::size_t times = drawn[sample].count(slice);
                                             EXPECT_LE(times, 1U) << "drawn twice into slab " << slice;
                                             if (away < reach * (1.0 - 1e-9)) {
@@ -159,7 +164,8 @@ TEST(FieldView, SlicesTheSupportWhereItsEquationDoes) {
             const glm::dvec2 ab(radius * std::cos(angle), radius * std::sin(angle));
             const glm::dvec2 xy = plane * (ab + s * view.shear);
             // s is the height: z relative to the centre is s h.
-            const Vec3 world = xy.x * camera.right_world() + xy.y * camera.up_world() + s * view.half_depth * camera.back_world();
+            const Vec3 world =
+                xy.x * camera.right_world() + xy.y * camera.up_world() + s * view.half_depth * camera.back_world();
             const Vec3 unit = world / axes;
             EXPECT_NEAR(std::sqrt(unit.x * unit.x + unit.y * unit.y + unit.z * unit.z), 1.0, 1e-12);
         }

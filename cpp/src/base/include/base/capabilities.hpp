@@ -1,4 +1,5 @@
-// What a device can do. A plain struct: filled by gl, read by plan and sheet, so that neither of those two needs a context.
+// What a device can do. A plain struct: filled by gl, read by plan and sheet, so that neither of those two needs a
+// context.
 #pragma once
 
 #include <cstdint>
@@ -8,30 +9,33 @@
 namespace sheetsplat {
 
 struct Capabilities {
-    std::string platform;   ///< egl | surfaceless | osmesa
-    std::string vendor;     ///< GL_VENDOR
-    std::string renderer;   ///< GL_RENDERER
-    std::string version;    ///< GL_VERSION
+    std::string platform; ///< egl | surfaceless | osmesa
+    std::string vendor;   ///< GL_VENDOR
+    std::string renderer; ///< GL_RENDERER
+    std::string version;  ///< GL_VERSION
     int version_major = 3;
     int version_minor = 3;
-    bool software = false;  ///< llvmpipe, softpipe, swrast
-    bool depth_bounds = false;     ///< GL_EXT_depth_bounds_test
-    bool texture_barrier = false;  ///< a texel may be read by the fragment that writes it
-    bool buffer_storage = false;   ///< GL 4.4 or ARB_buffer_storage
+    bool software = false;        ///< llvmpipe, softpipe, swrast
+    bool depth_bounds = false;    ///< GL_EXT_depth_bounds_test
+    bool texture_barrier = false; ///< a texel may be read by the fragment that writes it
+    bool buffer_storage = false;  ///< GL 4.4 or ARB_buffer_storage
     bool timer_query = false;
-    bool debug_output = false;     ///< KHR_debug
-    bool float32_blend = true;     ///< RGBA32F can be a blended colour target
-    bool float16_blend_rounds = true; ///< sums in RGBA16F are rounded to nearest; false: cut off, so that long sums come out dark
-    bool points_reach_in = false;  ///< a point whose centre lies outside the viewport is drawn where its square reaches in
-    float max_point_size = 1.0F;   ///< pixels, as measured
+    bool debug_output = false; ///< KHR_debug
+    bool float32_blend = true; ///< RGBA32F can be a blended colour target
+    bool float16_blend_rounds =
+        true; ///< sums in RGBA16F are rounded to nearest; false: cut off, so that long sums come out dark
+    bool points_reach_in =
+        false; ///< a point whose centre lies outside the viewport is drawn where its square reaches in
+    float max_point_size = 1.0F; ///< pixels, as measured
     int max_texture_size = 1024;
     int max_viewport = 1024;
-    int subpixel_bits = 4; ///< of positions in the rasteriser
-    int max_draw_buffers = 8;      ///< of one framebuffer
-    int max_texture_units = 16;    ///< of the fragment stage
-    int depth_bits = 24;           ///< of a GL_DEPTH_COMPONENT24 texture, as the driver stores it
-    std::vector<std::string> extensions;  ///< of those that are used
-    std::vector<std::string> workarounds; ///< names of the work-arounds in force (gl/capabilities.cpp tells what each is for)
+    int subpixel_bits = 4;               ///< of positions in the rasteriser
+    int max_draw_buffers = 8;            ///< of one framebuffer
+    int max_texture_units = 16;          ///< of the fragment stage
+    int depth_bits = 24;                 ///< of a GL_DEPTH_COMPONENT24 texture, as the driver stores it
+    std::vector<std::string> extensions; ///< of those that are used
+    std::vector<std::string>
+        workarounds; ///< names of the work-arounds in force (gl/capabilities.cpp tells what each is for)
 
     [[nodiscard]] bool at_least(int major, int minor) const {
         return version_major > major || (version_major == major && version_minor >= minor);

@@ -103,8 +103,8 @@ class Buffer {
     /// Grows to at least `bytes` and returns memory to write them to; unmap() hands them over. Throws OutOfMemory.
     [[nodiscard]] void* map(std::size_t bytes);
     void unmap();
-    /// Like map, but behind what was written since the last rewind(): the storage stays, so that the driver neither waits nor takes new
-    /// memory. The bytes begin at offset(). A buffer that is full starts anew as map does.
+    /// Like map, but behind what was written since the last rewind(): the storage stays, so that the driver neither
+    /// waits nor takes new memory. The bytes begin at offset(). A buffer that is full starts anew as map does.
     [[nodiscard]] void* map_next(std::size_t bytes);
     [[nodiscard]] std::size_t offset() const { return offset_; }
     /// The device has drawn everything that was written: the storage may be used again from its start.

@@ -22,13 +22,14 @@ struct ViewFacts {
     double reference_length = 1.0;
     double smallest_pixel = 1.0;
     double largest_pixel = 1.0;
-    double largest_slant = 1.0;   ///< largest s = 1 / cos(theta) over the picture
+    double largest_slant = 1.0; ///< largest s = 1 / cos(theta) over the picture
     bool cut_by_near = false;
-    bool sheared = false;         ///< cross-sections of some field lean (unequal spacing, seen askew)
-    double largest_splat_px = 1.0; ///< largest radius of a kernel on the screen, pixels (perspective: at the nearest slice)
+    bool sheared = false; ///< cross-sections of some field lean (unequal spacing, seen askew)
+    double largest_splat_px =
+        1.0; ///< largest radius of a kernel on the screen, pixels (perspective: at the nearest slice)
     double smallest_falloff = 8.0; ///< over the fields
-    double thinnest_slab = 1.0;   ///< smallest sqrt(k) ds / h over the fields
-    double widest_slab = 1.0;     ///< largest sqrt(k) |w| ds / h over the fields
+    double thinnest_slab = 1.0;    ///< smallest sqrt(k) ds / h over the fields
+    double widest_slab = 1.0;      ///< largest sqrt(k) |w| ds / h over the fields
     std::int64_t longest_span = 4; ///< most slices that one kernel meets
 };
 
@@ -39,41 +40,43 @@ struct DrawPlan {
     Sampling sampling = Sampling::point;
     Mode mode = Mode::composite;
     bool weight = false;
-    bool empty_test = false;       ///< opacity at 0 > 0: points that no kernel reaches must be told from points whose sum is 0
+    bool empty_test =
+        false; ///< opacity at 0 > 0: points that no kernel reaches must be told from points whose sum is 0
     bool threshold = false;
     bool gradient = false;
     bool specular = false;
     bool two_sided = false;
     bool opacity_correction = false;
     bool preintegration = false;
-    bool stop = false;             ///< A_stop is looked at
-    bool read_image = false;       ///< the picture so far is an input of the shading pass
+    bool stop = false;       ///< A_stop is looked at
+    bool read_image = false; ///< the picture so far is an input of the shading pass
     bool elimination = false;
     bool opacity_buffer = false;
     bool opacity_buffer_average = false;
     bool coverage = false;
     bool depth = false;
-    bool compensated = false;      ///< rounding errors of the picture are carried along
-    bool general = false;          ///< sections move or scale from slab to slab (perspective, leaning ellipsoids)
+    bool compensated = false; ///< rounding errors of the picture are carried along
+    bool general = false;     ///< sections move or scale from slab to slab (perspective, leaning ellipsoids)
     bool points = true;
-    bool separable = true;         ///< one Gaussian on the screen serves all sections of a kernel
+    bool separable = true; ///< one Gaussian on the screen serves all sections of a kernel
     bool vertex_arrays = true;
     bool four_channels = true;
     bool fine_gradient = false;
-    bool fine_across = false;      ///< pixels are small: differences along x and y are splatted
-    bool fine_along = false;       ///< slices are close: differences over depth are splatted
+    bool fine_across = false; ///< pixels are small: differences along x and y are splatted
+    bool fine_along = false;  ///< slices are close: differences over depth are splatted
     bool preshaded = false;
     bool culling = true;
-    int slab_nodes = 0;            ///< quadrature nodes of slab means; 0: erf
-    int slab_pieces = 1;           ///< pieces that differences of slab means are integrated in
-    double value_unit = 1.0;       ///< the amount of rho that sheets call 1
+    int slab_nodes = 0;      ///< quadrature nodes of slab means; 0: erf
+    int slab_pieces = 1;     ///< pieces that differences of slab means are integrated in
+    double value_unit = 1.0; ///< the amount of rho that sheets call 1
     Packing packing = Packing::wide;
     Tagging tagging = Tagging::off;
     Precision precision = Precision::float32;
 };
 
-/// The radius in unit-sphere space and the like are the caller's; this decides. capabilities: null for backend reference.
-/// Throws InvalidInput for names of effects that do not exist; Unsupported for what this backend cannot do within its bound.
+/// The radius in unit-sphere space and the like are the caller's; this decides. capabilities: null for backend
+/// reference. Throws InvalidInput for names of effects that do not exist; Unsupported for what this backend cannot do
+/// within its bound.
 DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                    Projection projection, Backend backend, const Capabilities* capabilities);
 

@@ -18,7 +18,9 @@ class Profile {
     /// g for r^2 < 1; the caller has made sure that the point is inside.
     [[nodiscard]] double at(double r_squared) const {
         // For small k the two exponentials are nearly equal; their difference in closed form is not.
-        return (falloff_ < 1.0 ? edge_ * std::expm1(falloff_ * (1.0 - r_squared)) : std::exp(-falloff_ * r_squared) - edge_) * gain_;
+        return (falloff_ < 1.0 ? edge_ * std::expm1(falloff_ * (1.0 - r_squared))
+                               : std::exp(-falloff_ * r_squared) - edge_) *
+               gain_;
     }
 
     /// Integral of g over the part of a line that begins and ends at `from` and `to` (units of the support's radius

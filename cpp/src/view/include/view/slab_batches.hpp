@@ -11,21 +11,23 @@
 
 namespace sheetsplat {
 
-/// How slabs are grouped. A batch starts every `stride` slabs; what is drawn for it covers `covered` slabs from its first one on.
-/// wide: 4 and 8 (two RGBA targets); paper: 1 and 4 (one RGBA target whose order rotates); one channel: 1 and 1.
+/// How slabs are grouped. A batch starts every `stride` slabs; what is drawn for it covers `covered` slabs from its
+/// first one on. wide: 4 and 8 (two RGBA targets); paper: 1 and 4 (one RGBA target whose order rotates); one channel: 1
+/// and 1.
 struct BatchLayout {
     int stride = 4;
     int covered = 8;
 };
 
-/// Linear sample indices (k * nj + j) * ni + i, batch by batch. A kernel stands in the batch of its first slab, and again every
-/// covered / stride batches while it reaches further: so no slab is drawn twice.
+/// Linear sample indices (k * nj + j) * ni + i, batch by batch. A kernel stands in the batch of its first slab, and
+/// again every covered / stride batches while it reaches further: so no slab is drawn twice.
 class SlabBatches {
   public:
-    /// Counting sort in two passes over the runs; at most 4 bytes an entry are kept. wider: slices before a kernel's first and after
-    /// its last one for which it is drawn too (differences over depth reach one further). Throws OutOfMemory.
-    static SlabBatches of(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling, BatchLayout layout,
-                          int wider = 0);
+    /// Counting sort in two passes over the runs; at most 4 bytes an entry are kept. wider: slices before a kernel's
+    /// first and after its last one for which it is drawn too (differences over depth reach one further). Throws
+    /// OutOfMemory.
+    static SlabBatches of(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling,
+                          BatchLayout layout, int wider = 0);
 
     [[nodiscard]] std::size_t batches() const { return offset_.empty() ? 0 : offset_.size() - 1; }
     [[nodiscard]] const std::uint32_t* begin(std::size_t batch) const { return entries_.data() + offset_[batch]; }
@@ -44,15 +46,16 @@ class SlabBatches {
 
 /// What the GPU gets for one kernel: 16 bytes.
 struct SplatVertex {
-    float x, y;  ///< pixels in the tile's targets: of the centre (orthographic), of the centre's ray at the reference depth (perspective)
+    float x, y;  ///< pixels in the tile's targets: of the centre (orthographic), of the centre's ray at the reference
+                 ///< depth (perspective)
     float s;     ///< height of the batch's first slice in the kernel's unit sphere: (t_k - t_first) / h
     float value; ///< sample times FieldView::value_scale
 };
 
 /// A rectangle of the picture with the border of one pixel that gradients need.
 struct Tile {
-    int x = 0, y = 0;           ///< first pixel in the picture
-    int width = 0, height = 0;  ///< without the border
+    int x = 0, y = 0;          ///< first pixel in the picture
+    int width = 0, height = 0; ///< without the border
     static constexpr int border = 1;
     [[nodiscard]] int target_width() const { return width + 2 * border; }
     [[nodiscard]] int target_height() const { return height + 2 * border; }
@@ -67,14 +70,16 @@ struct PixelBox {
 /// Makes the vertices of a batch for a tile. One template instance per sample type.
 class VertexMaker {
   public:
-    /// wider_px: pixels by which every box is larger than the kernel (differences between neighbours reach one further).
+    /// wider_px: pixels by which every box is larger than the kernel (differences between neighbours reach one
+    /// further).
     VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout, int wider_px = 0);
 
-    /// Writes a vertex for each of the samples that reach into the tile, calls touch(box, sample) with the pixels it can touch and its index,
-    /// and drops it where touch returns false. Returns how many were written to `out` (room for `count`), and their boxes to `boxes` unless null.
+    /// Writes a vertex for each of the samples that reach into the tile, calls touch(box, sample) with the pixels it
+    /// can touch and its index, and drops it where touch returns false. Returns how many were written to `out` (room
+    /// for `count`), and their boxes to `boxes` unless null.
     template <class Touch>
-    std::size_t make(const std::uint32_t* samples, std::size_t count, std::int64_t first_slab, SplatVertex* out, PixelBox* boxes,
-                     Touch&& touch) const;
+    std::size_t make(const std::uint32_t* samples, std::size_t count, std::int64_t first_slab, SplatVertex* out,
+                     PixelBox* boxes, Touch&& touch) const;
 
     /// Largest half-size of any vertex's box in pixels: the radius of a point sprite. Orthographic: the same for all.
     [[nodiscard]] double half_size() const { return std::max(half_x_, half_y_); }
@@ -101,13 +106,14 @@ class VertexMaker {
 };
 
 template <class Touch>
-std::size_t VertexMaker::make(const std::uint32_t* samples, std::size_t count, std::int64_t first_slab, SplatVertex* out,
-                              PixelBox* boxes, Touch&& touch) const {
+std::size_t VertexMaker::make(const std::uint32_t* samples, std::size_t count, std::int64_t first_slab,
+                              SplatVertex* out, PixelBox* boxes, Touch&& touch) const {
     const auto& shape = view_->field->shape();
     const auto ni = static_cast<std::uint32_t>(shape[2]);
     const auto nj = static_cast<std::uint32_t>(shape[1]);
     const double first_depth = frame_->depth_of(first_slab);
-    const double last_depth = frame_->depth_of(std::min<std::int64_t>(first_slab + layout_.covered, frame_->slices) - 1);
+    const double last_depth =
+        frame_->depth_of(std::min<std::int64_t>(first_slab + layout_.covered, frame_->slices) - 1);
     return std::visit(
         [&](const auto& data) {
             std::size_t written = 0;

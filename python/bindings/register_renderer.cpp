@@ -29,6 +29,34 @@ const std::map<std::string, Tagging> taggings{{"auto", Tagging::automatic},
 const std::map<std::string, Packing> packings{
     {"auto", Packing::automatic}, {"paper", Packing::paper}, {"wide", Packing::wide}};
 
+/// True where the interpreter is being torn down.
+bool is_finalizing() {
+#if PY_VERSION_HEX >= 0x030D0000
+    return Py_IsFinalizing() != 0;
+#else
+    return _Py_IsFinalizing() != 0;
+#endif
+}
+
+/// Lets go of the GIL for a scope. Whoever asks for it again while the interpreter is torn down would be ended in the
+/// middle of a destructor, and the process with it; such a thread waits for the end of the process here instead, with
+/// all locks given back.
+class Released {
+  public:
+    Released() : state_(PyEval_SaveThread()) {}
+    ~Released() {
+        while (is_finalizing()) {
+            std::this_thread::sleep_for(std::chrono::hours(1));
+        }
+        PyEval_RestoreThread(state_);
+    }
+    Released(const Released&) = delete;
+    Released& operator=(const Released&) = delete;
+
+  private:
+    PyThreadState* state_;
+};
+
 /// Between slices: signals and the caller's callback. Taking the GIL after every slice would make threads of Python
 /// stutter, so that calls in quick succession are let through unseen.
 class Watch {
@@ -49,6 +77,10 @@ class Watch {
         }
         seen_ = true;
         last_ = now;
+        // At the end of the process other threads may not ask for the GIL any more: they would be stopped within it.
+        if (is_finalizing()) {
+            return false;
+        }
         const py::gil_scoped_acquire acquire;
         try {
             if (PyErr_CheckSignals() != 0) {
@@ -90,7 +122,7 @@ class LockedRenderer {
     std::shared_ptr<RenderPlan> plan(const Scene& scene, const Camera& camera, std::array<int, 2> size, bool coverage,
                                      bool depth) {
         refuse_reentry();
-        const py::gil_scoped_release release;
+        const Released release;
         const Hold hold(*this);
         return std::make_shared<RenderPlan>(renderer_.plan(scene, camera, {size[0], size[1]}, {coverage, depth}));
     }
@@ -100,7 +132,7 @@ class LockedRenderer {
         refuse_reentry();
         Watch watch(progress);
         try {
-            const py::gil_scoped_release release;
+            const Released release;
             const Hold hold(*this);
             return std::make_shared<Image>(renderer_.render(scene, camera, {size[0], size[1]}, {coverage, depth},
                                                             [&watch](double share) { return watch(share); }));
@@ -152,7 +184,7 @@ std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::o
     options.allow_inexact = allow_inexact;
     options.tile_size = tile_size;
     options.tags_per_clear = tags_per_clear;
-    const py::gil_scoped_release release;
+    const Released release;
     return std::make_unique<LockedRenderer>(options);
 }
 

@@ -15,4 +15,4 @@ print(
     f"RMSE {np.sqrt(np.mean(difference**2)):.2e}  P99.9 {np.quantile(largest, 0.999):.2e}  maximum {largest.max():.2e}"
 )
 for cause, rmse in fast.plan.error_budget.items():
-    print(f"  expected from {cause}: {rmse:.1e}")
+    print(f"  the plan's estimate, no bound, of the noise of {cause}: {rmse:.1e}")

@@ -1,18 +1,33 @@
-"""The same volume on a Cartesian and on a BCC lattice: 1/√2 of the samples, nearly the same picture."""
+"""The same volume on a Cartesian and on a BCC lattice: 1/√2 of the samples, nearly the same picture.
+
+The signal fills its volume, so nearly as large a share of samples is drawn on both lattices. Thin things with sharp
+edges in empty space are another matter: taking out what the BCC lattice cannot hold leaves small values around them,
+and where those are visible, more samples are drawn than before.
+"""
 
 import numpy as np
 
 import sheetsplat as ss
 
-data = ss.datasets.tubes()
+data = ss.datasets.marschner_lobb(48)
 cartesian = data.field()
-bcc = ss.resample_to_bcc(data.values, data.spacing, data.origin).field()
+resampled = ss.resample_to_bcc(data)
+bcc = resampled.field()
+spacing = cartesian.spacing[0]
 camera = ss.Camera.fit(cartesian, direction=(0.3, -0.2, -1.0))
 renderer = ss.Renderer()
 pictures = {}
 for name, field in (("cartesian", cartesian), ("bcc", bcc)):
-    pictures[name] = renderer.render(data.scene(field=field, slice_spacing=1.0, reference_length=1.0), camera)
-    pictures[name].save(f"tubes-{name}.png")
+    scene = data.scene(field=field, mode="composite", slice_spacing=spacing, reference_length=spacing)
+    pictures[name] = renderer.render(scene, camera)
+    pictures[name].save(f"signal-{name}.png")
     print(f"{name}: {field.size} samples, {pictures[name].stats['kernels_drawn']:.0f} of them drawn")
+print(f"BCC over Cartesian: {bcc.size / cartesian.size:.3f} of the samples")
 difference = pictures["bcc"].rgba - pictures["cartesian"].rgba
-print(f"RMSE between them: {np.sqrt(np.mean(np.square(difference))):.3f}")
+print(f"RMSE between the pictures: {np.sqrt(np.mean(np.square(difference))):.3f}")
+
+# Resampling takes a while; the result can be kept. Without a header for lattices, the edge is kept beside the samples.
+np.savez("signal-bcc.npz", values=resampled.values, a=resampled.lattice.a, origin=resampled.origin)
+kept = np.load("signal-bcc.npz")
+again = ss.RegularField(kept["values"], lattice="bcc", spacing=3 * [kept["a"]], origin=kept["origin"])
+print(again)

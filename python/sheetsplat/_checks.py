@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import operator
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -16,9 +18,18 @@ Bounds = tuple[Triple, Triple]
 Vector = Sequence[float] | np.ndarray[Any, Any]
 
 
+# Far above any light, and far enough below the end of float32 that sums and products of a few do not reach it.
+STRONGEST = 1e30
+_MOST_NAMES = 64
+
+
 def shown(value: object) -> str:
     """Return a short text for a message."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except Exception:
+        # Of whole numbers with thousands of digits, among others.
+        text = f"a {type(value).__name__}"
     return text if len(text) <= 80 else text[:77] + "..."
 
 
@@ -32,6 +43,39 @@ def number(what: str, value: object) -> float:
         raise complain(f"{what} cannot be used", shown(value), "a number") from None
 
 
+def strength(what: str, value: object) -> float:
+    """Return a float of a colour or of light, or InvalidInput where it is too large for pictures of float32."""
+    result = number(what, value)
+    if math.isfinite(result) and abs(result) > STRONGEST:
+        raise complain(f"{what} cannot be used", f"{result:g}", f"a number of at most {STRONGEST:g} in magnitude")
+    return result
+
+
+def strengths(what: str, vector: Triple) -> Triple:
+    """Return red, green, blue, or InvalidInput where one is too large for pictures of float32."""
+    return strength(what, vector[0]), strength(what, vector[1]), strength(what, vector[2])
+
+
+def truth(what: str, value: object) -> bool:
+    """Return a bool, or InvalidInput: a word such as "off" would be true."""
+    if not isinstance(value, bool | np.bool_):
+        raise complain(f"{what} cannot be used", shown(value), "True or False")
+    return bool(value)
+
+
+def names(what: str, value: object, known: Sequence[str]) -> tuple[str, ...]:
+    """Return one name, or several, out of `known`, or InvalidInput."""
+    if isinstance(value, str):
+        return (choice(what, value, known),)
+    if not isinstance(value, Iterable):
+        raise complain(f"{what} cannot be used", shown(value), "any of: " + ", ".join(known))
+    # Iterators may have no end.
+    found = tuple(choice(what, one, known) for one in itertools.islice(value, _MOST_NAMES + 1))
+    if len(found) > _MOST_NAMES:
+        raise complain(f"{what} cannot be used", f"more than {_MOST_NAMES} names", "any of: " + ", ".join(known))
+    return tuple(dict.fromkeys(found))
+
+
 def optional_number(what: str, value: object) -> float | None:
     """Return a float, None for None, or InvalidInput."""
     return None if value is None else number(what, value)
@@ -41,21 +85,71 @@ def triple(what: str, value: object) -> Triple:
     """Return three floats, or InvalidInput."""
     if isinstance(value, str | bytes) or not isinstance(value, Iterable):
         raise complain(f"{what} cannot be used", shown(value), "three numbers")
-    parts = list(value)
+    # Iterators may have no end.
+    try:
+        parts = list(itertools.islice(value, 4))
+    except TypeError:
+        # Arrays without an axis say that they can be iterated over.
+        raise complain(f"{what} cannot be used", shown(value), "three numbers") from None
     if len(parts) != 3:
-        raise complain(f"{what} cannot be used", f"{len(parts)} entries, {shown(value)}", "three numbers")
+        found = f"{'more than 3' if len(parts) > 3 else len(parts)} entries"
+        raise complain(f"{what} cannot be used", f"{found}, {shown(value)}", "three numbers")
     return number(what, parts[0]), number(what, parts[1]), number(what, parts[2])
+
+
+def direction(what: str, value: object) -> Triple:
+    """Return three floats of a direction or of the name of an axis ("x", "-z"), or InvalidInput."""
+    if isinstance(value, str):
+        name = value.strip().lower()
+        sign, axis = (-1.0, name[1:]) if name.startswith("-") else (1.0, name.removeprefix("+"))
+        if len(axis) != 1 or axis not in "xyz":
+            raise complain(f"{what} cannot be used", shown(value), 'three numbers, or an axis such as "x" or "-z"')
+        x, y, z = (sign * (one == axis) for one in "xyz")
+        return x, y, z
+    return measurable(what, triple(what, value))
+
+
+def measurable(what: str, vector: Triple) -> Triple:
+    """Return a direction, or InvalidInput where its length over- or underflows. 0 and NaN are for others to judge."""
+    x, y, z = vector
+    squared = x * x + y * y + z * z
+    if all(map(math.isfinite, vector)) and any(vector) and not 1e-280 < squared < math.inf:
+        raise complain(
+            f"{what} cannot be used",
+            f"({x:g}, {y:g}, {z:g})",
+            "a direction whose length is between 1e-140 and 1e150",
+            "divide it by its length; only where it points counts",
+        )
+    return vector
+
+
+def color(what: str, value: object) -> Triple:
+    """Return red, green, blue of three numbers, a name such as "white", or "#rrggbb", or InvalidInput."""
+    if isinstance(value, str):
+        from PIL import ImageColor
+
+        try:
+            red, green, blue = ImageColor.getrgb(value.strip())[:3]
+        except ValueError:
+            raise complain(
+                f"{what} cannot be used", shown(value), 'three numbers, "#rrggbb", or a colour\'s name'
+            ) from None
+        return red / 255, green / 255, blue / 255
+    return strengths(what, triple(what, value))
 
 
 def image_size(value: object) -> tuple[int, int]:
     """Return (width, height) in pixels, or InvalidInput."""
     wanted = "two whole numbers of pixels, (width, height), each at least 1"
     try:
-        width, height = (operator.index(part) for part in value)  # type: ignore[attr-defined]
+        parts = list(itertools.islice(value, 3))  # type: ignore[call-overload]
+        if any(isinstance(part, bool | np.bool_) for part in parts):
+            raise TypeError
+        width, height = map(operator.index, parts)
     except (TypeError, ValueError):
         raise complain("the size of the picture cannot be used", shown(value), wanted) from None
     if not (1 <= width < 2**31 and 1 <= height < 2**31):
-        raise complain("the size of the picture cannot be used", f"{width} x {height}", wanted)
+        raise complain("the size of the picture cannot be used", shown((width, height)), wanted)
     return width, height
 
 
@@ -69,11 +163,13 @@ def choice(what: str, value: object, names: Sequence[str]) -> str:
 def whole(what: str, value: object) -> int:
     """Return an int that fits 32 bits, or InvalidInput."""
     try:
+        if isinstance(value, bool | np.bool_):
+            raise TypeError
         result = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
         raise complain(f"{what} cannot be used", shown(value), "a whole number") from None
     if not -(2**31) <= result < 2**31:
-        raise complain(f"{what} cannot be used", str(result), "a whole number of 32 bits")
+        raise complain(f"{what} cannot be used", shown(result), "a whole number of 32 bits")
     return result
 
 

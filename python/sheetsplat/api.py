@@ -2,26 +2,48 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from sheetsplat import automatic
-from sheetsplat._checks import Bounds, Triple, Vector, image_size, number, shown, triple, whole
+from sheetsplat import advice, automatic
+from sheetsplat._checks import (
+    Bounds,
+    Triple,
+    Vector,
+    choice,
+    image_size,
+    names,
+    number,
+    shown,
+    triple,
+    whole,
+)
+from sheetsplat._checks import (
+    direction as axis_or_vector,
+)
 from sheetsplat.camera import Camera, Kind, bounds_of
 from sheetsplat.errors import complain
 from sheetsplat.fields import Lattice, NanPolicy, Normalization, RegularField
 from sheetsplat.image import Image
-from sheetsplat.renderer import Backend, Output, Packing, Precision, Progress, Renderer, Tagging
-from sheetsplat.scene import Light, Material, Mode, Sampling, Scene
+from sheetsplat.renderer import OUTPUTS, Backend, Output, Packing, Precision, Progress, Renderer, Tagging
+from sheetsplat.scene import MODES, Light, Material, Mode, Sampling, Scene
 from sheetsplat.transfer import Colormap, Opacity, TransferFunction
 
+if TYPE_CHECKING:
+    from sheetsplat.bcc import BccVolume
+    from sheetsplat.datasets import Dataset
+
 Data = RegularField | Sequence[RegularField] | ArrayLike | str | os.PathLike[str]
+
+_log = logging.getLogger("sheetsplat")
 
 DEFAULT_CMAP = "viridis"
 # Straight on, a volume shows one face; from here it shows three.
@@ -29,6 +51,8 @@ AZIMUTH, ELEVATION = 25.0, 20.0
 # One light over the viewer's left shoulder; with the specular share it shows the shape of smooth surfaces.
 HEAD_LIGHT = Light(direction=(-0.3, 0.4, 1.0))
 SHINY = Material(ambient=0.3, diffuse=0.85, specular=0.3, shininess=24.0, two_sided=True)
+# Where in the colormap a surface lies whose limits nobody gave: bright enough in maps that begin dark.
+SURFACE_SHARE = 0.7
 
 
 def open(
@@ -76,9 +100,13 @@ def open(
 
     sizes: tuple[int, int, int] | None = None
     if shape is not None:
-        if isinstance(shape, str) or not isinstance(shape, Iterable) or len(list(shape)) != 3:
+        if isinstance(shape, str) or not isinstance(shape, Iterable):
             raise complain("open: shape cannot be used", shown(shape), "three whole numbers, (nk, nj, ni)")
-        nk, nj, ni = (whole("open: shape", part) for part in shape)
+        # Iterators may have no end.
+        parts = list(islice(shape, 4))
+        if len(parts) != 3:
+            raise complain("open: shape cannot be used", shown(shape), "three whole numbers, (nk, nj, ni)")
+        nk, nj, ni = (whole("open: shape", part) for part in parts)
         sizes = nk, nj, ni
     volume = read_volume(path, shape=sizes, dtype=dtype, offset=whole("open: offset", offset), name=name)
     return RegularField(
@@ -145,9 +173,11 @@ def compose_scene(
     elif mode in ("xray", "mip"):
         # These look at no colours at all.
         transfer_function = TransferFunction([(0.0, 1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)])
-    look = automatic.choose(fields) if transfer_function is None and (opacity is None or clim is None) else None
     if mode == "isosurface" and iso_value is None:
         iso_value = automatic.choose(fields).surface
+    if mode == "isosurface" and transfer_function is None and clim is None:
+        clim = _surface_limits(fields, number("render: iso_value", iso_value))
+    look = automatic.choose(fields) if transfer_function is None and (opacity is None or clim is None) else None
     if transfer_function is None:
         if clim is None:
             assert look is not None
@@ -168,6 +198,30 @@ def compose_scene(
         material=SHINY if material is None else material,
         **options,
     )
+
+
+def _surface_limits(fields: list[RegularField], iso_value: float) -> tuple[float, float] | None:
+    """Return limits as wide as the values that give a surface a colour from the upper part of a map."""
+    ranges = [one.value_range for one in fields if one.size]
+    width = sum(high - low for low, high in ranges)
+    if not math.isfinite(iso_value):
+        return None
+    if not width > 1e-6 * abs(iso_value):
+        width = max(abs(iso_value), 1.0) * 1e-3
+    limits = iso_value - SURFACE_SHARE * width, iso_value + (1.0 - SURFACE_SHARE) * width
+    return limits if math.isfinite(limits[1] - limits[0]) else None
+
+
+def surface_text(scene: Scene) -> str:
+    """Return in words which iso value and which colour a scene's surface has."""
+    assert scene.iso_value is not None
+    red, green, blue = (round(255 * min(max(part, 0.0), 1.0)) for part in surface_color(scene))
+    return f"isosurface at {scene.iso_value:g}, colour #{red:02x}{green:02x}{blue:02x}"
+
+
+def surface_color(scene: Scene) -> Triple:
+    """Return red, green, blue of a scene's surface before it is lit."""
+    return triple("colour", scene.transfer_function.at(scene.iso_value or 0.0)[:3])
 
 
 def _turned(direction: Triple, up: Triple, azimuth: float, elevation: float) -> Triple:
@@ -193,8 +247,8 @@ def compose_camera(
     thing: object,
     size: tuple[int, int],
     *,
-    direction: Vector | None = None,
-    up: Vector | None = None,
+    direction: Vector | str | None = None,
+    up: Vector | str | None = None,
     azimuth: float | None = None,
     elevation: float | None = None,
     zoom: float = 1.0,
@@ -203,16 +257,25 @@ def compose_camera(
     margin: float = 1.05,
 ) -> Camera:
     """Return a camera that shows all of a field or a scene in a picture of any shape, turned and zoomed."""
-    bounds: Bounds = bounds_of(thing)
-    view = triple("render: direction", (0.0, 0.0, -1.0) if direction is None else direction)
-    upward = triple("render: up", (0.0, 1.0, 0.0) if up is None else up)
+    # Without a kernel there is no box, and the picture is empty from anywhere.
+    bounds: Bounds = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)) if _is_empty(thing) else bounds_of(thing)
+    view = axis_or_vector("render: direction", (0.0, 0.0, -1.0) if direction is None else direction)
+    upward = axis_or_vector("render: up", (0.0, 1.0, 0.0) if up is None else up)
     # Who gives a direction wants just that.
     turn = number("render: azimuth", (AZIMUTH if direction is None else 0.0) if azimuth is None else azimuth)
     rise = number("render: elevation", (ELEVATION if direction is None else 0.0) if elevation is None else elevation)
     if not (math.isfinite(turn) and math.isfinite(rise)):
         raise complain("render: azimuth or elevation cannot be used", f"{turn:g}, {rise:g}", "finite angles, degrees")
     if any(view) and any(upward) and np.all(np.isfinite(view)) and np.all(np.isfinite(upward)):
+        if up is None and _parallel(view, upward):
+            # What would be up if the eye had risen to there from the front.
+            upward = (0.0, 0.0, math.copysign(1.0, view[1]))
+        level = _turned(view, upward, turn, 0.0)
         view = _turned(view, upward, turn, rise)
+        if _parallel(view, upward) and not _parallel(level, upward):
+            # Straight from above or below: up is where the eye was looking before it rose, or where it came from.
+            ahead = np.asarray(level) - np.asarray(view) * np.dot(level, view)
+            upward = triple("up", ahead if np.dot(view, upward) < 0 else -ahead)
     nearer = number("render: zoom", zoom)
     if not (math.isfinite(nearer) and nearer > 0):
         raise complain("render: zoom cannot be used", f"{nearer:g}", "a finite number above 0")
@@ -220,8 +283,7 @@ def compose_camera(
     reach = number("render: margin", margin)
     box = _Box(bounds)
     if projection == "perspective":
-        # A fit is for square pictures; a narrow one must show as much across.
-        camera = Camera.fit(box, view, upward, projection, reach * max(1.0, height / width), fov_y=fov_y)
+        camera = _nearest(Camera.fit(box, view, upward, projection, reach, fov_y=fov_y), bounds, height / width, reach)
         if nearer == 1.0:
             return camera
         # Going nearer would end inside the thing; a narrower angle enlarges it where it is.
@@ -236,6 +298,35 @@ def compose_camera(
     return Camera.fit(box, view, upward, projection, reach / nearer, fov_y=fov_y)
 
 
+def _is_empty(thing: object) -> bool:
+    """Return True for a field or a scene without a single kernel."""
+    fields = thing.fields if isinstance(thing, Scene) else thing
+    several = fields if isinstance(fields, list | tuple) else [fields]
+    return bool(several) and all(isinstance(one, RegularField) and one.size == 0 for one in several)
+
+
+def _parallel(first: Triple, second: Triple) -> bool:
+    a, b = np.asarray(first), np.asarray(second)
+    return float(np.linalg.norm(np.cross(a / np.linalg.norm(a), b / np.linalg.norm(b)))) < 1e-6
+
+
+def _nearest(camera: Camera, bounds: Bounds, aspect: float, margin: float) -> Camera:
+    """Return a perspective camera that came as near as the corners of a box let it; aspect is height over width."""
+    half = 0.5 * np.subtract(bounds[1], bounds[0])
+    slope = math.tan(math.radians(camera.fov_y) / 2)
+    edges = [camera._native.direction_to_eye(triple("edge", edge)) for edge in np.diag(half)]
+    signs = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)]), axis=-1).reshape(8, 3)
+    corners = np.abs(signs @ np.asarray(edges)[:, :2]), signs @ np.asarray(edges)[:, 2]
+    distance = float((corners[1] + margin / slope * np.maximum(corners[0][:, 0] * aspect, corners[0][:, 1])).max())
+    target = np.asarray(camera.target)
+    back = np.asarray(camera.eye) - target
+    length = float(np.linalg.norm(back))
+    # A box without an extent, or one so far from 0 that there are no digits for it: as the fit had it.
+    if not distance > 1e-9 * max(1.0, float(np.abs(target).max())) or not math.isfinite(distance):
+        return camera
+    return Camera.perspective(target + back * (distance / length), target, camera.up, fov_y=camera.fov_y)
+
+
 class _Box:
     """Something with bounds."""
 
@@ -243,28 +334,54 @@ class _Box:
         self.bounds = bounds
 
 
+def _suggested(data: object, given: Mapping[str, object]) -> dict[str, Any]:
+    """Return the look that generated data sets suggest, where nobody gave another one."""
+    suggested: Any = getattr(data, "suggested", None)
+    if not isinstance(suggested, Mapping) or {"transfer_function", "cmap", "opacity", "clim"} & given.keys():
+        return {}
+    look: dict[str, Any] = {}
+    mode = given.get("mode") or suggested.get("mode", "composite")
+    if mode == "isosurface" and "iso_value" in suggested and "iso_value" not in given:
+        look["iso_value"] = suggested["iso_value"]
+    if mode == "composite" or "iso_value" in look:
+        maker: Any = data
+        look["transfer_function"] = maker.transfer_function()
+    return {"mode": mode, **look}
+
+
+def _refuse_beside_a_scene(given: Mapping[str, object]) -> None:
+    clash = [name for name, value in given.items() if value is not None]
+    if clash:
+        raise complain(
+            "render: these options cannot be used",
+            ", ".join(clash) + " for a scene that is made already",
+            "them only for arrays, files and fields",
+            "give them to sheetsplat.Scene",
+        )
+
+
 def render(
-    data: Data,
+    data: Data | Dataset | BccVolume | Scene,
     *,
     size: tuple[int, int] = (400, 400),
     cmap: Colormap | None = None,
     opacity: Opacity | None = None,
     clim: Sequence[float] | None = None,
     transfer_function: TransferFunction | None = None,
-    shading: bool = True,
+    shading: bool | None = None,
     lights: Iterable[Light] | None = None,
     material: Material | None = None,
-    background: Vector | None = None,
-    mode: Mode = "composite",
+    background: Vector | str | None = None,
+    mode: Mode | None = None,
     iso_value: float | None = None,
     slice_spacing: float | None = None,
-    sampling: Sampling = "point",
+    sampling: Sampling | None = None,
     reference_length: float | None = None,
-    opacity_stop: float = 0.98,
-    preintegration: bool = False,
+    opacity_stop: float | None = None,
+    preintegration: bool | None = None,
     camera: Camera | None = None,
-    direction: Vector | None = None,
-    up: Vector | None = None,
+    direction: Vector | str | None = None,
+    up: Vector | str | None = None,
     azimuth: float | None = None,
     elevation: float | None = None,
     zoom: float = 1.0,
@@ -300,7 +417,8 @@ def render(
     ----------
     data
         Array [k, j, i], path of a file, field, sequence of fields, or what makes a field by its method ``field()``, as
-        generated data sets do.
+        generated data sets do. A data set is shown as it suggests where no colours are given. A scene is taken as it
+        is; then only size, camera, renderer, outputs, progress and their like may be given.
     size
         (width, height) in pixels.
     cmap, opacity, clim
@@ -311,13 +429,15 @@ def render(
     shading, lights, material
         Without `lights` one light over the viewer's shoulder, or none where `shading` is False.
     background
-        Red, green, blue behind the picture; transparent unless given.
+        Behind the picture: red, green, blue, a name such as "white", or "#rrggbb"; transparent unless given.
     mode, iso_value, slice_spacing, sampling, reference_length, opacity_stop, preintegration
-        As for `Scene`. Without `iso_value` a surface is put where the histogram parts things from background.
+        As for `Scene`. Without `iso_value` a surface is put where the histogram parts things from background; without
+        `clim` its colour is that at 7/10 of the colormap. What a mode does not use is told to the log.
     camera
         Takes the place of the options that follow.
     direction, up
-        World direction of the view, (0, 0, −1) unless given, and what is up in the picture, (0, 1, 0) unless given.
+        World direction of the view, (0, 0, −1) unless given, and what is up in the picture, (0, 1, 0) unless given;
+        three numbers, or an axis such as "x" or "-z".
     azimuth, elevation
         Degrees by which the eye goes round `up` to the right, and then towards `up`; 25 and 20 unless given, 0 and 0
         where `direction` is given.
@@ -342,39 +462,53 @@ def render(
         What opening, `Scene`, `Camera.fit` and `Renderer` raise.
     """
     width, height = image_size(size)
-    fields = to_fields(
-        Path(data) if isinstance(data, str) else data,
-        spacing=spacing,
-        origin=origin,
-        lattice=lattice,
-        radius=radius,
-        falloff=falloff,
-        normalization=normalization,
-        w0=w0,
-        nan=nan,
-        shape=shape,
-        dtype=dtype,
-        offset=offset,
-        name=name,
-    )
-    scene = compose_scene(
-        fields,
-        transfer_function=transfer_function,
-        cmap=cmap,
-        opacity=opacity,
-        clim=clim,
-        mode=mode,
-        iso_value=iso_value,
-        shading=shading,
-        lights=lights,
-        material=material,
-        background=background,
-        slice_spacing=slice_spacing,
-        sampling=sampling,
-        reference_length=reference_length,
-        opacity_stop=opacity_stop,
-        preintegration=preintegration,
-    )
+    field_options = {
+        "spacing": spacing,
+        "origin": origin,
+        "lattice": lattice,
+        "radius": radius,
+        "falloff": falloff,
+        "normalization": normalization,
+        "w0": w0,
+        "nan": nan,
+        "shape": shape,
+        "dtype": dtype,
+        "offset": offset,
+        "name": name,
+    }
+    look: dict[str, Any] = {
+        "transfer_function": transfer_function,
+        "cmap": cmap,
+        "opacity": opacity,
+        "clim": clim,
+        "mode": mode,
+        "iso_value": iso_value,
+        "shading": shading,
+        "lights": lights,
+        "material": material,
+        "background": background,
+        "slice_spacing": slice_spacing,
+        "sampling": sampling,
+        "reference_length": reference_length,
+        "opacity_stop": opacity_stop,
+        "preintegration": preintegration,
+    }
+    if isinstance(data, Scene):
+        _refuse_beside_a_scene({**look, **field_options})
+        scene = data
+    else:
+        given = {option: value for option, value in look.items() if value is not None}
+        fields = to_fields(Path(data) if isinstance(data, str) else data, **field_options)  # type: ignore[arg-type]
+        shown_in = choice("render: mode", mode or _suggested(data, given).get("mode", "composite"), MODES)
+        # Not lit, not stopped, not integrated: that is how it is anyway where the mode does not look at it.
+        asked = [option for option, value in given.items() if value is not False]
+        outputs = names("Renderer: outputs", outputs, OUTPUTS)  # type: ignore[assignment]
+        ignored = advice.unused(shown_in, [*asked, *outputs])
+        if ignored:
+            _log.warning("mode %s does not use these options: %s", shown_in, ", ".join(ignored))
+        scene = compose_scene(fields, **{**_suggested(data, given), **given})
+        if scene.mode == "isosurface":
+            _log.info("%s", surface_text(scene))
     if camera is None:
         camera = compose_camera(
             scene,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +40,8 @@ class Look:
     surface: float
 
 
-def _samples(field: RegularField) -> NDArray[np.float64]:
-    flat = field.values.reshape(-1)
+def _samples(samples: NDArray[Any]) -> NDArray[np.float64]:
+    flat = samples.reshape(-1)
     # An odd stride does not fall into step with the rows of the array.
     stride = max(1, -(-flat.size // _ENOUGH)) | 1
     picked: NDArray[np.float64] = flat[::stride].astype(np.float64)
@@ -65,7 +66,20 @@ def _between_classes(values: NDArray[np.float64]) -> float:
 
 def choose(fields: list[RegularField]) -> Look:
     """Return limits and opacities for fields, by the samples of the largest of them."""
-    values = _samples(max(fields, key=lambda one: one.size))
+    return choose_for(max(fields, key=lambda one: one.size).values)
+
+
+def choose_for(samples: NDArray[Any]) -> Look:
+    """Return limits and opacities for samples, finite or NaN."""
+    values = _samples(samples)
+    # Differences of the largest numbers must not overflow; a power of two costs no digits.
+    scale = 4.0 if values.size and float(np.abs(values).max()) > 1e307 else 1.0
+    look = _choose(values / scale)
+    pairs = tuple((value * scale, opacity) for value, opacity in look.opacity)
+    return Look((look.clim[0] * scale, look.clim[1] * scale), pairs, look.surface * scale)
+
+
+def _choose(values: NDArray[np.float64]) -> Look:
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
     if not low < high:
         # One value everywhere: show it, half transparent.
@@ -78,6 +92,9 @@ def choose(fields: list[RegularField]) -> Look:
     top = float(np.percentile(shown, _TOP_PERCENTILE)) if shown.size else high
     if not start < top:
         top = high
+    if not start < top:
+        # Two neighbours among the numbers.
+        start = low
     share = np.linspace(0.0, 1.0, _RAMP_POINTS)
     opacity = TOP_OPACITY * share**_RAMP_POWER
     pairs = zip((start + share * (top - start)).tolist(), opacity.tolist(), strict=True)

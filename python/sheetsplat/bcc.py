@@ -16,15 +16,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sheetsplat._checks import shown
 from sheetsplat.errors import complain
 
 if TYPE_CHECKING:
     from sheetsplat import RegularField
+    from sheetsplat.datasets import Dataset
 
 Vector = tuple[float, float, float]
 
@@ -141,6 +143,16 @@ class BccVolume:
         """World position of sample (0, 0, 0)."""
         return self.lattice.origin
 
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        """World-aligned box around all supports, as :attr:`sheetsplat.RegularField.bounds`."""
+        return self.field().bounds
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        nk, nj, ni = self.values.shape
+        return f"BccVolume({ni} x {nj} x {nk} {self.values.dtype.name}, a {self.lattice.a:g}, origin {self.origin})"
+
     def field(self, **options: Any) -> RegularField:
         """Return the volume as a field of kernels; `options` are those of :class:`sheetsplat.RegularField`."""
         import sheetsplat
@@ -150,9 +162,9 @@ class BccVolume:
 
 
 def resample_to_bcc(
-    values: ArrayLike,
-    spacing: Sequence[float] = (1.0, 1.0, 1.0),
-    origin: Sequence[float] = (0.0, 0.0, 0.0),
+    values: ArrayLike | RegularField | Dataset,
+    spacing: Sequence[float] | None = None,
+    origin: Sequence[float] | None = None,
     *,
     a: float | None = None,
     method: str = "quintic",
@@ -167,11 +179,11 @@ def resample_to_bcc(
     Parameters
     ----------
     values
-        Samples, indexed ``[k, j, i]``; real and finite.
+        Samples, indexed ``[k, j, i]``, real and finite; or a Cartesian field or data set, which knows the next two.
     spacing
-        World units between samples along x, y, z. They may differ: the result has equal distances.
+        World units between samples along x, y, z, 1 unless given. They may differ: the result has equal distances.
     origin
-        World position of sample (0, 0, 0).
+        World position of sample (0, 0, 0), which is there unless given.
     a
         Edge of the BCC lattice, if another one is wanted (see :meth:`BccLattice.matching`).
     method
@@ -187,8 +199,17 @@ def resample_to_bcc(
     BccVolume
         With ``field()`` for drawing.
     """
-    samples = np.asarray(values)
     failed = "the volume cannot be resampled to a BCC lattice"
+    lattice_name = getattr(values, "lattice", None)
+    if lattice_name is not None:
+        if lattice_name != "cartesian":
+            raise complain(failed, f"a volume on the lattice {shown(lattice_name)}", "one on a Cartesian lattice")
+        spacing = getattr(values, "spacing", None) if spacing is None else spacing
+        origin = getattr(values, "origin", None) if origin is None else origin
+        values = cast(Any, values).values
+    spacing = (1.0, 1.0, 1.0) if spacing is None else spacing
+    origin = (0.0, 0.0, 0.0) if origin is None else origin
+    samples = np.asarray(values)
     if samples.ndim != 3 or samples.size == 0:
         raise complain(failed, f"shape {samples.shape}", "samples along k, j and i, at least one along each")
     if samples.dtype.kind not in "buif":

@@ -1,4 +1,4 @@
-"""Cameras: orthographic and perspective. Image formation, section 1."""
+"""Cameras: orthographic and perspective. Conventions, section 1 (Coordinates)."""
 
 from __future__ import annotations
 
@@ -7,9 +7,22 @@ from typing import Any, Literal
 import numpy as np
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import Bounds, Triple, Vector, choice, number, optional_number, shown, triple
+from sheetsplat._checks import (
+    Bounds,
+    Triple,
+    Vector,
+    choice,
+    measurable,
+    number,
+    optional_number,
+    shown,
+    triple,
+)
+from sheetsplat._checks import (
+    direction as axis_or_vector,
+)
 from sheetsplat.errors import complain
-from sheetsplat.fields import joined_bounds
+from sheetsplat.fields import RegularField, joined_bounds
 
 Kind = Literal["orthographic", "perspective"]
 
@@ -23,7 +36,8 @@ def bounds_of(thing: object) -> Bounds:
     if isinstance(thing, list | tuple):
         if not thing:
             raise complain("Camera.fit: there is nothing to look at", "an empty sequence", wanted)
-        return joined_bounds([bounds_of(one) for one in thing])
+        without = [isinstance(one, RegularField) and one.size == 0 for one in thing]
+        return joined_bounds([bounds_of(one) for one, none in zip(thing, without, strict=True) if not none or all(without)])
     bounds: Any = getattr(thing, "bounds", None)
     if callable(bounds):
         bounds = bounds()
@@ -76,7 +90,7 @@ class Camera:
             _sheetsplat.Camera.orthographic(
                 triple("Camera: eye", eye),
                 triple("Camera: target", target),
-                triple("Camera: up", up),
+                measurable("Camera: up", triple("Camera: up", up)),
                 number("Camera: height", height),
             )
         )
@@ -107,7 +121,7 @@ class Camera:
             _sheetsplat.Camera.perspective(
                 triple("Camera: eye", eye),
                 triple("Camera: target", target),
-                triple("Camera: up", up),
+                measurable("Camera: up", triple("Camera: up", up)),
                 number("Camera: fov_y", fov_y),
                 optional_number("Camera: near", near),
             )
@@ -117,8 +131,8 @@ class Camera:
     def fit(
         cls,
         field: object,
-        direction: Vector = (0.0, 0.0, -1.0),
-        up: Vector = (0.0, 1.0, 0.0),
+        direction: Vector | str = (0.0, 0.0, -1.0),
+        up: Vector | str = (0.0, 1.0, 0.0),
         kind: Kind = "orthographic",
         margin: float = 1.05,
         *,
@@ -129,11 +143,14 @@ class Camera:
         Parameters
         ----------
         field
-            A field, a scene, a sequence of fields, or anything with ``bounds`` ((x0, y0, z0), (x1, y1, z1)).
+            A field, a scene, a data set, a sequence of fields, or anything with ``bounds`` ((x0, y0, z0),
+            (x1, y1, z1)). What is fitted is that box, for fields the box around all supports, whether or not
+            anything in it is visible: orthographic as large as it looks in this view, in perspective the sphere
+            around it.
         direction
-            World direction of the view, from the eye into the scene.
+            World direction of the view, from the eye into the scene, or an axis such as "x" or "-z".
         up
-            World direction that is up in the picture; not along the view.
+            World direction that is up in the picture, or an axis; not along the view.
         kind
             "orthographic" or "perspective".
         margin
@@ -151,8 +168,8 @@ class Camera:
             _sheetsplat.Camera.fit(
                 lower,
                 upper,
-                triple("Camera: direction", direction),
-                triple("Camera: up", up),
+                axis_or_vector("Camera: direction", direction),
+                axis_or_vector("Camera: up", up),
                 choice("Camera: kind", kind, ("orthographic", "perspective")),
                 number("Camera: margin", margin),
                 number("Camera: fov_y", fov_y),

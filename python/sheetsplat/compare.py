@@ -1,18 +1,29 @@
-"""Distances between pictures. Image formation, section 8, and FLIP."""
+"""Distances between pictures. Conventions, section 8 (Distances between pictures), and FLIP."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _sheetsplat
+from sheetsplat._checks import shown
 from sheetsplat.errors import complain
 
 Floats = NDArray[np.float32]
+_WANTED = "real numbers, (h, w, 4), or (h, w) for scalars"
 
 
 def _picture(array: ArrayLike, what: str) -> Floats:
-    picture = np.ascontiguousarray(array, dtype=np.float32)
+    try:
+        found = np.asarray(array)
+    except (TypeError, ValueError):
+        raise complain(f"compare: the {what} cannot be used", shown(array), _WANTED) from None
+    if found.dtype.kind not in "biuf":
+        raise complain(f"compare: the {what} cannot be used", f"values of type {found.dtype}", _WANTED)
+    with np.errstate(over="ignore"):
+        picture = np.ascontiguousarray(found, dtype=np.float32)
     if picture.size == 0 or not (picture.ndim == 2 or (picture.ndim == 3 and picture.shape[2] == 4)):
         raise complain(
             f"compare: the {what} cannot be used", f"shape {picture.shape}", "(h, w, 4), or (h, w) for scalars"
@@ -40,9 +51,9 @@ def compare(picture: ArrayLike, reference: ArrayLike) -> dict[str, float]:
     Returns
     -------
     dict
-        "rmse", "p99_9" (99.9th percentile of the largest channel difference of a pixel) and "maximum" as image
-        formation, section 8, defines them; "flip", the mean of FLIP (Andersson et al. 2020) over black. NaN in one
-        picture only counts as infinitely far.
+        "rmse", "p99_9" (99.9th percentile of the largest channel difference of a pixel) and "maximum" as the
+        conventions, section 8 (Distances between pictures), define them; "flip", the mean of FLIP (Andersson et al.
+        2020) over black. NaN in one picture only counts as infinitely far.
 
     Raises
     ------
@@ -57,8 +68,17 @@ def compare(picture: ArrayLike, reference: ArrayLike) -> dict[str, float]:
             "one and the same shape",
         )
     distances = _sheetsplat.compare(first, second, 1 if first.ndim == 2 else 4)
+    if _infinitely_far(first, second):
+        return {**distances, "flip": math.inf}
     import flip_evaluator  # type: ignore[import-untyped]
 
     seen, expected = _for_eyes(first, second), _for_eyes(second, second)
     _, flip, _ = flip_evaluator.evaluate(expected, seen, "LDR", inputsRGB=True, applyMagma=False)
     return {**distances, "flip": float(flip)}
+
+
+def _infinitely_far(picture: Floats, reference: Floats) -> bool:
+    """Return True where a number that is not finite stands in one picture only; for eyes it would be black or white."""
+    odd = ~(np.isfinite(picture) & np.isfinite(reference))
+    first, second = picture[odd], reference[odd]
+    return bool(np.any((first != second) & ~(np.isnan(first) & np.isnan(second))))

@@ -14,6 +14,9 @@ from sheetsplat._sheetsplat import (
 
 __all__ = ["Cancelled", "DeviceUnavailable", "Error", "InvalidInput", "OutOfMemory", "Unsupported", "complain"]
 
+# Characters of a part of a message; the longest list of names that belongs into one is shorter.
+_LONGEST = 1200
+
 
 def complain(
     failed: str, found: str = "", wanted: str = "", then: str = "", *, kind: type[Error] = InvalidInput
@@ -28,4 +31,9 @@ def complain(
     kind
         The class of the error.
     """
-    return kind(complaint_text(failed, found, wanted, then))
+    return kind(complaint_text(*map(_bounded, (failed, found, wanted, then))))
+
+
+def _bounded(part: str) -> str:
+    # What was found may be a file's own words, of any length.
+    return part if len(part) <= _LONGEST else f"{part[: _LONGEST // 2]} ... {part[-_LONGEST // 4 :]}"

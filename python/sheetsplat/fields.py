@@ -1,4 +1,4 @@
-"""Fields: sets of kernels whose weighted sums are the scalar that is shown. Image formation, section 2."""
+"""Fields: sets of kernels whose weighted sums are the scalar that is shown. Conventions, section 2 (Fields)."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class RegularField:
     """A Cartesian or body-centred cubic volume. Immutable.
 
     Sample (i, j, k) of ``values[k, j, i]`` is a kernel at ``origin + (i dx, j dy, k dz)`` (Cartesian) or at
-    ``origin + ((i + (k mod 2)/2) a, (j + (k mod 2)/2) a, k a/2)`` (BCC). Image formation, section 2.
+    ``origin + ((i + (k mod 2)/2) a, (j + (k mod 2)/2) a, k a/2)`` (BCC). Conventions, section 2 (Fields).
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ class RegularField:
 
     @property
     def default_slice_spacing(self) -> float:
-        """Distance of slices that scenes take unless told otherwise, world units. Image formation, section 3."""
+        """Distance of slices that scenes take unless told otherwise, world units. Conventions, section 3."""
         return self._native.default_slice_spacing
 
     @property
@@ -275,6 +275,8 @@ def as_fields(field: object, what: str) -> list[RegularField]:
 
 def joined_bounds(boxes: list[Bounds]) -> Bounds:
     """Return the smallest box around all boxes."""
-    lower = np.min([box[0] for box in boxes], axis=0)
-    upper = np.max([box[1] for box in boxes], axis=0)
+    # A field without a kernel has a box whose lower corner is the upper one.
+    there = [box for box in boxes if all(low <= high for low, high in zip(*box, strict=True))] or boxes
+    lower = np.min([box[0] for box in there], axis=0)
+    upper = np.max([box[1] for box in there], axis=0)
     return triple("bounds", lower), triple("bounds", upper)

@@ -1,4 +1,4 @@
-"""The result of a rendering. Image formation, sections 6 and 7."""
+"""The result of a rendering. Conventions, sections 6 (Compositing) and 7 (Modes)."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from sheetsplat import _sheetsplat
+from sheetsplat._checks import shown
 from sheetsplat.errors import complain
 from sheetsplat.plan import RenderPlan
 
@@ -113,7 +114,9 @@ class Image:
         """
         import sheetsplat.io.pictures as pictures
 
-        pictures.save(self, Path(path))
+        if not isinstance(path, str | os.PathLike) or "\0" in os.fsdecode(path):
+            raise complain("the picture cannot be saved", shown(path), "a path that ends with .png, .exr or .npy")
+        pictures.save(self, Path(os.fsdecode(path)))
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         """Return `rgba` or `scalar`, whichever is there."""

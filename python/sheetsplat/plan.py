@@ -51,7 +51,8 @@ class RenderPlan:
     effects
         Each effect with its reason.
     error_budget
-        Root mean square error that each cause may bring, as a bound or an estimate.
+        Root mean square error that is expected of each cause: an estimate of the noise of sums in this precision, made
+        from the scene alone. It is no bound, and a picture can be further from the reference; measure where it matters.
     """
 
     backend: str
@@ -115,6 +116,6 @@ class RenderPlan:
                 lines.append(f"{effect.name:<{width}}  {'on ' if effect.on else 'off'} {effect.reason}{forced}")
         if self.error_budget:
             width = max(map(len, self.error_budget))
-            lines += ["", "error, root mean square"]
+            lines += ["", "error expected, root mean square: an estimate, no bound"]
             lines += [f"{cause:<{width}}  {rmse:.2g}" for cause, rmse in self.error_budget.items()]
         return "\n".join(lines)

@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Literal
 
-from sheetsplat import _sheetsplat
-from sheetsplat._checks import choice, image_size, instance, shown, whole
+from sheetsplat import _sheetsplat, advice
+from sheetsplat._checks import choice, image_size, instance, names, shown, truth, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import complain
 from sheetsplat.image import Image
@@ -40,9 +40,15 @@ def _chosen_backend(backend: str) -> str:
     return backend
 
 
-def _outputs(outputs: Iterable[str]) -> tuple[str, ...]:
-    names = (outputs,) if isinstance(outputs, str) else tuple(outputs)
-    return tuple(choice("Renderer: outputs", name, OUTPUTS) for name in names)
+def _outputs(outputs: object) -> tuple[str, ...]:
+    return names("Renderer: outputs", outputs, OUTPUTS)
+
+
+def _count(what: str, value: object) -> int:
+    result = whole(what, value)
+    if result < 0:
+        raise complain(f"{what} cannot be used", str(result), "a whole number of at least 1", "leave it out")
+    return result
 
 
 class Renderer:
@@ -80,7 +86,7 @@ class Renderer:
         For unknown names, also in SHEETSPLAT_BACKEND.
     """
 
-    __slots__ = ("_native",)
+    __slots__ = ("_backend", "_native")
 
     def __init__(
         self,
@@ -99,18 +105,23 @@ class Renderer:
         if effects is not None:
             if not isinstance(effects, Mapping) or not all(isinstance(name, str) for name in effects):
                 raise complain("Renderer: effects cannot be used", shown(effects), "{name: True or False}")
-            forced = {name: bool(on) for name, on in effects.items()}
+            forced = {name: truth(f"Renderer: the effect {shown(name)}", on) for name, on in effects.items()}
+        self._backend = _chosen_backend(backend)
         self._native = _sheetsplat.Renderer(
-            backend=_chosen_backend(backend),
+            backend=self._backend,
             device=None if device is None else whole("Renderer: device", device),
             precision=choice("Renderer: precision", precision, PRECISIONS),
             tagging=choice("Renderer: tagging", tagging, TAGGINGS),
             packing=choice("Renderer: packing", packing, PACKINGS),
             effects=forced,
-            allow_inexact=bool(allow_inexact),
-            tile_size=0 if tile_size is None else whole("Renderer: tile_size", tile_size),
-            tags_per_clear=0 if tags_per_clear is None else whole("Renderer: tags_per_clear", tags_per_clear),
+            allow_inexact=truth("Renderer: allow_inexact", allow_inexact),
+            tile_size=0 if tile_size is None else _count("Renderer: tile_size", tile_size),
+            tags_per_clear=0 if tags_per_clear is None else _count("Renderer: tags_per_clear", tags_per_clear),
         )
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        return f"Renderer({self._backend!r})"
 
     def plan(
         self,
@@ -139,13 +150,13 @@ class Renderer:
         """
         instance("Renderer: scene", scene, Scene)
         instance("Renderer: camera", camera, Camera)
-        names = _outputs(outputs)
+        wanted = _outputs(outputs)
         native = self._native.plan(
             scene._native,
             camera._native,
             size=image_size(size),
-            coverage="coverage" in names,
-            depth="depth" in names,
+            coverage="coverage" in wanted,
+            depth="depth" in wanted,
         )
         return RenderPlan._of(native)
 
@@ -188,20 +199,22 @@ class Renderer:
         instance("Renderer: camera", camera, Camera)
         if progress is not None and not callable(progress):
             raise complain("Renderer: progress cannot be used", shown(progress), "a function of one number, or None")
-        names = _outputs(outputs)
+        wanted = _outputs(outputs)
         began = time.perf_counter()
         native = self._native.render(
             scene._native,
             camera._native,
             size=image_size(size),
-            coverage="coverage" in names,
-            depth="depth" in names,
+            coverage="coverage" in wanted,
+            depth="depth" in wanted,
             progress=progress,
         )
         image = Image._of(native)
         width, height = image.size
         plan = image.plan
         _log.info("rendered %d x %d on %s in %.3f s", width, height, plan.backend, time.perf_counter() - began)
+        if advice.is_empty(image, scene):
+            _log.warning("nothing can be seen in the picture: %s", advice.why_empty(scene))
         if _log.isEnabledFor(logging.DEBUG):
             _log.debug("plan\n%s", plan)
             _log.debug("stats %s", image.stats)

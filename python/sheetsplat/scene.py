@@ -1,24 +1,42 @@
-"""Scenes: fields, how they are classified, lit and composited. Image formation, sections 3 to 7."""
+"""Scenes: fields, how they are classified, lit and composited. Conventions, sections 3 (Slices) to 7 (Modes)."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Literal
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import Bounds, Triple, Vector, choice, instance, number, optional_number, triple
+from sheetsplat._checks import (
+    Bounds,
+    Triple,
+    Vector,
+    choice,
+    color,
+    instance,
+    measurable,
+    number,
+    optional_number,
+    shown,
+    strength,
+    strengths,
+    triple,
+    truth,
+)
 from sheetsplat.errors import complain
 from sheetsplat.fields import RegularField, as_fields, joined_bounds
 from sheetsplat.transfer import TransferFunction
 
 Mode = Literal["composite", "isosurface", "xray", "mip"]
 Sampling = Literal["point", "slab"]
+MODES = ("composite", "isosurface", "xray", "mip")
 
 
 @dataclass(frozen=True)
 class Light:
-    """A directional light. Image formation, section 5.
+    """A directional light. Conventions, section 5 (Gradients and light).
 
     Parameters
     ----------
@@ -42,9 +60,14 @@ class Light:
 
     def __post_init__(self) -> None:
         """Check and convert."""
-        object.__setattr__(self, "direction", triple("Light: direction", self.direction))
-        object.__setattr__(self, "color", triple("Light: color", self.color))
+        object.__setattr__(
+            self, "direction", measurable("Light: direction", triple("Light: direction", self.direction))
+        )
+        object.__setattr__(self, "color", strengths("Light: color", triple("Light: color", self.color)))
         choice("Light: space", self.space, ("eye", "world"))
+        for name, three in (("direction", self.direction), ("color", self.color)):
+            if not all(map(math.isfinite, three)):
+                raise complain(f"Light: {name} cannot be used", shown(three), "three finite numbers")
         if not any(self.direction):
             raise complain("Light: direction cannot be used", "(0, 0, 0)", "a direction towards the light")
         native = _sheetsplat.Light(direction=_three(self.direction), color=_three(self.color), space=self.space)
@@ -53,7 +76,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Material:
-    """Phong coefficients. Image formation, section 5.
+    """Phong coefficients. Conventions, section 5 (Gradients and light).
 
     Parameters
     ----------
@@ -80,19 +103,32 @@ class Material:
     def __post_init__(self) -> None:
         """Check and convert."""
         for name in ("ambient", "diffuse", "specular", "shininess"):
-            object.__setattr__(self, name, number(f"Material: {name}", getattr(self, name)))
+            object.__setattr__(self, name, strength(f"Material: {name}", getattr(self, name)))
         native = _sheetsplat.Material(
             ambient=self.ambient,
             diffuse=self.diffuse,
             specular=self.specular,
             shininess=self.shininess,
-            two_sided=bool(self.two_sided),
+            two_sided=truth("Material: two_sided", self.two_sided),
         )
         object.__setattr__(self, "_native", native)
 
 
 def _three(vector: Vector) -> Triple:
     return triple("vector", vector)
+
+
+# More lights than anybody has; an iterator may have no end.
+_MOST_LIGHTS = 4096
+
+
+def _lights(lights: object) -> tuple[Light, ...]:
+    if not isinstance(lights, Iterable):
+        raise complain("Scene: lights cannot be used", shown(lights), "a sequence of lights; () for none")
+    found = tuple(islice(lights, _MOST_LIGHTS + 1))
+    if len(found) > _MOST_LIGHTS:
+        raise complain("Scene: lights cannot be used", f"more than {_MOST_LIGHTS} lights", "fewer")
+    return found
 
 
 class Scene:
@@ -131,7 +167,16 @@ class Scene:
         Where a number or a combination has no meaning.
     """
 
-    __slots__ = ("_background", "_fields", "_lights", "_material", "_mode", "_native", "_transfer_function")
+    __slots__ = (
+        "_background",
+        "_fields",
+        "_iso_value",
+        "_lights",
+        "_material",
+        "_mode",
+        "_native",
+        "_transfer_function",
+    )
 
     def __init__(
         self,
@@ -147,19 +192,20 @@ class Scene:
         material: Material | None = None,
         opacity_stop: float = 0.98,
         preintegration: bool = False,
-        background: Vector | None = None,
+        background: Vector | str | None = None,
     ) -> None:
         self._fields = tuple(as_fields(field, "Scene: field"))
         if not isinstance(transfer_function, TransferFunction):
             transfer_function = TransferFunction(transfer_function)
         self._transfer_function = transfer_function
-        self._lights = (lights,) if isinstance(lights, Light) else tuple(lights)
+        self._lights = (lights,) if isinstance(lights, Light) else _lights(lights)
         for light in self._lights:
             instance("Scene: lights", light, Light)
         self._material = Material() if material is None else material
         instance("Scene: material", self._material, Material)
-        self._background = None if background is None else triple("Scene: background", background)
-        self._mode = choice("Scene: mode", mode, ("composite", "isosurface", "xray", "mip"))
+        self._background = None if background is None else color("Scene: background", background)
+        self._iso_value = optional_number("Scene: iso_value", iso_value)
+        self._mode = choice("Scene: mode", mode, MODES)
         self._native = _sheetsplat.Scene(
             [one._native for one in self._fields],
             transfer_function._native,
@@ -167,11 +213,11 @@ class Scene:
             sampling=choice("Scene: sampling", sampling, ("point", "slab")),
             reference_length=optional_number("Scene: reference_length", reference_length),
             mode=self._mode,
-            iso_value=optional_number("Scene: iso_value", iso_value),
+            iso_value=self._iso_value,
             lights=[light._native for light in self._lights],
             material=self._material._native,
             opacity_stop=number("Scene: opacity_stop", opacity_stop),
-            preintegration=bool(preintegration),
+            preintegration=truth("Scene: preintegration", preintegration),
             background=self._background,
         )
 
@@ -199,6 +245,11 @@ class Scene:
     def mode(self) -> str:
         """One of "composite", "isosurface", "xray" and "mip"."""
         return self._mode
+
+    @property
+    def iso_value(self) -> float | None:
+        """Value of the isosurface, or None."""
+        return self._iso_value
 
     @property
     def background(self) -> Triple | None:

@@ -1,4 +1,4 @@
-"""Transfer functions: scalar to colour and opacity. Image formation, section 4."""
+"""Transfer functions: scalar to colour and opacity. Conventions, section 4 (Classification)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import number, shown
+from sheetsplat._checks import STRONGEST, color, number, shown, strength
 from sheetsplat.errors import complain
 
 Floats = NDArray[np.float64]
-# A name of the cmap package, a table (N, 3 or 4), or a function of numbers in [0, 1] that gives such rows.
-Colormap = str | ArrayLike | Callable[[Floats], ArrayLike]
+# A name of the cmap package, names of colours, a table (N, 3 or 4), or a function of numbers in [0, 1] that gives such
+# rows.
+Colormap = str | Sequence[str] | ArrayLike | Callable[[Floats], ArrayLike]
 # One opacity, opacities spread evenly over clim, or pairs (value, opacity).
 Opacity = float | Sequence[float] | Sequence[tuple[float, float]] | NDArray[Any]
 
@@ -34,7 +35,10 @@ def _table(values: Any, what: str, wanted: str) -> Floats:
 def _colors(cmap: Colormap) -> Floats:
     """Return rows r, g, b, a at equal distances over [0, 1]."""
     wanted = "a name of the cmap package, rows (N, 3) or (N, 4) of numbers in [0, 1], or a function that gives them"
-    if isinstance(cmap, str):
+    names = cmap.split(",") if isinstance(cmap, str) and "," in cmap else cmap
+    if isinstance(names, list | tuple) and names and all(isinstance(one, str) for one in names):
+        rows = np.asarray([color("the colormap's colour", one) for one in names])
+    elif isinstance(cmap, str):
         import cmap as cmap_package
 
         try:
@@ -128,6 +132,8 @@ class TransferFunction:
             rows = rows.reshape(0, 5)
         if rows.ndim != 2 or rows.shape[1] != 5:
             raise complain("TransferFunction: the points cannot be used", f"an array of shape {rows.shape}", wanted)
+        for strong in rows[:, 1:4][np.abs(rows[:, 1:4]) > STRONGEST][:1].tolist():
+            strength("TransferFunction: a colour", strong)
         self._native = _sheetsplat.TransferFunction(np.ascontiguousarray(rows))
 
     @classmethod
@@ -139,7 +145,8 @@ class TransferFunction:
         Parameters
         ----------
         cmap
-            A name that the cmap package knows ("viridis", "gray", "matlab:jet" …), a table of shape (N, 3) or (N, 4) in
+            A name that the cmap package knows ("viridis", "gray", "matlab:jet" …), names of colours spread evenly
+            ("black,orange,white", or a list of them), a table of shape (N, 3) or (N, 4) in
             [0, 1] (or uint8), or a function that gives such rows for an array of numbers in [0, 1]. A fourth column
             multiplies the opacity.
         opacity

@@ -17,7 +17,7 @@ from sheetsplat.compare import compare
 OUT = Path(__file__).resolve().parents[2] / "out" / "python"
 log = logging.getLogger("image_checks")
 
-# Image formation, section 9: RMSE and P99.9.
+# Conventions, section 8: RMSE and P99.9.
 FLOAT32 = (2e-5, 2e-4)
 FLOAT32_HARD = (1e-4, 1e-3)
 FLOAT16 = (1 / 510, 1 / 85)

@@ -1,7 +1,7 @@
 """An independent float64 renderer in NumPy: the image-formation page once more, for judging every backend.
 
-The names and arguments are those of the package (RegularField, TransferFunction, Light, Material, Scene, Camera), so that one
-function that takes a module builds the same scene for both. Nothing of the package is imported. Meant for small scenes.
+The names and arguments are those of the package (RegularField, TransferFunction, Light, Material, Scene, Camera), so
+that one function that takes a module builds the same scene for both. Nothing of the package is imported.
 Section numbers are the page's. Vectorised over pixels and kernels; loops over slices and fields.
 """
 
@@ -164,7 +164,7 @@ def _segment(a0: Array, a1: Array, c0: Array, c1: Array) -> tuple[Array, Array]:
 
 
 def ramp_means(tf: TransferFunction, first: Array, last: Array) -> tuple[Array, Array]:
-    """Return the means of -ln(1 - min(a, 1 - 2^-24)) and of it times the colour, over ρ from first to last (each (P,))."""
+    """Return the means of -ln(1 - min(a, 1 - 2^-24)) and of it times the colour, ρ from first to last, both (P,)."""
     table = tf.table()
     # A piece of the transfer function runs between two neighbours; the ends go on for ever.
     ends = np.concatenate([[-np.inf], table[:, 0], [np.inf]])
@@ -193,9 +193,7 @@ def ramp_means(tf: TransferFunction, first: Array, last: Array) -> tuple[Array, 
                 return np.asarray(left[1:] * (1 - s[:, None]) + right[1:] * s[:, None])
 
             p, q = value(x), value(y)
-            t, tc = _segment(
-                np.minimum(p[:, 3], MOST_OPACITY), np.minimum(q[:, 3], MOST_OPACITY), p[:, :3], q[:, :3]
-            )
+            t, tc = _segment(np.minimum(p[:, 3], MOST_OPACITY), np.minimum(q[:, 3], MOST_OPACITY), p[:, :3], q[:, :3])
             share = (y - x) / width[at]
             tau[at] += t * share
             tau_c[at] += tc * share[:, None]
@@ -275,9 +273,7 @@ class Camera:
     near: float = 0.0
 
     @classmethod
-    def orthographic(
-        cls, eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0, 1, 0), *, height: float
-    ) -> Camera:
+    def orthographic(cls, eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0, 1, 0), *, height: float) -> Camera:
         """Return a camera with parallel rays."""
         return cls(np.asarray(eye, float), np.asarray(target, float), np.asarray(up, float), height=height)
 
@@ -397,23 +393,25 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
     begin, end = np.inf, -np.inf
     for f, eye_centres, _ in placed:
         reach = float(np.linalg.norm(turn[2] * f.semi_axes())) * nudge.support
-        begin, end = min(begin, float((-eye_centres[:, 2]).min()) - reach), max(end, float((-eye_centres[:, 2]).max()) + reach)
+        begin, end = (
+            min(begin, float((-eye_centres[:, 2]).min()) - reach),
+            max(end, float((-eye_centres[:, 2]).max()) + reach),
+        )
     n = np.arange(math.floor((begin - centre) / spacing), math.floor((end - centre) / spacing) + 1)
     depth = slice_depth(n, centre, spacing)
     if camera.is_perspective:
         depth = depth[depth > camera.near]
     if len(depth) == 0:
         return Samples(np.zeros(0), np.zeros((0, h + 2, w + 2)), np.zeros((0, h + 2, w + 2), bool), np.zeros((0, h, w)))
-    all_depth = np.concatenate(
-        [depth[0] - spacing * np.array([2, 1]), depth, depth[-1] + spacing * np.array([1, 2])]
-    )
+    all_depth = np.concatenate([depth[0] - spacing * np.array([2, 1]), depth, depth[-1] + spacing * np.array([1, 2])])
     count = len(all_depth)
     rho = np.zeros((count, (h + 2) * (w + 2)))
     weight = np.zeros((count, (h + 2) * (w + 2)))
     empty = np.ones((count, (h + 2) * (w + 2)), bool)
     tall = camera.height_at_one()
     x, y = np.meshgrid(
-        (2 * (np.arange(-1, w + 1) + 0.5) / w - 1) * tall / 2 * w / h, (1 - 2 * (np.arange(-1, h + 1) + 0.5) / h) * tall / 2
+        (2 * (np.arange(-1, w + 1) + 0.5) / w - 1) * tall / 2 * w / h,
+        (1 - 2 * (np.arange(-1, h + 1) + 0.5) / h) * tall / 2,
     )
     x, y = x.ravel(), y.ravel()
     for f, eye_centres, values in placed:
@@ -455,7 +453,7 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
 
 
 def _slab(delta: Array, ray: Array, spacing: float, k: float) -> tuple[Array, Array]:
-    """Return the mean of g over the slab and whether the support is met; delta (P, K, 3) at its middle, ray (P, 3) per depth."""
+    """Return g's mean over the slab and whether it is met; delta (P, K, 3) at its middle, ray (P, 3) per depth."""
     speed = np.linalg.norm(ray, axis=-1)[:, None]
     nearest = -(delta * ray[:, None, :]).sum(-1) / speed**2
     r2 = ((delta + nearest[..., None] * ray[:, None, :]) ** 2).sum(-1)

@@ -95,8 +95,9 @@ def test_all_samples_may_be_missing():
     camera = ss.Camera.orthographic((0, 0, 9), (0, 0, 0), height=5)
     assert nothing.size == 0
     assert not ss.render(nothing, camera=camera, **SMALL).rgba.any()
+    assert not ss.render(nothing, **SMALL).rgba.any()
     with pytest.raises(ss.InvalidInput, match=r"Camera\.fit"):
-        ss.render(nothing, **SMALL)
+        ss.Camera.fit(nothing)
 
 
 @pytest.mark.gl

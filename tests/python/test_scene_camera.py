@@ -39,7 +39,7 @@ def field(ball):
         {"material": "shiny"},
         {"background": (1, 1)},
         {"background": (1, np.nan, 1)},
-        {"background": "white"},
+        {"background": "no colour"},
     ],
 )
 def test_scene_options_without_meaning_are_refused(field, options):

@@ -26,7 +26,9 @@ _DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "j
 @click.option(
     "--dataset", type=click.Choice(_DATASETS), default="tubes", show_default=True, help="What to make and show."
 )
-@click.option("--size", type=Numbers("WxH", 2, whole=True), default="400x400", show_default=True, help="Pixels.")
+@click.option(
+    "--size", type=Numbers("WxH", 2, whole=True, square=True), default="400x400", show_default=True, help="Pixels."
+)
 @click.option("--backend", type=click.Choice(BACKENDS), default="auto", show_default=True)
 @as_json
 @common

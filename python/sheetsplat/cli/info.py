@@ -2,23 +2,104 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 
-from sheetsplat.cli.options import apply, array_shape, as_json, common, file_options
+from sheetsplat.cli.options import apply, array_shape, as_json, common, file_options, place_options
 from sheetsplat.cli.output import report_json
 
 _PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
 _BAR = 40
+# Samples that are looked at in one go; percentiles look at no more than enough of them.
+_BLOCK = 1 << 20
+_ENOUGH = 4_000_000
+_LARGEST = float(np.finfo(np.float64).max)
+
+
+def _extent(shape: tuple[int, ...], spacing: Any, lattice: str) -> list[float]:
+    """Return the distances along x, y, z from the first kernel's centre to the last one's."""
+    nk, nj, ni = shape
+    if lattice == "bcc":
+        # Odd layers are half a cube further.
+        shift, edge = 0.5 * (nk > 1), spacing[0]
+        return [(ni - 1 + shift) * edge, (nj - 1 + shift) * edge, 0.5 * (nk - 1) * edge]
+    return [gap * (count - 1) for gap, count in zip(spacing, (ni, nj, nk), strict=True)]
+
+
+def _blocks(flat: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
+    """Give the finite samples as float64, a block at a time."""
+    for start in range(0, flat.size, _BLOCK):
+        block = flat[start : start + _BLOCK].astype(np.float64)
+        yield block if flat.dtype.kind != "f" else block[np.isfinite(block)]
+
+
+def _edges(low: float, high: float, bins: int) -> NDArray[np.float64]:
+    if not low < high:
+        half = max(0.5, 1e-3 * abs(low))
+        low, high = max(low - half, -_LARGEST), min(high + half, _LARGEST)
+    # Written so that the difference of the largest numbers, which overflows, does not appear.
+    share = np.linspace(0.0, 1.0, bins + 1)
+    edges: NDArray[np.float64] = low * (1.0 - share) + high * share
+    return edges
+
+
+def _percentiles(flat: NDArray[Any]) -> list[float]:
+    """Return percentiles of the finite samples, of every so many where there are more than enough."""
+    # An odd stride does not fall into step with the rows of the array.
+    stride = 1 if flat.size <= _ENOUGH else (-(-flat.size // _ENOUGH) | 1)
+    picked = np.concatenate(list(_blocks(flat[::stride])))
+    # Differences of the largest numbers must not overflow; a power of two costs no digits.
+    scale = 4.0 if picked.size and float(np.abs(picked).max()) > 1e307 else 1.0
+    picked /= scale
+    found: list[float] = (np.percentile(picked, _PERCENTILES, overwrite_input=True) * scale).tolist()
+    return found
+
+
+def _statistics(flat: NDArray[Any], bins: int) -> dict[str, Any]:
+    """Return counts, range, moments, percentiles and histogram, without a copy of all samples."""
+    count, low, high, missing = 0, math.inf, -math.inf, 0
+    for block in _blocks(flat):
+        count += block.size
+        low, high = float(block.min(initial=low)), float(block.max(initial=high))
+    if count < flat.size:
+        pieces = (flat[start : start + _BLOCK] for start in range(0, flat.size, _BLOCK))
+        missing = sum(int(np.isnan(piece).sum()) for piece in pieces)
+    report: dict[str, Any] = {"nan": missing, "infinite": flat.size - count - missing}
+    if not count:
+        return report
+    # Squares of the largest numbers overflow and those of the smallest vanish; those of shares do neither.
+    # And a power of two costs no digits.
+    unit = math.ldexp(1.0, math.frexp(max(abs(low), abs(high)))[1] - 1)
+    mean = sum(float((block / unit).sum()) for block in _blocks(flat)) / count
+    edges = _edges(low, high, bins)
+    counts = np.zeros(bins, dtype=np.int64)
+    squares = 0.0
+    for block in _blocks(flat):
+        # The last bin takes its upper edge in, as NumPy has it.
+        counts += np.bincount(np.searchsorted(edges[1:-1], block, side="right"), minlength=bins)
+        block /= unit
+        block -= mean
+        squares += float(np.square(block, out=block).sum())
+    return report | {
+        "minimum": low,
+        "maximum": high,
+        "mean": min(max(mean * unit, low), high),
+        "deviation": math.sqrt(squares / count) * unit,
+        "percentiles": dict(zip(map(str, _PERCENTILES), _percentiles(flat), strict=True)),
+        "histogram": {"edges": edges.tolist(), "counts": counts.tolist()},
+    }
 
 
 def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     """Return what is in a file: sizes, ranges, histogram, memory, and the look that a picture of it would get."""
     from sheetsplat import automatic
-    from sheetsplat.fields import RegularField, as_samples
+    from sheetsplat.fields import Lattice, RegularField, as_samples
     from sheetsplat.io import read_volume
 
     shape = array_shape(options["shape"])
@@ -30,34 +111,30 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         name=options["name"],
     )
     samples = as_samples(volume.values)
-    finite = samples[np.isfinite(samples)] if samples.dtype.kind == "f" else samples.reshape(-1)
+    spacing = options["spacing"] or volume.spacing
+    origin = options["origin"] or volume.origin
+    lattice: Lattice = options["lattice"] or "cartesian"
+    extent = _extent(samples.shape, spacing, lattice)
+    # A field of one sample judges spacing and origin as a field of all of them would, without their copy.
+    RegularField(np.zeros_like(samples[:1, :1, :1]), spacing=spacing, origin=origin, lattice=lattice)
+    numbers = _statistics(samples.reshape(-1), bins)
     report: dict[str, Any] = {
         "file": str(path),
         "format": volume.format,
         "samples": list(samples.shape[::-1]),
         "type": str(volume.values.dtype.name),
         "kept_as": samples.dtype.name,
-        "spacing": list(volume.spacing),
-        "origin": list(volume.origin),
-        "extent": [gap * (count - 1) for gap, count in zip(volume.spacing, samples.shape[::-1], strict=True)],
+        "lattice": lattice,
+        "spacing": list(spacing),
+        "origin": list(origin),
+        "extent": extent,
         "memory_bytes": samples.nbytes,
-        "nan": int(np.isnan(samples).sum()) if samples.dtype.kind == "f" else 0,
-        "infinite": int(np.isinf(samples).sum()) if samples.dtype.kind == "f" else 0,
+        **numbers,
         **volume.details,
     }
-    if finite.size:
-        counts, edges = np.histogram(finite, bins=bins)
-        report |= {
-            "minimum": float(finite.min()),
-            "maximum": float(finite.max()),
-            "mean": float(finite.mean(dtype=np.float64)),
-            "deviation": float(finite.std(dtype=np.float64)),
-            "percentiles": dict(zip(map(str, _PERCENTILES), np.percentile(finite, _PERCENTILES).tolist(), strict=True)),
-            "histogram": {"edges": edges.tolist(), "counts": counts.tolist()},
-        }
-        if not report["infinite"]:
-            look = automatic.choose([RegularField(samples, nan="skip")])
-            report |= {"clim": list(look.clim), "surface": look.surface}
+    if "minimum" in report and not report["infinite"]:
+        look = automatic.choose_for(samples)
+        report |= {"clim": list(look.clim), "surface": look.surface}
     return report
 
 
@@ -69,6 +146,7 @@ def _table(report: dict[str, Any]) -> str:
         ("file", report["file"]),
         ("format", report["format"] + (f", {report['content']}" if "content" in report else "")),
         ("samples", " x ".join(map(str, report["samples"])) + f" (x, y, z), {report['type']}"),
+        ("lattice", report["lattice"]),
         ("spacing", numbers("spacing")),
         ("origin", numbers("origin")),
         ("extent", numbers("extent")),
@@ -101,6 +179,7 @@ def _table(report: dict[str, Any]) -> str:
 @click.command("info")
 @click.argument("file", type=click.Path(path_type=Path))
 @apply(file_options)
+@apply(place_options)
 @click.option("--bins", type=click.IntRange(1, 4096), default=16, show_default=True, help="Of the histogram.")
 @as_json
 @common

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
+import logging
 import sys
+import traceback
 from typing import Any
 
 import click
@@ -20,6 +23,10 @@ _COMMANDS = {
     "bench": "Measure: tables, ablations, scaling.",
     "demo": "Render a data set that is made on the spot.",
 }
+# Which effects there are is known to the plan alone; a wrong name is wrong usage all the same.
+_STRANGE_EFFECT = "the effects cannot be forced: found the name"
+# Characters of the reason of an error that is not of the package.
+_REASON = 500
 
 
 class _Group(click.Group):
@@ -47,9 +54,23 @@ class _Group(click.Group):
         try:
             return super().invoke(ctx)
         except Error as error:
-            click.echo(f"sheetsplat: {error}", err=True)
+            from sheetsplat.cli.options import for_command_line
+
+            if str(error).startswith(_STRANGE_EFFECT):
+                raise click.UsageError(for_command_line(str(error)), ctx) from None
+            click.echo(f"sheetsplat: {for_command_line(str(error))}", err=True)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
         except MemoryError:
             click.echo("sheetsplat: memory ran out; use a smaller volume or picture", err=True)
+        except Exception as error:
+            # Whoever reads the output has had enough of it: click ends quietly then.
+            if isinstance(error, OSError) and error.errno == errno.EPIPE:
+                raise
+            if logging.getLogger("sheetsplat").isEnabledFor(logging.DEBUG):
+                traceback.print_exc()
+            reason = " ".join(str(error).split())[:_REASON]
+            click.echo(f"sheetsplat: a mistake of the program, {type(error).__name__}: {reason}", err=True)
         sys.exit(1)
 
 

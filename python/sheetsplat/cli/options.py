@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import logging
 import math
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from sheetsplat.renderer import BACKENDS, PACKINGS, PRECISIONS, TAGGINGS
 
@@ -20,14 +23,56 @@ if TYPE_CHECKING:
 else:
     _ParamType = click.ParamType
 
+# Rows of a table made of colours at values.
+_TABLE = 1025
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-class Numbers(_ParamType):
-    """Numbers with commas between them; whole ones may have an x: 256x256x128."""
+class Real(_ParamType):
+    """A finite number, perhaps above or below another, or at most as large as one."""
 
-    def __init__(self, name: str, count: int, *, whole: bool = False) -> None:
-        self.name, self._count, self._whole = name, count, whole
+    name = "float"
+
+    def __init__(self, *, above: float = -math.inf, below: float = math.inf, most: float = math.inf) -> None:
+        self._above, self._below, self._most = above, below, most
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number."""
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if self._above < number < self._below and number <= self._most:
+            return number
+        limits = (("above", self._above), ("below", self._below), ("at most", self._most))
+        wanted = " and ".join(f"{word} {limit:g}" for word, limit in limits if math.isfinite(limit))
+        self.fail(f"{_short(value)}: wanted a finite number{' ' if wanted else ''}{wanted}", param, ctx)
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+class Numbers(_ParamType):
+    """Finite numbers with commas between them; whole ones are positive and may have an x: 256x256x128.
+
+    Square: one number stands for two. Positive: above 0. Rising: in order.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        count: int,
+        *,
+        whole: bool = False,
+        square: bool = False,
+        positive: bool = False,
+        rising: bool = False,
+    ) -> None:
+        self.name, self._count, self._whole, self._square = name, count, whole, square
+        self._positive, self._rising = positive or whole, rising
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
         """Return the numbers."""
@@ -38,8 +83,16 @@ class Numbers(_ParamType):
             numbers = tuple((int if self._whole else float)(part) for part in parts)
         except ValueError:
             numbers = ()
+        if self._square and len(numbers) == 1:
+            numbers *= 2
         if len(numbers) != self._count:
-            self.fail(f"{value!r}: wanted {self.name}, {self._count} numbers", param, ctx)
+            self.fail(f"{_short(value)}: wanted {self.name}, {self._count} numbers", param, ctx)
+        if not all(abs(number) < 2**31 if self._whole else math.isfinite(number) for number in numbers):
+            self.fail(f"{_short(value)}: wanted numbers that are not so large", param, ctx)
+        if self._positive and min(numbers) <= 0:
+            self.fail(f"{_short(value)}: wanted numbers above 0", param, ctx)
+        if self._rising and not all(low < high for low, high in itertools.pairwise(numbers)):
+            self.fail(f"{_short(value)}: wanted the lower number first", param, ctx)
         return numbers
 
 
@@ -53,8 +106,25 @@ class Direction(Numbers):
         """Return the direction."""
         named = re.fullmatch(r"([+-]?)([xyz])", value.strip().lower()) if isinstance(value, str) else None
         if named is None:
-            return super().convert(value, param, ctx)
+            numbers = super().convert(value, param, ctx)
+            if not any(numbers):
+                self.fail(f"{_short(value)}: wanted a direction, not a point", param, ctx)
+            return numbers
         return tuple((-1.0 if named[1] == "-" else 1.0) * (axis == named[2]) for axis in "xyz")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError
+    return number
+
+
+def _share(text: str) -> float:
+    number = float(text)
+    if not 0.0 <= number <= 1.0:
+        raise ValueError
+    return number
 
 
 class OpacityType(_ParamType):
@@ -69,11 +139,58 @@ class OpacityType(_ParamType):
         try:
             if ":" in value:
                 pairs = [part.split(":") for part in value.split(",")]
-                return [(float(at), float(opacity)) for at, opacity in pairs]
-            numbers = [float(part) for part in value.split(",")]
+                points = [(_finite(at), _share(opacity)) for at, opacity in pairs]
+                if any(later[0] < earlier[0] for earlier, later in itertools.pairwise(points)):
+                    raise ValueError
+                return points
+            numbers = [_share(part) for part in value.split(",")]
         except ValueError:
             self.fail(f"{value!r}: wanted 0.5, or 0,0.1,0.9, or 40:0,90:0.1,200:0.9", param, ctx)
         return numbers[0] if len(numbers) == 1 else numbers
+
+
+@dataclass(frozen=True)
+class ColorPairs:
+    """Colours at values, linear between."""
+
+    values: tuple[float, ...]
+    colors: tuple[tuple[float, float, float], ...]
+
+    def table(self, clim: tuple[float, ...] | None) -> tuple[Any, tuple[float, ...]]:
+        """Return rows of colours, and the limits that they spread over."""
+        import numpy as np
+
+        limits = (self.values[0], self.values[-1]) if clim is None else clim
+        at = np.linspace(limits[0], limits[1], _TABLE)
+        columns = np.asarray(self.colors).T
+        return np.column_stack([np.interp(at, self.values, column) for column in columns]), limits
+
+
+class ColormapType(_ParamType):
+    """A name of the cmap package, colours with commas between them, or pairs value:colour."""
+
+    name = "NAME | COLOR,COLOR,… | V:COLOR,V:COLOR,…"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return what TransferFunction.from_colormap takes, or ColorPairs."""
+        if not isinstance(value, str) or "," not in value:
+            return value
+        from sheetsplat._checks import color
+        from sheetsplat.errors import InvalidInput
+
+        wanted = "wanted black,orange,white, or 0:black,90:#ff8000,200:white with values that rise"
+        parts = [part.strip() for part in value.split(",")]
+        try:
+            if ":" not in value:
+                return [color("colour", part) for part in parts]
+            pairs = [part.split(":") for part in parts]
+            values = tuple(float(at) for at, _ in pairs)
+            colors = tuple(color("colour", name) for _, name in pairs)
+        except (ValueError, InvalidInput):
+            self.fail(f"{value!r}: {wanted}", param, ctx)
+        if not all(low < high for low, high in itertools.pairwise(values)) or not all(map(math.isfinite, values)):
+            self.fail(f"{value!r}: {wanted}", param, ctx)
+        return ColorPairs(values, colors)
 
 
 class ColorType(_ParamType):
@@ -85,7 +202,8 @@ class ColorType(_ParamType):
         """Return red, green, blue."""
         if not isinstance(value, str):
             return tuple(value)
-        from PIL import ImageColor
+        from sheetsplat._checks import color
+        from sheetsplat.errors import InvalidInput
 
         try:
             if "," in value:
@@ -93,8 +211,8 @@ class ColorType(_ParamType):
                 if len(numbers) == 3 and all(math.isfinite(number) for number in numbers):
                     return numbers
                 raise ValueError
-            return tuple(part / 255 for part in ImageColor.getrgb(value)[:3])
-        except ValueError:
+            return color("colour", value)
+        except (ValueError, InvalidInput):
             self.fail(f"{value!r}: wanted r,g,b in 0 to 1, #rrggbb, or the name of a colour", param, ctx)
 
 
@@ -144,65 +262,124 @@ file_options: list[Callable[[Any], Any]] = [
     click.option("--name", help="The array of an .npz file to take."),
 ]
 
-field_options: list[Callable[[Any], Any]] = [
+place_options: list[Callable[[Any], Any]] = [
     click.option(
-        "--spacing", type=Numbers("DX,DY,DZ", 3), help="World units between samples; else what the file says."
+        "--spacing",
+        type=Numbers("DX,DY,DZ", 3, positive=True),
+        help="World units between samples; else what the file says.",
     ),
     click.option(
         "--origin", type=Numbers("X,Y,Z", 3), help="World position of the first sample; else what the file says."
     ),
     click.option("--lattice", type=click.Choice(["cartesian", "bcc"]), help="BCC: DX of --spacing is its edge."),
-    click.option("--radius", type=float, help="Radius of the kernels, in sample distances.  [default: 2]"),
-    click.option("--falloff", type=float, help="Falloff k of the kernels.  [default: 5]"),
+]
+
+field_options: list[Callable[[Any], Any]] = [
+    *place_options,
+    click.option("--radius", type=Real(above=0.0), help="Radius of the kernels, in sample distances.  [default: 2]"),
+    click.option("--falloff", type=Real(above=0.0), help="Falloff k of the kernels.  [default: 5]"),
     click.option("--normalization", type=click.Choice(["none", "lattice", "threshold"]), help="[default: lattice]"),
-    click.option("--w0", type=float, help="Threshold of --normalization threshold.  [default: 1]"),
+    click.option("--w0", type=Real(above=0.0), help="Threshold of --normalization threshold.  [default: 1]"),
     click.option("--nan", type=click.Choice(["error", "skip"]), help="What a NaN sample is.  [default: error]"),
 ]
 
 look_options: list[Callable[[Any], Any]] = [
-    click.option("--cmap", help="Colormap, a name of the cmap package.  [default: viridis]"),
-    click.option("--opacity", type=OpacityType(), help="Opacity per reference length; else by the histogram."),
     click.option(
-        "--clim", type=Numbers("LOW,HIGH", 2), help="Where the colormap begins and ends; else by the histogram."
+        "--cmap",
+        type=ColormapType(),
+        help="Colormap: a name of the cmap package (viridis, gray, matlab:jet …), colours spread over --clim, or "
+        "colours at values. [composite, isosurface; default: viridis]",
     ),
-    click.option("--shading/--no-shading", default=True, show_default=True, help="A light over the viewer's shoulder."),
-    click.option("--background", type=ColorType(), help="Behind the picture; transparent unless given."),
+    click.option(
+        "--opacity", type=OpacityType(), help="Opacity per reference length; else by the histogram. [composite]"
+    ),
+    click.option(
+        "--clim",
+        type=Numbers("LOW,HIGH", 2, rising=True),
+        help="Where the colormap begins and ends; else by the histogram, or so that "
+        "a surface has a colour from the upper part of the map. [composite, isosurface]",
+    ),
+    click.option(
+        "--shading/--no-shading",
+        default=True,
+        show_default=True,
+        help="A light over the viewer's shoulder. [composite, isosurface]",
+    ),
+    click.option(
+        "--background",
+        type=ColorType(),
+        help="Behind the picture: r,g,b, #rrggbb or a name; transparent unless given. [composite, isosurface]",
+    ),
     click.option(
         "--mode",
         type=click.Choice(["composite", "isosurface", "xray", "mip"]),
         default="composite",
         show_default=True,
-        help="How slices become a pixel.",
+        help="How slices become a pixel. Options that end with names of modes are for these only.",
     ),
-    click.option("--iso", "iso_value", type=float, help="Value of --mode isosurface; else by the histogram."),
-    click.option("--slice-spacing", type=float, help="Distance of slices in world units."),
+    click.option("--iso", "iso_value", type=Real(), help="Value of the surface; else by the histogram. [isosurface]"),
+    click.option("--slice-spacing", type=Real(above=0.0), help="Distance of slices in world units."),
     click.option("--sampling", type=click.Choice(["point", "slab"]), default="point", show_default=True),
-    click.option("--reference-length", type=float, help="World units to which opacities refer."),
-    click.option("--opacity-stop", type=float, default=0.98, show_default=True, help="1 for never."),
-    click.option("--preintegration/--no-preintegration", default=False, show_default=True),
+    click.option(
+        "--reference-length", type=Real(above=0.0), help="World units to which opacities refer. [composite, isosurface]"
+    ),
+    click.option(
+        "--opacity-stop",
+        type=Real(above=0.0, most=1.0),
+        default=0.98,
+        show_default=True,
+        help="Opacity at which a pixel is done; 1: never. [composite]",
+    ),
+    click.option(
+        "--preintegration/--no-preintegration",
+        default=False,
+        show_default=True,
+        help="Classify between slices. [composite]",
+    ),
 ]
 
 view_options: list[Callable[[Any], Any]] = [
-    click.option("--size", type=Numbers("WxH", 2, whole=True), default="400x400", show_default=True, help="Pixels."),
+    click.option(
+        "--size",
+        type=Numbers("WxH", 2, whole=True, square=True),
+        default="400x400",
+        show_default=True,
+        help="Pixels; one number: square.",
+    ),
     click.option("--direction", type=Direction(), help="Of the view: X,Y,Z, or an axis such as -z.  [default: -z]"),
     click.option("--up", type=Direction(), help="What is up in the picture.  [default: y]"),
-    click.option("--azimuth", type=float, help="Degrees round up.  [default: 25, with --direction 0]"),
-    click.option("--elevation", type=float, help="Degrees towards up.  [default: 20, with --direction 0]"),
-    click.option("--zoom", type=float, default=1.0, show_default=True, help="Enlargement."),
+    click.option(
+        "--azimuth", type=Real(), help="Degrees by which the eye goes round up.  [default: 25, with --direction 0]"
+    ),
+    click.option("--elevation", type=Real(), help="Degrees towards up.  [default: 20, with --direction 0]"),
+    click.option("--zoom", type=Real(above=0.0), default=1.0, show_default=True, help="Enlargement."),
     click.option(
         "--projection", type=click.Choice(["orthographic", "perspective"]), default="orthographic", show_default=True
     ),
-    click.option("--fov", "fov_y", type=float, default=30.0, show_default=True, help="Vertical angle of perspective."),
-    click.option("--margin", type=float, default=1.05, show_default=True, help="Picture over volume."),
+    click.option(
+        "--fov",
+        "fov_y",
+        type=Real(above=0.0, below=180.0),
+        default=30.0,
+        show_default=True,
+        help="Vertical angle of perspective.",
+    ),
+    click.option("--margin", type=Real(above=0.0), default=1.05, show_default=True, help="Picture over volume."),
 ]
 
 renderer_options: list[Callable[[Any], Any]] = [
     click.option("--backend", type=click.Choice(BACKENDS), default="auto", show_default=True),
-    click.option("--device", type=int, help="Number of the EGL device."),
+    click.option("--device", type=click.IntRange(min=0, max=2**31 - 1), help="Number of the EGL device."),
     click.option("--precision", type=click.Choice(PRECISIONS), default="auto", show_default=True),
     click.option("--tagging", type=click.Choice(TAGGINGS), default="auto", show_default=True),
     click.option("--packing", type=click.Choice(PACKINGS), default="auto", show_default=True),
-    click.option("--effect", "effects", multiple=True, metavar="NAME=on|off", help="Force an effect; may be repeated."),
+    click.option(
+        "--effect",
+        "effects",
+        multiple=True,
+        metavar="NAME=on|off",
+        help='Force an effect of the plan; may be repeated. Usage, "Words of the plan", lists them.',
+    ),
     click.option("--allow-inexact", is_flag=True, help="Let settings through that cannot keep the error bound."),
 ]
 
@@ -224,18 +401,74 @@ _FIELD = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", 
 def forced_effects(texts: tuple[str, ...]) -> dict[str, bool]:
     """Return {name: on} of texts such as "elimination=off"."""
     words = {"on": True, "true": True, "1": True, "off": False, "false": False, "0": False}
-    effects = {}
+    effects: dict[str, bool] = {}
     for text in texts:
         name, equals, word = text.partition("=")
         if not equals or word.lower() not in words:
             raise click.BadParameter(f"{text!r}: wanted NAME=on or NAME=off", param_hint="--effect")
-        effects[name] = words[word.lower()]
+        on = words[word.lower()]
+        if effects.setdefault(name, on) != on:
+            raise click.BadParameter(f"{name!r}: on and off at once", param_hint="--effect")
     return effects
 
 
 def array_shape(shape: tuple[int, ...] | None) -> tuple[int, ...] | None:
     """Return the shape of the array [k, j, i] of samples along x, y, z."""
     return None if shape is None else tuple(reversed(shape))
+
+
+# What options of the command line are called where it is not the name of the parameter.
+_SPELLED = {"iso_value": "--iso", "fov_y": "--fov"}
+# A default that says nothing in a mode may be said aloud; it is no mistake about the picture.
+_HARMLESS = ("shading", "opacity_stop")
+
+
+def spelled(name: str) -> str:
+    """Return the option of the command line that sets a parameter."""
+    return _SPELLED.get(name, "--" + name.replace("_", "-"))
+
+
+def check_mode(options: dict[str, Any], outputs: tuple[str, ...] = ()) -> None:
+    """Refuse options that the mode does not use, and warn of those that change nothing in any case."""
+    from sheetsplat import advice
+
+    context = click.get_current_context()
+    given = [
+        name
+        for name in (*_LOOK, *_LOOK_TOO)
+        if name in options
+        and context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        # Switched off where it is off anyway.
+        and not (name == "preintegration" and not options[name])
+    ]
+    mode = options["mode"]
+    ignored = advice.unused(mode, [*given, *outputs])
+    refused = [spelled(name) for name in ignored if name not in _HARMLESS]
+    if refused:
+        raise click.UsageError(f"--mode {mode} does not use {', '.join(refused)}; leave out one or the other")
+    if ignored:
+        names = ", ".join(spelled(name) for name in ignored)
+        logging.getLogger("sheetsplat").warning("--mode %s does not use %s", mode, names)
+
+
+def for_command_line(message: str) -> str:
+    """Return the message of an error with the names of options in place of those of Python's arguments."""
+    for pattern, option in _WORDS:
+        message = re.sub(pattern, option, message)
+    return message
+
+
+_WORDS = (
+    (r"pass allow_inexact=True", "give --allow-inexact"),
+    (r"correct effects=", "correct --effect NAME=on|off"),
+    (r"from effects=", "from --effect"),
+    (r'pass nan="skip"', "give --nan skip"),
+    (r"give name=\.\.\. to choose", "give --name NAME to choose"),
+    (r"pass iso_value", "give --iso"),
+    (r'preintegration=true with mode="(\w+)"', r"--preintegration with --mode \1"),
+    (r'preintegration only in mode="composite"', "--preintegration only in --mode composite"),
+    (r'turn preintegration off or use mode="composite"', "leave out --preintegration or use --mode composite"),
+)
 
 
 def prepare(path: Path, options: dict[str, Any]) -> tuple[Any, Any, Any, tuple[int, int]]:
@@ -245,6 +478,8 @@ def prepare(path: Path, options: dict[str, Any]) -> tuple[Any, Any, Any, tuple[i
     from sheetsplat.renderer import Renderer
 
     effects = forced_effects(options["effects"])
+    if isinstance(options["cmap"], ColorPairs):
+        options["cmap"], options["clim"] = options["cmap"].table(options["clim"])
     size = image_size(options["size"])
     given = {name: options[name] for name in _FIELD}
     fields = api.to_fields(path, shape=array_shape(options["shape"]), **given)

@@ -6,7 +6,8 @@ import contextlib
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import click
@@ -28,6 +29,15 @@ def _plain(value: Any) -> Any:
 def report_json(value: Any) -> None:
     """Print a value as JSON on stdout; numbers that are not finite become null."""
     click.echo(json.dumps(_plain(value), indent=2, allow_nan=False))
+
+
+def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """Refuse outputs that are one and the same file, or an input: one would take the place of the other."""
+    taken = {path.resolve(): path for path in inputs}
+    for path in outputs:
+        if path.resolve() in taken:
+            raise click.UsageError(f"{path}: to be written, but it is named twice or is what is read")
+        taken[path.resolve()] = path
 
 
 def say(text: str, *, quiet: bool) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from sheetsplat.cli.options import as_json, common, prepare, scene_options
+from sheetsplat.cli.options import as_json, check_mode, common, prepare, scene_options
 from sheetsplat.cli.output import report_json
 
 
@@ -17,7 +17,11 @@ from sheetsplat.cli.output import report_json
 @as_json
 @common
 def command(file: Path, as_json: bool, quiet: bool, **options: Any) -> None:
-    """Show what rendering FILE with these options calls for, effect by effect, with the reason."""
+    """Show what rendering FILE with these options calls for, effect by effect, with the reason.
+
+    Effects that --effect can force, and what each means: usage, "Words of the plan".
+    """
+    check_mode(options)
     scene, camera, renderer, size = prepare(file, options)
     plan = renderer.plan(scene, camera, size=size)
     if as_json:

@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from sheetsplat.cli.options import as_json, common, prepare, scene_options
-from sheetsplat.cli.output import progress_bar, report_json, say
+from sheetsplat.cli.options import as_json, check_mode, common, prepare, scene_options
+from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
 
 _PATH = click.Path(path_type=Path, dir_okay=False)
 
@@ -17,7 +17,9 @@ _PATH = click.Path(path_type=Path, dir_okay=False)
 @click.command("render")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=_PATH, required=True, help="The picture: .png, .exr or .npy.")
-@click.option("--depth", "depth_path", type=_PATH, help="Write the depth of opacity one half as well.")
+@click.option(
+    "--depth", "depth_path", type=_PATH, help="Write the depth of opacity one half as well. [composite, isosurface]"
+)
 @click.option(
     "--coverage", "coverage_path", type=_PATH, help="Write the line integral of the kernels' weights as well."
 )
@@ -37,22 +39,31 @@ def command(
 
     FILE is .npy, .npz, NRRD, MetaImage (.mhd, .mha) or raw samples with --shape and --dtype; each may be gzipped.
     """
+    from sheetsplat.api import surface_color, surface_text
     from sheetsplat.io import pictures
 
     extra = {name: path for name, path in (("depth", depth_path), ("coverage", coverage_path)) if path is not None}
+    check_outputs([output, *extra.values()], [file])
     for path in (output, *extra.values()):
         if path.suffix.lower() not in (".png", ".exr", ".npy"):
             raise click.UsageError(f"{path}: a picture's name ends with .png, .exr or .npy")
         pictures.check_folder(path)
+    check_mode(options, tuple(extra))
     began = time.perf_counter()
     scene, camera, renderer, size = prepare(file, options)
+    if scene.mode == "isosurface":
+        say(surface_text(scene), quiet=quiet)
     with progress_bar(file.name, quiet=quiet) as progress:
         image = renderer.render(scene, camera, size=size, outputs=tuple(extra), progress=progress)
-    image.save(output)
-    for name, path in extra.items():
-        pictures.save_channel(getattr(image, name), path)
+    with pictures.whole_files([output, *extra.values()]) as (made, *others):
+        image.save(made)
+        for name, path in zip(extra, others, strict=True):
+            pictures.save_channel(getattr(image, name), path)
     seconds = time.perf_counter() - began
     if as_json:
         written = {"output": str(output), **{name: str(path) for name, path in extra.items()}}
-        report_json({**written, "seconds": seconds, "plan": image.plan.to_dict(), "stats": image.stats})
+        surface: dict[str, Any] = {}
+        if scene.mode == "isosurface":
+            surface = {"iso_value": scene.iso_value, "color": list(surface_color(scene))}
+        report_json({**written, **surface, "seconds": seconds, "plan": image.plan.to_dict(), "stats": image.stats})
     say(f"{output}: {size[0]} x {size[1]} pixels by {image.plan.backend} in {seconds:.2f} s", quiet=quiet)

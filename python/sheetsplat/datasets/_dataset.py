@@ -63,6 +63,16 @@ class Dataset:
         nk, nj, ni = self.values.shape
         return nk, nj, ni
 
+    def __repr__(self) -> str:
+        """Return a short description."""
+        nk, nj, ni = self.shape
+        return f"Dataset({self.name!r}, {ni} x {nj} x {nk} {self.values.dtype.name}, {self.lattice})"
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        """World-aligned box around all supports, as :attr:`sheetsplat.RegularField.bounds`."""
+        return self.field().bounds
+
     @property
     def clim(self) -> tuple[float, float]:
         """The suggested range of values, or the smallest and largest value."""

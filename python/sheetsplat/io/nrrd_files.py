@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +68,14 @@ def _header(source: Source) -> tuple[dict[str, Any], int]:
     else:
         if length == _HEADER_LIMIT:
             raise _fail(source.path, f"no end of the header in the first {_HEADER_LIMIT} bytes", "an NRRD header")
+    for line in lines:
+        if re.match(rb"sizes:", line) and not re.fullmatch(rb"sizes:[0-9\s]*", line):
+            found = f"a damaged NRRD header ({shown(line.decode('latin-1').strip())})"
+            raise _fail(source.path, found, "sizes that are positive whole numbers")
     try:
-        return dict(nrrd.read_header(lines)), length
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return dict(nrrd.read_header(lines)), length
     except Exception as error:
         # The library lets errors of many classes through where a header is damaged.
         raise _fail(source.path, f"a damaged NRRD header ({error})", "an NRRD header") from None
@@ -168,8 +176,11 @@ def _read_text(source: Source, payload: Payload, dtype: np.dtype[Any], count: in
     if len(words) < count:
         raise _fail(source.path, f"{len(words)} numbers", f"{count} numbers, as the header says")
     try:
-        return np.array(words[:count]).astype(dtype)
-    except (ValueError, OverflowError) as error:
+        # A number that its type does not hold would only be warned of.
+        with warnings.catch_warnings(), np.errstate(over="raise", invalid="raise"):
+            warnings.simplefilter("ignore")
+            return np.array(words[:count]).astype(dtype)
+    except (ValueError, OverflowError, FloatingPointError) as error:
         raise _fail(source.path, f"text that is no number ({error})", "numbers") from None
 
 

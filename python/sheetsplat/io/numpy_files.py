@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 import zipfile
 from typing import Any, BinaryIO
 
@@ -21,19 +22,25 @@ _RATIO = 1032
 def _header(source: Source, stream: BinaryIO) -> _Header:
     """Return shape, whether the first axis is the fastest, and the type, and leave the stream at the first value."""
     try:
-        version = npy_format.read_magic(stream)
-        # Version 3 differs from 2 by the encoding of field names alone, and arrays with fields are refused anyway.
-        if version == (1, 0):
-            return npy_format.read_array_header_1_0(stream)
-        if version in ((2, 0), (3, 0)):
-            return npy_format.read_array_header_2_0(stream)
+        return _judged(stream)
     except _DAMAGED as error:
         raise source.damaged(error) from None
     except (ValueError, SyntaxError, TypeError, KeyError, RecursionError, MemoryError) as error:
         raise complain(
             f"{source.path} cannot be read", f"a damaged .npy header ({error})", "an array of NumPy"
         ) from None
-    raise complain(f"{source.path} cannot be read", f".npy version {version}", "version 1, 2 or 3")
+
+
+def _judged(stream: BinaryIO) -> _Header:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        version = npy_format.read_magic(stream)
+        # Version 3 differs from 2 by the encoding of field names alone, and arrays with fields are refused anyway.
+        if version == (1, 0):
+            return npy_format.read_array_header_1_0(stream)
+        if version in ((2, 0), (3, 0)):
+            return npy_format.read_array_header_2_0(stream)
+    raise ValueError(f"version {version} in place of 1, 2 or 3")
 
 
 def _check(source: Source, header: _Header) -> None:

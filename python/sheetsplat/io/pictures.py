@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,6 +62,20 @@ def whole_file(path: Path) -> Iterator[Path]:
             made.unlink()
 
 
+@contextlib.contextmanager
+def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
+    """Give a path beside each of `paths`; all of them appear at the end, and none after an error."""
+    with contextlib.ExitStack() as stack:
+        made = [stack.enter_context(whole_file(path)) for path in paths]
+        try:
+            yield made
+        except Error as error:
+            text = str(error)
+            for beside, path in zip(made, paths, strict=True):
+                text = text.replace(str(beside), str(path))
+            raise type(error)(text) from None
+
+
 def _unwritable(path: Path, error: OSError) -> Error:
     reason = error.strerror or str(error)
     return complain(f"{path} cannot be written", reason, "a path in a folder that can be written to", kind=Error)
@@ -109,19 +123,28 @@ def save_channel(channel: Floats, path: Path) -> None:
         PillowImage.fromarray(gray).save(made, format="PNG")
 
 
-def save_difference(picture: Floats, reference: Floats, path: Path) -> None:
-    """Write the absolute difference of two pictures of one shape: .exr, .npy, or .png (opaque, 1 is white)."""
+def save_difference(picture: Floats, reference: Floats, path: Path, scale: float | None = None) -> float:
+    """Write the absolute difference of two pictures of one shape, times `scale`, and return the scale.
+
+    Unless given it is 1 for .exr and .npy, and makes the largest finite difference white in a .png, which is opaque.
+    """
     difference = np.abs(picture - reference)
+    if scale is None:
+        top = float(np.where(np.isfinite(difference), difference, 0.0).max(initial=0.0))
+        scale = 1.0 / top if path.suffix.lower() == ".png" and top > 0 else 1.0
+    difference = difference * np.float32(scale)
     if check_suffix(path) != ".png":
         save_array(difference, path)
-        return
+        return scale
     from PIL import Image as PillowImage
 
-    levels = np.rint(np.clip(np.nan_to_num(difference), 0, 1) * 255).astype(np.uint8)
+    # What is not a number is as far away as can be.
+    levels = np.rint(np.clip(np.nan_to_num(difference, nan=1.0), 0, 1) * 255).astype(np.uint8)
     # Opacity differs as well; as it cannot be seen it is added to the colours.
     shown = levels if levels.ndim == 2 else np.maximum(levels[..., :3], levels[..., 3:])
     with whole_file(path) as made:
         PillowImage.fromarray(shown).save(made, format="PNG")
+    return scale
 
 
 def read_picture(path: Path) -> Floats:

@@ -29,6 +29,10 @@ def read(source: Source, shape: tuple[int, int, int] | None, dtype: np.dtype[Any
         raise complain(f"{source.path} cannot be read", f"offset {offset}", "at least 0 bytes")
     count = math.prod(sizes)
     payload = source.payload("raw")
+    payload.expect(
+        f"{count * dtype.itemsize} bytes, {' x '.join(map(str, sizes[::-1]))} samples of {dtype}",
+        "check shape= and dtype= (on the command line --shape and --dtype), or fetch the whole file",
+    )
     payload.skip(offset)
     values = payload.array(dtype, count)
     if payload.surplus():
@@ -37,6 +41,7 @@ def read(source: Source, shape: tuple[int, int, int] | None, dtype: np.dtype[Any
             f"{source.path} cannot be read",
             f"{more} after the first {offset} bytes" if offset else f"{more} in the file",
             f"{count * dtype.itemsize} bytes, {' x '.join(map(str, sizes[::-1]))} samples of {dtype}",
-            "check shape and type; for a file with a header give the bytes to leave out",
+            "check shape= and dtype= (on the command line --shape and --dtype); for a file with a header give "
+            "its length as offset= (--offset)",
         )
     return Volume(values.reshape(sizes), format="raw")

@@ -6,7 +6,9 @@ import bz2
 import gzip
 import io
 import math
+import operator
 import os
+import stat
 import zlib
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
+from sheetsplat._checks import shown
 from sheetsplat.errors import Error, complain
 
 # One byte of deflate stands for at most 1032 (RFC 1951: a match of 258 bytes in two bits); the rest is for short files.
@@ -49,6 +52,22 @@ class _ZlibStream(io.RawIOBase):
                 return len(out)
 
 
+def _regular(path: Path) -> BinaryIO:
+    """Open a file that is no folder, pipe or device; these may have no end, or make whoever opens them wait."""
+    # Without O_NONBLOCK opening a pipe waits for somebody who writes to it.
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+    try:
+        handle = os.open(path, flags)
+    except ValueError as error:
+        raise complain("the file cannot be read", f"the name {shown(str(path))} ({error})", "a path") from None
+    kind = os.fstat(handle).st_mode
+    if stat.S_ISREG(kind):
+        return os.fdopen(handle, "rb")
+    os.close(handle)
+    found = "a folder" if stat.S_ISDIR(kind) else "a pipe, a device or the like"
+    raise complain(f"{path} cannot be read", found, "a regular file")
+
+
 class Source:
     """A file that is read from its beginning, unpacked on the way where it is gzipped.
 
@@ -68,9 +87,7 @@ class Source:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            if path.is_dir():
-                raise complain(f"{path} cannot be read", "a folder", "a file")
-            self._file: BinaryIO = path.open("rb")
+            self._file: BinaryIO = _regular(path)
             packed = self._file.read(2) == b"\x1f\x8b"
             self._file.seek(0)
             size = os.fstat(self._file.fileno()).st_size
@@ -145,6 +162,12 @@ class Payload:
     def __init__(self, source: Source, stream: BinaryIO, bound: int | None, *, exact: bool) -> None:
         self._source, self._stream, self._bound, self._exact = source, stream, bound, exact
         self._more = False
+        self._wanted = ""
+        self._then = "the file is cut off or its header is wrong; fetch it again"
+
+    def expect(self, wanted: str, then: str) -> None:
+        """Set what an error says for a file that is too short, where it is not its header that says how long it is."""
+        self._wanted, self._then = wanted, then
 
     def skip(self, count: int) -> None:
         """Leave out unpacked bytes."""
@@ -164,8 +187,8 @@ class Payload:
         return complain(
             f"{self._source.path} cannot be read",
             f"{'at most ' if about else ''}{found} bytes of {what}",
-            f"{wanted} bytes, as the header says",
-            "the file is cut off or its header is wrong; fetch it again",
+            self._wanted or f"{wanted} bytes, as the header says",
+            self._then,
         )
 
     def array(self, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
@@ -210,11 +233,15 @@ def checked_shape(path: Path, sizes: object, what: str) -> tuple[int, ...]:
     """Return `sizes` as positive ints whose product fits 63 bits, or InvalidInput."""
     wanted = "positive whole numbers whose product fits 63 bits"
     try:
-        shape = tuple(int(part) for part in sizes)  # type: ignore[attr-defined]
+        # Texts are words of a header; anything else that is not whole is refused, not rounded.
+        shape = tuple(
+            int(part) if isinstance(part, str) else operator.index(part)
+            for part in sizes  # type: ignore[attr-defined]
+        )
     except (TypeError, ValueError, OverflowError):
-        raise complain(f"{path} cannot be read", f"{what} {sizes!r}", wanted) from None
+        raise complain(f"{path} cannot be read", f"{what} {shown(sizes)}", wanted) from None
     if any(part < 1 for part in shape) or math.prod(shape) >= 2**59:
-        raise complain(f"{path} cannot be read", f"{what} {' x '.join(map(str, shape))}", wanted)
+        raise complain(f"{path} cannot be read", f"{what} {shown(shape)}", wanted)
     return shape
 
 

@@ -1,0 +1,69 @@
+"""What a picture did not use, and why nothing can be seen in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from sheetsplat.image import Image
+    from sheetsplat.scene import Scene
+
+_NO_COLORS = ("transfer_function", "cmap", "opacity", "clim", "lights", "material", "shading", "background")
+_NO_OPACITY = ("opacity_stop", "preintegration")
+# Options that say nothing in a mode.
+_UNUSED = {
+    "composite": ("iso_value",),
+    "isosurface": ("opacity", *_NO_OPACITY),
+    "xray": (*_NO_COLORS, *_NO_OPACITY, "reference_length", "iso_value", "depth"),
+    "mip": (*_NO_COLORS, *_NO_OPACITY, "reference_length", "iso_value", "depth"),
+}
+
+
+def unused(mode: str, given: Iterable[str]) -> list[str]:
+    """Return those of the options that were given which the mode does not look at."""
+    ignored = _UNUSED.get(mode, ())
+    return [name for name in given if name in ignored]
+
+
+def is_empty(image: Image, scene: Scene) -> bool:
+    """Return whether nothing can be seen: opacity 0 everywhere, or the background alone, or only zeros."""
+    if image.is_scalar:
+        return not image.scalar.any()
+    if scene.background is None:
+        return not image.rgba[..., 3].any()
+    behind = np.asarray((*scene.background, 1.0), dtype=np.float32)
+    return bool(np.array_equal(image.rgba, np.broadcast_to(behind, image.rgba.shape)))
+
+
+def why_empty(scene: Scene) -> str:
+    """Return the reason why a picture of a scene shows nothing, as far as the scene tells it."""
+    known = [one for one in scene.fields if one.size]
+    if not known:
+        return "the field has no samples"
+    ranges = [one.value_range for one in known]
+    low, high = sum(low for low, _ in ranges), sum(high for _, high in ranges)
+    values = f"the values {low:g} to {high:g}"
+    if scene.mode in ("xray", "mip"):
+        if low == high == 0:
+            return "all values are 0"
+        if scene.mode == "mip" and high <= 0:
+            return f"mode mip shows nothing below 0, and {values} are"
+    elif scene.mode == "isosurface":
+        iso = scene.iso_value
+        # Where the supports end the scalar goes back to 0.
+        if iso is not None and not min(low, 0.0) <= iso <= max(high, 0.0):
+            return f"the iso value {iso:g} lies outside {values}"
+    else:
+        function = scene.transfer_function
+        if function.max_opacity == 0:
+            return "the opacity is 0 everywhere"
+        inside = [value for value in function.points[:, 0].tolist() if low <= value <= high]
+        if not function.at([low, *inside, high])[..., 3].any():
+            return (
+                f"the opacity is 0 for all of {values}; "
+                f"the transfer function goes from {function.v_min:g} to {function.v_max:g}"
+            )
+    return "perhaps the camera looks past the field"

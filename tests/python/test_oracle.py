@@ -1,0 +1,310 @@
+"""The backends against an independent renderer (oracle.py) written from the page of conventions alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import oracle
+import pytest
+
+import sheetsplat as ss
+
+SCENES = range(60)
+# An image is float32: half a rounding is 6e-8 of a value. The rest is for float64 sums of another order.
+ROUNDING, ARITHMETIC = 7e-8, 1e-9
+# Conventions, section 8: RMSE and P99.9.
+GENTLE, HARD, SIXTEEN_BITS = (2e-5, 2e-4), (1e-4, 1e-3), (1 / 510, 1 / 85)
+MOST_AMBIGUOUS = 0.005
+OUTPUTS = ("coverage", "depth")
+
+
+def direction(rng: np.random.Generator) -> tuple[float, ...]:
+    """Return a random vector of length 1."""
+    vector = rng.normal(size=3)
+    return tuple(float(x) for x in vector / np.linalg.norm(vector))
+
+
+def pick(rng: np.random.Generator, *choices: Any) -> Any:
+    """Return one of the choices."""
+    return choices[rng.integers(len(choices))]
+
+
+def random_field(rng: np.random.Generator) -> dict[str, Any]:
+    """Return the arguments of a field."""
+    shape = tuple(int(n) for n in rng.integers(2, 8, 3))
+    values = rng.random(shape)
+    kind = pick(rng, "noise", "sparse", "signed", "ball")
+    if kind == "sparse":
+        values *= rng.random(shape) < 0.3
+    elif kind == "signed":
+        values = 2 * values - 1
+    elif kind == "ball":
+        grid = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
+        values = np.clip(1.2 - np.sqrt(np.square(grid).sum(0)), 0, 1)
+    values = values.astype(np.float32)
+    edge = float(rng.uniform(0.5, 2))
+    field: dict[str, Any] = {
+        "lattice": pick(rng, "cartesian", "cartesian", "bcc"),
+        "spacing": (edge, edge, edge),
+        "origin": tuple(float(x) for x in rng.uniform(-3, 3, 3)),
+        "radius": float(pick(rng, 2.0, 2.0, rng.uniform(0.8, 3))),
+        "falloff": float(pick(rng, 5.0, 5.0, rng.uniform(1, 9))),
+        "normalization": pick(rng, "lattice", "none", "threshold"),
+    }
+    if field["lattice"] == "cartesian" and rng.random() < 0.6:
+        field["spacing"] = tuple(float(x) for x in rng.uniform(0.5, 2, 3))
+    if field["normalization"] == "threshold":
+        field["w0"] = float(rng.uniform(0.05, 2))
+    if rng.random() < 0.25:
+        values[rng.random(shape) < 0.2] = np.nan
+        values.flat[0] = 1
+        field["nan"] = "skip"
+    field["values"] = values
+    return field
+
+
+def random_transfer(rng: np.random.Generator) -> list[tuple[float, ...]]:
+    """Return the points of a transfer function: opacity at 0, steps and opaque ends among them."""
+    count = int(rng.integers(2, 6))
+    values = np.sort(rng.uniform(-0.1, 1.1, count))
+    opacity = rng.random(count) * pick(rng, 0.1, 0.5, 1.0)
+    if rng.random() < 0.6:
+        values = np.sort(np.maximum(values, 0.05))
+        opacity[0] = 0
+    if rng.random() < 0.3:
+        values[count // 2] = values[count // 2 - 1]
+    if rng.random() < 0.2:
+        opacity[-1] = 1
+    return [(float(v), *rng.random(3).tolist(), float(a)) for v, a in zip(values, opacity, strict=True)]
+
+
+def random_scene(seed: int) -> dict[str, Any]:
+    """Return the arguments of a scene, its fields, its camera and the picture's size.
+
+    What the modes and the cameras are is counted through, so that all pairs come up; the rest is drawn.
+    """
+    rng = np.random.default_rng([2005, seed])
+    fields = [random_field(rng) for _ in range(pick(rng, 1, 1, 1, 2))]
+    spacing = min(f["spacing"][0] / 2 if f["lattice"] == "bcc" else min(f["spacing"]) for f in fields)
+    mode = ("composite", "isosurface", "composite", "xray", "composite", "mip")[seed % 6]
+    scene: dict[str, Any] = {
+        "mode": mode,
+        "sampling": ("point", "slab")[seed // 6 % 2],
+        "opacity_stop": float(pick(rng, 0.98, 1.0, rng.uniform(0.3, 1))),
+        "preintegration": seed % 6 == 2 or (mode == "composite" and rng.random() < 0.2),
+    }
+    if mode == "isosurface":
+        scene["iso_value"] = float(rng.uniform(0.1, 0.8))
+    if rng.random() < 0.5:
+        scene["slice_spacing"] = float(spacing * rng.uniform(0.3, 2))
+    if rng.random() < 0.4:
+        scene["reference_length"] = float(spacing * rng.uniform(0.3, 3))
+    if mode in ("composite", "isosurface") and rng.random() < 0.3:
+        scene["background"] = tuple(rng.random(3).tolist())
+    low = np.min([f["origin"] for f in fields], 0)
+    high = np.max([np.add(f["origin"], np.multiply(f["spacing"], f["values"].shape[::-1])) for f in fields], 0)
+    middle, across = (low + high) / 2, float(np.linalg.norm(high - low))
+    where = ("outside", "orthographic", "inside", "orthographic", "cut")[seed % 5]
+    away = direction(rng)
+    distance = (
+        across
+        * {
+            "orthographic": rng.uniform(0, 1),
+            "outside": rng.uniform(0.8, 2),
+            "inside": rng.uniform(0.02, 0.3),
+            "cut": rng.uniform(0.5, 1),
+        }[where]
+    )
+    camera: dict[str, Any] = {
+        "eye": tuple((middle + np.multiply(away, distance) + 1e-3).tolist()),
+        "target": tuple((middle + rng.uniform(-0.01, 0.01, 3) * across).tolist()),
+        "up": pick(rng, (0, 1, 0), direction(rng)),
+    }
+    if where == "orthographic":
+        camera["height"] = float(across * rng.uniform(0.3, 1.5))
+    else:
+        camera["fov_y"] = float(rng.uniform(15, 90))
+        if where == "cut":
+            camera["near"] = float(distance * rng.uniform(0.5, 1))
+    return {
+        "fields": fields,
+        "transfer": random_transfer(rng),
+        "scene": scene,
+        "lights": [
+            {"direction": direction(rng), "color": tuple(rng.random(3).tolist()), "space": pick(rng, "eye", "world")}
+            for _ in range(rng.integers(0, 3))
+        ],
+        "material": {
+            "ambient": float(rng.random()),
+            "diffuse": float(rng.random()),
+            "specular": float(pick(rng, 0.0, rng.random())),
+            "shininess": float(rng.uniform(1, 60)),
+            "two_sided": bool(rng.random() < 0.4),
+        },
+        "camera": camera,
+        "size": tuple(int(n) for n in rng.integers(5, 26, 2)),
+    }
+
+
+def build(module: ModuleType, parts: dict[str, Any]) -> tuple[Any, Any, tuple[int, int]]:
+    """Return scene, camera and size made of a module's classes: the package's or the oracle's."""
+    fields = [module.RegularField(**f) for f in parts["fields"]]
+    scene = module.Scene(
+        fields[0] if len(fields) == 1 else fields,
+        module.TransferFunction(parts["transfer"]),
+        lights=[module.Light(**light) for light in parts["lights"]],
+        material=module.Material(**parts["material"]),
+        **parts["scene"],
+    )
+    kind = module.Camera.orthographic if "height" in parts["camera"] else module.Camera.perspective
+    return scene, kind(**parts["camera"]), parts["size"]
+
+
+def pixels(image: ss.Image) -> np.ndarray:
+    """Return the picture of any mode in float64."""
+    return np.asarray(image, np.float64)
+
+
+def expected(picture: oracle.Picture) -> np.ndarray:
+    """Return the oracle's picture of any mode."""
+    found = picture.scalar if picture.rgba is None else picture.rgba
+    assert found is not None
+    return found
+
+
+def excess(actual: np.ndarray, wanted: np.ndarray) -> float:
+    """Return the largest distance in units of what a float32 picture of float64 sums may be off by."""
+    finite = np.isfinite(wanted)
+    if not np.array_equal(finite, np.isfinite(actual)):
+        return np.inf
+    if not finite.any():
+        return 0.0
+    scale = np.abs(wanted[finite]).max()
+    allowed = ROUNDING * np.abs(wanted[finite]) + ARITHMETIC * scale + 1e-40
+    return float((np.abs(actual[finite] - wanted[finite]) / allowed).max())
+
+
+def reference_excess(parts: dict[str, Any], renderer: ss.Renderer) -> float:
+    """Return how far the reference is from the oracle, in units of what is allowed: picture, coverage and depth."""
+    scene, camera, size = build(ss, parts)
+    image = renderer.render(scene, camera, size=size, outputs=OUTPUTS)
+    picture = oracle.render(*build(oracle, parts))
+    return max(
+        excess(pixels(image), expected(picture)),
+        excess(np.asarray(image.coverage, np.float64), picture.coverage),
+        excess(np.asarray(image.depth, np.float64), picture.depth),
+    )
+
+
+def distances(actual: np.ndarray, wanted: np.ndarray, left_out: np.ndarray) -> tuple[float, float]:
+    """Return RMSE and P99.9 (section 8) of the pixels that are compared."""
+    off = np.abs(actual - wanted)
+    if off.ndim == 2:
+        off = (off / max(1.0, float(wanted.max())))[..., None]
+    off = np.where(left_out[..., None], 0, off)
+    return float(np.sqrt(np.mean(off**2))), float(np.percentile(off.max(-1), 99.9))
+
+
+def within(found: tuple[float, float], bounds: tuple[float, float]) -> bool:
+    """Return whether both bounds are kept."""
+    return found[0] <= bounds[0] and found[1] <= bounds[1]
+
+
+@pytest.mark.parametrize("seed", SCENES)
+def test_reference_is_the_oracle(seed: int, reference_renderer: ss.Renderer) -> None:
+    assert reference_excess(random_scene(seed), reference_renderer) <= 1
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("seed", SCENES)
+def test_opengl_keeps_the_bounds(seed: int, gl_renderer: ss.Renderer) -> None:
+    parts = random_scene(seed)
+    scene, camera, size = build(ss, parts)
+    outputs = ((), OUTPUTS)[seed % 2]
+    try:
+        image = gl_renderer.render(scene, camera, size=size, outputs=outputs)
+    except ss.Unsupported as error:
+        several = len(parts["fields"]) > 1 and any(f["normalization"] == "threshold" for f in parts["fields"])
+        assert several, f"refused: {error}"
+        pytest.skip("several fields, one normalised by threshold: only the reference draws them")
+    o_scene, o_camera, _ = build(oracle, parts)
+    picture = oracle.render(o_scene, o_camera, size)
+    wanted = expected(picture)
+    gentle = oracle.is_gentle(o_scene, o_camera, size)
+    bounds = SIXTEEN_BITS if image.plan.precision == "float16" else GENTLE if gentle else HARD
+    left_out = np.zeros(wanted.shape[:2], bool)
+    if not within(distances(pixels(image), wanted, left_out), bounds):
+        left_out = oracle.ambiguous(o_scene, o_camera, size, picture)
+        # A picture of a few hundred pixels cannot have less than one.
+        assert left_out.sum() <= max(1, MOST_AMBIGUOUS * left_out.size)
+    assert within(distances(pixels(image), wanted, left_out), bounds)
+    if outputs:
+        assert within(
+            distances(np.asarray(image.coverage, np.float64), picture.coverage, np.zeros_like(left_out)), bounds
+        )
+
+
+def without_lowering(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the kernel with its support, not lowered by its value at the edge."""
+    return lambda r2, k: np.where(r2 < 1, np.exp(-k * r2), 0.0)
+
+
+def half_a_slice_off(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return slices anchored on the centre instead of half a spacing beside it."""
+    return lambda n, centre, spacing: centre + n * spacing
+
+
+def no_turn(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return gradients whose component towards the viewer has the wrong sign."""
+    return lambda *arguments: original(*arguments) * np.array([1, 1, -1])
+
+
+def linear_opacity(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return opacity scaled by the exponent instead of raised to it."""
+    return lambda a, exponent: a * exponent
+
+
+WRONG = {
+    "kernel": without_lowering,
+    "slice_depth": half_a_slice_off,
+    "gradients": no_turn,
+    "slice_opacity": linear_opacity,
+}
+
+
+def telling_scene() -> dict[str, Any]:
+    """Return a lit scene that every formula in WRONG takes part in."""
+    parts = random_scene(0)
+    parts["fields"] = parts["fields"][:1]
+    parts["fields"][0].update(values=np.linspace(0, 1, 60, dtype=np.float32).reshape(3, 4, 5), radius=2.0, falloff=5.0)
+    parts["transfer"] = [(0.05, 0.1, 0.2, 0.9, 0.0), (1.0, 0.9, 0.7, 0.1, 0.7)]
+    parts["scene"] = {"mode": "composite", "reference_length": 0.9}
+    parts["lights"] = [{"direction": (0.4, 0.5, 1.0)}]
+    return parts
+
+
+@pytest.mark.parametrize("formula", WRONG)
+def test_a_wrong_formula_is_seen(
+    formula: str, monkeypatch: pytest.MonkeyPatch, reference_renderer: ss.Renderer
+) -> None:
+    parts = telling_scene()
+    assert reference_excess(parts, reference_renderer) <= 1
+    monkeypatch.setattr(oracle, formula, WRONG[formula](getattr(oracle, formula)))
+    assert reference_excess(parts, reference_renderer) > 1000
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("formula", WRONG)
+def test_a_wrong_formula_breaks_the_bounds(
+    formula: str, monkeypatch: pytest.MonkeyPatch, gl_renderer: ss.Renderer
+) -> None:
+    parts = telling_scene()
+    scene, camera, size = build(ss, parts)
+    actual = pixels(gl_renderer.render(scene, camera, size=size))
+    everything = np.zeros(actual.shape[:2], bool)
+    assert within(distances(actual, expected(oracle.render(*build(oracle, parts))), everything), HARD)
+    monkeypatch.setattr(oracle, formula, WRONG[formula](getattr(oracle, formula)))
+    assert not within(distances(actual, expected(oracle.render(*build(oracle, parts))), everything), HARD)

@@ -12,17 +12,10 @@ from __future__ import annotations
 
 import importlib
 import logging
-import sys
 from typing import TYPE_CHECKING, Any
 
-# What the process was started as; while a package is read for -m it has no name of its own yet.
-_started = (*getattr(sys, "argv", ()), "")[0].replace("\\", "/").rsplit("/", 1)[-1]
-if _started in ("sheetsplat", "sheetsplat.exe") or (_started == "-m" and "sheetsplat" in sys.orig_argv):
-    # Ctrl-C is no mistake, also while the command line is still reading what follows.
-    from sheetsplat import _interrupt
-
-    _interrupt.watch()
-
+# First of all: on the command line it is for Ctrl-C while the others are read.
+from sheetsplat import _interrupt as _interrupt
 from sheetsplat._sheetsplat import __version__
 from sheetsplat.api import open, render
 from sheetsplat.camera import Camera

@@ -13,6 +13,12 @@ def _tell(kind: type[BaseException], error: BaseException, trace: TracebackType 
         sys.__excepthook__(kind, error, trace)
 
 
-def watch() -> None:
-    """Print "Aborted!" where a KeyboardInterrupt ends the process, whose exit code stays that of the signal."""
+def _is_command_line() -> bool:
+    # While a package is read for -m the program has no name of its own yet.
+    started = (*getattr(sys, "argv", ()), "")[0].replace("\\", "/").rsplit("/", 1)[-1]
+    return started in ("sheetsplat", "sheetsplat.exe") or (started == "-m" and "sheetsplat" in sys.orig_argv)
+
+
+# The exit code stays that of the signal.
+if _is_command_line():
     sys.excepthook = _tell

@@ -36,8 +36,9 @@ def bounds_of(thing: object) -> Bounds:
     if isinstance(thing, list | tuple):
         if not thing:
             raise complain("Camera.fit: there is nothing to look at", "an empty sequence", wanted)
-        without = [isinstance(one, RegularField) and one.size == 0 for one in thing]
-        return joined_bounds([bounds_of(one) for one, none in zip(thing, without, strict=True) if not none or all(without)])
+        # A field without a kernel has no box.
+        there = [one for one in thing if not (isinstance(one, RegularField) and one.size == 0)]
+        return joined_bounds([bounds_of(one) for one in there or thing])
     bounds: Any = getattr(thing, "bounds", None)
     if callable(bounds):
         bounds = bounds()

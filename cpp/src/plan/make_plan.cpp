@@ -26,6 +26,8 @@ constexpr double largest_separable_px = 1e6;
 constexpr double largest_splat_px = 1e12;
 /// exp(-k r^2) - exp(-k) is known to 1e-7 / k of itself.
 constexpr double smallest_falloff = 0.05;
+/// Share of a kernel's radius that its place on the screen may be off.
+constexpr double largest_place_error = 1e-3;
 /// Plain float32 sums over 28,000 slices were seen 2e-6 off, over 280,000 4e-5, over 1,750,000 6e-4.
 constexpr std::int64_t most_plain_slices = 1 << 14;
 constexpr std::int64_t most_imprecise_slices = 1 << 17;
@@ -449,6 +451,14 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
                                     "kernels of " + number(view.largest_splat_px) + " pixels",
                                     "at most " + number(largest_splat_px), "magnify less, or use backend reference"});
+    }
+    const double place_error = std::max(view.size.width, view.size.height) * float32_epsilon;
+    if (view.slices > 0 && place_error > largest_place_error * view.largest_splat_px && !options.allow_inexact) {
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
+                                    "kernels of " + number(view.largest_splat_px) +
+                                        " pixels, whose places float32 knows to " + number(place_error),
+                                    "places known to " + number(largest_place_error) + " of a radius",
+                                    "come closer, or use backend reference"});
     }
     if (view.smallest_falloff < smallest_falloff && !options.allow_inexact) {
         throw Unsupported(

@@ -333,6 +333,8 @@ TEST(AgainstReference, ExtremesAreRightOrRefused) {
     options.backend = Backend::gl;
     Renderer renderer(options);
     EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(1e-20, 30.0), {32, 32})), Unsupported);
+    // So far away that float32 does not know where a kernel lies on the screen.
+    EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(1e5, 30.0), {33, 33})), Unsupported);
     // Depths that float64 cannot tell apart.
     EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(12.0, 1e17), {32, 32})), InvalidInput);
     EXPECT_LT(against_reference(unlit, look(16.0, 1e8), {32, 32}, {}, {}, "far eye").rmse, 1e-4);

@@ -62,7 +62,8 @@ vec4 kernel_mean(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy) {
     vec4 root = falloff_root * speed;
     vec4 bell = exp2(-falloff_log2 * apart2) * 0.886226925452758 / root;
     vec4 sum = bell * (error_function(root * to) - error_function(root * from)) - edge * (to - from);
-    return max(sum, 0.0) / (2.0 * slab_half);
+    // A cap too thin for the difference still is a support that is met: it must not look empty.
+    return max(sum, mix(vec4(0.0), vec4(1e-20), greaterThan(high, low))) / (2.0 * slab_half);
 #endif
 }
 #endif
@@ -84,23 +85,49 @@ vec4 kernel_change(vec4 s, vec4 ax, vec4 ay, vec4 ds, vec4 dx, vec4 dy) {
 }
 
 #ifdef SLAB
-// The same for means over slabs, by quadrature on the chord of the ray between them, in pieces short enough for its nodes. What the
-// chords of the neighbouring rays have more or less is of the second order: g ends there. In perspective neighbouring rays part by
-// `part` per unit of tau.
-vec4 mean_change(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, vec4 ds, vec4 dx, vec4 dy, vec2 part) {
-    const float node[3] = float[3](0.2386191860831969, 0.6612093864662645, 0.9324695142031521);
-    const float share[3] = float[3](0.4679139345726910, 0.3607615730481386, 0.1713244923791704);
+// Where a ray is inside the support and the slab.
+void chord(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, out vec4 low, out vec4 high) {
     vec4 speed2 = 1.0 + wx * wx + wy * wy;
     vec4 nearest = (s - ax * wx - ay * wy) / speed2;
     vec4 cn = ax * wy - ay * wx;
     vec4 cu = -ay - s * wy;
     vec4 cv = s * wx + ax;
-    // The longer of the two neighbours' chords: the values are cut where g is.
-    vec4 reach = sqrt(ds * ds + dx * dx + dy * dy);
-    vec4 apart = max(sqrt((cn * cn + cu * cu + cv * cv) / speed2) - reach, 0.0);
-    vec4 half_chord = (sqrt(max(1.0 - apart * apart, 0.0)) + abs(ds)) / sqrt(speed2);
-    vec4 low = max(vec4(-slab_half), nearest - half_chord);
-    vec4 high = max(min(vec4(slab_half), nearest + half_chord), low);
+    vec4 half_chord = sqrt(max(1.0 - (cn * cn + cu * cu + cv * cv) / speed2, 0.0) / speed2);
+    low = clamp(nearest - half_chord, vec4(-slab_half), vec4(slab_half));
+    high = clamp(nearest + half_chord, low, vec4(slab_half));
+}
+
+// Integral of g along a ray from a to b, inside the support.
+vec4 alone(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, vec4 a, vec4 b) {
+    const float node[3] = float[3](0.2386191860831969, 0.6612093864662645, 0.9324695142031521);
+    const float share[3] = float[3](0.4679139345726910, 0.3607615730481386, 0.1713244923791704);
+    vec4 reach = max(0.5 * (b - a), 0.0);
+    if (reach == vec4(0.0)) {
+        return vec4(0.0);
+    }
+    vec4 middle = 0.5 * (a + b);
+    vec4 sum = vec4(0.0);
+    for (int n = 0; n < 3; ++n) {
+        vec4 near = middle - node[n] * reach;
+        vec4 far = middle + node[n] * reach;
+        sum += share[n] * (kernel_at(s - near, ax + wx * near, ay + wy * near) + kernel_at(s - far, ax + wx * far, ay + wy * far));
+    }
+    return sum * reach;
+}
+
+// The same for means over slabs, by quadrature where both rays are inside the support, in pieces short enough for its nodes, and of
+// one alone where the other is not: a quadrature across the end of g would miss it. In perspective neighbouring rays part by `part`
+// per unit of tau.
+vec4 mean_change(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, vec4 ds, vec4 dx, vec4 dy, vec2 part) {
+    const float node[3] = float[3](0.2386191860831969, 0.6612093864662645, 0.9324695142031521);
+    const float share[3] = float[3](0.4679139345726910, 0.3607615730481386, 0.1713244923791704);
+    // Both neighbours' chords, each cut where its own g ends: between them the difference is smooth, and beyond either only one counts.
+    vec4 low_a, high_a, low_b, high_b;
+    chord(s + ds, ax + dx, ay + dy, wx + part.x, wy + part.y, low_a, high_a);
+    chord(s - ds, ax - dx, ay - dy, wx - part.x, wy - part.y, low_b, high_b);
+    vec4 low = max(low_a, low_b);
+    vec4 high = max(min(high_a, high_b), low);
+    bvec4 apart = lessThanEqual(min(high_a, high_b), max(low_a, low_b));
     vec4 piece = (high - low) / float(SLAB_PIECES);
     vec4 sum = vec4(0.0);
     for (int n_piece = 0; n_piece < SLAB_PIECES; ++n_piece) {
@@ -112,7 +139,13 @@ vec4 mean_change(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, vec4 ds, vec4 dx, v
                                kernel_change(s - far, ax + wx * far, ay + wy * far, ds, dx + part.x * far, dy + part.y * far));
         }
     }
-    return sum * 0.5 * piece / (2.0 * slab_half);
+    vec4 total = sum * 0.5 * piece;
+    // Where only one of the two rays is inside: before and after the common stretch; both whole where there is none.
+    total += alone(s + ds, ax + dx, ay + dy, wx + part.x, wy + part.y, low_a, mix(low, high_a, apart));
+    total += mix(alone(s + ds, ax + dx, ay + dy, wx + part.x, wy + part.y, high, high_a), vec4(0.0), apart);
+    total -= alone(s - ds, ax - dx, ay - dy, wx - part.x, wy - part.y, low_b, mix(low, high_b, apart));
+    total -= mix(alone(s - ds, ax - dx, ay - dy, wx - part.x, wy - part.y, high, high_b), vec4(0.0), apart);
+    return total / (2.0 * slab_half);
 }
 #endif
 #endif

@@ -16,6 +16,9 @@ int interval_of(float value) {
     return point;
 }
 
+// -ln(u), u = 1 - a: from whichever of the two has the digits. Between two opacities near 1, a itself may round to 1 or lose its last bits.
+float absorption_of(float a, float u) { return a < 0.25 ? absorption(a) : -log(u); }
+
 // Means of the absorption and of its product with the share of the way, over a stretch where opacity is linear.
 vec2 moments(float a_from, float a_to) {
     a_from = min(a_from, 1.0 - clearest);
@@ -29,8 +32,8 @@ vec2 moments(float a_from, float a_to) {
         for (int n = 0; n < 2; ++n) {
             float near = 0.5 - 0.5 * node[n];
             float far = 0.5 + 0.5 * node[n];
-            float at_near = absorption(mix(a_from, a_to, near));
-            float at_far = absorption(mix(a_from, a_to, far));
+            float at_near = absorption_of(mix(a_from, a_to, near), mix(u_from, u_to, near));
+            float at_far = absorption_of(mix(a_from, a_to, far), mix(u_from, u_to, far));
             sum += share[n] * vec2(at_near + at_far, near * at_near + far * at_far);
         }
         return sum;

@@ -308,6 +308,73 @@ TEST(AgainstReference, OpacityBufferDropsKernelsAndNoPixel) {
     EXPECT_THROW(static_cast<void>(Renderer(options).render(scene, camera, {96, 96})), Unsupported);
 }
 
+TEST(AgainstReference, ThickSlabsReachWhereTheirChordsDo) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    // Opacity above 0 at 0: a point that a support just meets is not empty, however little it adds.
+    for (const auto& [spacing, falloff] : {std::pair{1.0, 20.0}, {2.0, 5.0}, {1.0, 10.0}}) {
+        RegularFieldOptions options;
+        options.falloff = falloff;
+        Scene scene = scene_of(blobs(options));
+        scene.sampling = Sampling::slab;
+        scene.slice_spacing = spacing;
+        scene.lights.clear();
+        scene.opacity_stop = 1.0;
+        scene.transfer_function = TransferFunction({{0.0, {0.1, 0.2, 0.9}, 0.1}, {1.1, {1.0, 0.8, 0.2}, 0.2}});
+        const Difference difference =
+            against_reference(scene, askew(*scene.fields[0], Projection::orthographic), {64, 64}, {}, {},
+                              "thick slabs, falloff " + std::to_string(falloff));
+        EXPECT_LT(difference.maximum, 1e-3);
+        EXPECT_LT(difference.rmse, 2e-5);
+    }
+}
+
+TEST(AgainstReference, OpaqueIntervalsKeepTheirAbsorption) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    auto field = blobs({});
+    Scene scene = scene_of(field);
+    scene.preintegration = true;
+    scene.reference_length = 10.0;
+    scene.opacity_stop = 1.0;
+    scene.transfer_function = TransferFunction({{0.1, {0.1, 0.2, 0.9}, 0.0}, {0.3, {0.2, 0.9, 0.3}, 1.0}});
+    RendererOptions options;
+    for (const bool compensated : {false, true}) {
+        options.effects = {{"compensation", compensated}};
+        const Difference difference =
+            against_reference(scene, askew(*field, Projection::orthographic), {48, 40}, options, {},
+                              compensated ? "opaque intervals, compensated" : "opaque intervals");
+        EXPECT_LT(difference.rmse, 2e-5);
+        EXPECT_LT(difference.p99_9, 2e-4);
+    }
+}
+
+TEST(AgainstReference, NarrowWindowsFarFromZeroAreRefused) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    RegularFieldOptions field_options;
+    field_options.normalization = Normalization::threshold;
+    std::vector<float> samples(6 * 6 * 6);
+    for (std::size_t n = 0; n < samples.size(); ++n) {
+        samples[n] = 100000.0F + static_cast<float>(n % 7) / 7.0F;
+    }
+    auto field = std::make_shared<RegularField>(std::move(samples), std::array<std::size_t, 3>{6, 6, 6}, field_options);
+    Scene scene = scene_of(field);
+    scene.transfer_function = TransferFunction({{100000.0, {1, 1, 1}, 0.0}, {100001.0, {1, 0, 0}, 0.5}});
+    scene.iso_value = 100000.5;
+    RendererOptions options;
+    options.backend = Backend::gl;
+    for (const Mode mode : {Mode::composite, Mode::isosurface}) {
+        scene.mode = mode;
+        EXPECT_THROW(
+            static_cast<void>(Renderer(options).render(scene, askew(*field, Projection::orthographic), {16, 16})),
+            Unsupported);
+    }
+}
+
 TEST(AgainstReference, ExtremesAreRightOrRefused) {
     if (!gl_available()) {
         GTEST_SKIP() << "no OpenGL context can be made here";

@@ -14,6 +14,9 @@ import sheetsplat as ss
 
 ROOT = Path(__file__).resolve().parents[2]
 
+# What the OpenGL driver reports is an error of the test.
+os.environ.setdefault("SHEETSPLAT_GL_DEBUG", "1")
+
 
 def pytest_configure(config: pytest.Config) -> None:
     """Keep the figures of every comparison of pictures, also of those that pass, in out/python/comparisons.txt."""

@@ -201,7 +201,8 @@ struct Renderer::State {
         const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
         query.transfer_function = scalar ? nullptr : &scene.transfer_function;
         query.weights_matter = plan.weight;
-        query.cull = plan.culling && !plan.coverage && !scalar;
+        // Coverage needs every kernel; elsewhere one whose value is 0 adds nothing where weights do not count.
+        query.cull = plan.culling && !plan.coverage;
         query.stencil_world = plan.gradient ? std::max(frame.largest_pixel(), frame.slice_spacing * slant) : 0.0;
         query.isosurface = plan.mode == Mode::isosurface;
         query.iso_value = scene.iso_value.value_or(0.0);
@@ -210,12 +211,7 @@ struct Renderer::State {
         const int reaches =
             (plan.sampling == Sampling::slab ? 1 : 0) + (plan.mode == Mode::isosurface || plan.preintegration ? 1 : 0);
         query.slice_spacing = reaches * frame.slice_spacing * slant;
-        if (!plan.culling) {
-            query.weights_matter = true;
-        } else if (!query.cull) {
-            // Coverage and scalar pictures need every kernel, but a value of 0 adds nothing where weights do not count.
-            query.cull = !plan.coverage;
-        }
+        query.weights_matter = query.weights_matter || !plan.culling;
         for (const IndexEntry& entry : index) {
             if (entry.answers(field, query)) {
                 return entry.runs;

@@ -28,7 +28,6 @@ struct ViewFacts {
     double largest_splat_px =
         1.0; ///< largest radius of a kernel on the screen, pixels (perspective: at the nearest slice)
     double smallest_falloff = 8.0; ///< over the fields
-    double thinnest_slab = 1.0;    ///< smallest sqrt(k) ds / h over the fields
     double widest_slab = 1.0;      ///< largest sqrt(k) |w| ds / h over the fields
     std::int64_t longest_span = 4; ///< most slices that one kernel meets
 };

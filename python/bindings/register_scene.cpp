@@ -25,7 +25,7 @@ Material make_material(double ambient, double diffuse, double specular, double s
     return {ambient, diffuse, specular, shininess, two_sided};
 }
 
-Scene make_scene(const std::vector<std::shared_ptr<RegularField>>& fields, const TransferFunction& transfer_function,
+Scene make_scene(const std::vector<std::shared_ptr<Field>>& fields, const TransferFunction& transfer_function,
                  std::optional<double> slice_spacing, const std::string& sampling,
                  std::optional<double> reference_length, const std::string& mode, std::optional<double> iso_value,
                  const std::vector<Light>& lights, const Material& material, double opacity_stop, bool preintegration,

@@ -1,12 +1,16 @@
 // Fields: sets of kernels whose weighted sums are the scalar that is shown.
-// Source: IMAGE FORMATION section 2; [NM05] section 3 for regular lattices, Theussl et al. 2001 for BCC.
+// Source: IMAGE FORMATION section 2; [NM05] section 3 for regular lattices, Theussl et al. 2001 for BCC; [NM06] for
+// scattered ellipsoids.
 #pragma once
 
 #include <array>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <variant>
 #include <vector>
+
+#include <glm/gtc/quaternion.hpp>
 
 #include "sheetsplat/types.hpp"
 
@@ -40,12 +44,19 @@ struct Kernel {
     [[nodiscard]] double unit_mass() const;
 };
 
+enum class FieldKind {
+    regular,   ///< RegularField
+    ellipsoid, ///< EllipsoidField
+};
+
 /// What a scene needs to know of any field.
 class Field {
   public:
     virtual ~Field() = default;
     Field(const Field&) = delete;
     Field& operator=(const Field&) = delete;
+
+    [[nodiscard]] virtual FieldKind kind() const = 0;
 
     [[nodiscard]] const Kernel& kernel() const { return kernel_; }
     [[nodiscard]] Normalization normalization() const { return normalization_; }
@@ -58,8 +69,11 @@ class Field {
     [[nodiscard]] virtual Box supports_world() const = 0;
     /// Smallest and largest value (not weight); 0, 0 for a field without kernels.
     [[nodiscard]] virtual std::array<double, 2> value_range() const = 0;
-    /// The default distance of slices, in world units (IMAGE FORMATION section 3).
+    /// The default distance of slices, in world units (IMAGE FORMATION section 3). A field without kernels has none: 0.
     [[nodiscard]] virtual double default_slice_spacing() const = 0;
+    /// Smallest and largest (x - from) . direction over all points of all supports, or bounds of them; direction has
+    /// unit length. The first is larger than the second where there are no kernels.
+    [[nodiscard]] virtual std::array<double, 2> reach_along(const Vec3& from, const Vec3& direction) const = 0;
     /// Bytes that the field keeps.
     [[nodiscard]] virtual std::size_t memory() const = 0;
 
@@ -93,11 +107,13 @@ class RegularField final : public Field {
     /// <= 0.
     RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options = {});
 
+    [[nodiscard]] FieldKind kind() const override { return FieldKind::regular; }
     [[nodiscard]] std::size_t size() const override { return kernels_; }
     [[nodiscard]] Box centres_world() const override { return centres_world_; }
     [[nodiscard]] Box supports_world() const override;
     [[nodiscard]] std::array<double, 2> value_range() const override { return value_range_; }
     [[nodiscard]] double default_slice_spacing() const override;
+    [[nodiscard]] std::array<double, 2> reach_along(const Vec3& from, const Vec3& direction) const override;
     [[nodiscard]] std::size_t memory() const override;
 
     /// {nk, nj, ni}
@@ -126,5 +142,85 @@ class RegularField final : public Field {
     std::size_t kernels_ = 0;
     bool has_holes_ = false;
 };
+
+/// Scattered kernels, one entry (or three or four) a kernel. What a constructor leaves empty is the same for all.
+struct EllipsoidArrays {
+    std::vector<Vec3> centers;          ///< world
+    std::vector<double> radii;          ///< isotropic kernels: N semi-axes; else empty
+    std::vector<Vec3> scales;           ///< N semi-axes of the support along the kernel's own axes; empty for radii
+    std::vector<glm::dquat> rotations;  ///< N unit quaternions, own axes -> world axes; empty: none is turned
+    std::vector<double> values;         ///< f
+    std::vector<double> weights;        ///< m >= 0; empty: 1
+};
+
+struct EllipsoidFieldOptions {
+    Normalization normalization = Normalization::threshold;
+    double w0 = 1.0;
+    double falloff = 8.0;
+    std::optional<double> min_scale{};   ///< world units; shorter semi-axes are raised to it
+    std::optional<double> cell_volume{}; ///< V of normalisation lattice: the volume that one kernel stands for
+};
+
+/// Ellipsoidal Gaussians of any place, size and direction ([NM06]). Immutable; may have no kernels at all.
+class EllipsoidField final : public Field {
+  public:
+    /// Throws InvalidInput, with the index of the first offender, for arrays of unequal length, numbers that are not
+    /// finite, semi-axes <= 0 (cure: min_scale), quaternions farther than 1e-3 from unit length (closer ones are
+    /// normalised), negative weights, weights that are all 0; for falloff, w0, min_scale or cell_volume that are not
+    /// finite and positive; for normalisation lattice without cell_volume or with kernels of different volume (relative
+    /// difference above 1e-6).
+    explicit EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptions& options = {});
+
+    [[nodiscard]] FieldKind kind() const override { return FieldKind::ellipsoid; }
+    [[nodiscard]] std::size_t size() const override { return arrays_.centers.size(); }
+    [[nodiscard]] Box centres_world() const override { return centres_world_; }
+    [[nodiscard]] Box supports_world() const override { return supports_world_; }
+    [[nodiscard]] std::array<double, 2> value_range() const override { return value_range_; }
+    /// Half the median smallest semi-axis, at least 1/2048 of the diagonal of the centres' box.
+    [[nodiscard]] double default_slice_spacing() const override { return slice_spacing_; }
+    [[nodiscard]] std::array<double, 2> reach_along(const Vec3& from, const Vec3& direction) const override;
+    [[nodiscard]] std::size_t memory() const override;
+
+    [[nodiscard]] const EllipsoidArrays& arrays() const { return arrays_; }
+    [[nodiscard]] const EllipsoidFieldOptions& options() const { return options_; }
+    [[nodiscard]] bool isotropic() const { return arrays_.scales.empty(); }
+
+    [[nodiscard]] const Vec3& center(std::size_t i) const { return arrays_.centers[i]; }
+    [[nodiscard]] double value(std::size_t i) const { return arrays_.values[i]; }
+    [[nodiscard]] double weight(std::size_t i) const { return arrays_.weights.empty() ? 1.0 : arrays_.weights[i]; }
+    /// The three semi-axes.
+    [[nodiscard]] Vec3 semi_axes(std::size_t i) const {
+        return arrays_.scales.empty() ? Vec3(arrays_.radii[i]) : arrays_.scales[i];
+    }
+    /// M = R S: its columns are the semi-axes as vectors in the world.
+    [[nodiscard]] Mat3 shape(std::size_t i) const;
+    /// Half the extents of the support along the world's axes: lengths of M's rows.
+    [[nodiscard]] Vec3 extent(std::size_t i) const;
+    /// Smallest and largest weight; 1, 1 for a field without kernels.
+    [[nodiscard]] const std::array<double, 2>& weight_range() const { return weight_range_; }
+    /// Smallest and largest semi-axis of all; 0, 0 for a field without kernels.
+    [[nodiscard]] const std::array<double, 2>& scale_range() const { return scale_range_; }
+    /// C of normalisation lattice: a kernel's mass over cell_volume.
+    [[nodiscard]] double lattice_constant() const { return lattice_constant_; }
+
+  private:
+    EllipsoidArrays arrays_;
+    EllipsoidFieldOptions options_;
+    Box centres_world_, supports_world_;
+    std::array<double, 2> value_range_{0.0, 0.0};
+    std::array<double, 2> weight_range_{1.0, 1.0};
+    std::array<double, 2> scale_range_{0.0, 0.0};
+    double slice_spacing_ = 0.0;
+    double lattice_constant_ = 1.0;
+};
+
+/// The field as what it is; null where it is something else.
+inline const RegularField* as_regular(const Field* field) {
+    return field != nullptr && field->kind() == FieldKind::regular ? static_cast<const RegularField*>(field) : nullptr;
+}
+inline const EllipsoidField* as_ellipsoids(const Field* field) {
+    return field != nullptr && field->kind() == FieldKind::ellipsoid ? static_cast<const EllipsoidField*>(field)
+                                                                      : nullptr;
+}
 
 } // namespace sheetsplat

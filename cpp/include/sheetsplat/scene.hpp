@@ -20,6 +20,12 @@ enum class Mode { composite, isosurface, xray, mip };
 
 enum class LightSpace { eye, world };
 
+/// What is done to kernels before they are sliced.
+enum class Filter {
+    none,
+    ewa, ///< widened by a pixel across and a slice distance along the view, at the same mass (IMAGE FORMATION section 10)
+};
+
 /// A directional light. `direction` points towards the light; it need not have unit length.
 struct Light {
     Vec3 direction{0.0, 0.0, 1.0};
@@ -38,7 +44,7 @@ struct Material {
 
 /// Everything about a picture but the camera and its size.
 struct Scene {
-    std::vector<std::shared_ptr<const RegularField>> fields;
+    std::vector<std::shared_ptr<const Field>> fields;
     TransferFunction transfer_function;
     std::optional<double> slice_spacing{}; ///< world units
     Sampling sampling = Sampling::point;
@@ -49,9 +55,10 @@ struct Scene {
     Material material{};
     double opacity_stop = 0.98;  ///< 1 = never
     bool preintegration = false; ///< [EKE01]
+    Filter filter = Filter::none;
     std::optional<Vec3> background{};
 
-    /// The default slice distance of all fields: the smallest of theirs.
+    /// The default slice distance of all fields: the smallest of theirs; 1 where no field has a kernel.
     [[nodiscard]] double default_slice_spacing() const;
     [[nodiscard]] double slice_distance() const { return slice_spacing.value_or(default_slice_spacing()); }
     [[nodiscard]] double reference_distance() const { return reference_length.value_or(default_slice_spacing()); }

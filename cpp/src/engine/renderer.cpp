@@ -51,12 +51,12 @@ bool same(const std::vector<TransferPoint>& a, const std::vector<TransferPoint>&
 
 /// Which samples of a field are drawn, and what that was decided from.
 struct IndexEntry {
-    std::shared_ptr<const RegularField> field;
+    std::shared_ptr<const Field> field;
     std::vector<TransferPoint> points; ///< of the transfer function; none where it was not asked
     VisibilityQuery query;
     VisibleRuns runs;
 
-    [[nodiscard]] bool answers(const std::shared_ptr<const RegularField>& asked, const VisibilityQuery& other) const {
+    [[nodiscard]] bool answers(const std::shared_ptr<const Field>& asked, const VisibilityQuery& other) const {
         const bool functions =
             other.transfer_function == nullptr ? points.empty() : same(points, other.transfer_function->points());
         // A longer reach than was asked for draws more than needed, which is never wrong; twice as long would be a
@@ -121,7 +121,7 @@ ViewFacts facts_of(const Scene& scene, const Camera& camera, const Frame& frame)
     facts.widest_slab = 0.0;
     facts.largest_splat_px = 0.0;
     for (const auto& field : scene.fields) {
-        const FieldView view = make_field_view(*field, camera, frame, scene.sampling, 1.0);
+        const FieldView view = make_field_view(*as_regular(field.get()), camera, frame, scene.sampling, 1.0);
         facts.sheared = facts.sheared || view.sheared;
         facts.longest_span = std::max(facts.longest_span, view.longest_span);
         facts.smallest_falloff = field == scene.fields.front()
@@ -134,7 +134,7 @@ ViewFacts facts_of(const Scene& scene, const Camera& camera, const Frame& frame)
             {facts.largest_splat_px, view.extent_x / frame.smallest_pixel(), view.extent_y / frame.smallest_pixel()});
         // |w| ds / h: how far a ray gets through the unit sphere in one slab. Its part along n is ds / h; the smallest
         // semi-axis bounds it all.
-        const Vec3 axes = field->semi_axes_world();
+        const Vec3 axes = as_regular(field.get())->semi_axes_world();
         const double thinnest = std::min({axes.x, axes.y, axes.z});
         const double along = frame.slice_spacing / view.half_depth;
         const double across = frame.projection == Projection::perspective || view.sheared
@@ -190,12 +190,12 @@ struct Renderer::State {
         }
         for (const auto& field : scene.fields) {
             prepared.views.push_back(
-                make_field_view(*field, camera, prepared.frame, scene.sampling, prepared.plan.value_unit));
+                make_field_view(*as_regular(field.get()), camera, prepared.frame, scene.sampling, prepared.plan.value_unit));
         }
         return prepared;
     }
 
-    const VisibleRuns& runs_of(const std::shared_ptr<const RegularField>& field, const Scene& scene,
+    const VisibleRuns& runs_of(const std::shared_ptr<const Field>& field, const Scene& scene,
                                const DrawPlan& plan, const Frame& frame, double slant) {
         VisibilityQuery query;
         const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
@@ -224,7 +224,7 @@ struct Renderer::State {
         IndexEntry entry;
         entry.field = field;
         entry.query = query;
-        entry.runs = VisibleRuns::of(*field, query);
+        entry.runs = VisibleRuns::of(*as_regular(field.get()), query);
         if (query.transfer_function != nullptr) {
             entry.points = query.transfer_function->points();
         }

@@ -6,6 +6,8 @@
 #include <type_traits>
 #include <utility>
 
+#include <glm/geometric.hpp>
+
 #include "base/checks.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/field.hpp"
@@ -340,6 +342,23 @@ double RegularField::lattice_constant() const {
     // and (radius a / sqrt 2)^3 / (a^3 / 2) for BCC.
     const double cube = options_.radius * options_.radius * options_.radius;
     return kernel_.unit_mass() * (options_.lattice == Lattice::bcc ? cube / std::sqrt(2.0) : cube);
+}
+
+/// The box of the centres bounds it: a tighter bound would only save empty slices.
+std::array<double, 2> RegularField::reach_along(const Vec3& from, const Vec3& direction) const {
+    std::array<double, 2> range{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+    if (kernels_ == 0) {
+        return range;
+    }
+    const Box& box = centres_world_;
+    for (int corner = 0; corner < 8; ++corner) {
+        const Vec3 point((corner & 1) != 0 ? box.upper.x : box.lower.x, (corner & 2) != 0 ? box.upper.y : box.lower.y,
+                         (corner & 4) != 0 ? box.upper.z : box.lower.z);
+        const double at = glm::dot(point - from, direction);
+        range = {std::min(range[0], at), std::max(range[1], at)};
+    }
+    const double reach = glm::length(semi_axes_world() * direction);
+    return {range[0] - reach, range[1] + reach};
 }
 
 } // namespace sheetsplat

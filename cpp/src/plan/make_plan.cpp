@@ -411,7 +411,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     if (plan.preshaded) {
         bool cartesian = true;
         for (const auto& field : scene.fields) {
-            cartesian = cartesian && field->lattice() == Lattice::cartesian;
+            const RegularField* regular = as_regular(field.get());
+            cartesian = cartesian && regular != nullptr && regular->lattice() == Lattice::cartesian;
         }
         if (scene.mode != Mode::composite || projection == Projection::perspective ||
             scene.sampling == Sampling::slab || !cartesian || outputs.coverage || outputs.depth || view.sheared ||

@@ -113,8 +113,8 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
     std::size_t kernels_drawn = 0;
     if (slices.count > 0) {
         for (const auto& field : scene.fields) {
-            fields.push_back(std::make_unique<FieldSums>(*field, camera, screen, slices, scene.sampling, radius_factor,
-                                                         zero_kernels(scene, *field, request, nudges)));
+            fields.push_back(std::make_unique<FieldSums>(*as_regular(field.get()), camera, screen, slices, scene.sampling, radius_factor,
+                                                         zero_kernels(scene, *as_regular(field.get()), request, nudges)));
             kernels_drawn += fields.back()->drawn();
         }
     }

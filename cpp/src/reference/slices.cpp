@@ -23,8 +23,8 @@ struct DepthRange {
 DepthRange support_depths(const Scene& scene, const Camera& camera, double radius_factor) {
     DepthRange range;
     for (const auto& field : scene.fields) {
-        const KernelShape shape(*field, camera, radius_factor);
-        for_each_kernel(*field, [&](std::uint64_t, const Vec3& position, double) {
+        const KernelShape shape(*as_regular(field.get()), camera, radius_factor);
+        for_each_kernel(*as_regular(field.get()), [&](std::uint64_t, const Vec3& position, double) {
             const double depth = -shape.centre_eye(position).z;
             range.front = std::min(range.front, depth - shape.reach().z);
             range.back = std::max(range.back, depth + shape.reach().z);

@@ -31,7 +31,7 @@ void require(bool holds, const char* failed, const std::string& found, const cha
     }
 }
 
-void require_fields(const std::vector<std::shared_ptr<const RegularField>>& fields) {
+void require_fields(const std::vector<std::shared_ptr<const Field>>& fields) {
     require(!fields.empty(), "there is nothing to show", "no field", "at least one field");
     for (std::size_t n = 0; n < fields.size(); ++n) {
         require(fields[n] != nullptr, "a field cannot be used", "nothing in place of field " + text_of_count(n),
@@ -72,11 +72,14 @@ void check_material(const Material& material) {
 
 double Scene::default_slice_spacing() const {
     require_fields(fields);
-    double smallest = fields.front()->default_slice_spacing();
+    std::optional<double> smallest;
     for (const auto& field : fields) {
-        smallest = std::min(smallest, field->default_slice_spacing());
+        if (field->size() != 0) {
+            const double own = field->default_slice_spacing();
+            smallest = smallest ? std::min(*smallest, own) : own;
+        }
     }
-    return smallest;
+    return smallest.value_or(1.0);
 }
 
 Box Scene::centres_world() const {

@@ -18,24 +18,6 @@ namespace {
 
 constexpr double most_slices = 1e7;
 
-/// Depths between which some kernel of a field reaches. The box of the centres bounds it: a tighter bound would only
-/// save empty slices.
-std::array<double, 2> depth_range(const RegularField& field, const Camera& camera) {
-    const Box box = field.centres_world();
-    double nearest = std::numeric_limits<double>::infinity();
-    double farthest = -nearest;
-    for (int corner = 0; corner < 8; ++corner) {
-        const Vec3 point((corner & 1) != 0 ? box.upper.x : box.lower.x, (corner & 2) != 0 ? box.upper.y : box.lower.y,
-                         (corner & 4) != 0 ? box.upper.z : box.lower.z);
-        const double depth = -camera.to_eye(point).z;
-        nearest = std::min(nearest, depth);
-        farthest = std::max(farthest, depth);
-    }
-    const Vec3 axes = field.semi_axes_world();
-    const double reach = glm::length(axes * camera.back_world());
-    return {nearest - reach, farthest + reach};
-}
-
 } // namespace
 
 double Frame::smallest_pixel() const {
@@ -75,7 +57,9 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size) {
         if (field->size() == 0) {
             continue;
         }
-        const auto [low, high] = depth_range(*field, camera);
+        // Depth runs against the eye's z.
+        const auto [behind, ahead] = field->reach_along(camera.eye(), camera.back_world());
+        const double low = -ahead, high = -behind;
         nearest = std::min(nearest, low);
         farthest = std::max(farthest, high);
     }

@@ -56,7 +56,8 @@ class Page {
 
     void collect_samples() {
         Vec3 lower(infinity), upper(-infinity);
-        for (const auto& field : scene_.fields) {
+        for (const auto& any_field : scene_.fields) {
+            const RegularField* field = as_regular(any_field.get());
             samples_.emplace_back();
             const RegularFieldOptions& o = field->options();
             const auto [nk, nj, ni] = field->shape();
@@ -84,13 +85,13 @@ class Page {
     }
 
     Vec3 semi_axes(std::size_t f) const {
-        const RegularFieldOptions& o = scene_.fields[f]->options();
+        const RegularFieldOptions& o = as_regular(scene_.fields[f].get())->options();
         return o.lattice == Lattice::bcc ? Vec3(o.radius * o.spacing.x / std::sqrt(2.0)) : o.radius * o.spacing;
     }
 
     // C: mass of the kernel over the volume of a sample, by quadrature over spherical shells.
     double lattice_constant(std::size_t f) const {
-        const RegularFieldOptions& o = scene_.fields[f]->options();
+        const RegularFieldOptions& o = as_regular(scene_.fields[f].get())->options();
         const Vec3 s = semi_axes(f);
         const double volume =
             o.lattice == Lattice::bcc ? std::pow(o.spacing.x, 3) / 2.0 : o.spacing.x * o.spacing.y * o.spacing.z;
@@ -136,7 +137,7 @@ class Page {
 
     // D, W and emptiness of one field at a pixel and a slice.
     void sums(std::size_t f, int i, int j, int n, double& d, double& w, bool& empty) const {
-        const double k = scene_.fields[f]->options().falloff + mistakes_.falloff;
+        const double k = as_regular(scene_.fields[f].get())->options().falloff + mistakes_.falloff;
         const Vec3 s = semi_axes(f);
         for (const Sample& sample : samples_[f]) {
             double g = 0.0;

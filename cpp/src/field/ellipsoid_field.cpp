@@ -1,0 +1,259 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+
+#include "base/checks.hpp"
+#include "base/memory.hpp"
+#include "sheetsplat/error.hpp"
+#include "sheetsplat/field.hpp"
+
+namespace sheetsplat {
+namespace {
+
+/// Sums over the kernels that overlap must stay finite in float64.
+constexpr double largest_number = 1e300;
+/// A quaternion this far from unit length is a mistake and not a rounding error.
+constexpr double quaternion_tolerance = 1e-3;
+constexpr double equal_volumes = 1e-6;
+/// IMAGE FORMATION section 3.
+constexpr double slices_of_diagonal = 2048.0;
+
+std::string kernel(std::size_t i) { return " of kernel " + text_of_count(i); }
+
+void require_positive(double value, const char* name, const char* next) {
+    if (!(value > 0.0) || !is_finite(value)) {
+        throw InvalidInput(Complaint{std::string("EllipsoidField: ") + name + " cannot be used", text_of(value),
+                                     "a finite number above 0", next});
+    }
+}
+
+void check_length(std::size_t found, std::size_t kernels, const char* name) {
+    if (found != kernels) {
+        throw InvalidInput(Complaint{"EllipsoidField: the arrays do not fit together",
+                                     text_of_count(kernels) + " centers and " + text_of_count(found) + " " + name,
+                                     "as many of each", "give one entry a kernel"});
+    }
+}
+
+void check_centers(const std::vector<Vec3>& centers) {
+    for (std::size_t i = 0; i < centers.size(); ++i) {
+        if (!is_finite(centers[i]) || std::abs(centers[i].x) > largest_number ||
+            std::abs(centers[i].y) > largest_number || std::abs(centers[i].z) > largest_number) {
+            throw InvalidInput(Complaint{"EllipsoidField: a center cannot be used",
+                                         text_of(centers[i]) + ", the center" + kernel(i),
+                                         "three finite numbers of at most 1e300", "drop that kernel or mend its place"});
+        }
+    }
+}
+
+double checked_scale(double scale, std::size_t i, const std::optional<double>& least) {
+    if (!is_finite(scale) || scale > largest_number) {
+        throw InvalidInput(Complaint{"EllipsoidField: a scale cannot be used", text_of(scale) + ", a semi-axis" + kernel(i),
+                                     "a finite number above 0", "drop that kernel or mend its scale"});
+    }
+    // A negative length is a mistake in the data, which a lower limit must not hide.
+    if (scale < 0.0 || (scale == 0.0 && !least)) {
+        throw InvalidInput(Complaint{
+            "EllipsoidField: a kernel has no thickness", text_of(scale) + ", a semi-axis" + kernel(i),
+            "semi-axes above 0",
+            scale < 0.0 ? "a semi-axis is a length: drop its sign" : "pass min_scale, which raises short semi-axes to it"});
+    }
+    return least ? std::max(scale, *least) : scale;
+}
+
+void check_rotations(std::vector<glm::dquat>& rotations) {
+    for (std::size_t i = 0; i < rotations.size(); ++i) {
+        glm::dquat& q = rotations[i];
+        const double length = std::sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
+        if (!is_finite(length) || std::abs(length - 1.0) > quaternion_tolerance) {
+            throw InvalidInput(
+                Complaint{"EllipsoidField: a rotation cannot be used",
+                          "a quaternion of length " + text_of(length) + kernel(i),
+                          "unit quaternions w, x, y, z, to within 1e-3", "divide each quaternion by its length"});
+        }
+        q = glm::dquat(q.w / length, q.x / length, q.y / length, q.z / length);
+    }
+}
+
+std::array<double, 2> check_values(const std::vector<double>& values) {
+    if (values.empty()) {
+        return {0.0, 0.0};
+    }
+    std::array<double, 2> range{values.front(), values.front()};
+    for (std::size_t i = 0; i < values.size(); ++i) {
+        if (!(std::abs(values[i]) <= largest_number)) {
+            throw InvalidInput(Complaint{"EllipsoidField: a value cannot be used",
+                                         text_of(values[i]) + ", the value" + kernel(i),
+                                         "a finite number of at most 1e300", "drop that kernel or mend its value"});
+        }
+        range = {std::min(range[0], values[i]), std::max(range[1], values[i])};
+    }
+    return range;
+}
+
+std::array<double, 2> check_weights(const std::vector<double>& weights) {
+    if (weights.empty()) {
+        return {1.0, 1.0};
+    }
+    std::array<double, 2> range{weights.front(), weights.front()};
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+        if (!(weights[i] >= 0.0 && weights[i] <= largest_number)) {
+            throw InvalidInput(Complaint{"EllipsoidField: a weight cannot be used",
+                                         text_of(weights[i]) + ", the weight" + kernel(i),
+                                         "a finite number of at least 0", "move the sign of a weight to its value"});
+        }
+        range = {std::min(range[0], weights[i]), std::max(range[1], weights[i])};
+    }
+    if (range[1] == 0.0) {
+        throw InvalidInput(Complaint{"EllipsoidField: the weights cannot be used", "weights that are all 0",
+                                     "at least one above 0", "leave weights out for a weight of 1 each"});
+    }
+    return range;
+}
+
+} // namespace
+
+EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptions& options)
+    : arrays_(std::move(arrays)), options_(options) {
+    kernel_.falloff = options.falloff;
+    normalization_ = options.normalization;
+    w0_ = options.w0;
+    require_positive(options.falloff, "falloff", "8 is the papers'");
+    if (options.normalization == Normalization::threshold) {
+        require_positive(options.w0, "w0 of normalization=\"threshold\"", "1 is the papers'");
+    } else if (!is_finite(options.w0)) {
+        throw InvalidInput(Complaint{"EllipsoidField: w0 cannot be used", text_of(options.w0), "a finite number", ""});
+    }
+    if (options.min_scale) {
+        require_positive(*options.min_scale, "min_scale", "give a length in world units, or leave it out");
+    }
+    if (options.cell_volume) {
+        require_positive(*options.cell_volume, "cell_volume", "give the volume that one kernel stands for");
+    }
+
+    const std::size_t n = arrays_.centers.size();
+    if (!arrays_.radii.empty() && !arrays_.scales.empty()) {
+        throw InvalidInput(Complaint{"EllipsoidField: the arrays do not fit together", "both radii and scales",
+                                     "one of them", "give radii for spheres, scales for ellipsoids"});
+    }
+    if (arrays_.scales.empty()) {
+        check_length(arrays_.radii.size(), n, "radii");
+    } else {
+        check_length(arrays_.scales.size(), n, "scales");
+    }
+    check_length(arrays_.values.size(), n, "values");
+    if (!arrays_.rotations.empty()) {
+        check_length(arrays_.rotations.size(), n, "rotations");
+    }
+    if (!arrays_.weights.empty()) {
+        check_length(arrays_.weights.size(), n, "weights");
+    }
+    check_centers(arrays_.centers);
+    for (std::size_t i = 0; i < arrays_.radii.size(); ++i) {
+        arrays_.radii[i] = checked_scale(arrays_.radii[i], i, options.min_scale);
+    }
+    for (std::size_t i = 0; i < arrays_.scales.size(); ++i) {
+        Vec3& scale = arrays_.scales[i];
+        for (int axis = 0; axis < 3; ++axis) {
+            scale[axis] = checked_scale(scale[axis], i, options.min_scale);
+        }
+    }
+    check_rotations(arrays_.rotations);
+    value_range_ = check_values(arrays_.values);
+    weight_range_ = check_weights(arrays_.weights);
+    // A sphere looks the same however it is turned.
+    if (arrays_.scales.empty()) {
+        arrays_.rotations.clear();
+        arrays_.rotations.shrink_to_fit();
+    }
+    if (n == 0) {
+        arrays_ = {};
+        return;
+    }
+
+    require_memory(static_cast<std::uint64_t>(n) * sizeof(double), "the semi-axes of a field",
+                   "use fewer kernels at a time");
+    std::vector<double> smallest(n);
+    scale_range_ = {std::numeric_limits<double>::infinity(), 0.0};
+    double least_volume = std::numeric_limits<double>::infinity(), largest_volume = 0.0;
+    centres_world_ = Box{arrays_.centers.front(), arrays_.centers.front()};
+    supports_world_ = Box{Vec3(std::numeric_limits<double>::infinity()), Vec3(-std::numeric_limits<double>::infinity())};
+    for (std::size_t i = 0; i < n; ++i) {
+        const Vec3 axes = semi_axes(i);
+        smallest[i] = std::min({axes.x, axes.y, axes.z});
+        scale_range_ = {std::min(scale_range_[0], smallest[i]),
+                        std::max({scale_range_[1], axes.x, axes.y, axes.z})};
+        const double volume = axes.x * axes.y * axes.z;
+        least_volume = std::min(least_volume, volume);
+        largest_volume = std::max(largest_volume, volume);
+        const Vec3& at = arrays_.centers[i];
+        centres_world_ = Box{glm::min(centres_world_.lower, at), glm::max(centres_world_.upper, at)};
+        const Vec3 reach = extent(i);
+        supports_world_ = Box{glm::min(supports_world_.lower, at - reach), glm::max(supports_world_.upper, at + reach)};
+    }
+    // The mean of the two middle ones for an even count.
+    const auto middle = smallest.begin() + static_cast<std::ptrdiff_t>(n / 2);
+    std::nth_element(smallest.begin(), middle, smallest.end());
+    const double median = n % 2 == 1 ? *middle : 0.5 * (*middle + *std::max_element(smallest.begin(), middle));
+    slice_spacing_ = std::max(0.5 * median, glm::length(centres_world_.extent()) / slices_of_diagonal);
+
+    if (options.normalization == Normalization::lattice) {
+        if (!options.cell_volume) {
+            throw InvalidInput(Complaint{"EllipsoidField: normalization=\"lattice\" cannot be used", "no cell_volume",
+                                         "the volume that one kernel stands for",
+                                         "pass cell_volume, or use normalization=\"threshold\""});
+        }
+        if (largest_volume - least_volume > equal_volumes * largest_volume) {
+            throw InvalidInput(Complaint{"EllipsoidField: normalization=\"lattice\" cannot be used",
+                                         "kernels whose semi-axes' products lie between " + text_of(least_volume) +
+                                             " and " + text_of(largest_volume),
+                                         "kernels of one volume, as on a lattice", "use normalization=\"threshold\""});
+        }
+        lattice_constant_ = kernel_.unit_mass() * largest_volume / *options.cell_volume;
+        if (!(lattice_constant_ > 0.0) || !is_finite(lattice_constant_)) {
+            throw InvalidInput(Complaint{"EllipsoidField: normalization=\"lattice\" cannot be used",
+                                         "a kernel's mass of " + text_of(lattice_constant_) + " cells",
+                                         "a finite number above 0", "give cell_volume in the world's units, cubed"});
+        }
+    }
+}
+
+Mat3 EllipsoidField::shape(std::size_t i) const {
+    const Vec3 axes = semi_axes(i);
+    if (arrays_.rotations.empty()) {
+        return Mat3(axes.x, 0.0, 0.0, 0.0, axes.y, 0.0, 0.0, 0.0, axes.z);
+    }
+    const Mat3 rotation = glm::mat3_cast(arrays_.rotations[i]);
+    return Mat3(rotation[0] * axes.x, rotation[1] * axes.y, rotation[2] * axes.z);
+}
+
+Vec3 EllipsoidField::extent(std::size_t i) const {
+    if (arrays_.rotations.empty()) {
+        return semi_axes(i);
+    }
+    const Mat3 rows = glm::transpose(shape(i));
+    return Vec3(glm::length(rows[0]), glm::length(rows[1]), glm::length(rows[2]));
+}
+
+std::array<double, 2> EllipsoidField::reach_along(const Vec3& from, const Vec3& direction) const {
+    std::array<double, 2> reach{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+    for (std::size_t i = 0; i < size(); ++i) {
+        const double at = glm::dot(arrays_.centers[i] - from, direction);
+        const double half = arrays_.scales.empty() ? arrays_.radii[i] : glm::length(direction * shape(i));
+        reach = {std::min(reach[0], at - half), std::max(reach[1], at + half)};
+    }
+    return reach;
+}
+
+std::size_t EllipsoidField::memory() const {
+    return arrays_.centers.capacity() * sizeof(Vec3) + arrays_.radii.capacity() * sizeof(double) +
+           arrays_.scales.capacity() * sizeof(Vec3) + arrays_.rotations.capacity() * sizeof(glm::dquat) +
+           (arrays_.values.capacity() + arrays_.weights.capacity()) * sizeof(double);
+}
+
+} // namespace sheetsplat

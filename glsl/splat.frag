@@ -57,11 +57,7 @@ out vec4 z_back;
 #endif
 
 #ifndef SEPARABLE
-// Places of four slabs in the unit sphere, and how the pixel's ray moves there per half-depth.
-struct Sections {
-    vec4 s, ax, ay, depth;
-    vec2 ray;
-};
+#include "lib/sections.glsl"
 
 Sections sections(vec4 s, vec2 place, vec4 shift_x, vec4 shift_y, vec4 depth) {
     Sections r;
@@ -78,42 +74,6 @@ Sections sections(vec4 s, vec2 place, vec4 shift_x, vec4 shift_y, vec4 depth) {
 #endif
     return r;
 }
-
-vec4 values(Sections at) {
-#ifdef SLAB
-    return kernel_mean(at.s, at.ax, at.ay, vec4(at.ray.x), vec4(at.ray.y));
-#else
-    return kernel_at(at.s, at.ax, at.ay);
-#endif
-}
-
-#ifdef FINE
-vec4 changes(Sections at, vec4 ds, vec4 dx, vec4 dy, vec2 part) {
-#ifdef SLAB
-    return mean_change(at.s, at.ax, at.ay, vec4(at.ray.x), vec4(at.ray.y), ds, dx, dy, part);
-#else
-    return kernel_change(at.s, at.ax, at.ay, ds, dx, dy);
-#endif
-}
-
-void slopes(Sections at, float scale, out vec4 x, out vec4 y, out vec4 z) {
-    x = y = z = vec4(0.0);
-#ifdef FINE_XY
-    // One pixel to the right, one up (rows count downwards).
-#ifdef PERSPECTIVE
-    float part = half_depth;
-#else
-    float part = 0.0;
-#endif
-    x = scale * changes(at, vec4(0.0), to_unit[0].x * at.depth, to_unit[0].y * at.depth, part * to_unit[0]);
-    y = scale * changes(at, vec4(0.0), -to_unit[1].x * at.depth, -to_unit[1].y * at.depth, -part * to_unit[1]);
-#endif
-#ifdef FINE_Z
-    // One slice back along the pixel's ray.
-    z = scale * changes(at, vec4(-step_s), vec4(at.ray.x * step_s), vec4(at.ray.y * step_s), vec2(0.0));
-#endif
-}
-#endif
 #endif
 
 void main() {
@@ -171,9 +131,14 @@ void main() {
 #endif
 #endif
 #ifdef FINE
-    slopes(at_front, scale, x_front, y_front, z_front);
+#ifdef PERSPECTIVE
+    float part = half_depth;
+#else
+    float part = 0.0;
+#endif
+    slopes(at_front, scale, to_unit, part, step_s, x_front, y_front, z_front);
 #ifdef TWO_TARGETS
-    slopes(at_back, scale, x_back, y_back, z_back);
+    slopes(at_back, scale, to_unit, part, step_s, x_back, y_back, z_back);
 #endif
 #endif
 }

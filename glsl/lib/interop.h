@@ -31,6 +31,11 @@
 #define ATTRIBUTE_BOX 1
 #define ATTRIBUTE_COLOR 2
 #define ATTRIBUTE_RECTANGLE 0
+// Records of ellipsoids: four vec4.
+#define ATTRIBUTE_RECORD_PLACE 0
+#define ATTRIBUTE_RECORD_HEIGHTS 1
+#define ATTRIBUTE_RECORD_AXES 2
+#define ATTRIBUTE_RECORD_STEP 3
 
 // Cells of the table that finds a value's interval between transfer-function points.
 #define TRANSFER_CELLS 1024

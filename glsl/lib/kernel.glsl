@@ -10,7 +10,11 @@ vec4 kernel_at(vec4 s, vec4 ax, vec4 ay) {
 }
 
 #ifdef SLAB
+#ifdef ELLIPSOID
+float slab_half;            // half a slice spacing over the half-depth h: each kernel has its own
+#else
 uniform float slab_half;    // half a slice spacing over the half-depth h
+#endif
 uniform float falloff_root; // sqrt(k)
 
 // Abramowitz and Stegun 7.1.26: below 1.5e-7 off.

@@ -1,5 +1,7 @@
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
 #include <type_traits>
 #include <variant>
 #include <vector>
@@ -7,6 +9,8 @@
 #include <pybind11/numpy.h>
 
 #include "convert.hpp"
+#include "ellipsoid_arrays.hpp"
+#include "ellipsoid_points.hpp"
 #include "registrars.hpp"
 #include "sheetsplat/field.hpp"
 
@@ -93,20 +97,148 @@ py::array view_samples(const py::object& self) {
     return view;
 }
 
+std::shared_ptr<EllipsoidField> make_ellipsoids(const py::array& centers, const py::array& scales,
+                                                const std::optional<py::array>& rotations, const py::array& values,
+                                                const std::optional<py::array>& weights,
+                                                const std::string& normalization, double w0, double falloff,
+                                                std::optional<double> min_scale, std::optional<double> cell_volume) {
+    EllipsoidFieldOptions options;
+    options.normalization = from_name("normalization", normalization, normalizations);
+    options.w0 = w0;
+    options.falloff = falloff;
+    options.min_scale = min_scale;
+    options.cell_volume = cell_volume;
+    EllipsoidArrays arrays;
+    arrays.centers = to_vectors(centers, "centers");
+    if (scales.ndim() == 1) {
+        arrays.radii = to_numbers(scales, "scales");
+    } else {
+        arrays.scales = to_vectors(scales, "scales");
+    }
+    if (rotations) {
+        arrays.rotations = to_rotations(*rotations);
+    }
+    arrays.values = to_numbers(values, "values");
+    if (weights) {
+        arrays.weights = to_numbers(*weights, "weights");
+    }
+    const py::gil_scoped_release release;
+    return std::make_shared<EllipsoidField>(std::move(arrays), options);
+}
+
+/// One of a field's arrays itself, read-only; the array keeps the field alive. `columns` numbers a kernel, 0: one.
+py::array view_array(const py::object& self, const void* first, std::size_t count, std::size_t columns) {
+    std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(count)};
+    if (columns != 0) {
+        shape.push_back(static_cast<py::ssize_t>(columns));
+    }
+    py::array view(py::dtype::of<double>(), shape, first, self);
+    view.attr("flags").attr("writeable") = false;
+    return view;
+}
+
+static_assert(sizeof(Vec3) == 3 * sizeof(double) && sizeof(glm::dquat) == 4 * sizeof(double),
+              "vectors and quaternions are seen as rows of numbers");
+
+/// A new array (N, columns) of what `fill` writes into it with the interpreter's lock released.
+template <class Fill>
+py::array_t<double> made_array(std::size_t count, std::size_t columns, Fill&& fill) {
+    py::array_t<double> made({static_cast<py::ssize_t>(count), static_cast<py::ssize_t>(columns)});
+    double* const first = made.mutable_data();
+    const py::gil_scoped_release release;
+    fill(first);
+    return made;
+}
+
+py::array_t<double> array_of_rotations(const std::vector<glm::dquat>& rotations) {
+    return made_array(rotations.size(), 4, [&](double* at) {
+        for (const glm::dquat& q : rotations) {
+            for (const double part : {q.w, q.x, q.y, q.z}) {
+                *at++ = part;
+            }
+        }
+    });
+}
+
+py::object rotations_of(const EllipsoidField& field) {
+    if (field.arrays().rotations.empty()) {
+        return py::none();
+    }
+    py::array made = array_of_rotations(field.arrays().rotations);
+    made.attr("flags").attr("writeable") = false;
+    return made;
+}
+
+/// M of the kernels with these indices, (count, 3, 3), its columns the semi-axes as vectors.
+py::array_t<double> shapes_of(const EllipsoidField& field, const py::array_t<std::int64_t, py::array::c_style>& indices) {
+    if (indices.ndim() != 1) {
+        throw InvalidInput(Complaint{"EllipsoidField: the indices cannot be used",
+                                     "an array of " + std::to_string(indices.ndim()) + " axes", "one axis", ""});
+    }
+    py::array_t<double> made({indices.shape(0), py::ssize_t{3}, py::ssize_t{3}});
+    double* at = made.mutable_data();
+    for (py::ssize_t n = 0; n < indices.shape(0); ++n) {
+        const auto i = static_cast<std::size_t>(indices.data()[n]);
+        if (i >= field.size()) {
+            throw InvalidInput(Complaint{"EllipsoidField: the indices cannot be used",
+                                         std::to_string(indices.data()[n]),
+                                         "indices below " + std::to_string(field.size()), ""});
+        }
+        const Mat3 shape = field.shape(i);
+        for (int row = 0; row < 3; ++row) {
+            for (int column = 0; column < 3; ++column) {
+                *at++ = shape[column][row];
+            }
+        }
+    }
+    return made;
+}
+
+py::array_t<double> array_of_sums(const EllipsoidField& field, const py::array& points) {
+    std::vector<Vec3> places = to_vectors(points, "points");
+    const std::size_t count = places.size();
+    return made_array(count, 2, [&](double* at) {
+        for (const std::array<double, 2>& sums : sums_at(field, std::move(places))) {
+            *at++ = sums[0];
+            *at++ = sums[1];
+        }
+    });
+}
+
+py::tuple arrays_of_ghosts(const EllipsoidField& field, double distance, std::size_t most) {
+    GhostPoints ghosts;
+    {
+        const py::gil_scoped_release release;
+        ghosts = ghost_points(field, distance, most);
+    }
+    py::array_t<std::int64_t> owners(static_cast<py::ssize_t>(ghosts.owners.size()));
+    std::copy(ghosts.owners.begin(), ghosts.owners.end(), owners.mutable_data());
+    const std::vector<Vec3>& centers = ghosts.centers;
+    py::array_t<double> places = made_array(centers.size(), 3, [&](double* at) {
+        for (const Vec3& center : centers) {
+            for (int axis = 0; axis < 3; ++axis) {
+                *at++ = center[axis];
+            }
+        }
+    });
+    return py::make_tuple(std::move(owners), std::move(places));
+}
+
 } // namespace
 
 void register_field(py::module_& module) {
-    py::class_<RegularField, std::shared_ptr<RegularField>>(module, "RegularField")
+    py::class_<Field, std::shared_ptr<Field>>(module, "Field")
+        .def_property_readonly("size", &Field::size)
+        .def_property_readonly("value_range", &Field::value_range)
+        .def_property_readonly("centres", [](const Field& field) { return to_corners(field.centres_world()); })
+        .def_property_readonly("supports", [](const Field& field) { return to_corners(field.supports_world()); })
+        .def_property_readonly("default_slice_spacing", &Field::default_slice_spacing)
+        .def_property_readonly("memory", &Field::memory);
+    py::class_<RegularField, Field, std::shared_ptr<RegularField>>(module, "RegularField")
         .def(py::init(&make_field), py::arg("values"), py::kw_only(), py::arg("spacing"), py::arg("origin"),
              py::arg("lattice"), py::arg("radius"), py::arg("falloff"), py::arg("normalization"), py::arg("w0"),
              py::arg("nan"))
         .def_property_readonly("values", &view_samples)
-        .def_property_readonly("size", &RegularField::size)
-        .def_property_readonly("value_range", &RegularField::value_range)
-        .def_property_readonly("centres", [](const RegularField& field) { return to_corners(field.centres_world()); })
-        .def_property_readonly("supports", [](const RegularField& field) { return to_corners(field.supports_world()); })
-        .def_property_readonly("default_slice_spacing", &RegularField::default_slice_spacing)
-        .def_property_readonly("memory", &RegularField::memory)
         .def_property_readonly("lattice_constant", &RegularField::lattice_constant)
         .def_property_readonly("has_holes", &RegularField::has_holes)
         .def(
@@ -115,6 +247,47 @@ void register_field(py::module_& module) {
                 return to_triple(field.position(i, j, k));
             },
             py::arg("i"), py::arg("j"), py::arg("k"));
+    py::class_<EllipsoidField, Field, std::shared_ptr<EllipsoidField>>(module, "EllipsoidField")
+        .def(py::init(&make_ellipsoids), py::arg("centers"), py::arg("scales"), py::arg("rotations").none(true),
+             py::arg("values"), py::kw_only(), py::arg("weights").none(true), py::arg("normalization"), py::arg("w0"),
+             py::arg("falloff"), py::arg("min_scale"), py::arg("cell_volume"))
+        .def_property_readonly("centers",
+                               [](const py::object& self) {
+                                   const auto& arrays = self.cast<const EllipsoidField&>().arrays();
+                                   return view_array(self, arrays.centers.data(), arrays.centers.size(), 3);
+                               })
+        .def_property_readonly("scales",
+                               [](const py::object& self) {
+                                   const auto& field = self.cast<const EllipsoidField&>();
+                                   const auto& arrays = field.arrays();
+                                   return field.isotropic()
+                                              ? view_array(self, arrays.radii.data(), arrays.radii.size(), 0)
+                                              : view_array(self, arrays.scales.data(), arrays.scales.size(), 3);
+                               })
+        .def_property_readonly("rotations", &rotations_of)
+        .def_property_readonly("values",
+                               [](const py::object& self) {
+                                   const auto& arrays = self.cast<const EllipsoidField&>().arrays();
+                                   return view_array(self, arrays.values.data(), arrays.values.size(), 0);
+                               })
+        .def_property_readonly("weights",
+                               [](const py::object& self) -> py::object {
+                                   const auto& arrays = self.cast<const EllipsoidField&>().arrays();
+                                   if (arrays.weights.empty()) {
+                                       return py::none();
+                                   }
+                                   return view_array(self, arrays.weights.data(), arrays.weights.size(), 0);
+                               })
+        .def_property_readonly("weight_range", &EllipsoidField::weight_range)
+        .def_property_readonly("scale_range", &EllipsoidField::scale_range)
+        .def_property_readonly("isotropic", &EllipsoidField::isotropic)
+        .def_property_readonly("lattice_constant", &EllipsoidField::lattice_constant)
+        .def("shapes", &shapes_of, py::arg("indices"))
+        .def("sums_at", &array_of_sums, py::arg("points"))
+        .def("ghost_points", &arrays_of_ghosts, py::arg("distance"), py::arg("most"));
+    module.def(
+        "nearest_rotations", [](const py::array& matrices) { return array_of_rotations(to_rotations(matrices)); },
+        py::arg("matrices"));
 }
 
 } // namespace sheetsplat::bindings

@@ -15,6 +15,7 @@ namespace {
 const std::map<std::string, Sampling> samplings{{"point", Sampling::point}, {"slab", Sampling::slab}};
 const std::map<std::string, Mode> modes{
     {"composite", Mode::composite}, {"isosurface", Mode::isosurface}, {"xray", Mode::xray}, {"mip", Mode::mip}};
+const std::map<std::string, Filter> filters{{"none", Filter::none}, {"ewa", Filter::ewa}};
 const std::map<std::string, LightSpace> light_spaces{{"eye", LightSpace::eye}, {"world", LightSpace::world}};
 
 Light make_light(const Triple& direction, const Triple& color, const std::string& space) {
@@ -29,7 +30,7 @@ Scene make_scene(const std::vector<std::shared_ptr<Field>>& fields, const Transf
                  std::optional<double> slice_spacing, const std::string& sampling,
                  std::optional<double> reference_length, const std::string& mode, std::optional<double> iso_value,
                  const std::vector<Light>& lights, const Material& material, double opacity_stop, bool preintegration,
-                 std::optional<Triple> background) {
+                 const std::string& filter, std::optional<Triple> background) {
     Scene scene{{fields.begin(), fields.end()}, transfer_function};
     scene.slice_spacing = slice_spacing;
     scene.sampling = from_name("sampling", sampling, samplings);
@@ -40,6 +41,7 @@ Scene make_scene(const std::vector<std::shared_ptr<Field>>& fields, const Transf
     scene.material = material;
     scene.opacity_stop = opacity_stop;
     scene.preintegration = preintegration;
+    scene.filter = from_name("filter", filter, filters);
     if (background) {
         scene.background = to_vec3(*background);
     }
@@ -59,7 +61,7 @@ void register_scene(py::module_& module) {
         .def(py::init(&make_scene), py::arg("fields"), py::arg("transfer_function"), py::kw_only(),
              py::arg("slice_spacing"), py::arg("sampling"), py::arg("reference_length"), py::arg("mode"),
              py::arg("iso_value"), py::arg("lights"), py::arg("material"), py::arg("opacity_stop"),
-             py::arg("preintegration"), py::arg("background"))
+             py::arg("preintegration"), py::arg("filter"), py::arg("background"))
         .def_property_readonly("slice_distance", &Scene::slice_distance)
         .def_property_readonly("reference_distance", &Scene::reference_distance)
         .def_property_readonly("centres", [](const Scene& scene) { return to_corners(scene.centres_world()); });

@@ -21,7 +21,7 @@ from sheetsplat.api import open, render
 from sheetsplat.camera import Camera
 from sheetsplat.device import Device, devices
 from sheetsplat.errors import Cancelled, DeviceUnavailable, Error, InvalidInput, OutOfMemory, Unsupported
-from sheetsplat.fields import RegularField
+from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.image import Image
 from sheetsplat.plan import Effect, RenderPlan
 from sheetsplat.renderer import Renderer
@@ -38,6 +38,7 @@ __all__ = [
     "Device",
     "DeviceUnavailable",
     "Effect",
+    "EllipsoidField",
     "Error",
     "Image",
     "InvalidInput",

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sheetsplat import _memory
 from sheetsplat.errors import complain
 
 Triple = tuple[float, float, float]
@@ -21,6 +22,7 @@ Vector = Sequence[float] | np.ndarray[Any, Any]
 # Far above any light, and far enough below the end of float32 that sums and products of a few do not reach it.
 STRONGEST = 1e30
 _MOST_NAMES = 64
+_FEWER = "use fewer of them at a time"
 
 
 def shown(value: object) -> str:
@@ -121,6 +123,35 @@ def measurable(what: str, vector: Triple) -> Triple:
             "divide it by its length; only where it points counts",
         )
     return vector
+
+
+def numbers(what: str, value: object, wanted: str) -> np.ndarray[Any, Any]:
+    """Return an array of real numbers, or InvalidInput that says what was wanted. Masked entries become NaN.
+
+    Types other than float32 and float64 become float64, and so does what is not in this machine's byte order.
+    """
+    if isinstance(value, np.ma.MaskedArray):
+        if np.ma.is_masked(value) and value.dtype.kind in "biuf":
+            value = np.ma.filled(value.astype(np.float64), np.nan)
+        else:
+            value = value.data
+    try:
+        array: np.ndarray[Any, Any] = np.asarray(value)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise complain(f"{what} cannot be used", f"{type(value).__name__}: {error}", wanted) from None
+    # A list without entries is float64 for NumPy; None and texts are objects and strings.
+    if array.dtype.kind not in "biuf":
+        found = shown(value) if value is None or array.ndim == 0 else f"values of type {array.dtype}"
+        raise complain(f"{what} cannot be used", found, f"{wanted}, integers or real floating-point numbers")
+    native = array.dtype.newbyteorder("=")
+    if native in (np.dtype(np.float32), np.dtype(np.float64)):
+        if array.dtype.isnative:
+            return array
+    else:
+        native = np.dtype(np.float64)
+    _memory.require(array.size * native.itemsize, f"a copy of {what}", _FEWER)
+    with np.errstate(over="ignore"):
+        return array.astype(native)
 
 
 def color(what: str, value: object) -> Triple:

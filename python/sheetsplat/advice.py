@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from sheetsplat import automatic
+from sheetsplat.fields import EllipsoidField, Field
 
 if TYPE_CHECKING:
     from sheetsplat.image import Image
@@ -38,12 +42,23 @@ def is_empty(image: Image, scene: Scene) -> bool:
     return bool(np.array_equal(image.rgba, np.broadcast_to(behind, image.rgba.shape)))
 
 
+def _range_of(field: Field) -> tuple[float, float]:
+    """Return the smallest and the largest scalar of a field, as far as they are easily told."""
+    if not isinstance(field, EllipsoidField):
+        return field.value_range
+    # Sums of scattered kernels may be far above their values, or far below.
+    found = field.at(automatic.places_in(field))
+    return float(found.min(initial=math.inf)), float(found.max(initial=-math.inf))
+
+
 def why_empty(scene: Scene) -> str:
     """Return the reason why a picture of a scene shows nothing, as far as the scene tells it."""
     known = [one for one in scene.fields if one.size]
     if not known:
-        return "the field has no samples"
-    ranges = [one.value_range for one in known]
+        return "the field has no kernels" if any(isinstance(one, EllipsoidField) for one in scene.fields) else (
+            "the field has no samples"
+        )
+    ranges = [_range_of(one) for one in known]
     low, high = sum(low for low, _ in ranges), sum(high for _, high in ranges)
     values = f"the values {low:g} to {high:g}"
     if scene.mode in ("xray", "mip"):

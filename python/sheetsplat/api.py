@@ -31,17 +31,17 @@ from sheetsplat._checks import (
 )
 from sheetsplat.camera import Camera, Kind, bounds_of
 from sheetsplat.errors import complain
-from sheetsplat.fields import Lattice, NanPolicy, Normalization, RegularField
+from sheetsplat.fields import Field, Lattice, NanPolicy, Normalization, RegularField
 from sheetsplat.image import Image
 from sheetsplat.renderer import OUTPUTS, Backend, Output, Packing, Precision, Progress, Renderer, Tagging
-from sheetsplat.scene import MODES, Light, Material, Mode, Sampling, Scene
+from sheetsplat.scene import MODES, Filter, Light, Material, Mode, Sampling, Scene
 from sheetsplat.transfer import Colormap, Opacity, TransferFunction
 
 if TYPE_CHECKING:
     from sheetsplat.bcc import BccVolume
     from sheetsplat.datasets import Dataset
 
-Data = RegularField | Sequence[RegularField] | ArrayLike | str | os.PathLike[str]
+Data = Field | Sequence[Field] | ArrayLike | str | os.PathLike[str]
 
 _log = logging.getLogger("sheetsplat")
 
@@ -64,14 +64,25 @@ def open(
     name: str | None = None,
     spacing: Vector | None = None,
     origin: Vector | None = None,
-    lattice: Lattice = "cartesian",
-    radius: float = 2.0,
-    falloff: float = 5.0,
-    normalization: Normalization = "lattice",
-    w0: float = 1.0,
-    nan: NanPolicy = "error",
-) -> RegularField:
-    """Return the field of a file: .npy, .npz, NRRD, MetaImage (.mhd, .mha) or raw samples, each also gzipped.
+    lattice: Lattice | None = None,
+    radius: float | None = None,
+    falloff: float | None = None,
+    normalization: Normalization | None = None,
+    w0: float | None = None,
+    nan: NanPolicy | None = None,
+    grid: str | os.PathLike[str] | None = None,
+    scalar: str | None = None,
+    particles: str | None = None,
+    support: float | None = None,
+    fit: Fit | None = None,
+    neighbors: int | None = None,
+    min_scale: float | None = None,
+    log: bool | float = False,
+) -> RegularField | EllipsoidField:
+    """Return the field of a file, which may be gzipped.
+
+    Regular volumes: .npy, .npz, NRRD, MetaImage (.mhd, .mha), VTK's .vti, raw samples. Scattered data: PLOT3D with its
+    grid, VTK's .vtu and .vtp, HDF5 with particles, .ply of 3D Gaussian Splatting, .csv, .npz with an array centers.
 
     Parameters
     ----------
@@ -84,19 +95,37 @@ def open(
         For .npz: the array to take, where the file has several with three axes.
     spacing, origin
         World units along x, y, z; what the file says unless given.
-    lattice, radius, falloff, normalization, w0, nan
-        As for `RegularField`.
+    lattice, radius, nan
+        As for `RegularField`; for regular volumes.
+    falloff, normalization, w0
+        As for `RegularField` or `EllipsoidField`.
+    grid
+        For PLOT3D: the grid; `path` is the solution.
+    scalar
+        For scattered data and .vti: what is shown, by the name that it has in the file (NAME_x for one component of a
+        vector, NAME for its length); for PLOT3D density, momentum, energy, pressure, mach and others.
+    particles, support
+        For HDF5: the group, PartType0 unless given, and the radius of the kernels' supports in smoothing lengths, which
+        is found by the densities unless given.
+    fit, neighbors
+        For scattered data: how points become ellipsoids, "delaunay" or "nearest" (by so many neighbours); unless given,
+        the kernels that the file has, else its mesh or the Delaunay tetrahedra.
+    min_scale
+        For scattered data: as for `EllipsoidField`.
+    log
+        Show decades above the smallest value, log10(v / smallest), or above this number, to which smaller values are
+        raised.
 
     Raises
     ------
     InvalidInput
-        For files that are damaged, lie about their size, or hold something else than a real volume with three axes.
+        For files that are damaged, lie about their size, or hold something else, and options without a meaning there.
     OutOfMemory
         Where the samples do not fit.
     Error
         Where the file cannot be read.
     """
-    from sheetsplat.io import read_volume
+    from sheetsplat.io.opening import open_field
 
     sizes: tuple[int, int, int] | None = None
     if shape is not None:
@@ -108,21 +137,32 @@ def open(
             raise complain("open: shape cannot be used", shown(shape), "three whole numbers, (nk, nj, ni)")
         nk, nj, ni = (whole("open: shape", part) for part in parts)
         sizes = nk, nj, ni
-    volume = read_volume(path, shape=sizes, dtype=dtype, offset=whole("open: offset", offset), name=name)
-    return RegularField(
-        volume.values,
-        spacing=volume.spacing if spacing is None else spacing,
-        origin=volume.origin if origin is None else origin,
-        lattice=lattice,
-        radius=radius,
-        falloff=falloff,
-        normalization=normalization,
-        w0=w0,
-        nan=nan,
-    )
+    options: dict[str, Any] = {
+        "shape": sizes,
+        "dtype": dtype,
+        "offset": whole("open: offset", offset) or None,
+        "name": name,
+        "spacing": spacing,
+        "origin": origin,
+        "lattice": lattice,
+        "radius": radius,
+        "falloff": falloff,
+        "normalization": normalization,
+        "w0": w0,
+        "nan": nan,
+        "grid": grid,
+        "scalar": scalar,
+        "particles": particles,
+        "support": support,
+        "fit": fit,
+        "neighbors": neighbors,
+        "min_scale": min_scale,
+        "log": log or None,
+    }
+    return open_field(path, {option: value for option, value in options.items() if value is not None})
 
 
-def to_fields(data: Data, **options: Any) -> list[RegularField]:
+def to_fields(data: Data, **options: Any) -> list[Field]:
     """Return the fields of an array, a path, a field or several fields; `options` make fields of the first two."""
     given = {name: value for name, value in options.items() if value is not None}
     # The generated data sets, and whatever else makes a field of itself.
@@ -131,16 +171,16 @@ def to_fields(data: Data, **options: Any) -> list[RegularField]:
         data = maker()
     if isinstance(data, str | os.PathLike):
         return [open(data, **given)]
-    is_fields = isinstance(data, list | tuple) and bool(data) and all(isinstance(one, RegularField) for one in data)
-    if isinstance(data, RegularField) or is_fields:
+    is_fields = isinstance(data, list | tuple) and bool(data) and all(isinstance(one, Field) for one in data)
+    if isinstance(data, Field) or is_fields:
         if given:
             raise complain(
                 "render: these options cannot be used",
                 ", ".join(given) + " for a field that is made already",
                 "them only for arrays and files",
-                "give them to RegularField or sheetsplat.open",
+                "give them to the field itself, or to sheetsplat.open",
             )
-        return [data] if isinstance(data, RegularField) else list(data)  # type: ignore[arg-type]
+        return [data] if isinstance(data, Field) else list(data)  # type: ignore[arg-type]
     for name in ("shape", "dtype", "offset", "name"):
         if name in given:
             raise complain(f"render: {name} cannot be used", "an array", f"{name} only for files")
@@ -148,7 +188,7 @@ def to_fields(data: Data, **options: Any) -> list[RegularField]:
 
 
 def compose_scene(
-    fields: list[RegularField],
+    fields: Sequence[Field],
     *,
     transfer_function: TransferFunction | None = None,
     cmap: Colormap | None = None,
@@ -161,7 +201,7 @@ def compose_scene(
     material: Material | None = None,
     **options: Any,
 ) -> Scene:
-    """Return a scene; what is not given is chosen by the samples. Other options go to `Scene`."""
+    """Return a scene; what is not given is chosen by the scalars. Other options go to `Scene`."""
     if transfer_function is not None:
         clash = [name for name, value in (("cmap", cmap), ("opacity", opacity), ("clim", clim)) if value is not None]
         if clash:
@@ -185,7 +225,8 @@ def compose_scene(
             opacities = look.opacity if opacity is None else opacity
         else:
             limits = clim
-            opacities = (0.0, automatic.TOP_OPACITY) if opacity is None else opacity
+            top = automatic.TOP_OPACITY if look is None else look.top_opacity
+            opacities = (0.0, top) if opacity is None else opacity
         transfer_function = TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacities, limits)
     if lights is None:
         lights = (HEAD_LIGHT,) if shading and mode in ("composite", "isosurface") else ()
@@ -200,7 +241,7 @@ def compose_scene(
     )
 
 
-def _surface_limits(fields: list[RegularField], iso_value: float) -> tuple[float, float] | None:
+def _surface_limits(fields: Sequence[Field], iso_value: float) -> tuple[float, float] | None:
     """Return limits as wide as the values that give a surface a colour from the upper part of a map."""
     ranges = [one.value_range for one in fields if one.size]
     width = sum(high - low for low, high in ranges)
@@ -302,7 +343,7 @@ def _is_empty(thing: object) -> bool:
     """Return True for a field or a scene without a single kernel."""
     fields = thing.fields if isinstance(thing, Scene) else thing
     several = fields if isinstance(fields, list | tuple) else [fields]
-    return bool(several) and all(isinstance(one, RegularField) and one.size == 0 for one in several)
+    return bool(several) and all(isinstance(one, Field) and one.size == 0 for one in several)
 
 
 def _parallel(first: Triple, second: Triple) -> bool:
@@ -379,6 +420,7 @@ def render(
     reference_length: float | None = None,
     opacity_stop: float | None = None,
     preintegration: bool | None = None,
+    filter: Filter | None = None,
     camera: Camera | None = None,
     direction: Vector | str | None = None,
     up: Vector | str | None = None,
@@ -430,7 +472,7 @@ def render(
         Without `lights` one light over the viewer's shoulder, or none where `shading` is False.
     background
         Behind the picture: red, green, blue, a name such as "white", or "#rrggbb"; transparent unless given.
-    mode, iso_value, slice_spacing, sampling, reference_length, opacity_stop, preintegration
+    mode, iso_value, slice_spacing, sampling, reference_length, opacity_stop, preintegration, filter
         As for `Scene`. Without `iso_value` a surface is put where the histogram parts things from background; without
         `clim` its colour is that at 7/10 of the colormap. What a mode does not use is told to the log.
     camera
@@ -492,6 +534,7 @@ def render(
         "reference_length": reference_length,
         "opacity_stop": opacity_stop,
         "preintegration": preintegration,
+        "filter": filter,
     }
     if isinstance(data, Scene):
         _refuse_beside_a_scene({**look, **field_options})

@@ -1,14 +1,16 @@
-"""A transfer function that shows something useful when nobody gave one: from the histogram of the samples."""
+"""A transfer function that shows something useful when nobody gave one: from the histogram of the scalar."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.fields import RegularField
+from sheetsplat.fields import EllipsoidField, Field, RegularField
 
 # More samples than this do not change a histogram.
 _ENOUGH = 1_000_000
@@ -19,6 +21,12 @@ _TOP_PERCENTILE = 99.0
 # A ramp that begins flat lets the eye into soft things and still shows thin ones.
 _RAMP_POWER = 1.5
 _RAMP_POINTS = 9
+# Places at which scattered fields are looked at.
+_PLACES = 16_384
+# Volumes are some hundred slices deep, and their opacities are meant for that; the slices of scattered data may be
+# many more.
+_USUAL_SLICES = 300.0
+_OUTLIERS = 1.0
 
 
 @dataclass(frozen=True)
@@ -33,11 +41,14 @@ class Look:
         Pairs (value, opacity per reference length).
     surface
         Value that parts things from background.
+    top_opacity
+        The largest of these opacities that suits things as thick as this.
     """
 
     clim: tuple[float, float]
     opacity: tuple[tuple[float, float], ...]
     surface: float
+    top_opacity: float = TOP_OPACITY
 
 
 def _samples(samples: NDArray[Any]) -> NDArray[np.float64]:
@@ -64,9 +75,59 @@ def _between_classes(values: NDArray[np.float64]) -> float:
     return float(0.5 * (edges[1:-1][best[0]] + edges[1:-1][best[-1]]))
 
 
-def choose(fields: list[RegularField]) -> Look:
-    """Return limits and opacities for fields, by the samples of the largest of them."""
-    return choose_for(max(fields, key=lambda one: one.size).values)
+def choose(fields: Sequence[Field]) -> Look:
+    """Return limits and opacities for fields, by the one with the most kernels.
+
+    Regular fields are judged by their samples, scattered ones by the scalar at places that lie the denser the more
+    kernels' volumes there are (`places_in`).
+    """
+    field = max(fields, key=lambda one: one.size)
+    if isinstance(field, RegularField):
+        return choose_for(field.values)
+    if not isinstance(field, EllipsoidField):
+        raise TypeError(f"automatic.choose: {type(field).__name__}")
+    places = places_in(field)
+    look = choose_for(field.at(places))
+    spacing = min(one.default_slice_spacing for one in fields if one.size) if places.size else 1.0
+    share = _share_of_usual(places, spacing)
+    # Opacity of a shorter length: 1 - (1 - a)^share.
+    scaled = tuple((value, -math.expm1(share * math.log1p(-opacity))) for value, opacity in look.opacity)
+    return replace(look, opacity=scaled, top_opacity=-math.expm1(share * math.log1p(-TOP_OPACITY)))
+
+
+def _share_of_usual(places: NDArray[np.float64], spacing: float) -> float:
+    """Return a slice distance over that of a volume which is as large as what lies at these places; at most 1."""
+    if not places.size:
+        return 1.0
+    low, high = np.percentile(places, (_OUTLIERS, 100.0 - _OUTLIERS), axis=0)
+    usual = math.hypot(*(high - low).tolist()) / _USUAL_SLICES
+    return min(1.0, spacing / usual) if usual > 0 else 1.0
+
+
+def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64]:
+    """Return places in a scattered field, (M, 3), as many in each kernel as its volume's share of all volumes says.
+
+    They lie in the inner halves of the supports, the same ones every time; M is 0 where there are no kernels, ghost
+    points left aside.
+    """
+    known = field.size - field.ghosts
+    if not known:
+        return np.empty((0, 3))
+    scales = field.scales[:known] / field.scale_range[1]
+    volumes = scales**3 if scales.ndim == 1 else scales.prod(axis=1)
+    if field.weights is not None:
+        volumes[field.weights[:known] == 0] = 0.0
+    ends = np.cumsum(volumes)
+    if not ends[-1] > 0:
+        # Only kernels so thin that products of their semi-axes vanish.
+        ends = np.arange(1.0, known + 1.0)
+    picked = np.searchsorted(ends, (np.arange(count) + 0.5) / count * ends[-1], side="right").clip(max=known - 1)
+    generator = np.random.default_rng(2006)
+    inner = generator.normal(size=(count, 3))
+    inner *= (0.5 * generator.random(count) ** (1 / 3) / np.linalg.norm(inner, axis=1))[:, np.newaxis]
+    shapes = field._native.shapes(picked.astype(np.int64))
+    found: NDArray[np.float64] = field.centers[picked] + np.einsum("nij,nj->ni", shapes, inner)
+    return found
 
 
 def choose_for(samples: NDArray[Any]) -> Look:

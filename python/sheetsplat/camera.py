@@ -22,7 +22,7 @@ from sheetsplat._checks import (
     direction as axis_or_vector,
 )
 from sheetsplat.errors import complain
-from sheetsplat.fields import RegularField, joined_bounds
+from sheetsplat.fields import Field, joined_bounds
 
 Kind = Literal["orthographic", "perspective"]
 
@@ -37,7 +37,7 @@ def bounds_of(thing: object) -> Bounds:
         if not thing:
             raise complain("Camera.fit: there is nothing to look at", "an empty sequence", wanted)
         # A field without a kernel has no box.
-        there = [one for one in thing if not (isinstance(one, RegularField) and one.size == 0)]
+        there = [one for one in thing if not (isinstance(one, Field) and one.size == 0)]
         return joined_bounds([bounds_of(one) for one in there or thing])
     bounds: Any = getattr(thing, "bounds", None)
     if callable(bounds):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, _sheetsplat
-from sheetsplat._checks import Bounds, Triple, Vector, choice, number, shown, triple
+from sheetsplat._checks import Bounds, Triple, Vector, choice, number, numbers, optional_number, shown, triple
 from sheetsplat.errors import complain
 
 Normalization = Literal["none", "lattice", "threshold"]
@@ -96,7 +97,69 @@ def as_samples(values: ArrayLike) -> NDArray[Any]:
     return np.require(array, dtype=_kept_type(array), requirements=("C", "A"))
 
 
-class RegularField:
+class Field:
+    """What all fields have in common: a set of kernels whose weighted sums are the scalar. Conventions, section 2.
+
+    Made by `RegularField` and `EllipsoidField`.
+    """
+
+    __slots__ = ("_falloff", "_native", "_normalization", "_w0")
+    _falloff: float
+    _native: _sheetsplat.Field
+    _normalization: str
+    _w0: float
+
+    def __init__(self) -> None:
+        raise TypeError("a field is made by RegularField or EllipsoidField")
+
+    @property
+    def falloff(self) -> float:
+        """The k of the kernel's profile."""
+        return self._falloff
+
+    @property
+    def normalization(self) -> str:
+        """One of "none", "lattice" and "threshold"."""
+        return self._normalization
+
+    @property
+    def w0(self) -> float:
+        """Threshold of the weight sum, for normalisation "threshold"."""
+        return self._w0
+
+    @property
+    def size(self) -> int:
+        """Number of kernels; skipped samples are none."""
+        return self._native.size
+
+    @property
+    def value_range(self) -> tuple[float, float]:
+        """Smallest and largest value of a kernel; 0, 0 without kernels."""
+        low, high = self._native.value_range
+        return low, high
+
+    @property
+    def bounds(self) -> Bounds:
+        """World-aligned box around all supports: its lower and its upper corner."""
+        return self._native.supports
+
+    @property
+    def centre_bounds(self) -> Bounds:
+        """World-aligned box around all kernel centres: its lower and its upper corner."""
+        return self._native.centres
+
+    @property
+    def default_slice_spacing(self) -> float:
+        """Distance of slices that scenes take unless told otherwise, world units. Conventions, section 3."""
+        return self._native.default_slice_spacing
+
+    @property
+    def memory(self) -> int:
+        """Bytes that the field keeps."""
+        return self._native.memory
+
+
+class RegularField(Field):
     """A Cartesian or body-centred cubic volume. Immutable.
 
     Sample (i, j, k) of ``values[k, j, i]`` is a kernel at ``origin + (i dx, j dy, k dz)`` (Cartesian) or at
@@ -133,7 +196,8 @@ class RegularField:
         Where the copy of the samples does not fit.
     """
 
-    __slots__ = ("_falloff", "_lattice", "_nan", "_native", "_normalization", "_origin", "_radius", "_spacing", "_w0")
+    __slots__ = ("_lattice", "_nan", "_origin", "_radius", "_spacing")
+    _native: _sheetsplat.RegularField
 
     def __init__(
         self,
@@ -200,55 +264,9 @@ class RegularField:
         return self._radius
 
     @property
-    def falloff(self) -> float:
-        """The k of the kernel's profile."""
-        return self._falloff
-
-    @property
-    def normalization(self) -> str:
-        """One of "none", "lattice" and "threshold"."""
-        return self._normalization
-
-    @property
-    def w0(self) -> float:
-        """Threshold of the weight sum, for normalisation "threshold"."""
-        return self._w0
-
-    @property
     def nan(self) -> str:
         """What a NaN sample is: "error" or "skip"."""
         return self._nan
-
-    @property
-    def size(self) -> int:
-        """Number of kernels; skipped samples are none."""
-        return self._native.size
-
-    @property
-    def value_range(self) -> tuple[float, float]:
-        """Smallest and largest sample."""
-        low, high = self._native.value_range
-        return low, high
-
-    @property
-    def bounds(self) -> Bounds:
-        """World-aligned box around all supports: its lower and its upper corner."""
-        return self._native.supports
-
-    @property
-    def centre_bounds(self) -> Bounds:
-        """World-aligned box around all kernel centres: its lower and its upper corner."""
-        return self._native.centres
-
-    @property
-    def default_slice_spacing(self) -> float:
-        """Distance of slices that scenes take unless told otherwise, world units. Conventions, section 3."""
-        return self._native.default_slice_spacing
-
-    @property
-    def memory(self) -> int:
-        """Bytes that the field keeps."""
-        return self._native.memory
 
     def __repr__(self) -> str:
         """Return a short description."""
@@ -260,15 +278,537 @@ class RegularField:
         )
 
 
-def as_fields(field: object, what: str) -> list[RegularField]:
+_FEWER = "use fewer kernels at a time"
+# Matrices that are factored in one go; 1 MB of each array.
+_BLOCK = 1 << 14
+# Relative to the largest entry: what rounding to float32 leaves is far below it, what is no covariance far above.
+_SYMMETRY = 1e-5
+_POSITIVE = 1e-6
+_ORTHOGONAL = 1e-3
+
+
+def _rows(what: str, array: object, wanted: str, *shapes: tuple[int, ...]) -> NDArray[Any]:
+    """Return an array of N rows, each of one of these shapes; InvalidInput otherwise. N = 0 has any shape."""
+    found = numbers(f"EllipsoidField: {what}", array, wanted)
+    if found.ndim == 1 and found.size == 0 and () not in shapes:
+        return found.reshape(0, *shapes[0])
+    if found.ndim == 0 or found.shape[1:] not in shapes:
+        then = ""
+        if what == "rotations" and found.ndim == 1:
+            then = "give the values by their name, values=..."
+        raise complain(f"EllipsoidField: {what} cannot be used", f"an array of shape {found.shape}", wanted, then)
+    return found
+
+
+def _no_rows(what: str) -> Exception:
+    return complain(f"EllipsoidField: {what} cannot be used", "None", "one number a kernel", f"pass {what}=...")
+
+
+def _same_length(count: int, **arrays: NDArray[Any] | None) -> None:
+    for name, array in arrays.items():
+        if array is not None and len(array) != count:
+            raise complain(
+                "EllipsoidField: the arrays do not fit together",
+                f"{count} centers and {len(array)} {name}",
+                "as many of each",
+                "give one entry a kernel",
+            )
+
+
+class EllipsoidField(Field):
+    """Scattered Gaussians of any place, size and direction ([NM06]). Immutable.
+
+    Kernel i is the ellipsoid around ``centers[i]`` whose semi-axes are ``scales[i]`` long and turned by
+    ``rotations[i]``; within it lies the profile (exp(−k r²) − exp(−k)) / (1 − exp(−k)), r the distance from the centre
+    in semi-axes, times ``weights[i]``, and times ``values[i]`` where values are summed. Conventions, section 2 (Fields).
+
+    All arrays are copied, anything that NumPy can read, and kept as float64: 40 bytes a kernel for spheres, 56 for
+    ellipsoids, 32 more where they are turned, 8 more with weights. A field may have no kernels at all; its picture is
+    empty. Two kernels may be at the same place.
+
+    Parameters
+    ----------
+    centers
+        (N, 3), world units.
+    scales
+        Semi-axes of the supports in world units, (N, 3) along each kernel's own axes, or (N,) for spheres. For a
+        Gaussian with the standard deviation σ that is sqrt(2 k) σ, 4 σ at the falloff 8.
+    rotations
+        (N, 4) unit quaternions w, x, y, z, or (N, 3, 3) matrices whose columns are the kernel's own axes in the world;
+        none is turned unless given. Quaternions within 1e-3 of unit length are normalised, and matrices within 1e-3 of
+        orthogonal ones brought to the nearest rotation. A reflection spans the ellipsoid of the rotation that is its
+        negative, and becomes that one. Spheres keep no rotations.
+    values
+        (N,), the scalars.
+    weights
+        (N,), at least 0 and not all 0; 1 unless given.
+    normalization
+        How sums become the scalar: "threshold" (D / max(w0, W), [NM06] eq. 20), "none" (D), or "lattice" (D/C) for
+        kernels of equal volume.
+    w0
+        Threshold of "threshold", > 0. Where less weight than this adds up, the scalar falls to 0.
+    falloff
+        k of the profile, > 0.
+    min_scale
+        World units; shorter semi-axes, 0 too, are raised to it.
+    cell_volume
+        For "lattice": the volume that one kernel stands for.
+
+    Raises
+    ------
+    InvalidInput
+        With the index of the first offending kernel: for numbers that are not finite, semi-axes that are not positive,
+        rotations that are none, negative weights. For arrays of other shapes or unequal length, and for options without
+        meaning.
+    OutOfMemory
+        Where the copies do not fit.
+    """
+
+    __slots__ = ("_cell_volume", "_ghosts", "_min_scale")
+    _native: _sheetsplat.EllipsoidField
+
+    def __init__(
+        self,
+        centers: ArrayLike,
+        scales: ArrayLike,
+        rotations: ArrayLike | None = None,
+        values: ArrayLike | None = None,
+        *,
+        weights: ArrayLike | None = None,
+        normalization: Normalization = "threshold",
+        w0: float = 1.0,
+        falloff: float = 8.0,
+        min_scale: float | None = None,
+        cell_volume: float | None = None,
+    ) -> None:
+        self._normalization = choice("EllipsoidField: normalization", normalization, ("none", "lattice", "threshold"))
+        self._w0 = number("EllipsoidField: w0", w0)
+        self._falloff = number("EllipsoidField: falloff", falloff)
+        self._min_scale = optional_number("EllipsoidField: min_scale", min_scale)
+        self._cell_volume = optional_number("EllipsoidField: cell_volume", cell_volume)
+        self._ghosts = 0
+        if values is None:
+            raise _no_rows("values")
+        places = _rows("centers", centers, "(N, 3) world positions", (3,))
+        count = len(places)
+        sizes = _rows("scales", scales, "(N, 3) or (N,) semi-axes", (3,), ())
+        turns = None
+        if rotations is not None:
+            wanted = "(N, 4) quaternions w, x, y, z or (N, 3, 3) matrices"
+            turns = _rows("rotations", rotations, wanted, (4,), (3, 3))
+        heights = _rows("values", values, "(N,) numbers", ())
+        masses = None if weights is None else _rows("weights", weights, "(N,) numbers", ())
+        _same_length(count, scales=sizes, rotations=turns, values=heights, weights=masses)
+        # What is kept, and the smallest semi-axes for their median.
+        doubles = 5 + (3 if sizes.ndim == 2 else 1) + (4 if turns is not None else 0) + (1 if masses is not None else 0)
+        _memory.require(8 * doubles * count, f"a field of {count} ellipsoids", _FEWER)
+        self._native = _sheetsplat.EllipsoidField(
+            places,
+            sizes,
+            turns,
+            heights,
+            weights=masses,
+            normalization=self._normalization,
+            w0=self._w0,
+            falloff=self._falloff,
+            min_scale=self._min_scale,
+            cell_volume=self._cell_volume,
+        )
+
+    @classmethod
+    def from_covariances(
+        cls,
+        centers: ArrayLike,
+        covariances: ArrayLike,
+        values: ArrayLike,
+        *,
+        weights: ArrayLike | None = None,
+        normalization: Normalization = "threshold",
+        w0: float = 1.0,
+        falloff: float = 8.0,
+        min_scale: float | None = None,
+        cell_volume: float | None = None,
+    ) -> EllipsoidField:
+        """Return a field of the Gaussians exp(−xᵀ C⁻¹ x / 2).
+
+        Each C is factored once, in float64, into axes and standard deviations; the semi-axes of the supports are
+        sqrt(2 k) standard deviations, 4 at the falloff 8, so that exp(−k r²) is exactly that Gaussian, cut off and
+        lowered where it is exp(−k). Axes thinner than some 1e-7 of a kernel's longest one are lost in a covariance;
+        frames, or scales and rotations, keep them.
+
+        Parameters
+        ----------
+        centers
+            (N, 3), world units.
+        covariances
+            (N, 3, 3), symmetric to within 1e-5 of their largest entry, and positive definite. What is flat, with a
+            variance that is 0 within rounding, needs `min_scale`.
+        values
+            (N,), the scalars.
+        weights, normalization, w0, falloff, cell_volume
+            As for `EllipsoidField`.
+        min_scale
+            As for `EllipsoidField`: of semi-axes, not of standard deviations.
+
+        Raises
+        ------
+        InvalidInput
+            With the index, for covariances that are not symmetric or not positive definite; as for `EllipsoidField`.
+        OutOfMemory
+            Where the copies do not fit.
+        """
+        k = number("EllipsoidField: falloff", falloff)
+        given = _rows("covariances", covariances, "(N, 3, 3) covariances", (3, 3))
+        _memory.require(8 * 7 * len(given), f"the axes of {len(given)} covariances", _FEWER)
+        scales, rotations = np.empty((len(given), 3)), np.empty((len(given), 4))
+        for start in range(0, len(given), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            variances, axes = _axes_of(given[part].astype(np.float64), start, flat=min_scale is not None)
+            scales[part] = np.sqrt(variances) * math.sqrt(2.0 * max(k, 0.0))
+            rotations[part] = _sheetsplat.nearest_rotations(axes)
+        return cls(
+            centers,
+            scales,
+            rotations,
+            values,
+            weights=weights,
+            normalization=normalization,
+            w0=w0,
+            falloff=falloff,
+            min_scale=min_scale,
+            cell_volume=cell_volume,
+        )
+
+    @classmethod
+    def from_frames(
+        cls,
+        centers: ArrayLike,
+        frames: ArrayLike,
+        values: ArrayLike,
+        *,
+        weights: ArrayLike | None = None,
+        normalization: Normalization = "threshold",
+        w0: float = 1.0,
+        falloff: float = 8.0,
+        min_scale: float | None = None,
+        cell_volume: float | None = None,
+    ) -> EllipsoidField:
+        """Return a field of ellipsoids whose semi-axes are given as vectors.
+
+        Parameters
+        ----------
+        centers
+            (N, 3), world units.
+        frames
+            (N, 3, 3); the columns of each matrix are the three semi-axes of the support, world units, at right angles
+            to each other (cosines of at most 1e-3; the nearest right angles are taken). The sign of a column does not
+            matter. A column of length 0 needs `min_scale`.
+        values
+            (N,), the scalars.
+        weights, normalization, w0, falloff, min_scale, cell_volume
+            As for `EllipsoidField`.
+
+        Raises
+        ------
+        InvalidInput
+            With the index, for semi-axes that are not at right angles; as for `EllipsoidField`.
+        OutOfMemory
+            Where the copies do not fit.
+        """
+        given = _rows("frames", frames, "(N, 3, 3) frames", (3, 3))
+        _memory.require(8 * 7 * len(given), f"the axes of {len(given)} frames", _FEWER)
+        scales, rotations = np.empty((len(given), 3)), np.empty((len(given), 4))
+        for start in range(0, len(given), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            lengths, axes = _lengths_of(given[part].astype(np.float64), start, flat=min_scale is not None)
+            scales[part] = lengths
+            rotations[part] = _sheetsplat.nearest_rotations(axes)
+        return cls(
+            centers,
+            scales,
+            rotations,
+            values,
+            weights=weights,
+            normalization=normalization,
+            w0=w0,
+            falloff=falloff,
+            min_scale=min_scale,
+            cell_volume=cell_volume,
+        )
+
+    @property
+    def centers(self) -> NDArray[np.float64]:
+        """Centres, (N, 3), world units; read-only, no copy."""
+        return self._native.centers
+
+    @property
+    def scales(self) -> NDArray[np.float64]:
+        """Semi-axes of the supports, world units: (N,) for spheres, else (N, 3); read-only, no copy."""
+        return self._native.scales
+
+    @property
+    def rotations(self) -> NDArray[np.float64] | None:
+        """Unit quaternions w, x, y, z, (N, 4), or None where no kernel is turned; a read-only copy."""
+        return self._native.rotations
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The scalars, (N,); read-only, no copy."""
+        return self._native.values
+
+    @property
+    def weights(self) -> NDArray[np.float64] | None:
+        """The weights, (N,), or None where each is 1; read-only, no copy."""
+        return self._native.weights
+
+    @property
+    def min_scale(self) -> float | None:
+        """What shorter semi-axes were raised to, world units, or None."""
+        return self._min_scale
+
+    @property
+    def cell_volume(self) -> float | None:
+        """For normalisation "lattice": the volume that one kernel stands for, or None."""
+        return self._cell_volume
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether the kernels were given as spheres."""
+        return self._native.isotropic
+
+    @property
+    def scale_range(self) -> tuple[float, float]:
+        """Smallest and largest semi-axis, world units; 0, 0 without kernels."""
+        low, high = self._native.scale_range
+        return low, high
+
+    @property
+    def weight_range(self) -> tuple[float, float]:
+        """Smallest and largest weight; 1, 1 without kernels."""
+        low, high = self._native.weight_range
+        return low, high
+
+    @property
+    def ghosts(self) -> int:
+        """Number of ghost points, the last ones of the kernels."""
+        return self._ghosts
+
+    def at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the field's scalar at points (M, 3) in the world, shape (M,); 0 where no kernel reaches.
+
+        Raises
+        ------
+        InvalidInput
+            For anything but M times three finite numbers.
+        """
+        value, weight = self._sums_at(points).T
+        if self._normalization == "none":
+            return value
+        if self._normalization == "lattice":
+            found: NDArray[np.float64] = value / self._native.lattice_constant
+            return found
+        found = value / np.maximum(self._w0, weight)
+        return found
+
+    def weight_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the sum W of weights at points (M, 3) in the world, shape (M,): where it is small the data are thin.
+
+        Raises
+        ------
+        InvalidInput
+            For anything but M times three finite numbers.
+        """
+        return self._sums_at(points)[:, 1]
+
+    def _sums_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        places = _rows("points", points, "(M, 3) world positions", (3,))
+        # The points and the tree that finds them.
+        _memory.require(96 * len(places), f"{len(places)} points", "ask for fewer points at a time")
+        if not np.isfinite(places).all():
+            n = int(np.flatnonzero(~np.isfinite(places).all(axis=1))[0])
+            raise complain("EllipsoidField: a point cannot be used", f"{places[n]}, point {n}", "three finite numbers")
+        return self._native.sums_at(places)
+
+    def with_ghost_points(self, *, distance: float = 1.0, weight: float = 1.0) -> EllipsoidField:
+        """Return the field with ghost points around it: kernels of value 0 that end the data softly ([NM06] §4.1).
+
+        At the border of scattered data the weights thin out, and D / W, which stays as high as the outermost values,
+        ends abruptly. (With the threshold w0 = 1 it falls as soon as W does, and ghost points change little; they are
+        for small w0.) Ghost points carry the weights on, so that the scalar falls to 0 within one support.
+
+        Around each kernel 14 places are tried, along its semi-axes and the diagonals between them. A place becomes a
+        ghost of that kernel's own shape, however flat or turned that is, unless a support reaches the place, or the
+        ghost would reach the centre of a kernel: so the scalar at every centre stays what it was, and there are no
+        ghosts in the inside of well covered data. Of places closer together than about half to a whole smallest
+        semi-axis one is kept; there are never more than 14 ghosts a kernel. Kernels of weight 0 have none.
+
+        The ghosts are ordinary kernels, the last `ghosts` of the new field, and count for its bounds and for its
+        default slice distance. Without normalisation "threshold" they do not change the scalar, only where the field
+        is empty.
+
+        Parameters
+        ----------
+        distance
+            From a kernel's centre to its ghost's, in the kernel's semi-axes: 1, where the support ends, to 2, where
+            the two supports just touch.
+        weight
+            Of each ghost, > 0. Take the mean weight of the data where that is far from 1.
+
+        Raises
+        ------
+        InvalidInput
+            For a distance or a weight without meaning, and for a field that has ghost points.
+        OutOfMemory
+            Where the ghosts do not fit.
+        """
+        away = number("EllipsoidField: distance of ghost points", distance)
+        mass = number("EllipsoidField: weight of ghost points", weight)
+        if not 1.0 <= away <= 2.0:
+            raise complain("EllipsoidField: the distance of ghost points cannot be used", f"{away:g}", "from 1 to 2")
+        if not 0.0 < mass <= 1e300:
+            raise complain(
+                "EllipsoidField: the weight of ghost points cannot be used", f"{mass:g}", "a finite number above 0"
+            )
+        if self._ghosts:
+            raise complain(
+                "EllipsoidField: ghost points cannot be added",
+                f"a field with {self._ghosts} of them",
+                "a field without",
+                "call with_ghost_points on the field of the data alone",
+            )
+        # The tree of the centres.
+        _memory.require(96 * self.size, f"the ghost points of {self.size} kernels", _FEWER)
+        owners, places = self._native.ghost_points(away, (_memory.available() - 96 * self.size) // 256)
+        count = len(owners)
+        kept = 8 * sum(array[:1].size for array in (self.centers, self.scales, self.values)) + 48
+        _memory.require(2 * kept * (self.size + count), f"a field with {count} ghost points", _FEWER)
+        rotations, weights = self.rotations, self.weights
+        if weights is None and mass != 1.0:
+            weights = np.ones(self.size)
+        field = EllipsoidField(
+            np.concatenate((self.centers, places)),
+            np.concatenate((self.scales, self.scales[owners])),
+            None if rotations is None else np.concatenate((rotations, rotations[owners])),
+            np.concatenate((self.values, np.zeros(count))),
+            weights=None if weights is None else np.concatenate((weights, np.full(count, mass))),
+            normalization=self._normalization,  # type: ignore[arg-type]
+            w0=self._w0,
+            falloff=self._falloff,
+            cell_volume=self._cell_volume,
+        )
+        field._min_scale = self._min_scale
+        field._ghosts = count
+        return field
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        low, high = self.value_range
+        thin, long = self.scale_range
+        kinds = "spheres" if self.isotropic else "ellipsoids"
+        ghosts = f", {self._ghosts} of them ghost points" if self._ghosts else ""
+        return (
+            f"EllipsoidField({self.size} {kinds}{ghosts}, semi-axes {thin:g} to {long:g}, values {low:g} to {high:g}, "
+            f"normalization {self._normalization!r})"
+        )
+
+
+def _first(bad: NDArray[np.bool_], start: int) -> int:
+    """Return the index of the first kernel of a block that is bad."""
+    return start + int(np.flatnonzero(bad)[0])
+
+
+def _refuse_infinite(what: str, matrices: NDArray[np.float64], start: int) -> None:
+    bad = ~(np.abs(matrices) <= 1e200).all(axis=(1, 2))
+    if bad.any():
+        n = _first(bad, start)
+        raise complain(
+            f"EllipsoidField: a {what} cannot be used",
+            f"{shown(matrices[n - start].tolist())}, the {what} of kernel {n}",
+            "finite numbers of at most 1e200",
+        )
+
+
+def _axes_of(
+    covariances: NDArray[np.float64], start: int, *, flat: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return variances (N, 3), at least 0, and axes as columns (N, 3, 3); `flat` ones have variances of 0."""
+    _refuse_infinite("covariance", covariances, start)
+    largest = np.abs(covariances).max(axis=(1, 2))
+    turned = covariances.transpose(0, 2, 1)
+    lean = np.abs(covariances - turned).max(axis=(1, 2))
+    bad = lean > _SYMMETRY * largest
+    if bad.any():
+        n = _first(bad, start)
+        raise complain(
+            "EllipsoidField: a covariance cannot be used",
+            f"the matrix of kernel {n}, whose two halves differ by {lean[n - start]:g}",
+            "symmetric matrices",
+            "for semi-axes as columns use EllipsoidField.from_frames",
+        )
+    variances, axes = np.linalg.eigh(0.5 * (covariances + turned))
+    # What rounding makes of a 0 is no variance; what is farther below 0 never was one.
+    rounding = 4.0 * np.finfo(np.float64).eps * largest[:, np.newaxis]
+    bad = ((variances < -_POSITIVE * largest[:, np.newaxis]) | ((variances <= rounding) & (not flat))).any(axis=1)
+    if bad.any():
+        n = _first(bad, start)
+        least = float(variances[n - start].min())
+        is_flat = least >= -_POSITIVE * largest[n - start]
+        raise complain(
+            "EllipsoidField: a covariance cannot be used",
+            f"the matrix of kernel {n}, whose smallest variance is {least:g}",
+            "positive definite matrices",
+            "pass min_scale, which gives flat kernels a thickness" if is_flat else "drop that kernel or mend its matrix",
+        )
+    return np.where(variances <= rounding, 0.0, variances), axes
+
+
+def _lengths_of(frames: NDArray[np.float64], start: int, *, flat: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the lengths of the columns (N, 3), and orthogonal matrices of their directions (N, 3, 3)."""
+    _refuse_infinite("frame", frames, start)
+    # By each column's own largest entry, so that no square over- or underflows.
+    largest = np.abs(frames).max(axis=1)
+    unit = frames / np.where(largest > 0.0, largest, 1.0)[:, np.newaxis, :]
+    norms = np.linalg.norm(unit, axis=1)
+    lengths: NDArray[np.float64] = largest * norms
+    missing = lengths == 0.0
+    if missing.any() and not flat:
+        n = _first(missing.any(axis=1), start)
+        raise complain(
+            "EllipsoidField: a kernel has no thickness",
+            f"a semi-axis of length 0 of kernel {n}",
+            "semi-axes above 0",
+            "pass min_scale, which raises short semi-axes to it",
+        )
+    unit /= np.where(missing, 1.0, norms)[:, np.newaxis, :]
+    cosines = np.abs(unit.transpose(0, 2, 1) @ unit) * (1.0 - np.eye(3))
+    lean = cosines.max(axis=(1, 2))
+    bad = lean > _ORTHOGONAL
+    if bad.any():
+        n = _first(bad, start)
+        raise complain(
+            "EllipsoidField: a frame cannot be used",
+            f"columns of the frame of kernel {n} with a cosine of {lean[n - start]:g} between them",
+            "columns at right angles, with cosines of at most 1e-3",
+            "for frames that are not orthogonal use EllipsoidField.from_covariances with M Mᵀ / (2 falloff)",
+        )
+    some = missing.any(axis=1)
+    if some.any():
+        # Directions that are missing are any that complete the others.
+        left, _, right = np.linalg.svd(unit[some])
+        unit[some] = left @ right
+    return lengths, unit
+
+
+
+def as_fields(field: object, what: str) -> list[Field]:
     """Return one field or a sequence of fields as a list; InvalidInput for anything else and for none at all."""
-    fields = [field] if isinstance(field, RegularField) else field
-    if not isinstance(fields, list | tuple) or not all(isinstance(one, RegularField) for one in fields) or not fields:
+    fields = [field] if isinstance(field, Field) else field
+    if not isinstance(fields, list | tuple) or not all(isinstance(one, Field) for one in fields) or not fields:
         raise complain(
             f"{what} cannot be used",
             shown(field),
-            "a RegularField, or a sequence of them",
-            "make one with sheetsplat.RegularField(values) or sheetsplat.open(path)",
+            "a RegularField, an EllipsoidField, or a sequence of them",
+            "make one with sheetsplat.RegularField(values), sheetsplat.EllipsoidField or sheetsplat.open(path)",
         )
     return list(fields)
 

@@ -1,15 +1,15 @@
 """An independent float64 renderer in NumPy: the image-formation page once more, for judging every backend.
 
-The names and arguments are those of the package (RegularField, TransferFunction, Light, Material, Scene, Camera), so
-that one function that takes a module builds the same scene for both. Nothing of the package is imported.
-Section numbers are the page's. Vectorised over pixels and kernels; loops over slices and fields.
+The names and arguments are those of the package (RegularField, EllipsoidField, TransferFunction, Light, Material,
+Scene, Camera), so that one function that takes a module builds the same scene for both. Nothing of the package is
+imported. Section numbers are the page's. Vectorised over pixels and kernels; loops over slices and fields.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -76,6 +76,140 @@ class RegularField:
     def default_slice_spacing(self) -> float:
         """Return the default distance of slices (section 3)."""
         return float(self.spacing[0]) / 2 if self.lattice == "bcc" else float(min(self.spacing))
+
+    def mass(self) -> float:
+        """Return C of normalisation lattice: a kernel's integral over the volume per sample."""
+        return ball_integral(self.falloff) * float(np.prod(self.semi_axes())) / self.sample_volume()
+
+    def placed(self, eye: Array, turn: Array) -> Kernels:
+        """Return the kernels in eye space."""
+        centres, values = self.kernels()
+        # Relative to the eye from the start, so that far origins cost no digits.
+        offset = centres + (np.asarray(self.origin, float) - eye)
+        semi = self.semi_axes()
+        return Kernels(offset, offset @ turn.T, (turn * semi)[None], turn.T[None] / semi[:, None], values, None)
+
+
+@dataclass
+class EllipsoidField:
+    """Scattered kernels: centers (N, 3), semi-axes (N, 3) or (N,), rotations (N, 4) w, x, y, z or (N, 3, 3)."""
+
+    centers: ArrayLike
+    scales: ArrayLike
+    rotations: ArrayLike | None = None
+    values: ArrayLike = ()
+    weights: ArrayLike | None = None
+    normalization: str = "threshold"
+    w0: float = 1.0
+    falloff: float = 8.0
+    min_scale: float | None = None
+    cell_volume: float | None = None
+
+    def semi_axes(self) -> Array:
+        """Return the semi-axes of every kernel, (N, 3)."""
+        scales = np.asarray(self.scales, float)
+        if scales.ndim == 1:
+            scales = np.repeat(scales[:, None], 3, 1)
+        return scales if self.min_scale is None else np.maximum(scales, self.min_scale)
+
+    def frames(self) -> Array:
+        """Return the rotations from the kernels' own axes to the world's, (N, 3, 3)."""
+        count = len(np.asarray(self.centers, float))
+        if self.rotations is None:
+            return np.tile(np.eye(3), (count, 1, 1))
+        rotations = np.asarray(self.rotations, float)
+        return rotations if rotations.ndim == 3 else turned(rotations)
+
+    def default_slice_spacing(self) -> float:
+        """Return the default distance of slices (section 3); without kernels there is none."""
+        centres = np.asarray(self.centers, float).reshape(-1, 3)
+        if len(centres) == 0:
+            return math.inf
+        diagonal = float(np.linalg.norm(centres.max(0) - centres.min(0)))
+        return max(float(np.median(self.semi_axes().min(1))) / 2, diagonal / 2048)
+
+    def mass(self) -> float:
+        """Return C of normalisation lattice: a kernel's integral over the volume that it stands for."""
+        volume = float(np.prod(self.semi_axes(), axis=1).max())
+        return ball_integral(self.falloff) * volume / float(self.cell_volume or math.nan)
+
+    def placed(self, eye: Array, turn: Array) -> Kernels:
+        """Return the kernels in eye space."""
+        world = np.asarray(self.centers, float).reshape(-1, 3) - eye
+        semi, frames = self.semi_axes(), self.frames()
+        weights = None if self.weights is None else np.asarray(self.weights, float)
+        return Kernels(
+            world,
+            world @ turn.T,
+            turn @ frames * semi[:, None, :],
+            np.swapaxes(frames, 1, 2) @ turn.T / semi[:, :, None],
+            np.asarray(self.values, float),
+            weights,
+        )
+
+
+def turned(quaternions: Array) -> Array:
+    """Return the rotation matrices of quaternions w, x, y, z, (N, 3, 3): the columns are the turned axes."""
+    w, x, y, z = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
+    return np.stack(
+        [
+            np.stack([w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
+            np.stack([2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)], -1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], -1),
+        ],
+        -2,
+    )
+
+
+@dataclass
+class Kernels:
+    """Kernels of one field relative to the eye. Shapes have a first axis of length N, or 1 where all are alike."""
+
+    world: Array  # (N, 3) centres, world axes
+    centres: Array  # (N, 3) eye axes
+    factor: Array  # (N | 1, 3, 3) B: unit sphere to eye axes
+    to_sphere: Array  # (N | 1, 3, 3) its inverse
+    values: Array  # (N,)
+    weights: Array | None  # (N,), 1 unless given
+
+    def reach(self) -> Array:
+        """Return how far the supports extend in depth, (N,)."""
+        return np.broadcast_to(np.linalg.norm(self.factor[:, 2], axis=1), (len(self.centres),))
+
+    def scaled(self, by: float) -> Kernels:
+        """Return the kernels with supports larger by that factor."""
+        return replace(self, factor=self.factor * by, to_sphere=self.to_sphere / by)
+
+    def filtered(self, pixel: Array, spacing: float) -> Kernels:
+        """Return the kernels after the EWA filter (section 10); pixel (N,) is its width at the centres' depths."""
+        count = len(self.centres)
+        factor = np.broadcast_to(self.factor, (count, 3, 3))
+        widening = np.zeros((count, 3, 3))
+        widening[:, 0, 0] = widening[:, 1, 1] = pixel
+        widening[:, 2, 2] = spacing
+        upper = np.linalg.qr(np.concatenate([np.swapaxes(factor, 1, 2), widening], 1), mode="r")
+        share = np.abs(np.linalg.det(factor) / np.prod(np.diagonal(upper, axis1=1, axis2=2), axis=1))
+        weights = share if self.weights is None else self.weights * share
+        wider = np.swapaxes(upper, 1, 2)
+        return replace(self, factor=wider, to_sphere=np.linalg.inv(wider), weights=weights)
+
+    def picked(self, which: NDArray[np.bool_]) -> Kernels:
+        """Return some of the kernels."""
+        alike = len(self.factor) == 1
+        return Kernels(
+            self.world[which],
+            self.centres[which],
+            self.factor if alike else self.factor[which],
+            self.to_sphere if alike else self.to_sphere[which],
+            self.values[which],
+            None if self.weights is None else self.weights[which],
+        )
+
+    def turned(self, vectors: Array) -> Array:
+        """Return vectors (P, 3) or (P, N, 3) of eye space in the unit-sphere spaces, (P, N | 1, 3)."""
+        m = self.to_sphere
+        v = vectors[:, None, :] if vectors.ndim == 2 else vectors
+        return np.stack([sum(m[:, a, b] * v[..., b] for b in range(3)) for a in range(3)], -1)
 
 
 def ball_integral(k: float) -> float:
@@ -320,15 +454,17 @@ class Scene:
     material: Material = field(default_factory=Material)
     opacity_stop: float = 0.98
     preintegration: bool = False
+    filter: str | None = None
     background: Sequence[float] | None = None
 
-    def fields(self) -> list[RegularField]:
+    def fields(self) -> list[RegularField | EllipsoidField]:
         """Return the fields."""
         return list(self.field) if isinstance(self.field, (list, tuple)) else [self.field]
 
     def default_spacing(self) -> float:
         """Return the slice spacing that holds unless given."""
-        return min(f.default_slice_spacing() for f in self.fields())
+        least = min(f.default_slice_spacing() for f in self.fields())
+        return least if least < math.inf else 1.0
 
     def spacing(self) -> float:
         """Return the slice spacing."""
@@ -380,29 +516,32 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
     turn = camera.turn()
     fields = scene.fields()
     spacing = scene.spacing()
-    # Relative to the eye from the start, so that far origins cost no digits.
+    pixel = camera.height_at_one() / h
     placed = []
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for f in fields:
-        centres, values = f.kernels()
-        offset = np.asarray(f.origin, float) - camera.eye
-        world = centres + offset
-        low, high = np.minimum(low, world.min(0)), np.maximum(high, world.max(0))
-        placed.append((f, world @ turn.T, values))
-    centre = -float(turn[2] @ ((low + high) / 2))
     begin, end = np.inf, -np.inf
-    for f, eye_centres, _ in placed:
-        reach = float(np.linalg.norm(turn[2] * f.semi_axes())) * nudge.support
-        begin, end = (
-            min(begin, float((-eye_centres[:, 2]).min()) - reach),
-            max(end, float((-eye_centres[:, 2]).max()) + reach),
-        )
+    for f in fields:
+        kernels = f.placed(camera.eye, turn)
+        if len(kernels.centres) == 0:
+            continue
+        low, high = np.minimum(low, kernels.world.min(0)), np.maximum(high, kernels.world.max(0))
+        if scene.filter == "ewa":
+            at = np.abs(kernels.centres[:, 2]) if camera.is_perspective else np.ones(len(kernels.centres))
+            kernels = kernels.filtered(pixel * at, spacing)
+        kernels = kernels.scaled(nudge.support)
+        placed.append((f, kernels))
+        begin = min(begin, float((-kernels.centres[:, 2] - kernels.reach()).min()))
+        end = max(end, float((-kernels.centres[:, 2] + kernels.reach()).max()))
+    nothing = Samples(np.zeros(0), np.zeros((0, h + 2, w + 2)), np.zeros((0, h + 2, w + 2), bool), np.zeros((0, h, w)))
+    if not placed:
+        return nothing
+    centre = -float(turn[2] @ ((low + high) / 2))
     n = np.arange(math.floor((begin - centre) / spacing), math.floor((end - centre) / spacing) + 1)
     depth = slice_depth(n, centre, spacing)
     if camera.is_perspective:
         depth = depth[depth > camera.near]
     if len(depth) == 0:
-        return Samples(np.zeros(0), np.zeros((0, h + 2, w + 2)), np.zeros((0, h + 2, w + 2), bool), np.zeros((0, h, w)))
+        return nothing
     all_depth = np.concatenate([depth[0] - spacing * np.array([2, 1]), depth, depth[-1] + spacing * np.array([1, 2])])
     count = len(all_depth)
     rho = np.zeros((count, (h + 2) * (w + 2)))
@@ -414,34 +553,32 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
         (1 - 2 * (np.arange(-1, h + 1) + 0.5) / h) * tall / 2,
     )
     x, y = x.ravel(), y.ravel()
-    for f, eye_centres, values in placed:
-        semi = f.semi_axes() * nudge.support
-        to_sphere = turn.T / semi[:, None]  # eye axes to the kernel's unit sphere
-        reach = float(np.linalg.norm(turn[2] * semi))
-        extra = spacing / 2 if scene.sampling == "slab" else 0.0
-        if camera.is_perspective:
-            ray = np.stack([x, y, -np.ones(x.shape)], -1) @ to_sphere.T
-            start = np.zeros(ray.shape)
-        else:
-            ray = np.tile(np.array([0.0, 0.0, -1.0]) @ to_sphere.T, (len(x), 1))
-            start = np.stack([x, y, np.zeros(x.shape)], -1) @ to_sphere.T
+    if camera.is_perspective:
+        rays, start = np.stack([x, y, -np.ones(x.shape)], -1), np.zeros((len(x), 3))
+    else:
+        rays, start = np.tile(np.array([0.0, 0.0, -1.0]), (len(x), 1)), np.stack([x, y, np.zeros(x.shape)], -1)
+    extra = spacing / 2 if scene.sampling == "slab" else 0.0
+    for f, kernels in placed:
+        reach = (kernels.reach() + extra) * (1 + 1e-9)
         for s in range(2, count - 2):
             t = float(all_depth[s])
-            near = np.abs(-eye_centres[:, 2] - t) <= (reach + extra) * (1 + 1e-9)
+            near = np.abs(-kernels.centres[:, 2] - t) <= reach
             if not near.any():
                 continue
+            some = kernels.picked(near)
             data, weights, reached = np.zeros(x.shape), np.zeros(x.shape), np.zeros(x.shape, bool)
-            centres, f_values = eye_centres[near] @ to_sphere.T, values[near]
-            step = max(1, CHUNK // len(centres))
+            step = max(1, CHUNK // len(some.centres))
             for p in range(0, len(x), step):
                 part = slice(p, p + step)
-                delta = (start[part] + t * ray[part])[:, None, :] - centres
+                delta = some.turned((start[part] + t * rays[part])[:, None, :] - some.centres)
                 if scene.sampling == "slab":
-                    g, inside = _slab(delta, ray[part], spacing, f.falloff)
+                    g, inside = _slab(delta, some.turned(rays[part]), spacing, f.falloff)
                 else:
                     r2 = (delta**2).sum(-1)
                     g, inside = kernel(r2, f.falloff), r2 < 1
-                data[part] = g @ f_values
+                if some.weights is not None:
+                    g = g * some.weights
+                data[part] = g @ some.values
                 weights[part] = g.sum(-1)
                 reached[part] = inside.any(-1)
             rho[s] += np.where(reached, normalised(f, data, weights), 0.0)
@@ -453,10 +590,10 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
 
 
 def _slab(delta: Array, ray: Array, spacing: float, k: float) -> tuple[Array, Array]:
-    """Return g's mean over the slab and whether it is met; delta (P, K, 3) at its middle, ray (P, 3) per depth."""
-    speed = np.linalg.norm(ray, axis=-1)[:, None]
-    nearest = -(delta * ray[:, None, :]).sum(-1) / speed**2
-    r2 = ((delta + nearest[..., None] * ray[:, None, :]) ** 2).sum(-1)
+    """Return g's mean over the slab and whether it is met; delta (P, K, 3) mid-slab, ray (P, K | 1, 3) per depth."""
+    speed = np.linalg.norm(ray, axis=-1)
+    nearest = -(delta * ray).sum(-1) / speed**2
+    r2 = ((delta + nearest[..., None] * ray) ** 2).sum(-1)
     half = np.sqrt(np.maximum(0.0, 1 - r2)) / speed
     t0 = np.maximum(-half, -spacing / 2 - nearest)
     t1 = np.minimum(half, spacing / 2 - nearest)
@@ -467,13 +604,13 @@ def _slab(delta: Array, ray: Array, spacing: float, k: float) -> tuple[Array, Ar
     return g, inside
 
 
-def normalised(f: RegularField, data: Array, weights: Array) -> Array:
+def normalised(f: RegularField | EllipsoidField, data: Array, weights: Array) -> Array:
     """Return ρ of the sums D and W (section 2)."""
     if f.normalization == "none":
         return data
     if f.normalization == "threshold":
         return data / np.maximum(f.w0, weights)
-    return data / (ball_integral(f.falloff) * float(np.prod(f.semi_axes())) / f.sample_volume())
+    return data / f.mass()
 
 
 def gradients(samples: Samples, camera: Camera, size: tuple[int, int], spacing: float) -> Array:

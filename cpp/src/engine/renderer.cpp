@@ -14,6 +14,7 @@
 #include "plan/make_plan.hpp"
 #include "reference/reference.hpp"
 #include "sheet/sheet_renderer.hpp"
+#include "view/cell_walk.hpp"
 #include "sheetsplat/error.hpp"
 #include "view/frame.hpp"
 #include "view/slab_batches.hpp"
@@ -71,11 +72,76 @@ struct IndexEntry {
     }
 };
 
+/// Scattered kernels with their grid, and which of them are drawn.
+struct GridEntry {
+    std::shared_ptr<const Field> field;             ///< of the scene
+    std::shared_ptr<const EllipsoidField> kernels;  ///< the field itself, or a lattice's kernels one by one
+    SpatialGrid grid;
+    std::unique_ptr<ReachLists> reach; ///< null where kernels begin in their homes
+    bool judged = false;
+    std::vector<TransferPoint> points; ///< what `visible` was decided from
+    EllipsoidVisibility query;
+    std::vector<std::uint8_t> visible;
+
+    [[nodiscard]] bool answers(const EllipsoidVisibility& other) const {
+        const bool functions =
+            other.transfer_function == nullptr ? points.empty() : same(points, other.transfer_function->points());
+        return judged && functions && query.weights_matter == other.weights_matter && query.cull == other.cull &&
+               query.isosurface == other.isosurface && query.iso_value == other.iso_value &&
+               query.alone == other.alone && query.reach_world >= other.reach_world &&
+               query.reach_world <= 2.0 * other.reach_world + 1e-300;
+    }
+    [[nodiscard]] std::size_t bytes() const {
+        return grid.bytes() + (reach ? reach->bytes() : 0) + visible.capacity();
+    }
+};
+
+/// Above, lists of the cells that kernels reach into would take more memory than the kernels.
+constexpr std::size_t most_start_cells = 1U << 20;
+
+/// The kernels of a lattice, one by one, for what makes each of them different.
+std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
+    EllipsoidArrays arrays;
+    const auto [nk, nj, ni] = field.shape();
+    const Vec3 axes = field.semi_axes_world();
+    const bool spheres = axes.x == axes.y && axes.y == axes.z;
+    require_memory(checked_product(field.size(), spheres ? 40 : 56, "a lattice's kernels, one by one"),
+                   "a lattice's kernels, one by one", "drop the filter, or use a smaller volume");
+    arrays.centers.reserve(field.size());
+    arrays.values.reserve(field.size());
+    for (std::size_t k = 0; k < nk; ++k) {
+        for (std::size_t j = 0; j < nj; ++j) {
+            for (std::size_t i = 0; i < ni; ++i) {
+                const double value = field.value(i, j, k);
+                if (!std::isnan(value)) {
+                    arrays.centers.push_back(field.position(i, j, k));
+                    arrays.values.push_back(value);
+                }
+            }
+        }
+    }
+    if (spheres) {
+        arrays.radii.assign(field.size(), axes.x);
+    } else {
+        arrays.scales.assign(field.size(), axes);
+    }
+    EllipsoidFieldOptions options;
+    options.normalization = field.normalization();
+    options.w0 = field.w0();
+    options.falloff = field.kernel().falloff;
+    if (options.normalization == Normalization::lattice) {
+        options.cell_volume = field.kernel().unit_mass() * axes.x * axes.y * axes.z / field.lattice_constant();
+    }
+    return std::make_shared<const EllipsoidField>(std::move(arrays), options);
+}
+
 /// Everything that is derived from scene, camera and size before a backend draws.
 struct Prepared {
     Frame frame;
     DrawPlan plan;
-    std::vector<FieldView> views;
+    std::vector<FieldView> views;             ///< of the lattices, in the order of the scene's fields
+    std::vector<std::size_t> view_fields;     ///< whose they are
+    std::vector<std::size_t> ellipsoid_fields; ///< of scattered kernels
 };
 
 void check_size(Size size) {
@@ -106,6 +172,41 @@ double largest_slant(const Camera& camera, Size size) {
     return std::sqrt(1.0 + x * x + y * y);
 }
 
+void add_facts(const RegularField& field, const Scene& scene, const Camera& camera, const Frame& frame,
+               ViewFacts& facts) {
+    const FieldView view = make_field_view(field, camera, frame, scene.sampling, 1.0);
+    facts.sheared = facts.sheared || view.sheared;
+    facts.longest_span = std::max(facts.longest_span, view.longest_span);
+    const Vec3 axes = field.semi_axes_world();
+    const double thinnest = std::min({axes.x, axes.y, axes.z});
+    const double coarse = std::max(frame.largest_pixel(), frame.slice_spacing);
+    facts.largest_filtering = std::max(facts.largest_filtering, coarse * coarse / (thinnest * thinnest));
+    facts.unresolved += 2.0 * thinnest < std::max(frame.smallest_pixel(), frame.slice_spacing) ? field.size() : 0;
+    if (frame.slices == 0) {
+        return;
+    }
+    facts.largest_splat_px = std::max(
+        {facts.largest_splat_px, view.extent_x / frame.smallest_pixel(), view.extent_y / frame.smallest_pixel()});
+    // |w| ds / h: how far a ray gets through the unit sphere in one slab. Its part along n is ds / h; the smallest
+    // semi-axis bounds it all.
+    const double along = frame.slice_spacing / view.half_depth;
+    const double across = frame.projection == Projection::perspective || view.sheared
+                              ? frame.slice_spacing * facts.largest_slant / thinnest
+                              : along;
+    facts.widest_slab = std::max(facts.widest_slab, std::sqrt(field.kernel().falloff) * std::max(along, across));
+}
+
+void add_facts(const EllipsoidField& field, const Scene& scene, const Camera& camera, const Frame& frame,
+               ViewFacts& facts) {
+    const EllipsoidFacts own = survey_ellipsoids(field, camera, frame, scene.sampling);
+    facts.ellipsoids = facts.ellipsoids || field.size() > 0;
+    facts.longest_span = std::max(facts.longest_span, own.longest_span);
+    facts.unresolved += own.unresolved;
+    facts.largest_filtering = std::max(facts.largest_filtering, own.largest_change);
+    facts.largest_overlap = std::max(facts.largest_overlap, own.mean_overlap);
+    facts.largest_weight = std::max(facts.largest_weight, field.weight_range()[1]);
+}
+
 ViewFacts facts_of(const Scene& scene, const Camera& camera, const Frame& frame) {
     ViewFacts facts;
     facts.size = frame.size;
@@ -120,27 +221,17 @@ ViewFacts facts_of(const Scene& scene, const Camera& camera, const Frame& frame)
     facts.longest_span = 0;
     facts.widest_slab = 0.0;
     facts.largest_splat_px = 0.0;
+    bool first = true;
+    facts.largest_overlap = 0.0;
     for (const auto& field : scene.fields) {
-        const FieldView view = make_field_view(*as_regular(field.get()), camera, frame, scene.sampling, 1.0);
-        facts.sheared = facts.sheared || view.sheared;
-        facts.longest_span = std::max(facts.longest_span, view.longest_span);
-        facts.smallest_falloff = field == scene.fields.front()
-                                     ? field->kernel().falloff
-                                     : std::min(facts.smallest_falloff, field->kernel().falloff);
-        if (frame.slices == 0) {
-            continue;
+        const double falloff = field->kernel().falloff;
+        facts.smallest_falloff = first ? falloff : std::min(facts.smallest_falloff, falloff);
+        first = false;
+        if (const EllipsoidField* ellipsoids = as_ellipsoids(field.get())) {
+            add_facts(*ellipsoids, scene, camera, frame, facts);
+        } else {
+            add_facts(*as_regular(field.get()), scene, camera, frame, facts);
         }
-        facts.largest_splat_px = std::max(
-            {facts.largest_splat_px, view.extent_x / frame.smallest_pixel(), view.extent_y / frame.smallest_pixel()});
-        // |w| ds / h: how far a ray gets through the unit sphere in one slab. Its part along n is ds / h; the smallest
-        // semi-axis bounds it all.
-        const Vec3 axes = as_regular(field.get())->semi_axes_world();
-        const double thinnest = std::min({axes.x, axes.y, axes.z});
-        const double along = frame.slice_spacing / view.half_depth;
-        const double across = frame.projection == Projection::perspective || view.sheared
-                                  ? frame.slice_spacing * facts.largest_slant / thinnest
-                                  : along;
-        facts.widest_slab = std::max(facts.widest_slab, std::sqrt(field->kernel().falloff) * std::max(along, across));
     }
     return facts;
 }
@@ -152,6 +243,7 @@ struct Renderer::State {
     std::unique_ptr<sheet::SheetRenderer> sheets;
     std::string why_no_gl;
     std::vector<IndexEntry> index;
+    std::vector<std::unique_ptr<GridEntry>> grids;
 
     Backend backend() {
         const Backend asked = requested_backend(options.backend);
@@ -188,9 +280,15 @@ struct Renderer::State {
         if (chosen == Backend::reference && !why_no_gl.empty()) {
             prepared.plan.summary.device += "; no OpenGL: " + why_no_gl;
         }
-        for (const auto& field : scene.fields) {
-            prepared.views.push_back(
-                make_field_view(*as_regular(field.get()), camera, prepared.frame, scene.sampling, prepared.plan.value_unit));
+        for (std::size_t field = 0; field < scene.fields.size(); ++field) {
+            const RegularField* regular = as_regular(scene.fields[field].get());
+            if (regular != nullptr && !prepared.plan.filter) {
+                prepared.views.push_back(make_field_view(*regular, camera, prepared.frame, scene.sampling,
+                                                         prepared.plan.value_unit));
+                prepared.view_fields.push_back(field);
+            } else {
+                prepared.ellipsoid_fields.push_back(field);
+            }
         }
         return prepared;
     }
@@ -233,7 +331,64 @@ struct Renderer::State {
         return index.back().runs;
     }
 
+    GridEntry& grid_of(const std::shared_ptr<const Field>& field, const Scene& scene, const DrawPlan& plan,
+                       const Frame& frame, double slant) {
+        GridEntry* entry = nullptr;
+        for (const auto& kept : grids) {
+            if (kept->field == field) {
+                entry = kept.get();
+            }
+        }
+        if (entry == nullptr) {
+            auto made = std::make_unique<GridEntry>();
+            made->field = field;
+            made->kernels = field->kind() == FieldKind::ellipsoid
+                                ? std::static_pointer_cast<const EllipsoidField>(field)
+                                : scattered(*as_regular(field.get()));
+            made->grid = SpatialGrid::of(*made->kernels);
+            if (made->kernels->size() <= most_start_cells) {
+                made->reach = std::make_unique<ReachLists>(ReachLists::of(*made->kernels, made->grid));
+            }
+            grids.push_back(std::move(made));
+            entry = grids.back().get();
+        }
+        const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
+        EllipsoidVisibility query;
+        query.transfer_function = scalar ? nullptr : &scene.transfer_function;
+        query.weights_matter = plan.weight || !plan.culling;
+        // A filter makes kernels as large as a pixel is at their own depth, which has no bound behind the eye.
+        query.cull = plan.culling && !plan.coverage && !(plan.filter && frame.cut_by_near);
+        query.isosurface = plan.mode == Mode::isosurface;
+        query.iso_value = scene.iso_value.value_or(0.0);
+        query.alone = scene.fields.size() == 1;
+        const int reaches =
+            (plan.sampling == Sampling::slab ? 1 : 0) + (plan.mode == Mode::isosurface || plan.preintegration ? 1 : 0);
+        query.reach_world = reaches * frame.slice_spacing * slant;
+        if (plan.gradient) {
+            query.reach_world += std::max(frame.largest_pixel(), frame.slice_spacing * slant);
+        }
+        if (plan.filter) {
+            // Twice what it widens a support by, in any direction, at depths a little beyond the last slice too.
+            query.reach_world += 4.0 * (2.0 * frame.largest_pixel() + frame.slice_spacing);
+        }
+        if (!entry->answers(query)) {
+            entry->visible = visible_kernels(*entry->kernels, entry->grid, query);
+            entry->judged = true;
+            entry->query = query;
+            entry->points =
+                query.transfer_function != nullptr ? query.transfer_function->points() : std::vector<TransferPoint>{};
+            entry->query.transfer_function = nullptr;
+        }
+        return *entry;
+    }
+
     void forget_others(const Scene& scene) {
+        grids.erase(std::remove_if(grids.begin(), grids.end(),
+                                   [&](const std::unique_ptr<GridEntry>& entry) {
+                                       return std::find(scene.fields.begin(), scene.fields.end(), entry->field) ==
+                                              scene.fields.end();
+                                   }),
+                    grids.end());
         index.erase(std::remove_if(index.begin(), index.end(),
                                    [&](const IndexEntry& entry) {
                                        return std::find(scene.fields.begin(), scene.fields.end(), entry.field) ==
@@ -301,42 +456,66 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
     } else {
         state.forget_others(scene);
         const auto indexing = Clock::now();
+        const double slant = largest_slant(camera, size);
         std::vector<const VisibleRuns*> runs;
+        std::vector<GridEntry*> grids;
         std::size_t visible = 0, all = 0, index_bytes = 0;
         // Two passes, because an index that is made may move those that were made before.
         for (int round = 0; round < 2; ++round) {
             runs.clear();
-            for (const auto& field : scene.fields) {
-                runs.push_back(
-                    &state.runs_of(field, scene, prepared.plan, prepared.frame, largest_slant(camera, size)));
+            for (const std::size_t field : prepared.view_fields) {
+                runs.push_back(&state.runs_of(scene.fields[field], scene, prepared.plan, prepared.frame, slant));
             }
         }
-        for (std::size_t field = 0; field < scene.fields.size(); ++field) {
-            visible += runs[field]->samples();
-            all += scene.fields[field]->size();
-            index_bytes += runs[field]->bytes();
+        for (const std::size_t field : prepared.ellipsoid_fields) {
+            grids.push_back(&state.grid_of(scene.fields[field], scene, prepared.plan, prepared.frame, slant));
+            visible += static_cast<std::size_t>(
+                std::count(grids.back()->visible.begin(), grids.back()->visible.end(), std::uint8_t{1}));
+            index_bytes += grids.back()->bytes();
+        }
+        for (const VisibleRuns* run : runs) {
+            visible += run->samples();
+            index_bytes += run->bytes();
+        }
+        for (const auto& field : scene.fields) {
+            all += field->size();
         }
         image.stats["seconds_index"] = seconds_since(indexing);
 
         const auto viewing = Clock::now();
         const BatchLayout layout = sheet::make_layout(prepared.plan);
+        const int wider = prepared.plan.fine_gradient ? 1 : 0;
         std::vector<SlabBatches> batches;
+        std::vector<EllipsoidView> views;
+        std::vector<CellTraversal> traversals;
         std::size_t drawn = 0, view_bytes = 0;
-        for (std::size_t field = 0; field < scene.fields.size(); ++field) {
-            batches.push_back(SlabBatches::of(prepared.views[field], *runs[field], prepared.frame, scene.sampling,
-                                              layout, prepared.plan.fine_along ? 1 : 0));
+        sheet::Job job;
+        batches.reserve(runs.size());
+        for (std::size_t part = 0; part < runs.size(); ++part) {
+            batches.push_back(SlabBatches::of(prepared.views[part], *runs[part], prepared.frame, scene.sampling, layout,
+                                              prepared.plan.fine_along ? 1 : 0));
             drawn += batches.back().kernels();
             view_bytes += batches.back().bytes();
+            job.regular.push_back({prepared.view_fields[part], &prepared.views[part], &batches.back()});
+        }
+        views.reserve(grids.size());
+        traversals.reserve(grids.size());
+        for (std::size_t part = 0; part < grids.size(); ++part) {
+            const GridEntry& entry = *grids[part];
+            views.emplace_back(*entry.kernels, camera, prepared.frame, scene.sampling,
+                               prepared.plan.filter ? Filter::ewa : Filter::none, prepared.plan.value_unit, 1.0);
+            traversals.push_back(CellTraversal::of(views.back(), entry.grid, entry.reach.get(), entry.visible, layout,
+                                                   wider, wider));
+            drawn += traversals.back().kernels();
+            view_bytes += traversals.back().bytes();
+            job.ellipsoids.push_back({prepared.ellipsoid_fields[part], &views.back(), &traversals.back()});
         }
         image.stats["seconds_view"] = seconds_since(viewing);
 
-        sheet::Job job;
         job.scene = &scene;
         job.camera = &camera;
         job.frame = &prepared.frame;
         job.plan = &prepared.plan;
-        job.views = &prepared.views;
-        job.batches = &batches;
         job.layout = layout;
         job.tile_size = state.options.tile_size;
         job.tags_per_clear = state.options.tags_per_clear;

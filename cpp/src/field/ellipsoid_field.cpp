@@ -17,6 +17,8 @@ namespace {
 
 /// Sums over the kernels that overlap must stay finite in float64.
 constexpr double largest_number = 1e300;
+/// Products of three lengths must stay finite, and above 0, in float64.
+constexpr double largest_length = 1e100, smallest_length = 1e-100;
 /// A quaternion this far from unit length is a mistake and not a rounding error.
 constexpr double quaternion_tolerance = 1e-3;
 constexpr double equal_volumes = 1e-6;
@@ -42,19 +44,19 @@ void check_length(std::size_t found, std::size_t kernels, const char* name) {
 
 void check_centers(const std::vector<Vec3>& centers) {
     for (std::size_t i = 0; i < centers.size(); ++i) {
-        if (!is_finite(centers[i]) || std::abs(centers[i].x) > largest_number ||
-            std::abs(centers[i].y) > largest_number || std::abs(centers[i].z) > largest_number) {
+        const Vec3& at = centers[i];
+        if (!is_finite(at) || std::max({std::abs(at.x), std::abs(at.y), std::abs(at.z)}) > largest_length) {
             throw InvalidInput(Complaint{"EllipsoidField: a center cannot be used",
                                          text_of(centers[i]) + ", the center" + kernel(i),
-                                         "three finite numbers of at most 1e300", "drop that kernel or mend its place"});
+                                         "three finite numbers of at most 1e100", "drop that kernel or mend its place"});
         }
     }
 }
 
 double checked_scale(double scale, std::size_t i, const std::optional<double>& least) {
-    if (!is_finite(scale) || scale > largest_number) {
+    if (!is_finite(scale) || scale > largest_length) {
         throw InvalidInput(Complaint{"EllipsoidField: a scale cannot be used", text_of(scale) + ", a semi-axis" + kernel(i),
-                                     "a finite number above 0", "drop that kernel or mend its scale"});
+                                     "a finite number above 0, at most 1e100", "drop that kernel or mend its scale"});
     }
     // A negative length is a mistake in the data, which a lower limit must not hide.
     if (scale < 0.0 || (scale == 0.0 && !least)) {
@@ -63,7 +65,12 @@ double checked_scale(double scale, std::size_t i, const std::optional<double>& l
             "semi-axes above 0",
             scale < 0.0 ? "a semi-axis is a length: drop its sign" : "pass min_scale, which raises short semi-axes to it"});
     }
-    return least ? std::max(scale, *least) : scale;
+    const double used = least ? std::max(scale, *least) : scale;
+    if (used < smallest_length) {
+        throw InvalidInput(Complaint{"EllipsoidField: a kernel is too thin", text_of(scale) + ", a semi-axis" + kernel(i),
+                                     "semi-axes of at least 1e-100", "use a smaller unit of length, or min_scale"});
+    }
+    return used;
 }
 
 void check_rotations(std::vector<glm::dquat>& rotations) {
@@ -116,6 +123,17 @@ std::array<double, 2> check_weights(const std::vector<double>& weights) {
     return range;
 }
 
+void check_masses(const std::vector<double>& values, const std::vector<double>& weights) {
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+        if (!(std::abs(weights[i] * values[i]) <= largest_number)) {
+            throw InvalidInput(Complaint{
+                "EllipsoidField: a weight cannot be used",
+                text_of(weights[i]) + " times the value " + text_of(values[i]) + kernel(i), "a product of at most 1e300",
+                "divide all weights by the largest, and w0 with them"});
+        }
+    }
+}
+
 } // namespace
 
 EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptions& options)
@@ -131,6 +149,10 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
     }
     if (options.min_scale) {
         require_positive(*options.min_scale, "min_scale", "give a length in world units, or leave it out");
+        if (*options.min_scale > largest_length) {
+            throw InvalidInput(Complaint{"EllipsoidField: min_scale cannot be used", text_of(*options.min_scale),
+                                         "at most 1e100", "give a length in world units"});
+        }
     }
     if (options.cell_volume) {
         require_positive(*options.cell_volume, "cell_volume", "give the volume that one kernel stands for");
@@ -166,6 +188,7 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
     check_rotations(arrays_.rotations);
     value_range_ = check_values(arrays_.values);
     weight_range_ = check_weights(arrays_.weights);
+    check_masses(arrays_.values, arrays_.weights);
     // A sphere looks the same however it is turned.
     if (arrays_.scales.empty()) {
         arrays_.rotations.clear();
@@ -251,7 +274,7 @@ std::array<double, 2> EllipsoidField::reach_along(const Vec3& from, const Vec3& 
 }
 
 std::size_t EllipsoidField::memory() const {
-    return arrays_.centers.capacity() * sizeof(Vec3) + arrays_.radii.capacity() * sizeof(double) +
+    return sizeof(EllipsoidField) + arrays_.centers.capacity() * sizeof(Vec3) + arrays_.radii.capacity() * sizeof(double) +
            arrays_.scales.capacity() * sizeof(Vec3) + arrays_.rotations.capacity() * sizeof(glm::dquat) +
            (arrays_.values.capacity() + arrays_.weights.capacity()) * sizeof(double);
 }

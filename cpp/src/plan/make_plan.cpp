@@ -21,6 +21,8 @@ constexpr double float16_bound = 1.0 / 510.0;
 /// Below this share of the reference length a pixel or a slice spacing loses gradients in differences of float32 sums.
 constexpr double fine_gradient_below = 1.0 / 8.0;
 constexpr std::size_t most_lights = 64;
+/// Below this share of a semi-axis, squared, the filter changes nothing within any bound.
+constexpr double least_filtering = 1e-6;
 /// Beyond, the square of a distance in pixels leaves float32.
 constexpr double largest_separable_px = 1e6;
 constexpr double largest_splat_px = 1e12;
@@ -169,7 +171,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                                  ? 1.0
                                  : std::max(1.0, scene.transfer_function.steepest() * unit * per_length);
 
-    const double sums = float32_epsilon * std::sqrt(usual_overlap) * ratio;
+    const double sums = float32_epsilon * std::sqrt(std::max(usual_overlap, view.largest_overlap)) * ratio;
     double noise = sums;
     if (plan.precision == Precision::float16) {
         // Stores that cut off instead of rounding drift by half a step an overlap; rounding ones walk at random.
@@ -253,6 +255,19 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                                     : "no normalisation by weights, no coverage, and opacity at 0 is 0",
                                  true) ||
                   plan.empty_test;
+    const bool unresolved = view.unresolved > 0;
+    const bool filtering = scene.filter == Filter::ewa && view.largest_filtering > least_filtering;
+    const std::string small = number(static_cast<double>(view.unresolved)) +
+                              " kernels are smaller than a pixel or thinner than a slice distance";
+    plan.filter = filtering;
+    effects.state("ewa_filter", filtering,
+                  filtering                     ? unresolved ? "asked for, and " + small
+                                                             : "asked for: it widens kernels by a pixel and a slice distance"
+                  : scene.filter == Filter::ewa ? "asked for, but every kernel is so large that it would change nothing"
+                  : unresolved ? "not asked for, though " + small + ": filter=\"ewa\" would keep their mass"
+                               : "not asked for, and no kernel is smaller than a pixel or thinner than a slice distance");
+    effects.state("scattered_kernels", view.ellipsoids,
+                  view.ellipsoids ? "a field holds ellipsoids: each is sliced by itself" : "all fields are lattices");
     effects.state("slab_sampling", scene.sampling == Sampling::slab,
                   scene.sampling == Sampling::slab ? "asked for: slices are means over their slabs"
                                                    : "slices are points in depth");
@@ -344,6 +359,27 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         effects.state("depth", outputs.depth, outputs.depth ? "asked for" : "not asked for");
         return plan;
     }
+
+    // Quotients add up only once each is taken.
+    if (scene.fields.size() > 1 && !linear) {
+        int next = 0;
+        for (const auto& field : scene.fields) {
+            plan.own_sheets.push_back(field->normalization() == Normalization::threshold ? next++ : -1);
+        }
+        plan.threshold = false;
+        if (plan.fine_gradient) {
+            throw Unsupported(Complaint{
+                "the scene cannot be drawn with backend gl",
+                "a lit close-up of several fields of which one has normalization threshold, whose pixels or slices "
+                "are closer than an eighth of the reference length",
+                "such a close-up of one field, or of fields with normalization none or lattice",
+                "use a larger slice_spacing or reference_length, or backend reference"});
+        }
+        plan.weight = outputs.coverage || plan.empty_test;
+    }
+    effects.state("separate_normalization", !plan.own_sheets.empty(),
+                  !plan.own_sheets.empty() ? "fields are divided by their own weight sums before they are added"
+                                           : "one division, or none, serves the whole scene");
 
     // Differences of values and of weights of two sheets at once would take more texture units than every device has.
     const bool crowded = plan.fine_gradient && plan.threshold;
@@ -448,11 +484,6 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     effects.state("coverage", plan.coverage, plan.coverage ? "asked for" : "not asked for");
     effects.state("depth", outputs.depth, outputs.depth ? "asked for" : "not asked for");
 
-    if (scene.fields.size() > 1 && !linear) {
-        throw Unsupported(Complaint{
-            "the scene cannot be drawn with backend gl", "several fields of which one has normalization threshold",
-            "fields with normalization none or lattice, or one field alone", "use backend reference"});
-    }
     if (scene.lights.size() > most_lights) {
         throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
                                     std::to_string(scene.lights.size()) + " lights", "at most 64",
@@ -473,7 +504,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                     "at most " + number(largest_splat_px), "magnify less, or use backend reference"});
     }
     const double place_error = std::max(view.size.width, view.size.height) * float32_epsilon;
-    if (view.slices > 0 && place_error > largest_place_error * view.largest_splat_px && !options.allow_inexact) {
+    if (view.slices > 0 && view.largest_splat_px > 0.0 && place_error > largest_place_error * view.largest_splat_px && !options.allow_inexact) {
         throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
                                     "kernels of " + number(view.largest_splat_px) +
                                         " pixels, whose places float32 knows to " + number(place_error),

@@ -1,9 +1,11 @@
 #include "reference/kernels.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
 
 namespace sheetsplat::reference {
 
@@ -22,6 +24,38 @@ constexpr Node gauss_legendre_5[] = {{-0.90617984593866399, 0.23692688505618909}
                                      {0.0, 0.56888888888888889},
                                      {0.53846931010568309, 0.47862867049936647},
                                      {0.90617984593866399, 0.23692688505618909}};
+
+// Bounds are widened so that rounding cannot lose a pixel (the kernel's own end decides): by this much of 1 - s^2 in
+// unit-sphere space, and by some fifty times the rounding of what they are made of.
+constexpr double slack = 1e-12;
+constexpr double rounding = 1e-14;
+
+// Semi-axes may be so long or short that their squares do not fit.
+double length_of(const Vec3& v) {
+    const double plain = glm::length(v);
+    return plain > 1e-140 && plain < 1e140 ? plain : std::hypot(v.x, v.y, v.z);
+}
+
+// a b c / (d e f), where neither product need fit.
+double ratio_of_products(const std::array<double, 3>& above, const std::array<double, 3>& below) {
+    double mantissa = 1.0;
+    int exponent = 0, part = 0;
+    for (const double factor : above) {
+        mantissa *= std::frexp(factor, &part);
+        exponent += part;
+    }
+    for (const double factor : below) {
+        mantissa /= std::frexp(factor, &part);
+        exponent -= part;
+    }
+    return std::ldexp(mantissa, exponent);
+}
+
+// Largest a s + sqrt(h^2 - s^2) for s from `from` to `to`, both in [-h, h].
+double largest_on_arc(double a, double h, double from, double to) {
+    const double s = std::clamp(h * a / std::hypot(1.0, a), from, to);
+    return a * s + std::sqrt(std::max(0.0, h * h - s * s));
+}
 
 } // namespace
 
@@ -44,30 +78,139 @@ double Profile::integral(double b_squared, double from, double to) const {
     return std::max(0.0, (gaussian - edge_ * length) * gain_);
 }
 
-KernelShape::KernelShape(const RegularField& field, const Camera& camera, double radius_factor)
-    : eye_(camera.eye()), right_(camera.right_world()), up_(camera.up_world()), backward_(camera.back_world()),
-      profile_(field.kernel().falloff) {
-    // M = S: the supports' axes are the world's. M^-1 of an eye-space difference turns it into the world first.
-    const Vec3 semi_axes = field.semi_axes_world() * radius_factor;
-    to_unit_ = Mat3(right_ / semi_axes, up_ / semi_axes, backward_ / semi_axes);
-    reach_ = Vec3(glm::length(semi_axes * right_), glm::length(semi_axes * up_), glm::length(semi_axes * backward_));
+KernelShape::KernelShape(const Mat3& axes_eye, const Vec3& semi_axes)
+    // B^-1 = S^-1 E^T, whose columns are the rows of E over the semi-axes.
+    : to_unit_(glm::transpose(axes_eye)) {
+    const Mat3 rows = to_unit_;
+    for (int axis = 0; axis < 3; ++axis) {
+        to_unit_[axis] /= semi_axes;
+    }
+    measure(rows[0] * semi_axes, rows[1] * semi_axes, rows[2] * semi_axes);
 }
 
-Vec3 KernelShape::centre_eye(const Vec3& position_world) const {
-    const Vec3 from_eye = position_world - eye_;
-    return {glm::dot(from_eye, right_), glm::dot(from_eye, up_), glm::dot(from_eye, backward_)};
+KernelShape KernelShape::filtered(const Mat3& axes_eye, const Vec3& semi_axes, double across, double along) {
+    // Columns of the stack [B^T; diag]: one for each of the eye's axes.
+    using Column = std::array<double, 6>;
+    std::array<Column, 3> stack{};
+    const std::array<double, 3> widths{across, across, along};
+    for (int axis = 0; axis < 3; ++axis) {
+        Column& column = stack[static_cast<std::size_t>(axis)];
+        for (int own = 0; own < 3; ++own) {
+            column[static_cast<std::size_t>(own)] = axes_eye[own][axis] * semi_axes[own];
+        }
+        column[static_cast<std::size_t>(3 + axis)] = widths[static_cast<std::size_t>(axis)];
+    }
+    const auto dot_from = [](const Column& a, const Column& b, std::size_t first) {
+        double sum = 0.0;
+        for (std::size_t row = first; row < 6; ++row) {
+            sum += a[row] * b[row];
+        }
+        return sum;
+    };
+    for (std::size_t step = 0; step < 3; ++step) {
+        // The mirror's normal, scaled to a largest part of 1.
+        Column normal = stack[step];
+        double largest = 0.0;
+        for (std::size_t row = 0; row < 6; ++row) {
+            normal[row] = row < step ? 0.0 : normal[row];
+            largest = std::max(largest, std::abs(normal[row]));
+        }
+        for (double& part : normal) {
+            part /= largest;
+        }
+        // Away from the axis, so that nothing cancels.
+        const double length = std::sqrt(dot_from(normal, normal, step));
+        const double onto = normal[step] > 0.0 ? -length : length;
+        normal[step] -= onto;
+        const double squared = dot_from(normal, normal, step);
+        stack[step][step] = onto * largest;
+        for (std::size_t column = step + 1; column < 3; ++column) {
+            const double twice = 2.0 * dot_from(normal, stack[column], step) / squared;
+            for (std::size_t row = step; row < 6; ++row) {
+                stack[column][row] -= twice * normal[row];
+            }
+        }
+    }
+
+    // The new B: rows (r00, 0, 0), (r01, r11, 0), (r02, r12, r22).
+    const double r00 = stack[0][0], r01 = stack[1][0], r11 = stack[1][1];
+    const double r02 = stack[2][0], r12 = stack[2][1], r22 = stack[2][2];
+    KernelShape shape;
+    // Its inverse, column by column, by substitution.
+    const double i10 = -r01 / r00 / r11;
+    shape.to_unit_ = Mat3(Vec3(1.0 / r00, i10, -(r02 / r00 + r12 * i10) / r22),
+                          Vec3(0.0, 1.0 / r11, -r12 / r11 / r22), Vec3(0.0, 0.0, 1.0 / r22));
+    shape.measure(Vec3(r00, 0.0, 0.0), Vec3(r01, r11, 0.0), Vec3(r02, r12, r22));
+    shape.amplitude_ = ratio_of_products({semi_axes.x, semi_axes.y, semi_axes.z},
+                                         {std::abs(r00), std::abs(r11), std::abs(r22)});
+    return shape;
 }
 
-Chord KernelShape::mean(const Vec3& beside, double slope_x, double slope_y, double front, double back) const {
+void KernelShape::measure(const Vec3& x, const Vec3& y, const Vec3& z) {
+    half_depth_ = length_of(z);
+    const Vec3 n = z / half_depth_;
+    drift_x_ = glm::dot(x, n);
+    drift_y_ = glm::dot(y, n);
+    // A needle that leans has nearly parallel rows: what is left of their difference may be rounding.
+    spread_x_ = length_of(x - drift_x_ * n) + rounding * length_of(x);
+    spread_y_ = length_of(y - drift_y_ * n) + rounding * length_of(y);
+}
+
+Interval KernelShape::bounds(double drift, double spread, double front, double back) const {
+    const double h = std::sqrt(1.0 + slack);
+    const double from = std::clamp(-back / half_depth_, -h, h), to = std::clamp(-front / half_depth_, -h, h);
+    const double a = drift / spread;
+    return {-spread * largest_on_arc(-a, h, from, to) - rounding * std::abs(drift),
+            spread * largest_on_arc(a, h, from, to) + rounding * std::abs(drift)};
+}
+
+Interval KernelShape::bounds_in_row(double y_0, double slope_y, double front, double back) const {
+    // In the plane of the row, q = q_0 + x u + depth v. Two perpendicular directions in it, the first along u, and the
+    // distance of the plane from the centre leave a circle: (q_v + depth |v'|)^2 + (q_u + x |u| + depth v_u)^2 < h^2.
+    const Vec3 u = to_unit_[0], v = to_unit(Vec3(0.0, slope_y, -1.0)), q_0 = to_unit_[1] * y_0;
+    const double length_u = length_of(u);
+    const Vec3 along_u = u / length_u;
+    const double v_u = glm::dot(v, along_u), q_u = glm::dot(q_0, along_u);
+    const Vec3 v_rest = v - v_u * along_u;
+    const double length_v = length_of(v_rest);
+    const Vec3 along_v = v_rest / length_v;
+    const Vec3 q_rest = q_0 - q_u * along_u;
+    const double q_v = glm::dot(q_rest, along_v);
+    const Vec3 beside = q_rest - q_v * along_v;
+
+    const double a = -v_u / length_v, far = length_of(q_0);
+    const double lost = rounding * (1.0 + std::abs(a)) * (1.0 + far);
+    const double h_squared = 1.0 - glm::dot(beside, beside) + slack + 10.0 * lost;
+    if (!(lost < 1e-3) || !std::isfinite(h_squared)) {
+        return bounds_x(front, back);
+    }
+    if (h_squared <= 0.0) {
+        return {};
+    }
+    const double h = std::sqrt(h_squared);
+    const double from = q_v + front * length_v, to = q_v + back * length_v;
+    if (from > h || to < -h) {
+        return {};
+    }
+    const double s_from = std::clamp(from, -h, h), s_to = std::clamp(to, -h, h);
+    // x |u| = middle + a s +- sqrt(h^2 - s^2)
+    const double middle = -(q_u + a * q_v);
+    const double margin = lost * (1.0 + std::abs(a));
+    return {(middle - largest_on_arc(-a, h, s_from, s_to) - margin) / length_u,
+            (middle + largest_on_arc(a, h, s_from, s_to) + margin) / length_u};
+}
+
+Chord KernelShape::mean(const Profile& profile, const Vec3& beside, double slope_x, double slope_y, double front,
+                        double back) const {
     const Vec3 per_depth = to_unit(Vec3(slope_x, slope_y, -1.0));
-    const double speed = glm::length(per_depth);
+    const double speed = length_of(per_depth);
     const Vec3 along = per_depth / speed;
     const Vec3 q = to_unit(beside);
     const double start = glm::dot(q, along);
     // The foot of the perpendicular, not |q|^2 - start^2: that would lose b where the ray is oblique.
     const Vec3 foot = q - start * along;
     const double b_squared = glm::dot(foot, foot);
-    if (b_squared >= 1.0) {
+    if (!(b_squared < 1.0)) {
         return {};
     }
     const double half_chord = std::sqrt(1.0 - b_squared);
@@ -76,7 +219,64 @@ Chord KernelShape::mean(const Vec3& beside, double slope_x, double slope_y, doub
     if (from >= to) {
         return {};
     }
-    return {true, profile_.integral(b_squared, from, to) / (speed * (back - front))};
+    return {true, profile.integral(b_squared, from, to) / (speed * (back - front))};
+}
+
+WorldKernels::WorldKernels(const Field& field) : regular_(as_regular(&field)), ellipsoids_(as_ellipsoids(&field)) {
+    if (regular_ != nullptr) {
+        const auto [nk, nj, ni] = regular_->shape();
+        numbers_ = nk * nj * ni;
+        semi_axes_ = regular_->semi_axes_world();
+    } else {
+        numbers_ = ellipsoids_->size();
+    }
+}
+
+std::optional<WorldKernel> WorldKernels::at(std::uint64_t number) const {
+    if (regular_ != nullptr) {
+        const std::size_t ni = regular_->shape()[2], nj = regular_->shape()[1];
+        const std::size_t i = number % ni, j = number / ni % nj, k = number / (ni * nj);
+        const double value = regular_->value(i, j, k);
+        if (std::isnan(value)) {
+            return std::nullopt;
+        }
+        return WorldKernel{regular_->position(i, j, k), Mat3(1.0), semi_axes_, value, 1.0};
+    }
+    const std::vector<glm::dquat>& rotations = ellipsoids_->arrays().rotations;
+    return WorldKernel{ellipsoids_->center(number), rotations.empty() ? Mat3(1.0) : glm::mat3_cast(rotations[number]),
+                       ellipsoids_->semi_axes(number), ellipsoids_->value(number), ellipsoids_->weight(number)};
+}
+
+double WorldKernels::lattice_constant() const {
+    return regular_ != nullptr ? regular_->lattice_constant() : ellipsoids_->lattice_constant();
+}
+
+EyeKernels::EyeKernels(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen,
+                       double radius_factor)
+    : world_(field), screen_(screen), eye_(camera.eye()), right_(camera.right_world()), up_(camera.up_world()),
+      backward_(camera.back_world()), filter_(scene.filter == Filter::ewa), spacing_(scene.slice_distance()),
+      radius_factor_(radius_factor) {
+    // In perspective a pixel's width, and with it the filter, changes from kernel to kernel.
+    if (const auto* regular = as_regular(&field); regular != nullptr && !(filter_ && screen.perspective())) {
+        common_shape_ = shape_of({Vec3(0.0), Mat3(1.0), regular->semi_axes_world(), 0.0, 1.0}, 0.0);
+    }
+}
+
+KernelShape EyeKernels::shape_of(const WorldKernel& kernel, double depth) const {
+    const Vec3 x = right_ * kernel.axes, y = up_ * kernel.axes, z = backward_ * kernel.axes;
+    const Mat3 axes_eye = glm::transpose(Mat3(x, y, z));
+    const Vec3 semi_axes = kernel.semi_axes * radius_factor_;
+    return filter_ ? KernelShape::filtered(axes_eye, semi_axes, screen_.pixel_width(std::abs(depth)), spacing_)
+                   : KernelShape(axes_eye, semi_axes);
+}
+
+EyeKernel EyeKernels::seen(const WorldKernel& kernel) const {
+    // The eye first: what is left of large coordinates keeps its digits.
+    const Vec3 from_eye = kernel.centre - eye_;
+    const Vec3 centre(glm::dot(from_eye, right_), glm::dot(from_eye, up_), glm::dot(from_eye, backward_));
+    const KernelShape shape = common_shape_ ? *common_shape_ : shape_of(kernel, -centre.z);
+    const double weight = kernel.weight * shape.amplitude();
+    return {centre, shape, weight * kernel.value, weight};
 }
 
 } // namespace sheetsplat::reference

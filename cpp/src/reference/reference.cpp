@@ -50,7 +50,7 @@ bool opaque_at_zero(const Scene& scene, const std::vector<Nudge>& nudges) {
     return false;
 }
 
-ZeroKernels zero_kernels(const Scene& scene, const RegularField& field, const Request& request,
+ZeroKernels zero_kernels(const Scene& scene, const Field& field, const Request& request,
                          const std::vector<Nudge>& nudges) {
     const bool weights_matter = request.coverage || field.normalization() == Normalization::threshold;
     const bool reach_matters = scene.mode == Mode::composite && opaque_at_zero(scene, nudges);
@@ -86,7 +86,7 @@ class RollingSheets {
         sheet.clear();
         if (slices_.exists(n)) {
             for (const auto& field : fields_) {
-                field->add_to(sheet, n, sums_);
+                field->add_next(sheet, sums_);
             }
         }
     }
@@ -106,15 +106,15 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
     check_memory(size, scene, request, nudges.size());
 
     const Screen screen(camera, size);
-    const Slices slices = find_slices(scene, camera, radius_factor);
+    const Slices slices = find_slices(scene, camera, screen, radius_factor);
     const Shader shader(scene, camera);
 
     std::vector<std::unique_ptr<FieldSums>> fields;
     std::size_t kernels_drawn = 0;
     if (slices.count > 0) {
         for (const auto& field : scene.fields) {
-            fields.push_back(std::make_unique<FieldSums>(*as_regular(field.get()), camera, screen, slices, scene.sampling, radius_factor,
-                                                         zero_kernels(scene, *as_regular(field.get()), request, nudges)));
+            fields.push_back(std::make_unique<FieldSums>(*field, scene, camera, screen, slices, radius_factor,
+                                                         zero_kernels(scene, *field, request, nudges)));
             kernels_drawn += fields.back()->drawn();
         }
     }

@@ -10,12 +10,11 @@ namespace {
 // Pixels that a footprint is widened by, so that rounding cannot lose one: the kernel's own end decides.
 constexpr double margin_px = 1e-3;
 
-struct Range {
-    int first = 0, last = -1;
-};
-
 // Pixels -1 ... count whose number lies between two real ones.
-Range pixels_between(double a, double b, int count) {
+Screen::Span pixels_between(double a, double b, int count) {
+    if (std::isnan(a) || std::isnan(b)) {
+        return {-1, count};
+    }
     const double lower = std::clamp(std::ceil(std::min(a, b) - margin_px), -1.0, count + 1.0);
     const double upper = std::clamp(std::floor(std::max(a, b) + margin_px), -2.0, static_cast<double>(count));
     return {static_cast<int>(lower), static_cast<int>(upper)};
@@ -43,25 +42,28 @@ Vec3 Screen::to_viewer(int column, int row) const {
     return Vec3(-slope_x(column), -slope_y(row), 1.0) / secant(column, row);
 }
 
-Screen::Footprint Screen::footprint(const Vec3& centre, const Vec3& reach, double front, double back) const {
+Screen::Span Screen::columns(double lower, double upper, double front, double back) const {
     // A slab may begin behind the eye: rays turned inside out there can come from any pixel.
     if (perspective_ && front <= 0.0) {
-        return {-1, size_.width, -1, size_.height};
+        return {-1, size_.width};
     }
-    const auto pixels = [&](double lower, double upper, bool rows) {
-        // lower / depth is monotonic in depth, so that the ends of the interval bound it.
-        const double half_front = rows ? half_height(front) : half_width(front);
-        const double half_back = rows ? half_height(back) : half_width(back);
-        const double ndc_lower = std::min(lower / half_front, lower / half_back);
-        const double ndc_upper = std::max(upper / half_front, upper / half_back);
-        const int count = rows ? size_.height : size_.width;
-        const double sign = rows ? -1.0 : 1.0;
-        return pixels_between((1.0 + sign * ndc_lower) * 0.5 * count - 0.5,
-                              (1.0 + sign * ndc_upper) * 0.5 * count - 0.5, count);
-    };
-    const Range columns = pixels(centre.x - reach.x, centre.x + reach.x, false);
-    const Range rows = pixels(centre.y - reach.y, centre.y + reach.y, true);
-    return {columns.first, columns.last, rows.first, rows.last};
+    // lower / depth is monotonic in depth, so that the ends of the interval bound it.
+    const double half_front = half_width(front), half_back = half_width(back);
+    const double ndc_lower = std::min(lower / half_front, lower / half_back);
+    const double ndc_upper = std::max(upper / half_front, upper / half_back);
+    return pixels_between((1.0 + ndc_lower) * 0.5 * size_.width - 0.5, (1.0 + ndc_upper) * 0.5 * size_.width - 0.5,
+                          size_.width);
+}
+
+Screen::Span Screen::rows(double lower, double upper, double front, double back) const {
+    if (perspective_ && front <= 0.0) {
+        return {-1, size_.height};
+    }
+    const double half_front = half_height(front), half_back = half_height(back);
+    const double ndc_lower = std::min(lower / half_front, lower / half_back);
+    const double ndc_upper = std::max(upper / half_front, upper / half_back);
+    return pixels_between((1.0 - ndc_upper) * 0.5 * size_.height - 0.5, (1.0 - ndc_lower) * 0.5 * size_.height - 0.5,
+                          size_.height);
 }
 
 } // namespace sheetsplat::reference

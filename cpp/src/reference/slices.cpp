@@ -20,14 +20,13 @@ struct DepthRange {
 };
 
 // Depths that any support reaches.
-DepthRange support_depths(const Scene& scene, const Camera& camera, double radius_factor) {
+DepthRange support_depths(const Scene& scene, const Camera& camera, const Screen& screen, double radius_factor) {
     DepthRange range;
     for (const auto& field : scene.fields) {
-        const KernelShape shape(*as_regular(field.get()), camera, radius_factor);
-        for_each_kernel(*as_regular(field.get()), [&](std::uint64_t, const Vec3& position, double) {
-            const double depth = -shape.centre_eye(position).z;
-            range.front = std::min(range.front, depth - shape.reach().z);
-            range.back = std::max(range.back, depth + shape.reach().z);
+        const EyeKernels kernels(*field, scene, camera, screen, radius_factor);
+        kernels.for_each([&](std::uint64_t, const EyeKernel& kernel) {
+            range.front = std::min(range.front, kernel.depth() - kernel.shape.half_depth());
+            range.back = std::max(range.back, kernel.depth() + kernel.shape.half_depth());
         });
     }
     return range;
@@ -43,18 +42,20 @@ DepthRange support_depths(const Scene& scene, const Camera& camera, double radiu
 
 } // namespace
 
-Slices find_slices(const Scene& scene, const Camera& camera, double radius_factor) {
+Slices find_slices(const Scene& scene, const Camera& camera, const Screen& screen, double radius_factor) {
     Slices slices;
     slices.spacing = scene.slice_distance();
     const Box centres = scene.centres_world();
     if (centres.empty()) {
         return slices;
     }
-    slices.anchor = -glm::dot(centres.centre() - camera.eye(), camera.back_world());
+    // The eye first: the middle of two large coordinates would be rounded as they are.
+    const Vec3 middle = 0.5 * (centres.lower - camera.eye()) + 0.5 * (centres.upper - camera.eye());
+    slices.anchor = -glm::dot(middle, camera.back_world());
 
     // Slab n is [t_c + n ds, t_c + (n + 1) ds]; the supports are open, so one that only touches a slab does not meet
     // it.
-    const DepthRange range = support_depths(scene, camera, radius_factor);
+    const DepthRange range = support_depths(scene, camera, screen, radius_factor);
     const double first_met = std::floor((range.front - slices.anchor) / slices.spacing);
     double first = first_met;
     const double last = std::ceil((range.back - slices.anchor) / slices.spacing) - 1.0;

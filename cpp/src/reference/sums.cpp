@@ -1,12 +1,17 @@
 #include "reference/sums.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <optional>
+#include <string>
 
 #include <glm/geometric.hpp>
 
+#include "base/checks.hpp"
 #include "base/memory.hpp"
 #include "reference/reference.hpp"
+#include "sheetsplat/error.hpp"
 
 namespace sheetsplat::reference {
 
@@ -18,6 +23,22 @@ constexpr double margin = 1e-3;
 
 std::size_t pixels_with_border(const Screen& screen) {
     return static_cast<std::size_t>(screen.width() + 2) * static_cast<std::size_t>(screen.height() + 2);
+}
+
+// Were all kernels at one point, its sums would be these at most.
+void require_finite_sums(const Field& field) {
+    const auto* ellipsoids = as_ellipsoids(&field);
+    const std::array<double, 2> values = field.value_range();
+    const double weight = ellipsoids != nullptr ? ellipsoids->weight_range()[1] : 1.0;
+    const double most = weight * static_cast<double>(field.size());
+    const double largest = most * std::max(std::abs(values[0]), std::abs(values[1]));
+    if (!is_finite(most) || !is_finite(largest)) {
+        throw InvalidInput(Complaint{"The field's sums cannot be held",
+                                     text_of_count(field.size()) + " kernels of values between " + text_of(values[0]) +
+                                         " and " + text_of(values[1]) + ", weights up to " + text_of(weight),
+                                     "sums of values times weights below 1e308",
+                                     "Divide the values or the weights by a common factor."});
+    }
 }
 
 } // namespace
@@ -32,116 +53,146 @@ void Sheet::clear() {
     std::fill(weight.begin(), weight.end(), 0.0);
 }
 
-FieldSums::FieldSums(const RegularField& field, const Camera& camera, const Screen& screen, const Slices& slices,
-                     Sampling sampling, double radius_factor, ZeroKernels zero_kernels)
-    : field_(field), screen_(screen), slices_(slices), sampling_(sampling), zero_kernels_(zero_kernels),
-      shape_(field, camera, radius_factor),
-      // C is the kernel's mass, which follows its radius.
-      lattice_constant_(field.lattice_constant() * radius_factor * radius_factor * radius_factor) {
-    require_memory(static_cast<std::uint64_t>(slices.count + 1) * sizeof(std::uint64_t),
-                   "the reference's list of slices", "Ask for a larger slice_spacing.");
-    offsets_.assign(static_cast<std::size_t>(slices.count + 1), 0);
-    const auto bucket = [&](const SliceRange& met) { return static_cast<std::size_t>(met.first - slices_.first); };
+FieldSums::FieldSums(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen,
+                     const Slices& slices, double radius_factor, ZeroKernels zero_kernels)
+    : field_(field), screen_(screen), slices_(slices), sampling_(scene.sampling), zero_kernels_(zero_kernels),
+      eye_kernels_(field, scene, camera, screen, radius_factor), profile_(field.kernel().falloff),
+      // C is the kernel's mass, which follows its radius; the filter keeps it.
+      lattice_constant_(WorldKernels(field).lattice_constant() * radius_factor * radius_factor * radius_factor),
+      next_(slices.first) {
+    require_finite_sums(field);
+    sort_kernels();
+}
+
+void FieldSums::sort_kernels() {
+    const std::string what = "the reference's list of slices";
+    const auto slices = static_cast<std::uint64_t>(slices_.count);
+    require_memory(checked_product(slices + 1, sizeof(std::uint64_t) + sizeof(std::int64_t), what), what,
+                   "Ask for a larger slice_spacing.");
+    offsets_.assign(slices + 1, 0);
+    // How many more are held at each slice than at the one before it.
+    std::vector<std::int64_t> changes(slices + 1, 0);
+    const auto bucket = [&](std::int64_t slice) { return static_cast<std::size_t>(slice - slices_.first); };
 
     // A counting sort: how many begin at each slice, where each slice's begin in the list, then the list.
     std::uint64_t drawn = 0;
-    for_each_kernel(field, [&](std::uint64_t, const Vec3& position, double value) {
-        const Vec3 centre = shape_.centre_eye(position);
-        if (is_drawn(centre, value)) {
-            const SliceRange met = slices_met(-centre.z);
-            longest_ = std::max(longest_, met.last - met.first + 1);
-            ++offsets_[bucket(met) + 1];
+    eye_kernels_.for_each([&](std::uint64_t, const EyeKernel& kernel) {
+        const SliceRange met = slices_met(kernel);
+        if (is_drawn(kernel, met)) {
+            ++offsets_[bucket(met.first) + 1];
+            ++changes[bucket(met.first)];
+            --changes[bucket(met.last) + 1];
             ++drawn;
         }
     });
-    for (std::size_t n = 1; n < offsets_.size(); ++n) {
-        offsets_[n] += offsets_[n - 1];
+    std::int64_t held = 0, most_held = 0;
+    for (std::size_t n = 0; n < slices; ++n) {
+        offsets_[n + 1] += offsets_[n];
+        held += changes[n];
+        most_held = std::max(most_held, held);
     }
-    require_memory(checked_product(drawn, sizeof(std::uint64_t), "the reference's list of kernels"),
-                   "the reference's list of kernels", "Render a smaller volume, or with another backend.");
+    const std::string kernels = "the reference's list of kernels";
+    require_memory(checked_product(drawn, sizeof(std::uint64_t), kernels) +
+                       checked_product(static_cast<std::uint64_t>(most_held), sizeof(Held), kernels),
+                   kernels, "Render fewer kernels, or with another backend.");
+    held_.reserve(static_cast<std::size_t>(most_held));
     kernels_.resize(drawn);
     std::vector<std::uint64_t> next(offsets_.begin(), offsets_.end() - 1);
-    for_each_kernel(field, [&](std::uint64_t id, const Vec3& position, double value) {
-        const Vec3 centre = shape_.centre_eye(position);
-        if (is_drawn(centre, value)) {
-            kernels_[next[bucket(slices_met(-centre.z))]++] = id;
+    eye_kernels_.for_each([&](std::uint64_t number, const EyeKernel& kernel) {
+        const SliceRange met = slices_met(kernel);
+        if (is_drawn(kernel, met)) {
+            kernels_[next[bucket(met.first)]++] = number;
         }
     });
 }
 
-FieldSums::SliceRange FieldSums::slices_met(double depth) const {
-    const double front = (depth - shape_.reach().z - slices_.anchor) / slices_.spacing;
-    const double back = (depth + shape_.reach().z - slices_.anchor) / slices_.spacing;
+FieldSums::SliceRange FieldSums::slices_met(const EyeKernel& kernel) const {
+    const double front = (kernel.depth() - kernel.shape.half_depth() - slices_.anchor) / slices_.spacing;
+    const double back = (kernel.depth() + kernel.shape.half_depth() - slices_.anchor) / slices_.spacing;
     // Slice n lies at n + 1/2 in these units, its slab from n to n + 1.
     const double half = sampling_ == Sampling::point ? 0.5 : 0.0;
     const double first = sampling_ == Sampling::point ? std::ceil(front - half - margin) : std::floor(front - margin);
     const double last =
         sampling_ == Sampling::point ? std::floor(back - half + margin) : std::ceil(back + margin) - 1.0;
     const double lower = static_cast<double>(slices_.first), upper = static_cast<double>(slices_.last());
-    if (first > upper || last < lower) {
+    if (!(first <= upper && last >= lower)) {
         return {};
     }
     return {static_cast<std::int64_t>(std::max(first, lower)), static_cast<std::int64_t>(std::min(last, upper))};
 }
 
-bool FieldSums::is_drawn(const Vec3& centre_eye, double value) const {
-    if (value == 0.0 && zero_kernels_ == ZeroKernels::left_out) {
+Interval FieldSums::depths(const EyeKernel& kernel, std::int64_t first, std::int64_t last) const {
+    if (sampling_ == Sampling::point) {
+        return {slices_.depth(first), slices_.depth(last)};
+    }
+    // A slab much longer than the support would cover far more pixels in perspective.
+    return {std::max(slices_.front(first), kernel.depth() - kernel.shape.half_depth()),
+            std::min(slices_.back(last), kernel.depth() + kernel.shape.half_depth())};
+}
+
+bool FieldSums::is_drawn(const EyeKernel& kernel, const SliceRange& met) const {
+    if (kernel.value == 0.0 && zero_kernels_ == ZeroKernels::left_out) {
         return false;
     }
-    const SliceRange met = slices_met(-centre_eye.z);
     if (met.first > met.last) {
         return false;
     }
-    const bool point = sampling_ == Sampling::point;
-    return !screen_
-                .footprint(centre_eye, shape_.reach(), point ? slices_.depth(met.first) : slices_.front(met.first),
-                           point ? slices_.depth(met.last) : slices_.back(met.last))
-                .empty();
-}
-
-void FieldSums::splat_point(const Vec3& centre_eye, double value, std::int64_t n, SheetSums& sums, Sheet& sheet) const {
-    const double depth = slices_.depth(n);
-    const Screen::Footprint pixels = screen_.footprint(centre_eye, shape_.reach(), depth, depth);
-    const double half_width = screen_.half_width(depth), half_height = screen_.half_height(depth);
-    const double dz = -depth - centre_eye.z;
-    for (int j = pixels.first_row; j <= pixels.last_row; ++j) {
-        const double dy = screen_.ndc_y(j) * half_height - centre_eye.y;
-        for (int i = pixels.first_column; i <= pixels.last_column; ++i) {
-            const double dx = screen_.ndc_x(i) * half_width - centre_eye.x;
-            const Vec3 q = shape_.to_unit(Vec3(dx, dy, dz));
-            const double r_squared = glm::dot(q, q);
-            if (r_squared >= 1.0) {
-                continue;
-            }
-            const double g = shape_.profile().at(r_squared);
-            const std::size_t at = sheet.index(i, j);
-            sums.d[at] += value * g;
-            sums.w[at] += g;
-            sheet.reached[at] = 1;
-        }
+    const Interval depth = depths(kernel, met.first, met.last);
+    if (depth.empty()) {
+        return false;
     }
+    const double front = depth.lower - kernel.depth(), back = depth.upper - kernel.depth();
+    const Interval x = kernel.shape.bounds_x(front, back), y = kernel.shape.bounds_y(front, back);
+    return !screen_.columns(kernel.centre.x + x.lower, kernel.centre.x + x.upper, depth.lower, depth.upper).empty() &&
+           !screen_.rows(kernel.centre.y + y.lower, kernel.centre.y + y.upper, depth.lower, depth.upper).empty();
 }
 
-void FieldSums::splat_slab(const Vec3& centre_eye, double value, std::int64_t n, SheetSums& sums, Sheet& sheet) const {
-    const double centre_depth = -centre_eye.z;
-    const double front = slices_.front(n), back = slices_.back(n);
-    // Only the part of the slab that the support reaches: a slab much longer than it would cover far more pixels.
-    const double reach = shape_.reach().z;
-    const Screen::Footprint pixels = screen_.footprint(
-        centre_eye, shape_.reach(), std::max(front, centre_depth - reach), std::min(back, centre_depth + reach));
-    const double half_width = screen_.half_width(centre_depth), half_height = screen_.half_height(centre_depth);
-    for (int j = pixels.first_row; j <= pixels.last_row; ++j) {
-        const double dy = screen_.ndc_y(j) * half_height - centre_eye.y;
-        for (int i = pixels.first_column; i <= pixels.last_column; ++i) {
-            const double dx = screen_.ndc_x(i) * half_width - centre_eye.x;
-            const Chord chord = shape_.mean(Vec3(dx, dy, 0.0), screen_.slope_x(i), screen_.slope_y(j),
-                                            front - centre_depth, back - centre_depth);
-            if (!chord.reached) {
-                continue;
+void FieldSums::splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, Sheet& sheet) const {
+    const Interval depth = depths(kernel, n, n);
+    if (depth.empty()) {
+        return;
+    }
+    const bool point = sampling_ == Sampling::point;
+    const Vec3& centre = kernel.centre;
+    // Less the centre's: of what the support reaches, and of the whole slab.
+    const double front = depth.lower - kernel.depth(), back = depth.upper - kernel.depth();
+    const double slab_front = slices_.front(n) - kernel.depth(), slab_back = slices_.back(n) - kernel.depth();
+    // Where the pixels' rays are known: at the slice, or at the centre's depth.
+    const double plane = point ? slices_.depth(n) : kernel.depth();
+    const double half_width = screen_.half_width(plane), half_height = screen_.half_height(plane);
+    const double dz = kernel.depth() - plane;
+
+    const Interval y = kernel.shape.bounds_y(front, back);
+    const Screen::Span rows = screen_.rows(centre.y + y.lower, centre.y + y.upper, depth.lower, depth.upper);
+    for (int j = rows.first; j <= rows.last; ++j) {
+        const double dy = screen_.ndc_y(j) * half_height - centre.y;
+        const double slope_y = screen_.slope_y(j);
+        const Interval x = kernel.shape.bounds_in_row(dy + slope_y * dz, slope_y, front, back);
+        if (x.empty()) {
+            continue;
+        }
+        const Screen::Span columns = screen_.columns(centre.x + x.lower, centre.x + x.upper, depth.lower, depth.upper);
+        for (int i = columns.first; i <= columns.last; ++i) {
+            const double dx = screen_.ndc_x(i) * half_width - centre.x;
+            double g = 0.0;
+            if (point) {
+                const Vec3 q = kernel.shape.to_unit(Vec3(dx, dy, dz));
+                const double r_squared = glm::dot(q, q);
+                if (!(r_squared < 1.0)) {
+                    continue;
+                }
+                g = profile_.at(r_squared);
+            } else {
+                const Chord chord = kernel.shape.mean(profile_, Vec3(dx, dy, 0.0), screen_.slope_x(i), slope_y,
+                                                      slab_front, slab_back);
+                if (!chord.reached) {
+                    continue;
+                }
+                g = chord.mean;
             }
             const std::size_t at = sheet.index(i, j);
-            sums.d[at] += value * chord.mean;
-            sums.w[at] += chord.mean;
+            sums.d[at] += kernel.value * g;
+            sums.w[at] += kernel.weight * g;
             sheet.reached[at] = 1;
         }
     }
@@ -159,27 +210,20 @@ double FieldSums::normalise(double d, double w) const {
     return d;
 }
 
-void FieldSums::add_to(Sheet& sheet, std::int64_t n, SheetSums& sums) const {
+void FieldSums::add_next(Sheet& sheet, SheetSums& sums) {
     std::fill(sums.d.begin(), sums.d.end(), 0.0);
     std::fill(sums.w.begin(), sums.w.end(), 0.0);
-    const auto [nk, nj, ni] = field_.shape();
-    const std::int64_t earliest = std::max(slices_.first, n - longest_ + 1);
-    const std::uint64_t begin = offsets_[static_cast<std::size_t>(earliest - slices_.first)];
-    const std::uint64_t end = offsets_[static_cast<std::size_t>(n - slices_.first) + 1];
-    for (std::uint64_t at = begin; at < end; ++at) {
-        const std::size_t id = kernels_[at];
-        const std::size_t i = id % ni, j = id / ni % nj, k = id / (ni * nj);
-        const Vec3 centre = shape_.centre_eye(field_.position(i, j, k));
-        const SliceRange met = slices_met(-centre.z);
-        if (n < met.first || n > met.last) {
-            continue;
-        }
-        if (sampling_ == Sampling::point) {
-            splat_point(centre, field_.value(i, j, k), n, sums, sheet);
-        } else {
-            splat_slab(centre, field_.value(i, j, k), n, sums, sheet);
-        }
+    const std::int64_t n = next_++;
+    const std::size_t begins = static_cast<std::size_t>(n - slices_.first);
+    for (std::uint64_t at = offsets_[begins]; at < offsets_[begins + 1]; ++at) {
+        const EyeKernel kernel = eye_kernels_.at(kernels_[at]);
+        held_.push_back({kernel, slices_met(kernel).last});
     }
+    for (const Held& held : held_) {
+        splat(held.kernel, n, sums, sheet);
+    }
+    held_.erase(std::remove_if(held_.begin(), held_.end(), [n](const Held& held) { return held.last <= n; }),
+                held_.end());
     for (std::size_t pixel = 0; pixel < sheet.rho.size(); ++pixel) {
         sheet.rho[pixel] += normalise(sums.d[pixel], sums.w[pixel]);
     }
@@ -188,20 +232,25 @@ void FieldSums::add_to(Sheet& sheet, std::int64_t n, SheetSums& sums) const {
     }
 }
 
-Sums sums_at(const RegularField& field, const Vec3& point_world) {
-    const Vec3 semi_axes = field.semi_axes_world();
+Sums sums_at(const Field& field, const Vec3& point_world) {
+    const WorldKernels kernels(field);
     const Profile profile(field.kernel().falloff);
     Sums sums;
-    for_each_kernel(field, [&](std::uint64_t, const Vec3& position, double value) {
-        const Vec3 q = (point_world - position) / semi_axes;
+    for (std::uint64_t number = 0; number < kernels.numbers(); ++number) {
+        const std::optional<WorldKernel> kernel = kernels.at(number);
+        if (!kernel) {
+            continue;
+        }
+        // q = S^-1 R^T d
+        const Vec3 q = (point_world - kernel->centre) * kernel->axes / kernel->semi_axes;
         const double r_squared = glm::dot(q, q);
         if (r_squared < 1.0) {
             const double g = profile.at(r_squared);
-            sums.d += value * g;
-            sums.w += g;
+            sums.d += kernel->weight * kernel->value * g;
+            sums.w += kernel->weight * g;
             sums.empty = false;
         }
-    });
+    }
     return sums;
 }
 

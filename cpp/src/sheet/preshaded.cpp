@@ -112,7 +112,8 @@ std::size_t draw_preshaded(const Job& job, const gl::Api& gl, Resources& resourc
     gl::Buffer colors(gl, GL_ARRAY_BUFFER);
     std::vector<SampleColors> shaders;
     std::vector<VertexMaker> makers;
-    for (const FieldView& view : *job.views) {
+    for (const RegularPart& part : job.regular) {
+        const FieldView& view = *part.view;
         shaders.emplace_back(job, view);
         makers.emplace_back(view, frame, tile, job.layout);
     }
@@ -123,7 +124,7 @@ std::size_t draw_preshaded(const Job& job, const gl::Api& gl, Resources& resourc
     for (std::int64_t slice = 0; slice < frame.slices; ++slice) {
         bool any = false;
         for (std::size_t n = 0; n < makers.size(); ++n) {
-            const SlabBatches& batches = (*job.batches)[n];
+            const SlabBatches& batches = *job.regular[n].batches;
             const std::size_t count = batches.count(static_cast<std::size_t>(slice));
             if (count == 0) {
                 continue;
@@ -146,7 +147,7 @@ std::size_t draw_preshaded(const Job& job, const gl::Api& gl, Resources& resourc
             any = true;
             drawn += made;
             colors.upload(batch_colors.data(), batch_colors.size() * sizeof(batch_colors[0]));
-            const FieldView& view = (*job.views)[n];
+            const FieldView& view = *job.regular[n].view;
             targets.bind_splat(0);
             gl.BlendFunc(GL_ONE, GL_ONE);
             splat.use();

@@ -25,8 +25,8 @@ class Resources {
     /// Surfaces of this shape; those of another shape are given back first.
     const Targets& targets(const TargetShape& shape);
 
-    gl::Buffer samples, boxes, rectangles;
-    gl::VertexArray splat_array, rectangle_array;
+    gl::Buffer samples, boxes, records, rectangles;
+    gl::VertexArray splat_array, record_array, rectangle_array;
 
   private:
     const gl::Api* gl_;

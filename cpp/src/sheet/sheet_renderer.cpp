@@ -126,6 +126,7 @@ void SheetRenderer::render(const Job& job, Image& image) {
     }
     // Reading the last picture back waited for all of its drawing.
     state_->resources->samples.rewind();
+    state_->resources->records.rewind();
     state_->resources->boxes.rewind();
     state_->resources->rectangles.rewind();
     std::size_t drawn = 0, dropped = 0, bytes = 0;
@@ -274,7 +275,7 @@ std::map<std::string, std::string> shader_sources(const DrawPlan& plan, const Sc
     std::map<std::string, std::string> sources;
     const std::string version = "#version 330 core";
     FieldView plain;
-    const gl::Defines splat = splat_defines(plan, plain, false);
+    const gl::Defines splat = splat_defines(plan, plain, {-1, plan.weight, false});
     const gl::Defines shade = shade_defines(plan, scene.lights.size(), 0);
     sources["splat.vert"] = gl::preprocess(embedded_glsl(), "splat.vert", version, splat).text;
     sources["splat.frag"] = gl::preprocess(embedded_glsl(), "splat.frag", version, splat).text;

@@ -41,7 +41,7 @@ BatchLayout make_layout(const DrawPlan& plan) {
     return plan.four_channels ? BatchLayout{1, 4} : BatchLayout{1, 1};
 }
 
-gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, bool weights_alone) {
+gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target) {
     const bool general = plan.general || view.sheared;
     const bool separable = plan.separable && !general && view.extent_x == view.extent_y;
     gl::Defines defines;
@@ -54,14 +54,14 @@ gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, bool weig
         {"GENERAL", general},
         {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"SEPARABLE", separable},
-        {"NONNEGATIVE", separable && !plan.weight && view.field != nullptr && view.field->value_range()[0] >= 0.0},
+        {"NONNEGATIVE", separable && !target.weight && view.field != nullptr && view.field->value_range()[0] >= 0.0},
         {"TWO_TARGETS", plan.packing == Packing::wide},
         {"POINTS", plan.points},
         {"FINE", plan.fine_gradient},
         {"FINE_XY", plan.fine_across},
         {"FINE_Z", plan.fine_along},
-        {"WEIGHT", plan.weight && !plan.fine_gradient},
-        {"WEIGHT_ALONE", weights_alone},
+        {"WEIGHT", target.weight && !plan.fine_gradient},
+        {"WEIGHT_ALONE", target.weights_alone},
     }};
     for (const auto& [name, active] : switches) {
         if (active) {
@@ -71,7 +71,35 @@ gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, bool weig
     return defines;
 }
 
-std::vector<std::string> splat_outputs(const DrawPlan& plan, bool) {
+gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const SplatTarget& target) {
+    gl::Defines defines{{"ELLIPSOID", on}};
+    if (plan.sampling == Sampling::slab) {
+        defines["SLAB"] = on;
+        defines["SLAB_NODES"] = group == SectionGroup::thin ? "4" : group == SectionGroup::medium ? "6" : "0";
+        // Differences of means are integrated in pieces short enough for six nodes; a chord is at most 2 sqrt(k) widths
+        // long.
+        defines["SLAB_PIECES"] = group == SectionGroup::thick ? "4" : "1";
+    }
+    const std::array<std::pair<const char*, bool>, 9> switches{{
+        {"SPRITE", group == SectionGroup::sprite},
+        {"COMPACT", group == SectionGroup::compact && !plan.fine_gradient},
+        {"PERSPECTIVE", plan.projection == Projection::perspective},
+        {"TWO_TARGETS", plan.packing == Packing::wide},
+        {"FINE", plan.fine_gradient},
+        {"FINE_XY", plan.fine_across},
+        {"FINE_Z", plan.fine_along},
+        {"WEIGHT", target.weight && !plan.fine_gradient},
+        {"WEIGHT_ALONE", target.weights_alone},
+    }};
+    for (const auto& [name, active] : switches) {
+        if (active) {
+            defines[name] = on;
+        }
+    }
+    return defines;
+}
+
+std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& target) {
     std::vector<std::string> names;
     const auto add = [&](const std::string& name) {
         names.push_back(name + "_front");
@@ -84,7 +112,7 @@ std::vector<std::string> splat_outputs(const DrawPlan& plan, bool) {
         add("x");
         add("y");
         add("z");
-    } else if (plan.weight) {
+    } else if (target.weight) {
         add("weight");
     }
     return names;

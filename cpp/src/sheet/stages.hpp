@@ -9,6 +9,7 @@
 
 #include "gl/program.hpp"
 #include "plan/make_plan.hpp"
+#include "view/ellipsoid_view.hpp"
 #include "view/frame.hpp"
 #include "view/slab_batches.hpp"
 
@@ -28,9 +29,15 @@ struct Steps {
 
 Steps make_steps(const DrawPlan& plan, const Frame& frame);
 
-/// weights_alone: the second splat pass of fine gradients, which adds weights and their differences.
-gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, bool weights_alone);
-std::vector<std::string> splat_outputs(const DrawPlan& plan, bool weights_alone);
+/// What one field's splats add to.
+struct SplatTarget {
+    int own = -1;               ///< number of the field's own sheets; -1: the sheets of all fields
+    bool weight = false;        ///< weights go along
+    bool weights_alone = false; ///< the second splat pass of fine gradients, which adds weights and their differences
+};
+gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target);
+gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const SplatTarget& target);
+std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& target);
 gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase);
 std::vector<std::string> shade_outputs(const DrawPlan& plan);
 

@@ -9,7 +9,8 @@ namespace sheetsplat::sheet {
 bool TargetShape::operator==(const TargetShape& other) const {
     return width == other.width && height == other.height && sheet_format == other.sheet_format && wide == other.wide &&
            weight == other.weight && fine == other.fine && shared_depth == other.shared_depth && depth == other.depth &&
-           coverage == other.coverage && compensated == other.compensated && copies == other.copies;
+           coverage == other.coverage && compensated == other.compensated && copies == other.copies &&
+           own == other.own;
 }
 
 namespace {
@@ -118,6 +119,29 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
             clear_weight_.emplace_back(gl, colors, nullptr);
         }
     }
+    TargetShape own_shape = shape;
+    own_shape.weight = true;
+    own_shape.fine = false;
+    for (int field = 0; field < shape.own; ++field) {
+        Own& own = own_.emplace_back();
+        own.sheets.resize(shape.wide ? 3 : 1);
+        for (Sheet& sheet : own.sheets) {
+            sheet.value = gl::Texture(gl, shape.sheet_format, w, h);
+            sheet.weight = gl::Texture(gl, shape.sheet_format, w, h);
+        }
+        for (std::size_t r = 0; r < own.sheets.size(); ++r) {
+            std::vector<const Sheet*> pair{&own.sheets[r]};
+            std::vector<const gl::Texture*> colors;
+            append(colors, pair, own_shape, false);
+            own.clear.emplace_back(gl, colors, nullptr);
+            if (shape.wide) {
+                pair.push_back(&own.sheets[(r + 1) % 3]);
+            }
+            colors.clear();
+            append(colors, pair, own_shape, false);
+            own.splat.emplace_back(gl, colors, tags);
+        }
+    }
     if (!shape.wide) {
         std::vector<const gl::Texture*> colors;
         append(colors, {&sheets_[1]}, shape, false);
@@ -134,6 +158,11 @@ std::size_t Targets::bytes() const {
     std::size_t sum = depth_tags_.bytes() + image_.bytes() + image_depth_.bytes() + image_coverage_.bytes() +
                       image_copy_.bytes() + image_depth_copy_.bytes() + image_coverage_copy_.bytes() +
                       image_error_.bytes() + image_error_copy_.bytes();
+    for (const Own& own : own_) {
+        for (const Sheet& sheet : own.sheets) {
+            sum += sheet.value.bytes() + sheet.weight.bytes();
+        }
+    }
     for (const Sheet& sheet : sheets_) {
         sum += sheet.value.bytes() + sheet.weight.bytes();
         for (int axis = 0; axis < 3; ++axis) {
@@ -154,6 +183,12 @@ void Targets::clear_sheet(int r) const {
     }
 }
 
+void Targets::clear_own(int field, int r) const {
+    own_[static_cast<std::size_t>(field)].clear[static_cast<std::size_t>(r)].bind();
+    gl_->ClearColor(0.0F, 0.0F, 0.0F, 0.0F);
+    gl_->Clear(GL_COLOR_BUFFER_BIT);
+}
+
 void Targets::clear_tags() const {
     if (shape_.shared_depth) {
         depth_fbo_.bind();
@@ -168,6 +203,11 @@ void Targets::clear_all() const {
     gl_->ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     for (int r = 0; r < static_cast<int>(sheets_.size()); ++r) {
         clear_sheet(r);
+    }
+    for (std::size_t field = 0; field < own_.size(); ++field) {
+        for (std::size_t r = 0; r < own_[field].sheets.size(); ++r) {
+            clear_own(static_cast<int>(field), static_cast<int>(r));
+        }
     }
     image_fbo_.bind();
     const float zero[4] = {0.0F, 0.0F, 0.0F, 0.0F};

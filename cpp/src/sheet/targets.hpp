@@ -21,6 +21,7 @@ struct TargetShape {
     bool coverage = false;
     bool compensated = false; ///< rounding errors of the picture are kept beside it
     bool copies = false;      ///< no texture barrier: the picture so far is copied before it is read
+    int own = 0;              ///< fields that are normalised by themselves before all are added
 
     [[nodiscard]] bool operator==(const TargetShape& other) const;
 };
@@ -52,6 +53,17 @@ class Targets {
     void bind_image() const { image_fbo_.bind(); }
     void bind_depth_only() const { depth_fbo_.bind(); }
 
+    /// Sheets of a field that is normalised by itself, values and weights: r as above (paper: 0 alone).
+    [[nodiscard]] const Sheet& own_sheet(int field, int r) const {
+        return own_[static_cast<std::size_t>(field)].sheets[static_cast<std::size_t>(r)];
+    }
+    void bind_splat_own(int field, int r) const {
+        own_[static_cast<std::size_t>(field)].splat[static_cast<std::size_t>(r)].bind();
+    }
+    void clear_own(int field, int r) const;
+    /// Draws to one sheet alone: values, and weights where there are any.
+    void bind_sheet(int r) const { clear_[static_cast<std::size_t>(r)].bind(); }
+
     /// Sets everything to its start: sheets and picture 0, depths of the picture infinite, tags 1.
     void clear_all() const;
     void clear_sheet(int r) const;
@@ -70,6 +82,11 @@ class Targets {
     const gl::Api* gl_ = nullptr;
     TargetShape shape_;
     std::vector<Sheet> sheets_;
+    struct Own {
+        std::vector<Sheet> sheets;
+        std::vector<gl::Framebuffer> splat, clear;
+    };
+    std::vector<Own> own_;
     gl::Texture depth_tags_, image_, image_depth_, image_coverage_, image_error_;
     gl::Texture image_copy_, image_depth_copy_, image_coverage_copy_, image_error_copy_;
     std::vector<gl::Framebuffer> splat_, splat_weight_, clear_, clear_weight_;

@@ -23,6 +23,8 @@ constexpr float tag_step = 1.0F / (1 << 20);
 constexpr double smallest_stop = 1.2e-38;
 /// Depth of splats where nothing is tagged: behind opaque pixels (0), before a clear buffer (1).
 constexpr float middle = 0.0F;
+/// Records of one draw call: 16 MiB.
+constexpr std::size_t records_at_once = 1U << 18;
 
 /// Rasterisers round positions and sizes to 2^-bits of a pixel: by so much sprites are larger, in pixels.
 double sprite_margin(const Capabilities& capabilities) { return 4.0 * std::exp2(-capabilities.subpixel_bits); }
@@ -42,6 +44,7 @@ TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, con
     shape.depth = plan.depth;
     shape.coverage = plan.coverage;
     shape.compensated = plan.compensated;
+    shape.own = 1 + (plan.own_sheets.empty() ? -1 : *std::max_element(plan.own_sheets.begin(), plan.own_sheets.end()));
     shape.copies = plan.read_image && !capabilities.texture_barrier;
     return shape;
 }
@@ -54,9 +57,16 @@ TileLoop::TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabi
       plan_(*job.plan), frame_(*job.frame), tile_(tile), steps_(make_steps(*job.plan, *job.frame)),
       marks_(tile, steps_.history + 1),
       tags_limit_(job.tags_per_clear > 0 ? std::min(job.tags_per_clear, most_tags) : most_tags) {
-    for (const FieldView& view : *job.views) {
-        makers_.emplace_back(view, frame_, tile_, job.layout, plan_.fine_gradient ? 1 : 0);
+    for (const RegularPart& part : job.regular) {
+        makers_.emplace_back(*part.view, frame_, tile_, job.layout, plan_.fine_gradient ? 1 : 0);
     }
+    for (const EllipsoidPart& part : job.ellipsoids) {
+        walks_.emplace_back(*part.traversal);
+    }
+    // Guards make viewports larger by a sprite's radius.
+    largest_sprite_ = plan_.fine_gradient || plan_.sampling == Sampling::slab
+                          ? 0.0
+                          : 0.5 * static_cast<double>(capabilities.max_point_size) - 1.0;
     if (plan_.opacity_buffer) {
         const auto pixels =
             static_cast<std::size_t>(tile.target_width()) * static_cast<std::size_t>(tile.target_height());
@@ -83,6 +93,7 @@ void TileLoop::run(const std::function<void(double)>& progress) {
         if (!targets_->shape().wide) {
             copy(pass);
         }
+        resolve(pass);
         shade(pass);
         if (targets_->shape().wide) {
             targets_->clear_sheet(ring(pass + 2));
@@ -119,13 +130,36 @@ void TileLoop::splat(std::int64_t pass) {
         gl_.Disable(GL_DEPTH_TEST);
     }
     const std::int64_t first_slab = pass * steps_.stride;
-    for (std::size_t field = 0; field < job_.views->size(); ++field) {
-        splat_field(field, pass, first_slab);
+    for (std::size_t part = 0; part < job_.regular.size(); ++part) {
+        splat_regular(part, pass, first_slab);
+    }
+    for (std::size_t part = 0; part < job_.ellipsoids.size(); ++part) {
+        splat_ellipsoids(part, pass, first_slab);
     }
 }
 
-void TileLoop::splat_field(std::size_t field, std::int64_t pass, std::int64_t first_slab) {
-    const SlabBatches& batches = (*job_.batches)[field];
+void TileLoop::bind_target(const SplatTarget& target, std::int64_t pass) const {
+    const int r = targets_->shape().wide ? ring(pass) : 0;
+    if (target.own >= 0) {
+        targets_->bind_splat_own(target.own, r);
+    } else if (plan_.fine_gradient) {
+        targets_->bind_splat_fine(r, target.weights_alone);
+    } else {
+        targets_->bind_splat(r);
+    }
+}
+
+template <class Draw>
+void TileLoop::for_each_target(std::size_t field, Draw&& draw) const {
+    const int own = plan_.own_sheets.empty() ? -1 : plan_.own_sheets[field];
+    draw(SplatTarget{own, plan_.weight || own >= 0, false});
+    if (plan_.fine_gradient && plan_.weight) {
+        draw(SplatTarget{own, true, true});
+    }
+}
+
+void TileLoop::splat_regular(std::size_t part, std::int64_t pass, std::int64_t first_slab) {
+    const SlabBatches& batches = *job_.regular[part].batches;
     if (pass >= static_cast<std::int64_t>(batches.batches())) {
         return;
     }
@@ -134,8 +168,8 @@ void TileLoop::splat_field(std::size_t field, std::int64_t pass, std::int64_t fi
     if (count == 0) {
         return;
     }
-    const FieldView& view = (*job_.views)[field];
-    const VertexMaker& maker = makers_[field];
+    const FieldView& view = *job_.regular[part].view;
+    const VertexMaker& maker = makers_[part];
     const bool boxed = plan_.projection == Projection::perspective;
     const auto started = std::chrono::steady_clock::now();
     auto* vertices = static_cast<SplatVertex*>(resources_.samples.map_next(count * sizeof(SplatVertex)));
@@ -162,16 +196,191 @@ void TileLoop::splat_field(std::size_t field, std::int64_t pass, std::int64_t fi
     }
     drawn_ += made;
 
-    targets_->bind_splat(targets_->shape().wide ? ring(pass) : 0);
-    const gl::Program& program =
-        resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, false), splat_outputs(plan_, false));
-    draw_kernels(program, view, maker, first_slab, made);
-    if (plan_.fine_gradient && plan_.weight) {
-        targets_->bind_splat_fine(targets_->shape().wide ? ring(pass) : 0, true);
-        const gl::Program& weights = resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, true),
-                                                        splat_outputs(plan_, true));
-        draw_kernels(weights, view, maker, first_slab, made);
+    for_each_target(job_.regular[part].field, [&](const SplatTarget& target) {
+        bind_target(target, pass);
+        const gl::Program& program = resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, target),
+                                                        splat_outputs(plan_, target));
+        draw_kernels(program, view, maker, first_slab, made);
+    });
+}
+
+void TileLoop::splat_ellipsoids(std::size_t part, std::int64_t pass, std::int64_t first_slab) {
+    const EllipsoidPart& ellipsoids = job_.ellipsoids[part];
+    const EllipsoidView& view = *ellipsoids.view;
+    const int wider = plan_.fine_gradient ? 1 : 0;
+    const std::int64_t last_slab = std::min<std::int64_t>(first_slab + job_.layout.covered, frame_.slices) - 1;
+    const double front = view.front_of(first_slab - wider);
+    const double back = view.back_of(last_slab + wider);
+    const bool marking = plan_.tagging == Tagging::tiles;
+    const double sprite = plan_.points ? largest_sprite_ : 0.0;
+    const auto started = std::chrono::steady_clock::now();
+    for (auto& records : records_) {
+        records.clear();
     }
+    walks_[part].next(
+        [&](const EllipsoidView::ScreenBounds& bounds) {
+            return plan_.opacity_buffer && opacity_.hides(EllipsoidView::pixels(bounds, frame_, tile_, wider));
+        },
+        [&](std::uint32_t id) {
+            const EyeKernel kernel = view.kernel(id);
+            const PixelBox box = EllipsoidView::pixels(view.bounds(kernel, front, back), frame_, tile_, wider);
+            if (box.empty()) {
+                return;
+            }
+            if (plan_.opacity_buffer && opacity_.hides(box)) {
+                ++dropped_;
+                return;
+            }
+            if (marking) {
+                marks_.touch(box);
+            }
+            records_[static_cast<std::size_t>(view.group(kernel, sprite))].push_back(
+                view.record(id, kernel, first_slab));
+        });
+    vertex_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+    for (std::size_t group = 0; group < records_.size(); ++group) {
+        if (!records_[group].empty()) {
+            drawn_ += records_[group].size();
+            for_each_target(ellipsoids.field, [&](const SplatTarget& target) {
+                draw_records(view, static_cast<SectionGroup>(group), records_[group], target, pass, first_slab);
+            });
+        }
+    }
+}
+
+void TileLoop::set_offsets(const gl::Program& program, std::int64_t first_slab) const {
+    const auto front = channel_offsets(plan_, first_slab);
+    program.set("offset_front", front[0], front[1], front[2], front[3]);
+    program.set("offset_back", front[0] + 4.0F, front[1] + 4.0F, front[2] + 4.0F, front[3] + 4.0F);
+    if (plan_.projection == Projection::perspective) {
+        const auto depth = [&](std::size_t channel, float more) {
+            return static_cast<float>(frame_.depth_of(first_slab) +
+                                      static_cast<double>(front[channel] + more) * frame_.slice_spacing);
+        };
+        program.set("depth_front", depth(0, 0.0F), depth(1, 0.0F), depth(2, 0.0F), depth(3, 0.0F));
+        program.set("depth_back", depth(0, 4.0F), depth(1, 4.0F), depth(2, 4.0F), depth(3, 4.0F));
+        program.set("slice_spacing", static_cast<float>(frame_.slice_spacing));
+    }
+}
+
+void TileLoop::draw_records(const EllipsoidView& view, SectionGroup group, const std::vector<SectionRecord>& records,
+                            const SplatTarget& target, std::int64_t pass, std::int64_t first_slab) {
+    const auto f = [](double value) { return static_cast<float>(value); };
+    const double k = view.field().kernel().falloff;
+    bind_target(target, pass);
+    const gl::Program& program = resources_.program("ellipsoid.vert", "ellipsoid.frag",
+                                                    ellipsoid_defines(plan_, group, target), splat_outputs(plan_, target));
+    program.use();
+    program.set("falloff_log2", f(k * log2_e));
+    program.set("edge", f(view.field().kernel().edge()));
+    program.set("falloff_root", f(std::sqrt(k)));
+    program.set("target_size", f(tile_.target_width()), f(tile_.target_height()));
+    program.set("axis", f(axis_x()), f(axis_y()));
+    program.set("tag", tags_by_depth() ? tag_of(tag_) : middle);
+    program.set("batch_first", f(static_cast<double>(first_slab)));
+    program.set("first_depth", f(frame_.depth_of(first_slab)));
+    program.set("last_offset", f(job_.layout.covered - 1));
+    program.set("slab_reach", f((plan_.sampling == Sampling::slab ? 0.5 : 0.0) + (plan_.fine_gradient ? 1.0 : 0.0)));
+    // Half a pixel of a rectangle's edge that a pixel's centre lies on may be lost to rounding; differences between
+    // neighbours reach a pixel further, along both axes.
+    program.set("margin", f(sprite_margin(capabilities_) + (plan_.fine_gradient ? 1.5 : 0.0)));
+    set_offsets(program, first_slab);
+    int guard = 0;
+    if (group == SectionGroup::sprite) {
+        double largest = 0.0;
+        for (const SectionRecord& record : records) {
+            largest = std::max(largest, static_cast<double>(record.ux));
+        }
+        // A point whose centre lies outside the viewport is not drawn, though its square may reach in: the viewport is
+        // made larger.
+        guard = static_cast<int>(std::ceil(largest)) + 2;
+        gl_.Viewport(-guard, -guard, tile_.target_width() + 2 * guard, tile_.target_height() + 2 * guard);
+        gl_.Enable(GL_SCISSOR_TEST);
+        gl_.Scissor(0, 0, tile_.target_width(), tile_.target_height());
+        gl_.Enable(GL_PROGRAM_POINT_SIZE);
+        program.set("guard", f(guard), f(guard));
+        program.set("sprite_margin", f(sprite_margin(capabilities_)));
+    }
+    resources_.record_array.bind();
+    for (std::size_t begin = 0; begin < records.size(); begin += records_at_once) {
+        const std::size_t count = std::min(records_at_once, records.size() - begin);
+        std::memcpy(resources_.records.map_next(count * sizeof(SectionRecord)), records.data() + begin,
+                    count * sizeof(SectionRecord));
+        resources_.records.unmap();
+        resources_.records.bind();
+        const auto attributes = [&](std::size_t first) {
+            for (GLuint part = 0; part < 4; ++part) {
+                const std::size_t offset =
+                    resources_.records.offset() + first * sizeof(SectionRecord) + part * 4 * sizeof(float);
+                gl_.EnableVertexAttribArray(ATTRIBUTE_RECORD_PLACE + part);
+                gl_.VertexAttribPointer(ATTRIBUTE_RECORD_PLACE + part, 4, GL_FLOAT, GL_FALSE, sizeof(SectionRecord),
+                                        reinterpret_cast<const void*>(offset));
+                gl_.VertexAttribDivisor(ATTRIBUTE_RECORD_PLACE + part, group == SectionGroup::sprite ? 0 : 1);
+            }
+        };
+        attributes(0);
+        if (group == SectionGroup::sprite) {
+            gl_.DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(count));
+        } else if (plan_.vertex_arrays) {
+            gl_.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(count));
+        } else {
+            for (std::size_t record = 0; record < count; ++record) {
+                attributes(record);
+                gl_.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, 1);
+            }
+        }
+    }
+    if (guard > 0) {
+        gl_.Disable(GL_SCISSOR_TEST);
+        gl_.Viewport(0, 0, tile_.target_width(), tile_.target_height());
+    }
+}
+
+void TileLoop::resolve(std::int64_t pass) {
+    const int own_fields = targets_->shape().own;
+    if (own_fields == 0) {
+        return;
+    }
+    const bool wide = targets_->shape().wide;
+    const int channel = wide ? 0 : static_cast<int>(pass % 4);
+    const auto mask = [&](int only) {
+        gl_.ColorMask(wide || only == 0 ? GL_TRUE : GL_FALSE, wide || only == 1 ? GL_TRUE : GL_FALSE,
+                      wide || only == 2 ? GL_TRUE : GL_FALSE, wide || only == 3 ? GL_TRUE : GL_FALSE);
+    };
+    gl_.Disable(GL_DEPTH_TEST);
+    gl_.DepthMask(GL_FALSE);
+    gl::Defines defines;
+    std::vector<std::string> outputs{"sheet_sum"};
+    if (plan_.weight) {
+        defines["WEIGHT"] = "1";
+        outputs.emplace_back("weight_sum");
+    }
+    const gl::Program& program = resources_.program("rectangle.vert", "resolve.frag", defines, outputs);
+    for (std::size_t field = 0; field < plan_.own_sheets.size(); ++field) {
+        const int own = plan_.own_sheets[field];
+        if (own < 0) {
+            continue;
+        }
+        // The newest slabs that no later batch adds to.
+        const int r = wide ? ring(pass) : 0;
+        mask(channel);
+        gl_.Enable(GL_BLEND);
+        gl_.BlendFunc(GL_ONE, GL_ONE);
+        targets_->bind_sheet(wide ? r : 1);
+        program.use();
+        const Sheet& sheet = targets_->own_sheet(own, r);
+        sheet.value.bind(UNIT_SHEET_FRONT);
+        sheet.weight.bind(UNIT_WEIGHT_FRONT);
+        program.set("sheet_front_texture", UNIT_SHEET_FRONT);
+        program.set("weight_front_texture", UNIT_WEIGHT_FRONT);
+        program.set("w0", static_cast<float>(job_.scene->fields[field]->w0()));
+        program.set("target_size", static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height()));
+        program.set("tag", middle);
+        draw_rectangles(
+            {{0.0F, 0.0F, static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height())}});
+        targets_->clear_own(own, r);
+    }
+    gl_.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
 
 void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, const VertexMaker& maker,
@@ -195,18 +404,10 @@ void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, c
     program.set_matrix2("to_unit", f(view.to_unit[0].x * frame_.pixel), f(view.to_unit[0].y * frame_.pixel),
                         f(-view.to_unit[1].x * frame_.pixel), f(-view.to_unit[1].y * frame_.pixel));
     program.set("tag", tags_by_depth() ? tag_of(tag_) : middle);
-    const auto front = channel_offsets(plan_, first_slab);
-    program.set("offset_front", front[0], front[1], front[2], front[3]);
-    program.set("offset_back", front[0] + 4.0F, front[1] + 4.0F, front[2] + 4.0F, front[3] + 4.0F);
+    set_offsets(program, first_slab);
     if (perspective) {
-        program.set("slice_spacing", f(frame_.slice_spacing));
         program.set("half_depth", f(view.half_depth));
         program.set("last_offset", f(job_.layout.covered - 1));
-        const auto depth = [&](std::size_t channel, float more) {
-            return f(frame_.depth_of(first_slab) + static_cast<double>(front[channel] + more) * frame_.slice_spacing);
-        };
-        program.set("depth_front", depth(0, 0.0F), depth(1, 0.0F), depth(2, 0.0F), depth(3, 0.0F));
-        program.set("depth_back", depth(0, 4.0F), depth(1, 4.0F), depth(2, 4.0F), depth(3, 4.0F));
     }
 
     resources_.splat_array.bind();
@@ -431,7 +632,7 @@ void TileLoop::set_shading(const gl::Program& program, std::int64_t pass) {
     const std::int64_t first_slab = steps_.first_slab(pass);
     const double reference = frame_.reference_length;
     program.set("scalar_step", 1.0F);
-    program.set("axis", f(makers_.front().origin_x()), f(makers_.front().origin_y()));
+    program.set("axis", f(axis_x()), f(axis_y()));
     program.set("pixel", f(frame_.pixel));
     program.set("first_depth", f(frame_.depth_of(first_slab)));
     program.set("slice_spacing", f(frame_.slice_spacing));

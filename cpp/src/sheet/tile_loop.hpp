@@ -1,6 +1,7 @@
 // One tile of a picture: for each batch splat, (copy,) shade and composite ([NM05] figure 5).
 #pragma once
 
+#include <array>
 #include <functional>
 #include <vector>
 
@@ -30,9 +31,20 @@ class TileLoop {
 
   private:
     void splat(std::int64_t pass);
-    void splat_field(std::size_t field, std::int64_t pass, std::int64_t first_slab);
+    void splat_regular(std::size_t part, std::int64_t pass, std::int64_t first_slab);
     void draw_kernels(const gl::Program& program, const FieldView& view, const VertexMaker& maker,
                       std::int64_t first_slab, std::size_t count);
+    void splat_ellipsoids(std::size_t part, std::int64_t pass, std::int64_t first_slab);
+    void draw_records(const EllipsoidView& view, SectionGroup group, const std::vector<SectionRecord>& records,
+                      const SplatTarget& target, std::int64_t pass, std::int64_t first_slab);
+    void set_offsets(const gl::Program& program, std::int64_t first_slab) const;
+    /// Binds the sheets that a field's splats go to.
+    void bind_target(const SplatTarget& target, std::int64_t pass) const;
+    /// Calls draw(target) for each pass that a field's splats take.
+    template <class Draw>
+    void for_each_target(std::size_t field, Draw&& draw) const;
+    /// Divides the fields with sheets of their own and adds them to the sheets of all.
+    void resolve(std::int64_t pass);
     void copy(std::int64_t pass);
     void shade(std::int64_t pass);
     void set_shading(const gl::Program& program, std::int64_t pass);
@@ -46,6 +58,9 @@ class TileLoop {
     [[nodiscard]] bool tags_by_depth() const {
         return plan_.tagging == Tagging::depth_bounds || plan_.tagging == Tagging::depth_equal;
     }
+    /// Where the optical axis meets the targets, pixels.
+    [[nodiscard]] double axis_x() const { return 0.5 * frame_.size.width - tile_.x + Tile::border; }
+    [[nodiscard]] double axis_y() const { return 0.5 * frame_.size.height - tile_.y + Tile::border; }
     [[nodiscard]] int ring(std::int64_t pass) const { return static_cast<int>(pass % 3); }
 
     const Job& job_;
@@ -59,6 +74,9 @@ class TileLoop {
     Steps steps_;
     TileMarks marks_;
     std::vector<VertexMaker> makers_;
+    std::vector<CellWalk> walks_;
+    std::array<std::vector<SectionRecord>, section_groups> records_;
+    double largest_sprite_ = 0.0; ///< radius in pixels
     const Targets* targets_ = nullptr;
     int tags_limit_;
     int tag_ = 0;      ///< of the newest batch, counted since the tags were cleared

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from sheetsplat.cli.options import apply, array_shape, as_json, common, file_options, place_options
 from sheetsplat.cli.output import report_json
+
+if TYPE_CHECKING:
+    from sheetsplat.fields import EllipsoidField
 
 _PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
 _BAR = 40
@@ -96,6 +99,48 @@ def _statistics(flat: NDArray[Any], bins: int) -> dict[str, Any]:
     }
 
 
+def _aspects(field: EllipsoidField) -> NDArray[np.float64]:
+    """Return the longest over the shortest semi-axis of every so many kernels, as percentiles 50, 99 and 100."""
+    if field.isotropic or not field.size:
+        return np.ones(3)
+    aspects = np.concatenate(
+        [
+            block.max(axis=1) / block.min(axis=1)
+            for block in (field.scales[start : start + _BLOCK] for start in range(0, field.size, _BLOCK))
+        ]
+    )
+    found: NDArray[np.float64] = np.percentile(aspects, (50, 99, 100), overwrite_input=True)
+    return found
+
+
+def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
+    """Return what is in a field of ellipsoids: counts, places, sizes, ranges, histogram, memory, and its look."""
+    from sheetsplat import automatic
+
+    known = slice(0, field.size - field.ghosts)
+    report: dict[str, Any] = {
+        "kernels": field.size,
+        "kind": "spheres" if field.isotropic else "ellipsoids",
+        "bounds": [list(corner) for corner in field.bounds] if field.size else [],
+        "scales": list(field.scale_range),
+        "weights": list(field.weight_range),
+        "normalization": field.normalization,
+        "w0": field.w0,
+        "falloff": field.falloff,
+        "slice_spacing": field.default_slice_spacing,
+        "memory_bytes": field.memory,
+        **_statistics(field.values[known], bins),
+    }
+    if field.size:
+        # A median of 10 million takes its time; percentiles look at no more than enough of them.
+        stride = 1 if field.size <= _ENOUGH else (-(-field.size // _ENOUGH) | 1)
+        report["median_scale"] = float(np.median(field.scales[::stride]))
+        report["aspect"] = dict(zip(("median", "99 %", "largest"), _aspects(field).tolist(), strict=True))
+        look = automatic.choose([field])
+        report |= {"clim": list(look.clim), "surface": look.surface}
+    return report
+
+
 def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     """Return what is in a file: sizes, ranges, histogram, memory, and the look that a picture of it would get."""
     from sheetsplat import automatic
@@ -138,19 +183,46 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     return report
 
 
-def _table(report: dict[str, Any]) -> str:
-    def numbers(name: str) -> str:
-        return ", ".join(f"{value:g}" for value in report[name])
+def _listed(numbers: Iterable[float]) -> str:
+    return ", ".join(f"{value:g}" for value in numbers)
 
+
+def _regular_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
+    return [
+        ("samples", " x ".join(map(str, report["samples"])) + f" (x, y, z), {report['type']}"),
+        ("lattice", report["lattice"]),
+        ("spacing", _listed(report["spacing"])),
+        ("origin", _listed(report["origin"])),
+        ("extent", _listed(report["extent"])),
+        ("memory", f"{report['memory_bytes'] / 1e6:.1f} MB as {report['kept_as']}"),
+    ]
+
+
+def _scattered_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
+    thin, long = report["scales"]
+    rows = [("kernels", f"{report['kernels']} {report['kind']}")]
+    if report["kernels"]:
+        aspect = ", ".join(f"{name} {value:.3g}" for name, value in report["aspect"].items())
+        rows += [
+            ("bounds", " to ".join(f"({_listed(corner)})" for corner in report["bounds"])),
+            ("semi-axes", f"{thin:g} to {long:g}, median {report['median_scale']:g}"),
+            ("aspect", aspect),
+            ("weights", " to ".join(f"{weight:g}" for weight in report["weights"])),
+        ]
+    w0 = f", w0 {report['w0']:g}" if report["normalization"] == "threshold" else ""
+    return [
+        *rows,
+        ("sums", f"normalization {report['normalization']}{w0}, falloff {report['falloff']:g}"),
+        ("slices", f"{report['slice_spacing']:g} apart, unless told otherwise"),
+        ("memory", f"{report['memory_bytes'] / 1e6:.1f} MB"),
+    ]
+
+
+def _table(report: dict[str, Any]) -> str:
     rows = [
         ("file", report["file"]),
         ("format", report["format"] + (f", {report['content']}" if "content" in report else "")),
-        ("samples", " x ".join(map(str, report["samples"])) + f" (x, y, z), {report['type']}"),
-        ("lattice", report["lattice"]),
-        ("spacing", numbers("spacing")),
-        ("origin", numbers("origin")),
-        ("extent", numbers("extent")),
-        ("memory", f"{report['memory_bytes'] / 1e6:.1f} MB as {report['kept_as']}"),
+        *(_scattered_rows(report) if "kernels" in report else _regular_rows(report)),
     ]
     if report["nan"] or report["infinite"]:
         rows.append(("not finite", f"{report['nan']} NaN, {report['infinite']} infinite"))

@@ -9,6 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.lib import format as npy_format
+from numpy.typing import NDArray
 
 from sheetsplat.errors import complain
 from sheetsplat.io.source import _DAMAGED, Payload, Source, checked_shape
@@ -17,6 +18,8 @@ from sheetsplat.io.volume import Volume
 _Header = tuple[tuple[int, ...], bool, np.dtype[Any]]
 # Of the deflate method; stored entries hold what they hold.
 _RATIO = 1032
+# Bytes of a text beside arrays.
+_LONGEST_TEXT = 1024
 
 
 def _header(source: Source, stream: BinaryIO) -> _Header:
@@ -93,6 +96,46 @@ def read_npz(source: Source, name: str | None) -> Volume:
         if isinstance(error, RuntimeError) and isinstance(error, ValueError):
             raise
         raise source.damaged(error) from None
+
+
+def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    """Return the arrays of numbers of an .npz file, of any shape, and its single texts, each by its name.
+
+    Raises InvalidInput for more than `most` entries and for anything pickled, OutOfMemory where they do not fit.
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    texts: dict[str, str] = {}
+    try:
+        source.seek(0)
+        with zipfile.ZipFile(source.stream) as archive:
+            entries = archive.infolist()
+            if len(entries) > most:
+                raise complain(f"{source.path} cannot be read", f"{len(entries)} entries", f"at most {most}")
+            for entry in entries:
+                with archive.open(entry) as stream:
+                    shape, first_fastest, dtype = _header(source, stream)  # type: ignore[arg-type]
+                    name = entry.filename.removesuffix(".npy")
+                    text = dtype.kind == "U" and shape == () and dtype.itemsize <= _LONGEST_TEXT
+                    if not text and (dtype.hasobject or dtype.kind not in "biuf"):
+                        raise complain(
+                            f"{source.path} cannot be read",
+                            f"an array {name!r} of {'Python objects' if dtype.hasobject else dtype}",
+                            "integers, booleans or real floating-point numbers",
+                        )
+                    bound = min(entry.file_size, entry.compress_size * _RATIO + 64)
+                    payload = Payload(source, stream, bound, exact=False)  # type: ignore[arg-type]
+                    # Arrays without an entry are none to reserve memory for.
+                    sizes = tuple(shape) if 0 in shape else checked_shape(source.path, shape, f"shape of {name}")
+                    values = payload.array(dtype, math.prod(sizes))
+                    if text:
+                        texts[name] = str(values[0])
+                    else:
+                        arrays[name] = values.reshape(sizes, order="F" if first_fastest else "C")
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, *_DAMAGED) as error:
+        if isinstance(error, RuntimeError) and isinstance(error, ValueError):
+            raise
+        raise source.damaged(error) from None
+    return arrays, texts
 
 
 def _only_volume(source: Source, archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo]) -> str:

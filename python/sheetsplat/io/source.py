@@ -139,6 +139,23 @@ class Source:
         except _DAMAGED as error:
             raise self.damaged(error) from None
 
+    def length(self, limit: int) -> int:
+        """Return how many unpacked bytes there are, or `limit` where there are more; nothing of them is kept."""
+        if not self.packed:
+            return min(limit, self._end)
+        count = 0
+        try:
+            self._stream.seek(0)
+            while count < limit:
+                piece = self._stream.read(min(_CHUNK, limit - count))
+                if not piece:
+                    break
+                count += len(piece)
+            self._stream.seek(0)
+        except _DAMAGED as error:
+            raise self.damaged(error) from None
+        return count
+
     def at_most(self) -> int:
         """Return a bound on the bytes that are left: exact for plain files, what can be packed into it for others."""
         return max(0, self._end - self._stream.tell())

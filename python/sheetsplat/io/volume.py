@@ -16,6 +16,10 @@ from sheetsplat.io.source import Source
 
 _RAW_SUFFIXES = (".raw", ".bin", ".dat", ".img", ".vol")
 _META_SUFFIXES = (".mhd", ".mha")
+_TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
+
+# Formats of files that hold points instead of a regular volume.
+SCATTERED = ("plot3d", "hdf5", "vtk", "ply", "csv", "ellipsoids")
 
 
 @dataclass(frozen=True)
@@ -45,8 +49,21 @@ def _suffix(path: Path) -> str:
     return Path(path.stem).suffix.lower() if path.suffix.lower() == ".gz" else path.suffix.lower()
 
 
+def scattered_format(source: Source, head: bytes, suffix: str) -> str:
+    """Return "hdf5", "vtk", "ply" or "csv" for scattered data, "vti" for an image, "" for anything else."""
+    if head.startswith(b"\x89HDF\r\n\x1a\n"):
+        return "hdf5"
+    if head.startswith((b"ply\n", b"ply\r")):
+        return "ply"
+    if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"<?xml", b"<VTKFile", b"<!--", b"<!DOCTYPE")):
+        from sheetsplat.io import vtk_xml
+
+        return vtk_xml.kind_of(source.head(1 << 14))
+    return "csv" if suffix in _TABLE_SUFFIXES and b"\0" not in head and head.strip() else ""
+
+
 def _format_of(source: Source, *, raw_options: bool) -> str:
-    """Return "npy", "npz", "nrrd", "metaimage" or "raw"."""
+    """Return "npy", "npz", "nrrd", "metaimage", "vti", "raw", or one of `SCATTERED`."""
     suffix = _suffix(source.path)
     if raw_options and suffix in _RAW_SUFFIXES:
         return "raw"
@@ -60,14 +77,34 @@ def _format_of(source: Source, *, raw_options: bool) -> str:
     first = head.split(b"\n", 1)[0].split(b"=", 1)
     if suffix in _META_SUFFIXES or (len(first) == 2 and first[0].strip() in (b"ObjectType", b"NDims")):
         return "metaimage"
-    if raw_options or suffix in _RAW_SUFFIXES:
+    if raw_options:
+        return "raw"
+    known = scattered_format(source, head, suffix)
+    if known:
+        return known
+    if suffix in _RAW_SUFFIXES:
         return "raw"
     raise complain(
         f"{source.path} cannot be read",
         "an empty file" if not head else "a format that is not known",
-        ".npy, .npz, NRRD, MetaImage (.mhd, .mha), or raw samples; each also gzipped",
-        "for raw samples give their shape and their type",
+        ".npy, .npz, NRRD, MetaImage (.mhd, .mha), .vti, or raw samples; scattered data as .vtu, .vtp, HDF5, .ply, "
+        ".csv or PLOT3D; each also gzipped",
+        "for raw samples give their shape and their type, for a PLOT3D solution its grid",
     )
+
+
+def find_format(path: str | os.PathLike[str], *, raw_options: bool, name: str | None) -> str:
+    """Return the format of a file by its content, then by its suffix; one of `SCATTERED` for scattered data.
+
+    An .npz file with an array "centers" holds ellipsoids, unless a `name` asks for one of its arrays.
+    """
+    with Source(Path(path)) as source:
+        found = _format_of(source, raw_options=raw_options)
+        if found == "npz" and name is None:
+            from sheetsplat.io import tables
+
+            return "ellipsoids" if tables.holds_ellipsoids(source) else found
+        return found
 
 
 def read_volume(
@@ -83,13 +120,14 @@ def read_volume(
     Parameters
     ----------
     path
-        .npy, .npz, NRRD (attached or detached data), MetaImage (.mhd, .mha) or raw samples.
+        .npy, .npz, NRRD (attached or detached data), MetaImage (.mhd, .mha), VTK's .vti or raw samples.
     shape, dtype
         For raw samples: (nk, nj, ni), the order of the array, and their type, with its byte order (">i2").
     offset
         For raw samples: bytes before the first one.
     name
-        For .npz: the array to take, where the file has several with three axes.
+        For .npz: the array to take, where the file has several with three axes. For .vti: the array, one column of one
+        (NAME_x), or the length of a vector; the file's own scalars unless given.
 
     Raises
     ------
@@ -108,12 +146,24 @@ def read_volume(
                 f"shape, dtype or offset for a file of format {found}",
                 "them only for raw samples; this file says itself what it holds",
             )
-        if found != "npz" and name is not None:
-            raise complain(f"{path} cannot be read with these options", "name for a single array", "it only for .npz")
+        if found not in ("npz", "vti") and name is not None:
+            wanted = "it only for .npz and .vti"
+            raise complain(f"{path} cannot be read with these options", "name for a single array", wanted)
         if found in ("npy", "npz"):
             from sheetsplat.io import numpy_files
 
             return numpy_files.read_npy(source) if found == "npy" else numpy_files.read_npz(source, name)
+        if found in SCATTERED:
+            raise complain(
+                f"{path} cannot be read as a volume",
+                f"scattered data ({found})",
+                "a regular volume",
+                "open it with sheetsplat.open, which makes ellipsoids of it",
+            )
+        if found == "vti":
+            from sheetsplat.io import vtk_xml
+
+            return vtk_xml.read_image(source, name)
         if found == "nrrd":
             from sheetsplat.io import nrrd_files
 

@@ -53,7 +53,7 @@ Scene scene_of(const std::shared_ptr<const RegularField>& field) {
     return scene;
 }
 
-Camera askew(const RegularField& field, Projection projection) {
+Camera askew(const Field& field, Projection projection) {
     return Camera::fit(field.supports_world(), Vec3(-0.5, -0.35, -0.8), Vec3(0, 1, 0), projection, 1.0, 40.0);
 }
 

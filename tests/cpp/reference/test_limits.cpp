@@ -35,7 +35,7 @@ TEST(Slices, AreAnchoredAtTheMiddleOfTheCentres) {
     const Vec3 middle = options.origin + Vec3(4.0, 3.5, 3.0);
     for (const Vec3& eye : {Vec3(9.0, 9.0, 9.0), Vec3(-9.0, 3.0, 1.0)}) {
         const Camera camera = Camera::orthographic(eye, Vec3(0.0), Vec3(0.0, 1.0, 0.0), 5.0);
-        const Slices slices = find_slices(scene, camera, 1.0);
+        const Slices slices = find_slices(scene, camera, Screen(camera, Size{4, 4}), 1.0);
         const double depth = glm::dot(middle - eye, glm::normalize(-eye));
         EXPECT_NEAR(slices.depth(0), depth + 0.35, 1e-13);
         EXPECT_NEAR(slices.depth(-1), depth - 0.35, 1e-13);
@@ -58,7 +58,7 @@ TEST(Slices, AnchorDoesNotMoveWithInvisibleKernelsOrOtherSettings) {
         options.origin = Vec3(0.0, 0.0, -4.0);
         return options;
     }()));
-    const Slices slices = find_slices(scene, front_camera(4.0), 1.0);
+    const Slices slices = find_slices(scene, front_camera(4.0), Screen(front_camera(4.0), Size{4, 4}), 1.0);
     EXPECT_NEAR(slices.anchor, 22.0, 1e-14);
 }
 
@@ -98,7 +98,7 @@ TEST(Slices, TooManyAreRefused) {
     EXPECT_NE(message.find("4e-07"), std::string::npos) << message;
     EXPECT_THROW((void)render(one_kernel_scene(1e-300), front_camera(4.0), Size{4, 4}), InvalidInput);
     // Ten million are let through.
-    EXPECT_EQ(find_slices(one_kernel_scene(4e-7), front_camera(4.0), 1.0).count, 10'000'000);
+    EXPECT_EQ(find_slices(one_kernel_scene(4e-7), front_camera(4.0), Screen(front_camera(4.0), Size{4, 4}), 1.0).count, 10'000'000);
 }
 
 TEST(Pictures, ThatCannotBe) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/capabilities.hpp"
 #include "sheetsplat/camera.hpp"
@@ -30,6 +31,11 @@ struct ViewFacts {
     double smallest_falloff = 8.0; ///< over the fields
     double widest_slab = 1.0;      ///< largest sqrt(k) |w| ds / h over the fields
     std::int64_t longest_span = 4; ///< most slices that one kernel meets
+    bool ellipsoids = false;       ///< some field is scattered
+    std::size_t unresolved = 0;    ///< ellipsoids smaller than a pixel or thinner than a slice distance
+    double largest_filtering = 0.0;    ///< largest square of pixel or slice distance over a semi-axis
+    double largest_overlap = 33.5;     ///< kernels that overlap at a point: a bound or an estimate
+    double largest_weight = 1.0;
 };
 
 /// Everything that the slice loop on GL switches on. One flag an effect; the summary lists them with reasons.
@@ -41,7 +47,11 @@ struct DrawPlan {
     bool weight = false;
     bool empty_test =
         false; ///< opacity at 0 > 0: points that no kernel reaches must be told from points whose sum is 0
-    bool threshold = false;
+    bool threshold = false; ///< the one field is divided by its weight sum where it is shaded
+    /// Several fields: for each the number of its own sheets, where it is divided before all are added; -1: it adds to
+    /// the sheets of all.
+    std::vector<int> own_sheets;
+    bool filter = false; ///< kernels are widened by pixel and slice distance
     bool gradient = false;
     bool specular = false;
     bool two_sided = false;

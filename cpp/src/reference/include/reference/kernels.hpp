@@ -1,12 +1,15 @@
-// The kernels of a regular field as a camera sees them. Source: IMAGE FORMATION sections 1 and 2.
+// The kernels of a field, in the world and as a camera sees them.
+// Source: IMAGE FORMATION sections 1, 2 and 10; [NM06] section 3.2 for the factored form M = R S.
 #pragma once
 
-#include <array>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 
+#include "reference/screen.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/field.hpp"
+#include "sheetsplat/scene.hpp"
 
 namespace sheetsplat::reference {
 
@@ -38,47 +41,122 @@ struct Chord {
     double mean = 0.0;    ///< of g over all depths from front to back, zero outside of the support
 };
 
-/// What all kernels of a field have in common for one camera.
-class KernelShape {
-  public:
-    KernelShape(const RegularField& field, const Camera& camera, double radius_factor);
-
-    /// Eye-space position of a kernel.
-    [[nodiscard]] Vec3 centre_eye(const Vec3& position_world) const;
-    /// Half the extents of the support along the eye's axes.
-    [[nodiscard]] const Vec3& reach() const { return reach_; }
-    /// q = M^-1 d for an eye-space difference d from the centre.
-    [[nodiscard]] Vec3 to_unit(const Vec3& from_centre_eye) const { return to_unit_ * from_centre_eye; }
-    [[nodiscard]] const Profile& profile() const { return profile_; }
-
-    /// Mean of g between two depths along the line through the eye-space point `centre` + `beside` (of the same depth
-    /// as the centre) that moves by (slope_x, slope_y, -1) per unit of depth. front and back are depths less the
-    /// centre's.
-    [[nodiscard]] Chord mean(const Vec3& beside, double slope_x, double slope_y, double front, double back) const;
-
-  private:
-    Vec3 eye_;
-    Vec3 right_, up_, backward_;
-    Mat3 to_unit_; ///< eye-space differences to the kernel's unit-sphere space
-    Vec3 reach_{0.0};
-    Profile profile_;
+/// The two ends of something; nothing where lower > upper.
+struct Interval {
+    double lower = 1.0, upper = -1.0;
+    [[nodiscard]] bool empty() const { return !(lower <= upper); }
 };
 
-/// visit(id, position_world, value) for every kernel in memory order; id = (k * nj + j) * ni + i. NaN is no kernel.
-template <class Visit>
-void for_each_kernel(const RegularField& field, Visit&& visit) {
-    const auto [nk, nj, ni] = field.shape();
-    std::uint64_t id = 0;
-    for (std::size_t k = 0; k < nk; ++k) {
-        for (std::size_t j = 0; j < nj; ++j) {
-            for (std::size_t i = 0; i < ni; ++i, ++id) {
-                const double value = field.value(i, j, k);
-                if (!std::isnan(value)) {
-                    visit(id, field.position(i, j, k), value);
-                }
+/// The ellipsoid { B q : |q| < 1 } in eye space, about its centre. Depths here are less the centre's.
+class KernelShape {
+  public:
+    /// B = E S. axes_eye: E, whose columns are the kernel's own axes in eye space, unit vectors; semi_axes: S.
+    KernelShape(const Mat3& axes_eye, const Vec3& semi_axes);
+    /// The shape after the EWA filter of IMAGE FORMATION section 10: B B^T + diag(across^2, across^2, along^2), by a
+    /// Householder QR of [B^T; diag(across, across, along)], whose triangle is the transpose of the new B.
+    static KernelShape filtered(const Mat3& axes_eye, const Vec3& semi_axes, double across, double along);
+
+    /// Half the support's extent in depth: |B^T e_z|.
+    [[nodiscard]] double half_depth() const { return half_depth_; }
+    /// What the filter makes of the amplitude: det B before over det B after; 1 without a filter.
+    [[nodiscard]] double amplitude() const { return amplitude_; }
+    /// q = B^-1 d for an eye-space difference d from the centre.
+    [[nodiscard]] Vec3 to_unit(const Vec3& from_centre_eye) const { return to_unit_ * from_centre_eye; }
+
+    /// Bounds of x (y) over the part of the support between two depths: those of the cross-section where both are the
+    /// same. Never too small.
+    [[nodiscard]] Interval bounds_x(double front, double back) const { return bounds(drift_x_, spread_x_, front, back); }
+    [[nodiscard]] Interval bounds_y(double front, double back) const { return bounds(drift_y_, spread_y_, front, back); }
+    /// Bounds of x over the part of the support between two depths that is in the plane y = y_0 + slope_y depth (a row
+    /// of pixels). Never too small; all of bounds_x where rounding leaves nothing better.
+    [[nodiscard]] Interval bounds_in_row(double y_0, double slope_y, double front, double back) const;
+
+    /// Mean of g between two depths along the line that moves by (slope_x, slope_y, -1) per unit of depth and is at
+    /// `beside` at the centre's depth.
+    [[nodiscard]] Chord mean(const Profile& profile, const Vec3& beside, double slope_x, double slope_y, double front,
+                             double back) const;
+
+  private:
+    KernelShape() = default;
+    /// Takes the rows of B.
+    void measure(const Vec3& x, const Vec3& y, const Vec3& z);
+    [[nodiscard]] Interval bounds(double drift, double spread, double front, double back) const;
+
+    Mat3 to_unit_{1.0};
+    double half_depth_ = 1.0;
+    double amplitude_ = 1.0;
+    /// The cross-section at the share s of the half-depth towards the eye is an ellipse about s drift, sqrt(1 - s^2)
+    /// spread wide to either side.
+    double drift_x_ = 0.0, drift_y_ = 0.0, spread_x_ = 1.0, spread_y_ = 1.0;
+};
+
+/// One kernel in the world.
+struct WorldKernel {
+    Vec3 centre{0.0};
+    Mat3 axes{1.0}; ///< R: columns are the own axes
+    Vec3 semi_axes{1.0};
+    double value = 0.0;
+    double weight = 1.0;
+};
+
+/// The kernels of any field by number: that of sample (k * nj + j) * ni + i, or of the ellipsoid.
+class WorldKernels {
+  public:
+    explicit WorldKernels(const Field& field);
+
+    /// Numbers are 0 ... numbers() - 1; a skipped sample has a number, but no kernel.
+    [[nodiscard]] std::uint64_t numbers() const { return numbers_; }
+    [[nodiscard]] std::optional<WorldKernel> at(std::uint64_t number) const;
+    /// C of normalisation lattice.
+    [[nodiscard]] double lattice_constant() const;
+
+  private:
+    const RegularField* regular_;
+    const EllipsoidField* ellipsoids_;
+    std::uint64_t numbers_ = 0;
+    Vec3 semi_axes_{1.0}; ///< of a regular field's
+};
+
+/// One kernel as a camera sees it, after the filter.
+struct EyeKernel {
+    Vec3 centre; ///< eye space
+    KernelShape shape;
+    double value;  ///< m f times the filter's amplitude
+    double weight; ///< m times the filter's amplitude
+
+    [[nodiscard]] double depth() const { return -centre.z; }
+};
+
+/// The kernels of a field as a camera sees them.
+class EyeKernels {
+  public:
+    /// radius_factor multiplies all semi-axes, before the filter. What is referred to must live as long as this.
+    EyeKernels(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen,
+               double radius_factor);
+
+    /// visit(number, kernel) for every kernel, numbers rising.
+    template <class Visit>
+    void for_each(Visit&& visit) const {
+        for (std::uint64_t number = 0; number < world_.numbers(); ++number) {
+            if (const std::optional<WorldKernel> kernel = world_.at(number)) {
+                visit(number, seen(*kernel));
             }
         }
     }
-}
+    /// A number that for_each visits.
+    [[nodiscard]] EyeKernel at(std::uint64_t number) const { return seen(*world_.at(number)); }
+
+  private:
+    [[nodiscard]] EyeKernel seen(const WorldKernel& kernel) const;
+    [[nodiscard]] KernelShape shape_of(const WorldKernel& kernel, double depth) const;
+
+    WorldKernels world_;
+    const Screen& screen_;
+    Vec3 eye_, right_, up_, backward_;
+    bool filter_;
+    double spacing_;
+    double radius_factor_;
+    std::optional<KernelShape> common_shape_; ///< where all kernels have it
+};
 
 } // namespace sheetsplat::reference

@@ -32,8 +32,8 @@ struct Request {
     bool depth = false;
     /// Moves the arithmetic a little, to find pixels whose value jumps (IMAGE FORMATION section 9): added to every rho,
     /// as a share of v_max - v_min, where it is classified or compared with the iso value (scalar modes do not jump:
-    /// not there, and gradients do not know of it); factor on the supports' radius minus one (C of normalisation
-    /// lattice follows); added to A_stop.
+    /// not there, and gradients do not know of it); factor on all semi-axes minus one (C of normalisation lattice
+    /// follows, what the EWA filter adds does not); added to A_stop.
     double nudge_rho = 0.0;
     double nudge_radius = 0.0;
     double nudge_stop = 0.0;
@@ -41,8 +41,9 @@ struct Request {
     std::function<bool(double)> progress{};
 };
 
-/// Throws InvalidInput (scene.validate(), size below 1 x 1, more than 10^7 slices), OutOfMemory, Cancelled.
-/// The only shortcut: kernels of value 0 are left out where they cannot matter (see ZeroKernels in sums.hpp).
+/// Fields of any kind, filter included. Throws InvalidInput (scene.validate(), size below 1 x 1, more than 10^7 slices,
+/// sums beyond float64), OutOfMemory, Cancelled.
+/// The only shortcut: kernels of value or weight 0 are left out where they cannot matter (see ZeroKernels in sums.hpp).
 Picture render(const Scene& scene, const Camera& camera, Size size, const Request& request = {});
 
 /// One flag a pixel: 1 where the picture changes by more than 1e-3 under any of the nudges of section 9 (both signs);
@@ -50,11 +51,11 @@ Picture render(const Scene& scene, const Camera& camera, Size size, const Reques
 std::vector<unsigned char> ambiguous_pixels(const Scene& scene, const Camera& camera, Size size,
                                             const Request& request = {});
 
-/// The field's sums at one point of the world, for tests: D, W and whether no kernel reaches it.
+/// The field's sums at one point of the world, for tests: D, W and whether no kernel reaches it. No filter.
 struct Sums {
     double d = 0.0, w = 0.0;
     bool empty = true;
 };
-Sums sums_at(const RegularField& field, const Vec3& point_world);
+Sums sums_at(const Field& field, const Vec3& point_world);
 
 } // namespace sheetsplat::reference

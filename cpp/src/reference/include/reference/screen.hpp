@@ -36,13 +36,15 @@ class Screen {
     /// Unit vector from anything on the pixel's ray towards the camera.
     [[nodiscard]] Vec3 to_viewer(int column, int row) const;
 
-    /// The pixels whose rays come within `reach` (x and y) of the eye-space point `centre` at depths from `front` to
-    /// `back`; first > last where there are none. Never too small, at times a little too large.
-    struct Footprint {
-        int first_column = 0, last_column = -1, first_row = 0, last_row = -1;
-        [[nodiscard]] bool empty() const { return first_column > last_column || first_row > last_row; }
+    /// Pixels from first to last; none where first > last.
+    struct Span {
+        int first = 0, last = -1;
+        [[nodiscard]] bool empty() const { return first > last; }
     };
-    [[nodiscard]] Footprint footprint(const Vec3& centre, const Vec3& reach, double front, double back) const;
+    /// The columns (rows) whose rays pass between two values of x (y), eye space, somewhere at depths from `front` to
+    /// `back`. Never too small, at times a little too large.
+    [[nodiscard]] Span columns(double lower, double upper, double front, double back) const;
+    [[nodiscard]] Span rows(double lower, double upper, double front, double back) const;
 
   private:
     Size size_;

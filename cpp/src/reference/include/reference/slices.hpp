@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "reference/screen.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
 
@@ -25,7 +26,8 @@ struct Slices {
 /// A picture of more slices than this is refused.
 constexpr std::int64_t most_slices = 10'000'000;
 
-/// radius_factor multiplies the radius of every support. Throws InvalidInput for more than most_slices.
-Slices find_slices(const Scene& scene, const Camera& camera, double radius_factor);
+/// radius_factor multiplies the semi-axes of every support. The EWA filter, where the scene has it, needs to know the
+/// pixels. Throws InvalidInput for more than most_slices.
+Slices find_slices(const Scene& scene, const Camera& camera, const Screen& screen, double radius_factor);
 
 } // namespace sheetsplat::reference

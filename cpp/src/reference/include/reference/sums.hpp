@@ -34,20 +34,23 @@ struct SheetSums {
     std::vector<double> d, w;
 };
 
-/// Kernels of value 0 add nothing to D. They matter where W is asked for, where it normalises, or where being reached
-/// by a kernel of value 0 differs from being empty: where rho = 0 has an opacity. Elsewhere they are left out, and this
-/// is the renderer's only shortcut.
+/// Kernels of value 0 (or weight 0) add nothing to D. They matter where W is asked for, where it normalises, or where
+/// being reached by such a kernel differs from being empty: where rho = 0 has an opacity. Elsewhere they are left out,
+/// and this is the renderer's only shortcut.
 enum class ZeroKernels { drawn, left_out };
 
-/// The kernels of one field, sorted by the first slice that each meets.
+/// The kernels of one field, slice after slice: sorted once by the first slice that each meets, and held while the
+/// slices are within reach.
 class FieldSums {
   public:
-    /// Throws OutOfMemory.
-    FieldSums(const RegularField& field, const Camera& camera, const Screen& screen, const Slices& slices,
-              Sampling sampling, double radius_factor, ZeroKernels zero_kernels);
+    /// What is referred to must live as long as this. Throws OutOfMemory, and InvalidInput where the sums could be
+    /// larger than float64 holds.
+    FieldSums(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen, const Slices& slices,
+              double radius_factor, ZeroKernels zero_kernels);
 
-    /// Adds this field's rho on slice n (which exists) to the sheet. `sums` is scratch of the sheet's size.
-    void add_to(Sheet& sheet, std::int64_t n, SheetSums& sums) const;
+    /// Adds this field's rho on the next slice to the sheet: first that of slices.first, then of the one behind it, to
+    /// slices.last(). `sums` is scratch of the sheet's size.
+    void add_next(Sheet& sheet, SheetSums& sums);
     /// Kernels whose support meets a slice and the picture with its border.
     [[nodiscard]] std::size_t drawn() const { return kernels_.size(); }
 
@@ -55,22 +58,30 @@ class FieldSums {
     struct SliceRange {
         std::int64_t first = 0, last = -1;
     };
-    [[nodiscard]] SliceRange slices_met(double depth) const;
-    [[nodiscard]] bool is_drawn(const Vec3& centre_eye, double value) const;
-    void splat_point(const Vec3& centre_eye, double value, std::int64_t n, SheetSums& sums, Sheet& sheet) const;
-    void splat_slab(const Vec3& centre_eye, double value, std::int64_t n, SheetSums& sums, Sheet& sheet) const;
+    struct Held {
+        EyeKernel kernel;
+        std::int64_t last; ///< slice
+    };
+    /// The part of slice n that the kernel may reach, from front to back: one depth for point sampling.
+    [[nodiscard]] Interval depths(const EyeKernel& kernel, std::int64_t first, std::int64_t last) const;
+    [[nodiscard]] SliceRange slices_met(const EyeKernel& kernel) const;
+    [[nodiscard]] bool is_drawn(const EyeKernel& kernel, const SliceRange& met) const;
+    void sort_kernels();
+    void splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, Sheet& sheet) const;
     [[nodiscard]] double normalise(double d, double w) const;
 
-    const RegularField& field_;
+    const Field& field_;
     const Screen& screen_;
     Slices slices_;
     Sampling sampling_;
     ZeroKernels zero_kernels_;
-    KernelShape shape_;
+    EyeKernels eye_kernels_;
+    Profile profile_;
     double lattice_constant_;
-    std::int64_t longest_ = 1;           ///< most slices that one kernel meets
     std::vector<std::uint64_t> offsets_; ///< where the kernels of each first slice begin; one more at the end
-    std::vector<std::uint64_t> kernels_; ///< ids, memory order within one first slice
+    std::vector<std::uint64_t> kernels_; ///< numbers, in the field's order within one first slice
+    std::int64_t next_;                  ///< slice
+    std::vector<Held> held_;             ///< those that have begun and not ended
 };
 
 } // namespace sheetsplat::reference

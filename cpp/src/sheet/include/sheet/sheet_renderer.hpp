@@ -13,6 +13,7 @@
 #include "sheetsplat/device.hpp"
 #include "sheetsplat/image.hpp"
 #include "sheetsplat/renderer.hpp"
+#include "view/cell_walk.hpp"
 #include "view/slab_batches.hpp"
 
 namespace sheetsplat::sheet {
@@ -20,14 +21,28 @@ namespace sheetsplat::sheet {
 /// How kernels are batched for a plan.
 BatchLayout make_layout(const DrawPlan& plan);
 
+/// A lattice in the scene.
+struct RegularPart {
+    std::size_t field = 0; ///< in the scene
+    const FieldView* view = nullptr;
+    const SlabBatches* batches = nullptr;
+};
+
+/// Scattered ellipsoids in the scene.
+struct EllipsoidPart {
+    std::size_t field = 0;
+    const EllipsoidView* view = nullptr;
+    const CellTraversal* traversal = nullptr;
+};
+
 /// One view, ready to be drawn. Nothing is owned.
 struct Job {
     const Scene* scene = nullptr;
     const Camera* camera = nullptr;
     const Frame* frame = nullptr;
     const DrawPlan* plan = nullptr;
-    const std::vector<FieldView>* views = nullptr;
-    const std::vector<SlabBatches>* batches = nullptr; ///< one a field
+    std::vector<RegularPart> regular;
+    std::vector<EllipsoidPart> ellipsoids;
     BatchLayout layout{};
     int tile_size = 0;      ///< largest edge of an image tile, pixels; 0: what the device can do
     int tags_per_clear = 0; ///< 0: what the depth buffer resolves

@@ -1,0 +1,110 @@
+#include "view/cell_walk.hpp"
+
+#include <limits>
+
+#include "base/memory.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+using ScreenBounds = EllipsoidView::ScreenBounds;
+
+/// Half the picture with its border, pixels from the optical axis.
+struct Window {
+    double x, y;
+
+    [[nodiscard]] bool misses(const ScreenBounds& b) const {
+        return !b.unbounded && (b.left > x || b.right < -x || b.top > y || b.bottom < -y);
+    }
+};
+
+ScreenBounds joined(const ScreenBounds& a, const ScreenBounds& b) {
+    return {std::min(a.left, b.left), std::max(a.right, b.right), std::min(a.top, b.top), std::max(a.bottom, b.bottom),
+            a.unbounded || b.unbounded};
+}
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+} // namespace
+
+CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& grid, const ReachLists* reach,
+                                const std::vector<std::uint8_t>& visible, BatchLayout layout, int wider_slices,
+                                int wider_px) {
+    CellTraversal result;
+    result.again_ = layout.covered / layout.stride;
+    const Frame& frame = view.frame();
+    if (frame.slices == 0 || grid.cells() == 0) {
+        return result;
+    }
+    // One more than the border, for rounding.
+    const Window window{0.5 * frame.size.width + Tile::border + 1.0 + wider_px,
+                        0.5 * frame.size.height + Tile::border + 1.0 + wider_px};
+    const std::size_t all_cells = reach == nullptr ? grid.cells() : reach->cells();
+    std::vector<std::uint32_t> count(all_cells + 1, 0);
+    struct Found {
+        Entry entry;
+        std::uint32_t cell;
+    };
+    const std::uint64_t all = view.field().size();
+    require_memory(all * (sizeof(Found) + sizeof(Entry)), "the kernels of a view, by cells",
+                   "use fewer kernels at a time, or a transfer function that shows less");
+    std::vector<Found> found;
+    std::vector<Cell> cells(all_cells);
+    for (Cell& cell : cells) {
+        cell.first_batch = std::numeric_limits<std::int32_t>::max();
+        cell.bounds = {infinity, -infinity, infinity, -infinity, false};
+    }
+    for (std::size_t home = 0; home < grid.cells(); ++home) {
+        for (const std::uint32_t* id = grid.home_begin(home); id != grid.home_end(home); ++id) {
+            if (visible[*id] == 0) {
+                continue;
+            }
+            const EllipsoidView::Depths depths = view.depths(*id);
+            const EllipsoidView::Span span = view.span(depths, wider_slices);
+            if (span.first > span.last) {
+                continue;
+            }
+            const ScreenBounds bounds =
+                view.support_bounds(*id, view.front_of(span.first), view.back_of(span.last));
+            if (window.misses(bounds)) {
+                continue;
+            }
+            const std::uint32_t start =
+                reach == nullptr ? static_cast<std::uint32_t>(home)
+                                 : reach->start_cell(view.field(), grid, *id, view.first_point_world(*id));
+            const Entry entry{*id, static_cast<std::int32_t>(span.first / layout.stride),
+                              static_cast<std::int32_t>(span.last / layout.stride)};
+            found.push_back({entry, start});
+            ++count[start + 1];
+            Cell& cell = cells[start];
+            cell.first_batch = std::min(cell.first_batch, entry.first_batch);
+            cell.last_batch = std::max(cell.last_batch, entry.last_batch);
+            cell.bounds = joined(cell.bounds, bounds);
+        }
+    }
+    for (std::size_t cell = 0; cell < all_cells; ++cell) {
+        count[cell + 1] += count[cell];
+        cells[cell].begin = count[cell];
+        cells[cell].end = count[cell + 1];
+    }
+    result.entries_.resize(found.size());
+    for (const Found& one : found) {
+        result.entries_[count[one.cell]++] = one.entry;
+    }
+    for (const Cell& cell : cells) {
+        if (cell.begin < cell.end) {
+            result.cells_.push_back(cell);
+            std::sort(result.entries_.begin() + cell.begin, result.entries_.begin() + cell.end,
+                      [](const Entry& a, const Entry& b) {
+                          return a.first_batch != b.first_batch ? a.first_batch < b.first_batch : a.kernel < b.kernel;
+                      });
+        }
+    }
+    result.cells_.shrink_to_fit();
+    std::stable_sort(result.cells_.begin(), result.cells_.end(),
+                     [](const Cell& a, const Cell& b) { return a.first_batch < b.first_batch; });
+    return result;
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,348 @@
+#include "view/ellipsoid_view.hpp"
+
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include <glm/geometric.hpp>
+
+namespace sheetsplat {
+
+namespace {
+
+/// A weight of 0 still reaches: what it leaves in the sheets tells a point that is 0 from one that is empty.
+constexpr double least_weight = 1e-30;
+/// Slabs of a batch, in radii of the unit sphere, up to which exponents may be taken by differences.
+constexpr double compact_reach = 2.0;
+constexpr double slabs_of_batch = 8.0;
+/// sqrt(k) |w| ds / h up to which 4 and 6 nodes integrate a slab to 1e-7.
+constexpr double thin_slab = 0.6;
+constexpr double medium_slab = 1.5;
+
+/// R of a QR factorisation of the stacked rows of B^T and diag(d), by Householder reflections: R^T R = B B^T + d^2.
+/// columns: 3 columns of 6 numbers. Returns R's rows.
+std::array<Vec3, 3> stacked_qr(std::array<std::array<double, 6>, 3> columns) {
+    std::array<Vec3, 3> r{Vec3(0.0), Vec3(0.0), Vec3(0.0)};
+    for (std::size_t c = 0; c < 3; ++c) {
+        double largest = 0.0;
+        for (std::size_t i = c; i < 6; ++i) {
+            largest = std::max(largest, std::abs(columns[c][i]));
+        }
+        if (largest == 0.0) {
+            continue;
+        }
+        double squares = 0.0;
+        for (std::size_t i = c; i < 6; ++i) {
+            const double part = columns[c][i] / largest;
+            squares += part * part;
+        }
+        const double length = largest * std::sqrt(squares);
+        const double alpha = columns[c][c] > 0.0 ? -length : length;
+        std::array<double, 6> reflector{};
+        for (std::size_t i = c; i < 6; ++i) {
+            reflector[i] = columns[c][i] / largest;
+        }
+        reflector[c] -= alpha / largest;
+        double norm = 0.0;
+        for (std::size_t i = c; i < 6; ++i) {
+            norm += reflector[i] * reflector[i];
+        }
+        for (std::size_t other = c; other < 3; ++other) {
+            double dot = 0.0;
+            for (std::size_t i = c; i < 6; ++i) {
+                dot += reflector[i] * columns[other][i];
+            }
+            for (std::size_t i = c; i < 6; ++i) {
+                columns[other][i] -= 2.0 * dot / norm * reflector[i];
+            }
+            r[c][static_cast<int>(other)] = columns[other][c];
+        }
+    }
+    return r;
+}
+
+struct Rows {
+    Vec3 x, y, z;
+};
+
+/// B' with B' B'^T = B B^T + diag(p^2, p^2, ds^2), and sqrt(det B B^T / det B' B'^T).
+Rows widened(const Rows& b, double volume_root_log, double pixel, double spacing, double& amplitude) {
+    std::array<std::array<double, 6>, 3> columns{};
+    const std::array<const Vec3*, 3> rows{&b.x, &b.y, &b.z};
+    const std::array<double, 3> more{pixel, pixel, spacing};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        for (int i = 0; i < 3; ++i) {
+            columns[axis][static_cast<std::size_t>(i)] = (*rows[axis])[i];
+        }
+        columns[axis][3 + axis] = more[axis];
+    }
+    const std::array<Vec3, 3> r = stacked_qr(columns);
+    amplitude = std::exp(volume_root_log - std::log(std::abs(r[0].x)) - std::log(std::abs(r[1].y)) -
+                         std::log(std::abs(r[2].z)));
+    // B' = R^T.
+    return {Vec3(r[0].x, 0.0, 0.0), Vec3(r[0].y, r[1].y, 0.0), Vec3(r[0].z, r[1].z, r[2].z)};
+}
+
+double log_volume(const Vec3& axes) { return std::log(axes.x) + std::log(axes.y) + std::log(axes.z); }
+
+} // namespace
+
+EyeKernel slice_kernel(const Vec3& center_eye, const Vec3& row_x, const Vec3& row_y, const Vec3& row_z) {
+    EyeKernel kernel;
+    kernel.center = center_eye;
+    kernel.extent = glm::dvec2(glm::length(row_x), glm::length(row_y));
+    kernel.half_depth = glm::length(row_z);
+    const Vec3 n = row_z / kernel.half_depth;
+    const Vec3 helper = std::abs(n.x) < 0.6 ? Vec3(1.0, 0.0, 0.0) : Vec3(0.0, 1.0, 0.0);
+    const Vec3 u = glm::normalize(glm::cross(n, helper));
+    const Vec3 v = glm::cross(n, u);
+    glm::dvec2 a(glm::dot(row_x, u), glm::dot(row_y, u));
+    glm::dvec2 b(glm::dot(row_x, v), glm::dot(row_y, v));
+    // One rotation of u and v makes their images orthogonal (one-sided Jacobi); the product of the two with themselves
+    // would lose the shorter one.
+    const double across = glm::dot(a, b);
+    if (across != 0.0) {
+        const double zeta = (glm::dot(b, b) - glm::dot(a, a)) / (2.0 * across);
+        const double t = (zeta >= 0.0 ? 1.0 : -1.0) / (std::abs(zeta) + std::hypot(1.0, zeta));
+        const double c = 1.0 / std::hypot(1.0, t);
+        const glm::dvec2 turned = c * (a - t * b);
+        b = c * (b + t * a);
+        a = turned;
+    }
+    if (glm::dot(a, a) < glm::dot(b, b)) {
+        std::swap(a, b);
+    }
+    kernel.axis_u = a;
+    kernel.axis_v = b;
+    kernel.lean = glm::dvec2(glm::dot(row_x, n), glm::dot(row_y, n));
+    return kernel;
+}
+
+EllipsoidView::EllipsoidView(const EllipsoidField& field, const Camera& camera, const Frame& frame, Sampling sampling,
+                             Filter filter, double value_unit, double weight_unit)
+    : field_(&field), frame_(&frame), sampling_(sampling), filter_(filter), eye_(camera.eye()),
+      right_(camera.right_world()), up_(camera.up_world()), back_(camera.back_world()),
+      slab_half_(sampling == Sampling::slab ? 0.5 * frame.slice_spacing : 0.0), per_depth_(1.0 / frame.slice_spacing) {
+    weight_scale_ = field.kernel().gain() / weight_unit;
+    value_scale_ = weight_scale_ / value_unit;
+    if (field.normalization() == Normalization::lattice) {
+        value_scale_ /= field.lattice_constant();
+    }
+    spheres_ = field.isotropic() && filter == Filter::none && frame.projection == Projection::orthographic;
+}
+
+Vec3 EllipsoidView::center_eye(std::size_t i) const {
+    const Vec3 from_eye = field_->center(i) - eye_;
+    return Vec3(glm::dot(from_eye, right_), glm::dot(from_eye, up_), glm::dot(from_eye, back_));
+}
+
+double EllipsoidView::filter_pixel(const Vec3& center) const {
+    return frame_->pixel * (frame_->projection == Projection::perspective ? std::abs(center.z) : 1.0);
+}
+
+EyeKernel EllipsoidView::kernel(std::size_t i) const {
+    const Vec3 center = center_eye(i);
+    if (field_->isotropic() && filter_ == Filter::none) {
+        EyeKernel kernel;
+        const double r = field_->arrays().radii[i];
+        kernel.center = center;
+        kernel.half_depth = r;
+        kernel.axis_u = glm::dvec2(r, 0.0);
+        kernel.axis_v = glm::dvec2(0.0, r);
+        kernel.extent = glm::dvec2(r);
+        return kernel;
+    }
+    const Mat3 m = field_->shape(i);
+    Rows rows{right_ * m, up_ * m, back_ * m};
+    double amplitude = 1.0;
+    if (filter_ == Filter::ewa) {
+        rows = widened(rows, log_volume(field_->semi_axes(i)), filter_pixel(center), frame_->slice_spacing, amplitude);
+    }
+    EyeKernel kernel = slice_kernel(center, rows.x, rows.y, rows.z);
+    kernel.amplitude = amplitude;
+    return kernel;
+}
+
+EllipsoidView::Depths EllipsoidView::depths(std::size_t i) const {
+    const double center = -glm::dot(field_->center(i) - eye_, back_);
+    double half = field_->isotropic() ? field_->arrays().radii[i] : glm::length(back_ * field_->shape(i));
+    if (filter_ == Filter::ewa) {
+        half = std::hypot(half, frame_->slice_spacing);
+    }
+    return {center, half};
+}
+
+EllipsoidView::Span EllipsoidView::span(const Depths& depths, int wider) const {
+    const double reach = depths.half * per_depth_ + (sampling_ == Sampling::slab ? 0.5 : 0.0) + wider;
+    const double at = (depths.center - frame_->first_depth) * per_depth_;
+    const double first = std::ceil(at - reach);
+    const double last = std::floor(at + reach);
+    if (!(last >= 0.0) || !(first <= static_cast<double>(frame_->slices - 1)) || first > last) {
+        return {0, -1};
+    }
+    return {static_cast<std::int64_t>(std::max(first, 0.0)),
+            static_cast<std::int64_t>(std::min(last, static_cast<double>(frame_->slices - 1)))};
+}
+
+SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std::int64_t anchor) const {
+    const Frame& frame = *frame_;
+    const double depth = frame.depth_of(anchor);
+    const double s = (-kernel.center.z - depth) / kernel.half_depth;
+    const double step_s = frame.slice_spacing / kernel.half_depth;
+    // Rows count downwards, eye y upwards.
+    const auto screen = [&](const glm::dvec2& eye) { return glm::dvec2(eye.x, -eye.y) / frame.pixel; };
+    const glm::dvec2 lean = screen(kernel.lean);
+    glm::dvec2 at = screen(glm::dvec2(kernel.center)) + s * lean;
+    glm::dvec2 step = -step_s * lean;
+    if (frame.projection == Projection::perspective) {
+        at /= depth;
+        step -= at * frame.slice_spacing;
+    }
+    const glm::dvec2 whole = glm::floor(at);
+    const glm::dvec2 u = screen(kernel.axis_u);
+    const glm::dvec2 v = screen(kernel.axis_v);
+    const auto f = [](double value) { return static_cast<float>(value); };
+    const double weight = field_->weight(i);
+    SectionRecord record{};
+    record.whole_x = f(whole.x);
+    record.whole_y = f(whole.y);
+    record.part_x = f(at.x - whole.x);
+    record.part_y = f(at.y - whole.y);
+    record.first = f(static_cast<double>(anchor));
+    record.s = f(s);
+    record.step_s = f(step_s);
+    record.value = f(field_->value(i) * weight * kernel.amplitude * value_scale_);
+    record.ux = f(u.x);
+    record.uy = f(u.y);
+    record.vx = f(v.x);
+    record.vy = f(v.y);
+    record.step_x = f(step.x);
+    record.step_y = f(step.y);
+    record.weight = f(std::max(weight * kernel.amplitude * weight_scale_, least_weight));
+    return record;
+}
+
+SectionGroup EllipsoidView::group(const EyeKernel& kernel, double sprite_px) const {
+    const double step_s = frame_->slice_spacing / kernel.half_depth;
+    const double lean_u = glm::length(kernel.axis_u) > 0.0 ? glm::dot(kernel.lean, kernel.axis_u) /
+                                                                 glm::dot(kernel.axis_u, kernel.axis_u)
+                                                           : 0.0;
+    const double lean_v = glm::length(kernel.axis_v) > 0.0 ? glm::dot(kernel.lean, kernel.axis_v) /
+                                                                 glm::dot(kernel.axis_v, kernel.axis_v)
+                                                           : 0.0;
+    double ray = std::sqrt(1.0 + lean_u * lean_u + lean_v * lean_v);
+    if (sampling_ == Sampling::slab) {
+        if (frame_->projection == Projection::perspective) {
+            // The ray's own slope moves it through the section's plane as well.
+            const double slope = glm::length(glm::dvec2(0.5 * frame_->pixel * frame_->size.width,
+                                                        0.5 * frame_->pixel * frame_->size.height));
+            ray += slope * kernel.half_depth / std::max(glm::length(kernel.axis_v), 1e-300);
+        }
+        const double width = std::sqrt(field_->kernel().falloff) * ray * step_s;
+        return width < thin_slab ? SectionGroup::thin : width < medium_slab ? SectionGroup::medium : SectionGroup::thick;
+    }
+    if (spheres_ && kernel.extent.x / frame_->pixel <= sprite_px) {
+        return SectionGroup::sprite;
+    }
+    if (frame_->projection == Projection::orthographic && ray * step_s * slabs_of_batch <= compact_reach) {
+        return SectionGroup::compact;
+    }
+    return SectionGroup::plain;
+}
+
+EllipsoidView::ScreenBounds EllipsoidView::bounds(const EyeKernel& kernel, double nearest, double farthest) const {
+    const double x = kernel.center.x, y = kernel.center.y;
+    const double pixel = frame_->pixel;
+    if (frame_->projection == Projection::orthographic) {
+        return {(x - kernel.extent.x) / pixel, (x + kernel.extent.x) / pixel, (-y - kernel.extent.y) / pixel,
+                (-y + kernel.extent.y) / pixel, false};
+    }
+    const double depth = -kernel.center.z;
+    const double front = std::max(depth - kernel.half_depth, nearest);
+    const double back = std::max(std::min(depth + kernel.half_depth, farthest), front);
+    if (front <= 1e-9 * frame_->slice_spacing) {
+        // A whole slab counts where its middle lies behind the near plane: it can reach through the eye, where every
+        // ray starts.
+        return {0.0, 0.0, 0.0, 0.0, true};
+    }
+    // (c +- e) / t is monotonic in t, so that the extremes lie at the nearest or farthest depth that is drawn.
+    const auto lowest = [&](double edge) { return std::min(edge / front, edge / back) / pixel; };
+    const auto highest = [&](double edge) { return std::max(edge / front, edge / back) / pixel; };
+    return {lowest(x - kernel.extent.x), highest(x + kernel.extent.x), lowest(-y - kernel.extent.y),
+            highest(-y + kernel.extent.y), false};
+}
+
+EllipsoidView::ScreenBounds EllipsoidView::support_bounds(std::size_t i, double nearest, double farthest) const {
+    EyeKernel kernel;
+    kernel.center = center_eye(i);
+    if (field_->isotropic()) {
+        const double r = field_->arrays().radii[i];
+        kernel.extent = glm::dvec2(r);
+        kernel.half_depth = r;
+    } else {
+        const Mat3 m = field_->shape(i);
+        kernel.extent = glm::dvec2(glm::length(right_ * m), glm::length(up_ * m));
+        kernel.half_depth = glm::length(back_ * m);
+    }
+    if (filter_ == Filter::ewa) {
+        const double pixel = filter_pixel(kernel.center);
+        kernel.extent = glm::dvec2(std::hypot(kernel.extent.x, pixel), std::hypot(kernel.extent.y, pixel));
+        kernel.half_depth = std::hypot(kernel.half_depth, frame_->slice_spacing);
+    }
+    return bounds(kernel, nearest, farthest);
+}
+
+PixelBox EllipsoidView::pixels(const ScreenBounds& bounds, const Frame& frame, const Tile& tile, int wider_px) {
+    if (bounds.unbounded) {
+        return {0, 0, tile.target_width(), tile.target_height()};
+    }
+    const double axis_x = 0.5 * frame.size.width - tile.x + Tile::border;
+    const double axis_y = 0.5 * frame.size.height - tile.y + Tile::border;
+    const auto pixel = [](double at, int limit) { return at <= 0.0 ? 0 : at >= limit ? limit : static_cast<int>(at); };
+    const double right = bounds.right + axis_x + wider_px, bottom = bounds.bottom + axis_y + wider_px;
+    PixelBox box;
+    box.x0 = pixel(bounds.left + axis_x - wider_px - 0.5, tile.target_width());
+    box.y0 = pixel(bounds.top + axis_y - wider_px - 0.5, tile.target_height());
+    box.x1 = right < 0.0 ? 0 : pixel(right + 1.5, tile.target_width());
+    box.y1 = bottom < 0.0 ? 0 : pixel(bottom + 1.5, tile.target_height());
+    return box;
+}
+
+Vec3 EllipsoidView::first_point_world(std::size_t i) const {
+    if (field_->isotropic()) {
+        return field_->center(i) + field_->arrays().radii[i] * back_;
+    }
+    const Mat3 m = field_->shape(i);
+    const Vec3 row = back_ * m;
+    return field_->center(i) + m * (row / glm::length(row));
+}
+
+EllipsoidFacts survey_ellipsoids(const EllipsoidField& field, const Camera& camera, const Frame& frame,
+                                 Sampling sampling) {
+    EllipsoidFacts facts;
+    const EllipsoidView view(field, camera, frame, sampling, Filter::none, 1.0, 1.0);
+    const bool perspective = frame.projection == Projection::perspective;
+    const Vec3 box = field.supports_world().extent();
+    double filled = 0.0;
+    for (std::size_t i = 0; i < field.size(); ++i) {
+        const EllipsoidView::Depths depths = view.depths(i);
+        const EllipsoidView::Span span = view.span(depths);
+        if (span.first <= span.last) {
+            facts.longest_span = std::max(facts.longest_span, span.last - span.first + 1);
+        }
+        const Vec3 axes = field.semi_axes(i);
+        const double shortest = std::min({axes.x, axes.y, axes.z});
+        const double longest = std::max({axes.x, axes.y, axes.z});
+        facts.largest_aspect = std::max(facts.largest_aspect, longest / shortest);
+        filled += (axes.x / box.x) * (axes.y / box.y) * (axes.z / box.z);
+        const double pixel = perspective ? frame.pixel * std::abs(depths.center) : frame.pixel;
+        const double coarse = std::max(pixel, frame.slice_spacing);
+        // A section spans the kernel both ways: below half a pixel or slice distance of radius it may fall between two.
+        facts.unresolved += 2.0 * shortest < coarse ? 1 : 0;
+        facts.largest_change = std::max(facts.largest_change, coarse * coarse / (shortest * shortest));
+    }
+    facts.mean_overlap = 4.0 / 3.0 * 3.14159265358979323846 * filled;
+    return facts;
+}
+
+} // namespace sheetsplat

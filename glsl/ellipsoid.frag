@@ -1,0 +1,136 @@
+// Adds an ellipsoid's sections to the sheets: one channel a slab, values and, where the plan asks for them, weights.
+// [NM06] sections 3.3 and 4.1: the place of the pixel in the plane of the unit sphere and the section's height give the Gaussian.
+#include "lib/interop.h"
+#include "lib/kernel.glsl"
+
+flat in vec4 place_at;     // centre in the batch's first slab: whole pixels, parts of pixels
+flat in vec2 amount;       // value, weight
+#ifdef SPRITE
+flat in vec4 section_front;
+flat in vec4 section_back;
+flat in float falloff_px;  // -k log2(e) over the radius in pixels, squared
+#else
+flat in vec4 unit_of_px;   // columns of: pixels (times depth) -> plane of the unit sphere
+flat in vec4 heights;      // height in the first slab, step; step of the centre in the plane of the unit sphere
+uniform vec4 offset_front; // slab of each channel, counted from the batch's first one
+uniform vec4 offset_back;
+#ifdef PERSPECTIVE
+uniform vec4 depth_front;  // of the slabs in the channels
+uniform vec4 depth_back;
+uniform float slice_spacing;
+#endif
+#endif
+
+out vec4 sheet_front;
+#ifdef TWO_TARGETS
+out vec4 sheet_back;
+#endif
+#ifdef WEIGHT
+out vec4 weight_front;
+#ifdef TWO_TARGETS
+out vec4 weight_back;
+#endif
+#endif
+#ifdef FINE
+out vec4 x_front;
+out vec4 y_front;
+out vec4 z_front;
+#ifdef TWO_TARGETS
+out vec4 x_back;
+out vec4 y_back;
+out vec4 z_back;
+#endif
+#endif
+
+#ifndef SPRITE
+#include "lib/sections.glsl"
+
+Sections sections(vec2 place, vec4 offset, vec4 depth) {
+    Sections r;
+    r.s = heights.x - offset * heights.y;
+    r.ax = place.x * depth - offset * heights.z;
+    r.ay = place.y * depth - offset * heights.w;
+    r.depth = depth;
+    r.ray = -heights.zw / heights.y;
+#ifdef PERSPECTIVE
+    r.ray += place * slice_spacing / heights.y;
+#endif
+    return r;
+}
+
+#ifdef COMPACT
+// -k log2(e) (s^2 + a^2) as a polynomial of the slab: what all sections of a batch have in common is computed once.
+vec4 compact(float base, float slope, float bend, vec4 offset) {
+    return max(exp2(base + offset * (slope + offset * bend)) - edge, 0.0);
+}
+#endif
+#endif
+
+void main() {
+    // Whole pixels first: the difference is exact, however far from the corner of the picture.
+    vec2 from = (gl_FragCoord.xy - place_at.xy) - place_at.zw;
+#ifdef SPRITE
+    float bell = exp2(falloff_px * dot(from, from));
+    vec4 front = max(section_front * bell - edge, 0.0);
+#ifdef TWO_TARGETS
+    vec4 back = max(section_back * bell - edge, 0.0);
+#endif
+#else
+    vec2 place = mat2(unit_of_px.xy, unit_of_px.zw) * from;
+#ifdef COMPACT
+    float base = -falloff_log2 * (dot(place, place) + heights.x * heights.x);
+    float slope = 2.0 * falloff_log2 * (dot(place, heights.zw) + heights.x * heights.y);
+    float bend = -falloff_log2 * (dot(heights.zw, heights.zw) + heights.y * heights.y);
+    vec4 front = compact(base, slope, bend, offset_front);
+#ifdef TWO_TARGETS
+    vec4 back = compact(base, slope, bend, offset_back);
+#endif
+#else
+#ifdef SLAB
+    slab_half = 0.5 * heights.y;
+#endif
+#ifdef PERSPECTIVE
+    Sections at_front = sections(place, offset_front, depth_front);
+#else
+    Sections at_front = sections(place, offset_front, vec4(1.0));
+#endif
+    vec4 front = values(at_front);
+#ifdef TWO_TARGETS
+#ifdef PERSPECTIVE
+    Sections at_back = sections(place, offset_back, depth_back);
+#else
+    Sections at_back = sections(place, offset_back, vec4(1.0));
+#endif
+    vec4 back = values(at_back);
+#endif
+#endif
+#endif
+
+#ifdef WEIGHT_ALONE
+    float scale = amount.y;
+#else
+    float scale = amount.x;
+#endif
+    sheet_front = scale * front;
+#ifdef TWO_TARGETS
+    sheet_back = scale * back;
+#endif
+#ifdef WEIGHT
+    weight_front = amount.y * front;
+#ifdef TWO_TARGETS
+    weight_back = amount.y * back;
+#endif
+#endif
+#ifdef FINE
+    mat2 unit = mat2(unit_of_px.xy, unit_of_px.zw);
+#ifdef PERSPECTIVE
+    float part = slice_spacing / heights.y;
+#else
+    float part = 0.0;
+#endif
+    slopes(at_front, scale, unit, part, heights.y, x_front, y_front, z_front);
+#ifdef TWO_TARGETS
+    slopes(at_back, scale, unit, part, heights.y, x_back, y_back, z_back);
+#endif
+#endif
+}

@@ -1,0 +1,2 @@
+from ._delaunay import delaunay
+from ._kernels import Kernels

@@ -1,0 +1,435 @@
+"""Ellipsoids of meshes and of bare points, by neighbourhoods."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sheetsplat import _memory
+from sheetsplat._checks import shown
+from sheetsplat.errors import complain
+
+from ._cells import Neighbourhoods, cell_blocks, grid_cells
+from ._kernels import Floats, Kernels, Numbers, profile, quaternions, spans
+from ._points import Merged, merge, numbers, places, positive, require_volume, scalars
+
+_log = logging.getLogger("sheetsplat")
+_WHAT = "fit.delaunay"
+
+# The neighbours of a Delaunay tetrahedralisation of random points lie farther off than the mean distance of points, which
+# is what the edges of a grid are: by this factor the mean weight sums of both come out the same.
+_RANDOM = 0.745
+# How many times the circumradius that is usual at its corners a tetrahedron on the hull may have.
+_TRIM = 3.5
+_FEWEST = 5
+# Measured peak of Qhull, the edges and the moments, bytes a point.
+_BYTES = 4000
+_CHUNK = 1 << 18
+_ROUNDS = 60
+
+
+def _tetrahedra(points: Floats) -> tuple[Numbers, Numbers, Numbers]:
+    """Return the Delaunay tetrahedra, those beside them, and for points that Qhull left out the ones in their place."""
+    from scipy.spatial import Delaunay, QhullError
+
+    try:
+        found = Delaunay(points)
+    except QhullError as error:
+        told = str(error).strip().splitlines()
+        raise complain(
+            f"{_WHAT}: the points cannot be joined",
+            told[0] if told else "an error of Qhull",
+            "points that fill a volume",
+            "pass the mesh's own cells or shape, or use fit.nearest",
+        ) from None
+    return (
+        found.simplices.astype(np.int64),
+        found.neighbors.astype(np.int64),
+        found.coplanar[:, [0, 2]].astype(np.int64),
+    )
+
+
+def _circumradii(points: Floats, cells: Numbers) -> Floats:
+    """Return the radii of the spheres through the corners of tetrahedra; infinite for flat ones."""
+    a = points[cells[:, 0]]
+    b, c, d = (points[cells[:, n]] - a for n in (1, 2, 3))
+    bc, cd, db = np.cross(b, c), np.cross(c, d), np.cross(d, b)
+    volume = 2.0 * np.abs(np.einsum("ni,ni->n", b, cd))
+    b2, c2, d2 = (np.einsum("ni,ni->n", e, e)[:, None] for e in (b, c, d))
+    radius = np.full(len(cells), np.inf)
+    solid = volume > 1e-13 * np.maximum(np.maximum(b2, c2), d2)[:, 0] ** 1.5
+    radius[solid] = np.linalg.norm(b2 * cd + c2 * db + d2 * bc, axis=1)[solid] / volume[solid]
+    return radius
+
+
+def _trimmed(points: Floats, cells: Numbers, beside: Numbers) -> NDArray[np.bool_]:
+    """Return which tetrahedra are kept: those on the hull whose spheres are far larger than is usual there go.
+
+    Only what can be reached from outside the hull through others that go is taken away. `beside` holds the tetrahedra
+    beside each, -1 outside.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(points)
+    radius = np.repeat(_circumradii(points, cells), 4)
+    corner = cells.reshape(-1)
+    order = np.lexsort((radius, corner))
+    starts = np.searchsorted(corner[order], np.arange(count + 1))
+    there = starts[1:] > starts[:-1]
+    # Of the tetrahedra at a point of the hull most may be slivers, or span a gap; of the smallest eighth hardly any is.
+    usual = np.full(count, np.inf)
+    usual[there] = radius[order[(starts[:-1] + (starts[1:] - starts[:-1]) // 8)[there]]]
+    large = radius[::4] > _TRIM * usual[cells].min(axis=1)
+    # A point keeps the smallest of its tetrahedra whatever its size.
+    large[order[starts[:-1][there]] // 4] = False
+    outside = len(cells)
+    one = np.repeat(np.arange(len(cells)), 4)
+    other = np.where(beside < 0, outside, beside).reshape(-1)
+    passage = large[one] & np.append(large, True)[other]
+    graph = coo_array((np.ones(int(passage.sum()), dtype=np.int8), (one[passage], other[passage])), (outside + 1,) * 2)
+    _, part = connected_components(graph, directed=False)
+    return np.asarray(part[:outside] != part[outside])
+
+
+def _moments(points: Floats, around: Neighbourhoods) -> tuple[Floats, Floats]:
+    """Return principal axes, (N, 3, 3) in columns, and root mean squares of the neighbours' distances along them, (N, 3).
+
+    The singular values of the stacked differences, never their products: a flat neighbourhood keeps its thickness.
+    """
+    count = around.count
+    degrees = around.degrees
+    axes = np.tile(np.eye(3), (count, 1, 1))
+    spread = np.zeros((count, 3))
+    rows = (points[around.other] - points[around.at]) * np.sqrt(around.share)[:, None]
+    for degree in np.unique(degrees[degrees > 0]):
+        same = np.flatnonzero(degrees == degree)
+        for first in range(0, len(same), 1 + _CHUNK // int(degree)):
+            some = same[first : first + 1 + _CHUNK // int(degree)]
+            stacked = np.zeros((len(some), max(3, int(degree)), 3))
+            stacked[:, :degree] = rows[around.starts[some][:, None] + np.arange(degree)]
+            _, sizes, turned = np.linalg.svd(stacked, full_matrices=False)
+            spread[some] = sizes
+            axes[some] = turned.transpose(0, 2, 1)
+    return axes, spread
+
+
+class _Cover:
+    """Kernels that are made larger until they cover the middles of cells and edges."""
+
+    def __init__(
+        self, points: Floats, axes: Floats, scales: Floats, limits: Floats, around: Neighbourhoods, falloff: float
+    ) -> None:
+        self._points = points
+        self._axes = axes
+        self.scales = scales
+        self._limits = limits
+        self._around = around
+        self._falloff = falloff
+        self.raised = np.zeros(len(points), dtype=bool)
+        self.thinnest = math.inf
+        self.thin = 0
+
+    def _weights(self, at: Floats, points: Numbers) -> Floats:
+        """Return g of kernels at positions, one of each a row."""
+        unit = np.einsum("nji,nj->ni", self._axes[points], at - self._points[points]) / self.scales[points]
+        return profile(np.einsum("ni,ni->n", unit, unit), self._falloff)
+
+    def _own(self, block: Numbers, at: Floats) -> Floats:
+        total = np.zeros(len(block))
+        for corner in range(block.shape[1]):
+            for first in range(0, len(block), _CHUNK):
+                some = slice(first, first + _CHUNK)
+                total[some] += self._weights(at[some], block[some, corner])
+        return total
+
+    def _all(self, at: Floats, item: Numbers, point: Numbers) -> Floats:
+        total = np.zeros(len(at))
+        for first in range(0, len(item), _CHUNK):
+            some = slice(first, first + _CHUNK)
+            total += np.bincount(item[some], self._weights(at[item[some]], point[some]), len(at))
+        return total
+
+    def cover(self, block: Numbers, lowest: float) -> None:
+        """Raise the scales until the weight sum in the middle of every item is at least `lowest`.
+
+        The sum is that over the item's own points and their neighbours: a lower bound of what it is.
+        """
+        at = self._points[block].mean(axis=1)
+        own = self._own(block, at)
+        short = np.flatnonzero(own < lowest)
+        if len(own) > len(short):
+            self.thinnest = min(self.thinnest, float(own[own >= lowest].min()))
+        lengths = self._around.degrees[block[short]].sum(axis=1) + block.shape[1] if len(short) else np.zeros(0)
+        for first, last in spans(lengths, 8 * _CHUNK):
+            some = short[first:last]
+            self._raise(block[some], at[some], lowest)
+
+    def _raise(self, block: Numbers, at: Floats, lowest: float) -> None:
+        item, point = self._around.ring(block)
+        for _ in range(_ROUNDS):
+            total = self._all(at, item, point)
+            short = total < lowest
+            if (~short).any():
+                self.thinnest = min(self.thinnest, float(total[~short].min()))
+            if not short.any():
+                return
+            # Where nothing reaches, the wanted factor is unknown; steps stay small so that none grows far past the need.
+            factor = np.clip((lowest / np.maximum(total[short], 1e-9)) ** (1.0 / 3.0), 1.02, 1.15)
+            growth = np.ones(len(self._points))
+            for corner in range(block.shape[1]):
+                np.maximum.at(growth, block[short, corner], factor)
+            grown = np.minimum(self.scales * growth[:, None], np.maximum(self._limits[:, None], self.scales))
+            self.raised |= (grown > self.scales).any(axis=1)
+            stuck = not (grown > self.scales).any()
+            self.scales = grown
+            renumbered = np.cumsum(short) - 1
+            kept = short[item]
+            item, point = renumbered[item[kept]], point[kept]
+            block, at = block[short], at[short]
+            if stuck:
+                break
+        left = self._all(at, item, point)
+        self.thin += int((left < lowest).sum())
+        self.thinnest = min(self.thinnest, float(left.min()))
+
+
+def _grid(points: ArrayLike, values: ArrayLike, shape: object) -> tuple[Any, Any, tuple[int, int, int] | None]:
+    """Return points (N, 3), values and the shape of a structured grid, or None."""
+    array = numbers(_WHAT, points, "points")
+    if array.ndim == 4 and array.shape[-1] == 3:
+        if shape is None:
+            shape = array.shape[:3]
+        array = array.reshape(-1, 3)
+    data = numbers(_WHAT, values, "values")
+    if shape is None:
+        return array, data, None
+    if isinstance(shape, str | bytes) or not isinstance(shape, Sequence | np.ndarray) or len(shape) != 3:
+        raise complain(f"{_WHAT}: shape cannot be used", shown(shape), "three whole numbers, (nk, nj, ni)")
+    if not all(isinstance(part, int | np.integer) and not isinstance(part, bool) for part in shape):
+        raise complain(f"{_WHAT}: shape cannot be used", shown(shape), "three whole numbers, (nk, nj, ni)")
+    nk, nj, ni = (int(part) for part in shape)
+    if min(nk, nj, ni) < 2:
+        raise complain(
+            f"{_WHAT}: shape cannot be used",
+            f"({nk}, {nj}, {ni})",
+            "at least 2 points along each of k, j, i",
+            "a grid of one layer has no volume; use fit.nearest for it",
+        )
+    if nk * nj * ni != len(array):
+        raise complain(
+            f"{_WHAT}: the arrays do not fit together",
+            f"{len(array)} points and a shape of {nk} x {nj} x {ni} = {nk * nj * ni}",
+            "as many points as the shape says, i fastest",
+        )
+    return array, data, (nk, nj, ni)
+
+
+def _used(mask: ArrayLike | None, count: int) -> NDArray[np.bool_] | None:
+    if mask is None:
+        return None
+    given = np.asarray(mask).reshape(-1)
+    if given.dtype.kind not in "biu" or len(given) != count:
+        raise complain(
+            f"{_WHAT}: mask cannot be used",
+            f"{len(given)} entries of type {given.dtype}",
+            f"{count} entries, True (or not 0) for points that count",
+        )
+    return np.asarray(given != 0)
+
+
+def delaunay(
+    points: ArrayLike,
+    values: ArrayLike,
+    *,
+    cells: object = None,
+    shape: Sequence[int] | None = None,
+    mask: ArrayLike | None = None,
+    overlap: float = 2.0,
+    lowest: float = 1.1,
+    falloff: float = 8.0,
+    trim: bool = True,
+) -> Kernels:
+    """Return an ellipsoid for each point, shaped by its neighbours so that all of them cover without gaps.
+
+    Neighbours are the points at the other ends of a point's edges: of the mesh, where `cells` or `shape` tell of one,
+    else of the Delaunay tetrahedra (Neophytou & Mueller 2006, section 5). The semi-axes lie along the principal axes of
+    the neighbours' second moments about the point, and are `overlap` times the root of the moments, times 3 over the
+    number of neighbours: on a lattice of any three edge vectors, `overlap` times the edges. Each cell at a point has the
+    same share in its moments. Then kernels at cells and edges whose middle has a weight sum below `lowest` are enlarged,
+    no axis beyond `overlap` times the distance of the point's farthest neighbour.
+
+    Measured, with the defaults, at points spread evenly over the mesh (for bare points: over the tetrahedra that are
+    kept); errors of the linear field over the longest edge of the cell times the gradient's length:
+
+    =============================  ===========  ======================  ==============
+    points                         W            error of linear fields  kernels raised
+    =============================  ===========  ======================  ==============
+    MEASURED
+    =============================  ===========  ======================  ==============
+
+    Parameters
+    ----------
+    points
+        World positions, (N, 3); or (nk, nj, ni, 3), a structured grid. At least 5 that are not at one place.
+    values
+        One a point.
+    cells
+        An unstructured mesh: arrays of point numbers, (M, 4) tetrahedra, (M, 5) pyramids, (M, 6) wedges, (M, 8)
+        hexahedra in the order of VTK; one array, a sequence of them, a mapping from meshio's names, or meshio's blocks.
+        Points of no cell are left out.
+    shape
+        A structured grid, curvilinear or not: (nk, nj, ni), i fastest.
+    mask
+        One entry a point; points where it is 0 or False are left out together with their cells, and may hold anything.
+    overlap
+        Semi-axes in distances of points. More is smoother, and costs its cube in overlapping kernels.
+    lowest
+        The least weight sum in the middles of cells and edges; above w0 = 1 the field is D/W there.
+    falloff
+        k of the kernel's profile.
+    trim
+        For bare points: whether to leave out tetrahedra on the hull whose circumscribed sphere is more than three times
+        as large as usual at their corners: slivers between points of one face, and gaps that the hull spans but the
+        data do not fill.
+
+    Returns
+    -------
+    Kernels
+        In the order of the points; `report` has `points` (given), `merged` (at the place of another; values are
+        averaged), `left_out` (masked or of no cell), `cells`, `trimmed` (tetrahedra), `raised` (kernels), `lowest` (a
+        lower bound of the least weight sum in the middles of cells and edges) and `thin` (middles that stayed below
+        `lowest`).
+
+    Raises
+    ------
+    InvalidInput
+        For arrays that do not fit together, numbers that are not finite (the first is named), fewer than 5 places, and
+        points in a plane or on a line.
+    OutOfMemory
+        Where the points are too many for Qhull and the edges.
+    """
+    given, data, grid = _grid(points, values, shape)
+    overlap = positive(_WHAT, "overlap", overlap)
+    lowest = positive(_WHAT, "lowest", lowest)
+    falloff = positive(_WHAT, "falloff", falloff)
+    if grid is not None and cells is not None:
+        raise complain(f"{_WHAT}: the mesh cannot be used", "both cells and shape", "one of them")
+    if given.ndim != 2:
+        raise complain(
+            f"{_WHAT}: points cannot be used",
+            f"an array of shape {given.shape}",
+            "an array of shape (N, 3), or (nk, nj, ni, 3) of a structured grid",
+        )
+    count = len(given)
+    _memory.require(_BYTES * count, f"the neighbourhoods of {count} points")
+    used = _used(mask, count)
+    if used is not None:
+        given = np.where(used[:, None], given, 0.0)
+        flat = data.reshape(-1)
+        data = np.where(used, flat, 0.0) if len(flat) == count else flat
+    at = places(_WHAT, given)
+    field = scalars(_WHAT, data, "values", count)
+    chosen = np.arange(count) if used is None else np.flatnonzero(used)
+    blocks = [grid_cells(grid)] if grid is not None else None if cells is None else cell_blocks(cells, count)
+    if blocks is not None:
+        if used is not None:
+            blocks = [block[used[block].all(axis=1)] for block in blocks]
+        blocks = [block for block in blocks if len(block)]
+        if not blocks:
+            raise complain(f"{_WHAT}: the mesh cannot be used", "no cell without a masked point", "at least one cell")
+        chosen = np.unique(np.concatenate([block.reshape(-1) for block in blocks]))
+    place = merge(at[chosen], field[chosen])
+    if len(place.points) < _FEWEST:
+        raise complain(
+            f"{_WHAT}: the points cannot be used",
+            f"{len(place.points)} different places of {count} points",
+            f"at least {_FEWEST}",
+            "use fit.nearest for so few, or give the ellipsoids yourself",
+        )
+    require_volume(_WHAT, place.points)
+    if blocks is not None:
+        renumbered = np.zeros(count, dtype=np.int64)
+        renumbered[chosen] = place.number
+        blocks = [renumbered[block] for block in blocks]
+    return _fit(place, blocks, count, len(chosen), overlap, lowest, falloff, trim)
+
+
+def _fit(
+    place: Merged,
+    blocks: list[Numbers] | None,
+    given: int,
+    chosen: int,
+    overlap: float,
+    lowest: float,
+    falloff: float,
+    trim: bool,
+) -> Kernels:
+    count = len(place.points)
+    # Sizes of any order of magnitude are measured from the middle, in units of the whole.
+    middle = place.points.mean(axis=0)
+    size = float(np.abs(place.points - middle).max())
+    points = (place.points - middle) / size
+    trimmed = 0
+    spare = np.empty((0, 2), dtype=np.int64)
+    ratio = overlap
+    if blocks is None:
+        simplices, beside, spare = _tetrahedra(points)
+        if trim:
+            keep = _trimmed(points, simplices, beside)
+            trimmed = int((~keep).sum())
+            simplices = simplices[keep]
+        blocks = [simplices]
+        ratio *= _RANDOM
+    around = Neighbourhoods(blocks, count)
+    axes, spread = _moments(points, around)
+    distance = np.linalg.norm(points[around.other] - points[around.at], axis=1)
+    farthest = np.zeros(count)
+    np.maximum.at(farthest, around.at, distance)
+    scales = ratio * spread
+    # Qhull leaves out points that it cannot tell from another: they have the shape of that one.
+    axes[spare[:, 0]], scales[spare[:, 0]] = axes[spare[:, 1]], scales[spare[:, 1]]
+    farthest[spare[:, 0]] = farthest[spare[:, 1]]
+    alone = ~(farthest > 0.0)
+    if alone.any():
+        first = place.points[int(np.argmax(alone))]
+        raise complain(
+            f"{_WHAT}: the mesh cannot be used",
+            f"{int(alone.sum())} points all of whose neighbours are at their own place, the first at "
+            f"({', '.join(f'{part:g}' for part in first)})",
+            "cells that have a volume",
+            "leave cells out for the Delaunay neighbours",
+        )
+    # A flat neighbourhood has no thickness of its own; a kernel must have one.
+    limits = overlap * farthest
+    scales = np.maximum(scales, 1e-9 * limits[:, None])
+    cover = _Cover(points, axes, scales, limits, around, falloff)
+    for block in blocks:
+        cover.cover(block, lowest)
+    cover.cover(around.edges(), lowest)
+    if place.merged:
+        _log.info("%s: %d points at the place of another were merged with it", _WHAT, place.merged)
+    if cover.thin:
+        _log.info("%s: the weight sum stays below %g in the middle of %d cells and edges", _WHAT, lowest, cover.thin)
+    return Kernels(
+        centers=place.points,
+        scales=cover.scales * size,
+        values=place.values,
+        rotations=quaternions(axes),
+        falloff=falloff,
+        report={
+            "points": given,
+            "merged": place.merged,
+            "left_out": given - chosen,
+            "cells": sum(len(block) for block in blocks),
+            "trimmed": trimmed,
+            "raised": int(cover.raised.sum()),
+            "lowest": cover.thinnest,
+            "thin": cover.thin,
+        },
+    )

@@ -1,0 +1,162 @@
+"""Arguments of the fits: points with values, checked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sheetsplat import _memory
+from sheetsplat._checks import number, shown, whole
+from sheetsplat.errors import complain
+
+from ._kernels import Floats, Numbers
+
+# Squares and cubes of distances stay finite.
+_FARTHEST = 1e90
+
+
+def numbers(what: str, given: ArrayLike, name: str) -> NDArray[Any]:
+    """Return an array of real numbers, not yet converted, or InvalidInput."""
+    try:
+        array = np.asarray(given)
+    except (TypeError, ValueError) as error:
+        raise complain(f"{what}: {name} cannot be used", f"{type(given).__name__}: {error}", "an array of numbers") from None
+    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+        raise complain(
+            f"{what}: {name} cannot be used", "masked entries", "numbers throughout", "drop the points that have none"
+        )
+    if array.dtype.kind not in "biuf":
+        raise complain(f"{what}: {name} cannot be used", f"values of type {array.dtype}", "an array of real numbers")
+    return array
+
+
+def places(what: str, given: ArrayLike, name: str = "points") -> Floats:
+    """Return positions, (N, 3) float64, or InvalidInput that names the first one that cannot be used."""
+    array = numbers(what, given, name)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise complain(f"{what}: {name} cannot be used", f"an array of shape {array.shape}", "an array of shape (N, 3)")
+    _memory.require(24 * len(array), f"{len(array)} {name}")
+    result = np.ascontiguousarray(array, dtype=np.float64)
+    wrong = ~(np.abs(result) <= _FARTHEST).all(axis=1)
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        raise complain(
+            f"{what}: {name} cannot be used",
+            f"({', '.join(f'{part:g}' for part in result[first])}), entry {first} "
+            f"(and {int(wrong.sum()) - 1} more like it)",
+            f"finite numbers of at most {_FARTHEST:g}",
+            "drop these entries or mend them",
+        )
+    return result
+
+
+def scalars(what: str, given: ArrayLike, name: str, count: int) -> Floats:
+    """Return one finite number a point, (N,) float64, or InvalidInput that names the first offender."""
+    array = numbers(what, given, name).reshape(-1)
+    if len(array) != count:
+        raise complain(
+            f"{what}: the arrays do not fit together", f"{count} points and {len(array)} {name}", "as many of each"
+        )
+    result = np.ascontiguousarray(array, dtype=np.float64)
+    wrong = ~np.isfinite(result)
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        raise complain(
+            f"{what}: {name} cannot be used",
+            f"{result[first]:g}, entry {first} (and {int(wrong.sum()) - 1} more that are not finite)",
+            "finite numbers",
+            "drop these points or mend them",
+        )
+    return result
+
+
+def positive(what: str, name: str, given: object, least: float = 0.0) -> float:
+    """Return a finite number above `least`, or InvalidInput."""
+    value = number(f"{what}: {name}", given)
+    if not (math.isfinite(value) and value > least):
+        raise complain(f"{what}: {name} cannot be used", f"{value:g}", f"a finite number above {least:g}")
+    return value
+
+
+def count_of(what: str, name: str, given: object, least: int, most: int) -> int:
+    """Return a whole number from `least` to `most`, or InvalidInput."""
+    value = whole(f"{what}: {name}", given)
+    if not least <= value <= most:
+        raise complain(f"{what}: {name} cannot be used", shown(value), f"a whole number from {least} to {most}")
+    return value
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Points of which no two are at the same place.
+
+    Attributes
+    ----------
+    points
+        Positions, (N, 3).
+    values
+        The mean of what was given for each place.
+    number
+        For each given point its place, (given,).
+    merged
+        How many given points are gone.
+    """
+
+    points: Floats
+    values: Floats
+    number: Numbers
+    merged: int
+
+
+def merge(points: Floats, values: Floats) -> Merged:
+    """Put points at exactly the same place together; their order stays that of their first appearance."""
+    # -0 and 0 are one place.
+    clean = points + 0.0
+    order = np.lexsort(clean.T)
+    in_order = clean[order]
+    starts = np.ones(len(order), dtype=bool)
+    starts[1:] = (in_order[1:] != in_order[:-1]).any(axis=1)
+    count = int(starts.sum())
+    if count == len(points):
+        return Merged(points, values, np.arange(count), 0)
+    group = np.empty(len(order), dtype=np.int64)
+    group[order] = np.cumsum(starts) - 1
+    first = np.full(count, len(order), dtype=np.int64)
+    np.minimum.at(first, group, np.arange(len(order)))
+    rank = np.empty(count, dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(count)
+    number = rank[group]
+    kept = np.sort(first)
+    # Half of each sum, so that the largest numbers do not overflow.
+    share = 1.0 / np.bincount(number, minlength=count)
+    mean = np.bincount(number, values * share[number], count)
+    return Merged(points[kept], mean, number, len(points) - count)
+
+
+def require_volume(what: str, points: Floats) -> None:
+    """Raise InvalidInput for points that lie in a plane or on a line, to within the rounding of their coordinates."""
+    far = float(np.abs(points).max())
+    middle = points - points.mean(axis=0)
+    size = float(np.abs(middle).max())
+    if size == 0.0:
+        raise complain(f"{what}: the points cannot be used", "points at one place", "points that fill a volume")
+    # A triangle is enough for the directions: what is measured in float64 must not drown in the sum of many.
+    factor = np.linalg.qr(middle / size, mode="r")
+    _, _, axes = np.linalg.svd(factor)
+    spread = np.ptp(middle @ axes.T, axis=0)
+    single = bool(np.array_equal(points.astype(np.float32).astype(np.float64), points)) if far < 3e38 else False
+    rounding = far * (2.0**-22 if single else 2.0**-46)
+    flat = int((spread <= rounding).sum())
+    if flat:
+        kind = "in one plane" if flat == 1 else "on one line"
+        raise complain(
+            f"{what}: the points cannot be used",
+            f"{len(points)} points {kind}: they extend over {', '.join(f'{part:.3g}' for part in spread)} along their "
+            "own axes",
+            "points that fill a volume",
+            "put copies of them beside the plane, or use fit.nearest",
+        )

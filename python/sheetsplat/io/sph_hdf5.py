@@ -1,0 +1,278 @@
+"""Particles of smoothed-particle hydrodynamics in HDF5 files with the layout of Gadget: groups PartType0 … PartType5.
+
+Also what Arepo, GIZMO and SWIFT write, whose names differ by a letter, and what is converted from other programs. A
+file may not reach for others: external links, external storage and virtual datasets are refused.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import math
+import struct
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat import _memory
+from sheetsplat._checks import shown
+from sheetsplat.errors import Unsupported, complain
+from sheetsplat.io.scattered import (
+    Floats,
+    Scattered,
+    choose_scalar,
+    column_of,
+    finite_points,
+    finite_values,
+    listed,
+    require_rows,
+    scalar_names,
+    unreadable,
+)
+from sheetsplat.io.source import Source
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_DEFAULT = "PartType0"
+_PLACE = ("Coordinates", "Position", "Positions")
+_SMOOTHING = ("SmoothingLength", "SmoothingLengths", "Hsml")
+_MASS = ("Masses", "Mass")
+_DENSITY = ("Density", "Densities")
+_MOST_DATASETS = 1000
+# Packed chunks stand for at most this many times their bytes (deflate); chunks that were never written stand for any.
+_RATIO = 1032
+# Radius of the support in smoothing lengths: Gadget, Arepo and GIZMO; SWIFT (cubic spline); Gasoline and ChaNGa.
+_SUPPORTS = (1.0, 1.825742, 2.0)
+_PROBES = 64
+# Two kernels of one width and different shape differ by less than this in the density that they give.
+_AGREEMENT = 0.1
+
+_log = logging.getLogger("sheetsplat")
+
+
+def _module() -> Any:
+    try:
+        import h5py  # type: ignore[import-untyped, unused-ignore]
+    except ImportError:
+        raise complain(
+            "HDF5 files cannot be read", "no module h5py", "h5py 3.8 or newer", "pip install h5py", kind=Unsupported
+        ) from None
+    return h5py
+
+
+def _end_of_file(source: Source) -> int:
+    """Return the file's length as its superblock has it (HDF5 file format specification, II.A)."""
+    head = source.head(64)
+    version = head[8] if len(head) > 12 else -1
+    if version in (0, 1):
+        width, at = head[13], 24 if version == 0 else 28
+        at += 2 * width
+    elif version in (2, 3):
+        width = head[9]
+        at = 12 + 2 * width
+    else:
+        raise unreadable(source.path, f"an HDF5 superblock of version {version}", "version 0, 1, 2 or 3")
+    if width not in (4, 8) or len(head) < at + width:
+        raise unreadable(source.path, f"an HDF5 superblock with offsets of {width} bytes", "offsets of 4 or 8 bytes")
+    return int(struct.unpack_from("<Q" if width == 8 else "<I", head, at)[0])
+
+
+def _seekable(source: Source) -> Path | BinaryIO:
+    """Return what the library can open: the file, or its unpacked bytes, no more than it says it has."""
+    end = _end_of_file(source)
+    if not source.packed:
+        return source.path
+    source.seek(0)
+    payload = source.payload("raw")
+    return io.BytesIO(payload.array(np.dtype(np.uint8), end).tobytes())
+
+
+class _Group:
+    """One group of particles."""
+
+    def __init__(self, h5py: Any, path: Path, group: Any, name: str) -> None:
+        self._h5py, self._path, self._group, self._name = h5py, path, group, name
+        self._datasets: dict[str, Any] = {}
+        names = list(group)
+        if len(names) > _MOST_DATASETS:
+            raise unreadable(path, f"{len(names)} entries in {name}", f"at most {_MOST_DATASETS}")
+        for one in names:
+            if isinstance(group.get(one, getlink=True), h5py.ExternalLink):
+                continue
+            entry = group[one]
+            if isinstance(entry, h5py.Dataset) and entry.dtype.kind in "iuf" and entry.ndim in (1, 2):
+                self._datasets[one] = entry
+        place = self.first(_PLACE)
+        if place is None:
+            raise unreadable(path, f"{name} with {listed(names)}", "a dataset Coordinates of numbers")
+        if self._datasets[place].ndim != 2 or self._datasets[place].shape[1] != 3:
+            raise unreadable(path, f"{name}/{place} of shape {self._datasets[place].shape}", "(N, 3)")
+        self.place = place
+        self.count = int(self._datasets[place].shape[0])
+
+    def first(self, names: tuple[str, ...]) -> str | None:
+        return next((name for name in names if name in self._datasets), None)
+
+    def widths(self) -> dict[str, int]:
+        """Return the columns of every dataset with a row for each particle, but for the positions."""
+        return {
+            name: 1 if one.ndim == 1 else int(one.shape[1])
+            for name, one in self._datasets.items()
+            if name != self.place and one.shape[0] == self.count and (one.ndim == 1 or one.shape[1] > 0)
+        }
+
+    def read(self, name: str) -> NDArray[Any]:
+        """Return a dataset, after its size was judged by what the file stores of it."""
+        one, what = self._datasets[name], f"{self._name}/{name}"
+        if one.shape[0] != self.count:
+            raise unreadable(
+                self._path, f"{what} of {one.shape[0]} rows", f"{self.count}, as {self._name}/{self.place} has"
+            )
+        if one.is_virtual or one.external:
+            raise unreadable(self._path, f"{what} in another file", "the numbers in this file", "copy them into it")
+        needed = math.prod(one.shape) * one.dtype.itemsize
+        stored = one.id.get_storage_size()
+        if needed > (stored if one.chunks is None else stored * _RATIO):
+            raise unreadable(self._path, f"{stored} stored bytes of {what}", f"{needed} bytes, as its shape says")
+        # What is read, and float64 of it.
+        _memory.require(needed + math.prod(one.shape) * 8, f"{what} of {self._path}")
+        rows: NDArray[Any] = one[()]
+        return rows
+
+    def column(self, names: tuple[str, ...]) -> Floats | None:
+        """Return the first of these datasets that is there and has one column, as float64."""
+        name = self.first(names)
+        if name is None or self._datasets[name].ndim != 1:
+            return None
+        return self.read(name).astype(np.float64)
+
+
+def _mass_table(file: Any, name: str) -> float:
+    """Return the mass that all particles of a group share, 0 where the file says none."""
+    try:
+        table = np.asarray(file["Header"].attrs["MassTable"], dtype=np.float64).reshape(-1)
+        mass = float(table[int(name.removeprefix("PartType"))])
+    except (KeyError, ValueError, IndexError, TypeError):
+        return 0.0
+    return mass if math.isfinite(mass) and mass > 0 else 0.0
+
+
+def _cubic_spline(share: Floats) -> Floats:
+    """Return the cubic spline kernel of support 1 at distances in supports (Monaghan & Lattanzio 1985)."""
+    inner = 1.0 - 6.0 * share**2 + 6.0 * share**3
+    outer = 2.0 * np.maximum(1.0 - share, 0.0) ** 3
+    return np.asarray(8.0 / math.pi * np.where(share < 0.5, inner, outer))
+
+
+def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Floats) -> tuple[float | None, float]:
+    """Return the support's radius in smoothing lengths that explains the densities, and the error that is left.
+
+    Programs mean different things by a smoothing length: the radius of the kernel's support, or half of it. The right
+    one gives the densities that the file has: density_i = Σ_j m_j W(|x_i − x_j|; support_i), tried on a few particles
+    with the cubic spline. The error is the median of |log(density / density of the file)|; None where none fits.
+    """
+    from scipy.spatial import cKDTree
+
+    usable = np.flatnonzero((lengths > 0) & (densities > 0) & (masses > 0))
+    if usable.size < 2:
+        return None, math.inf
+    probes = usable[np.linspace(0, usable.size - 1, min(_PROBES, usable.size)).astype(np.intp)]
+    tree = cKDTree(points)
+    errors = []
+    for factor in _SUPPORTS:
+        found = []
+        for probe in probes:
+            reach = factor * lengths[probe]
+            near = np.asarray(tree.query_ball_point(points[probe], reach), dtype=np.intp)
+            share = np.linalg.norm(points[near] - points[probe], axis=1) / reach
+            density = float((masses[near] * _cubic_spline(share)).sum()) / reach**3
+            found.append(abs(math.log(density / densities[probe])) if density > 0 else math.inf)
+        errors.append(float(np.median(found)))
+    best = int(np.argmin(errors))
+    return (_SUPPORTS[best] if errors[best] < _AGREEMENT else None), errors[best]
+
+
+def read(
+    source: Source, scalar: str | None = None, particles: str | None = None, support: float | None = None
+) -> Scattered:
+    """Read particles of one group.
+
+    Parameters
+    ----------
+    source
+        The file.
+    scalar
+        A dataset of the group, the length of a vector's rows, or one column of it (Velocities_x); "Density" unless
+        given, else "Masses".
+    particles
+        The group; PartType0, the gas, unless given.
+    support
+        Radius of the kernels' supports in smoothing lengths of the file. Unless given, what explains the densities of
+        the file (`find_support`), else 1, as Gadget has it.
+
+    Raises
+    ------
+    InvalidInput
+        For damaged files, missing groups or datasets, and datasets of other lengths or larger than what is stored.
+    Unsupported
+        Without the module h5py.
+    """
+    h5py = _module()
+    path = source.path
+    name = _DEFAULT if particles is None else particles
+    opened = _seekable(source)
+    try:
+        with h5py.File(opened, "r") as file:
+            groups = [one for one in file if isinstance(file.get(one, getclass=True), type) and one != "Header"]
+            link = file.get(name, getlink=True) if name in groups else None
+            if link is None or isinstance(link, h5py.ExternalLink) or not isinstance(file[name], h5py.Group):
+                raise unreadable(
+                    path,
+                    f"no group {shown(name)}, but {listed(groups) or 'nothing'}",
+                    "particles in a group PartType0, or the name of another one",
+                    "choose one with particles=... (on the command line --particles)",
+                )
+            return _read_group(path, file, _Group(h5py, path, file[name], name), name, scalar, support)
+    except (OSError, KeyError, RuntimeError, TypeError, OverflowError) as error:
+        if isinstance(error, RuntimeError) and type(error).__module__.startswith("sheetsplat"):
+            raise
+        raise source.damaged(error) from None
+
+
+def _read_group(
+    path: Path, file: Any, group: _Group, name: str, scalar: str | None, support: float | None
+) -> Scattered:
+    require_rows(path, group.count)
+    widths = group.widths()
+    chosen, base, column = choose_scalar(path, scalar, (*_DENSITY, *_MASS), widths)
+    points = finite_points(path, group.read(group.place).astype(np.float64))
+    values = finite_values(path, chosen, column_of(group.read(base), column))
+    masses, densities = group.column(_MASS), group.column(_DENSITY)
+    if masses is None and (share := _mass_table(file, name)) > 0:
+        masses = np.full(group.count, share)
+    lengths = group.column(_SMOOTHING)
+    details = {"particles": name}
+    if lengths is not None:
+        factor = 1.0 if support is None else support
+        if support is None and masses is not None and densities is not None:
+            found, error = find_support(points, lengths, masses, densities)
+            factor = 1.0 if found is None else found
+            details["support"] = (
+                f"{factor:g} smoothing lengths, which gives the densities of the file to {100 * error:.2g} %"
+                if found is not None
+                else "1 smoothing length, as Gadget has it; the densities of the file fit no known kernel"
+            )
+            _log.info("%s: the support of a kernel is %s", path, details["support"])
+        lengths = lengths * factor
+    return Scattered(
+        points,
+        values,
+        chosen,
+        "hdf5, particles",
+        scalar_names(widths),
+        smoothing_lengths=lengths,
+        masses=masses,
+        densities=densities,
+        details=details,
+    )

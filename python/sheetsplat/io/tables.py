@@ -1,0 +1,296 @@
+"""Ellipsoids and points as tables: .npz and .csv."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import warnings
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat import _memory
+from sheetsplat.errors import complain
+from sheetsplat.io import numpy_files
+from sheetsplat.io.scattered import (
+    Floats,
+    Scattered,
+    choose_scalar,
+    column_of,
+    finite_points,
+    finite_values,
+    scalar_names,
+    unreadable,
+)
+from sheetsplat.io.source import _DAMAGED, Source
+
+if TYPE_CHECKING:
+    from sheetsplat.fields import EllipsoidField
+
+_OWN = ("centers", "scales", "radii", "rotations", "weights")
+_NUMBERS = ("w0", "falloff", "cell_volume")
+_CHUNK = 1 << 22
+_MOST_COLUMNS = 512
+_LONGEST_HEADER = 1 << 16
+
+
+def holds_ellipsoids(source: Source) -> bool:
+    """Return True for an .npz with an array "centers"."""
+    try:
+        source.seek(0)
+        with zipfile.ZipFile(source.stream) as archive:
+            return "centers.npy" in archive.namelist()
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, *_DAMAGED):
+        return False
+    finally:
+        source.seek(0)
+
+
+def read_npz(source: Source, scalar: str | None = None) -> Scattered:
+    """Read ellipsoids: arrays centers (N, 3), scales (N, 3) or (N,), or radii (N,), values, rotations, weights.
+
+    Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff and cell_volume and the text normalization
+    may stand beside them, as `save_npz` writes them. Without scales and radii it is bare points. Every other array of
+    N rows can be chosen as the scalar; "values" unless another is named.
+
+    Raises
+    ------
+    InvalidInput
+        For missing or additional rows, anything pickled, and numbers that are not finite.
+    """
+    path = source.path
+    arrays, texts = numpy_files.read_arrays(source, most=_MOST_COLUMNS)
+    if "centers" not in arrays:
+        raise unreadable(path, f"arrays {', '.join(arrays) or '(none)'}", "an array centers, and values")
+    points = arrays["centers"]
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise unreadable(path, f"centers of shape {points.shape}", "(N, 3)")
+    count = len(points)
+    one = (count,)
+    shapes = {"scales": ((count, 3), one), "radii": (one,), "rotations": ((count, 4),), "weights": (one,)}
+    for name, allowed in shapes.items():
+        if name in arrays and arrays[name].shape not in allowed:
+            raise unreadable(
+                path, f"{name} of shape {arrays[name].shape}", " or ".join(map(str, allowed)) + ", as centers has rows"
+            )
+    if "scales" in arrays and "radii" in arrays:
+        raise unreadable(path, "scales and radii", "one of them")
+    numbers = {}
+    for name in _NUMBERS:
+        if name in arrays:
+            if arrays[name].shape != ():
+                raise unreadable(path, f"{name} of shape {arrays[name].shape}", "a number")
+            numbers[name] = float(arrays[name])
+    values = arrays.get("values")
+    if values is not None and values.shape != (count,) and not (values.ndim == 2 and len(values) == count):
+        raise unreadable(path, f"values of shape {values.shape}", f"({count},), as centers has rows")
+    rows = {
+        name: array
+        for name, array in arrays.items()
+        if name not in _OWN and array.ndim in (1, 2) and len(array) == count and (array.ndim == 1 or array.shape[1])
+    }
+    widths = {name: 1 if array.ndim == 1 else array.shape[1] for name, array in rows.items()}
+    if not widths:
+        raise unreadable(path, f"arrays {', '.join(arrays)}", "an array values, a number for each centre")
+    name, base, column = choose_scalar(path, scalar, ("values",), widths)
+    return Scattered(
+        finite_points(path, points.astype(np.float64)),
+        finite_values(path, name, column_of(rows[base], column)),
+        name,
+        "npz, ellipsoids",
+        scalar_names(widths),
+        scales=_optional(arrays.get("scales", arrays.get("radii"))),
+        rotations=_optional(arrays.get("rotations")),
+        weights=_optional(arrays.get("weights")),
+        normalization=texts.get("normalization"),
+        w0=numbers.get("w0"),
+        falloff=numbers.get("falloff"),
+        cell_volume=numbers.get("cell_volume"),
+    )
+
+
+def _optional(array: NDArray[Any] | None) -> Floats | None:
+    return None if array is None else array.astype(np.float64)
+
+
+def save_npz(field: EllipsoidField, path: str | os.PathLike[str]) -> None:
+    """Write a field of ellipsoids, so that `sheetsplat.open` gives it back as it was.
+
+    Parameters
+    ----------
+    field
+        The field.
+    path
+        A name that ends with .npz. The file appears whole or not at all.
+
+    Raises
+    ------
+    InvalidInput
+        For names with another ending, and where the folder is missing.
+    Error
+        Where the file cannot be written.
+    """
+    from sheetsplat._checks import instance
+    from sheetsplat.fields import EllipsoidField
+    from sheetsplat.io import pictures
+
+    instance("save_npz: the field", field, EllipsoidField)
+    target = Path(path)
+    if target.suffix.lower() != ".npz":
+        raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npz")
+    arrays: dict[str, Any] = {
+        "centers": field.centers,
+        "scales": field.scales,
+        "rotations": field.rotations,
+        "values": field.values,
+        "weights": field.weights,
+        "normalization": np.array(field.normalization),
+        "w0": np.float64(field.w0),
+        "falloff": np.float64(field.falloff),
+        "cell_volume": field.cell_volume,
+    }
+    pictures.check_folder(target)
+    with pictures.whole_files([target]) as (made,), Path(made).open("wb") as stream:
+        np.savez(stream, allow_pickle=False, **{name: part for name, part in arrays.items() if part is not None})
+
+
+_COLUMNS = {
+    "x": ("x",),
+    "y": ("y",),
+    "z": ("z",),
+    "radius": ("radius", "r"),
+    "sx": ("sx",),
+    "sy": ("sy",),
+    "sz": ("sz",),
+    "qw": ("qw",),
+    "qx": ("qx",),
+    "qy": ("qy",),
+    "qz": ("qz",),
+    "weight": ("weight",),
+}
+
+
+def _lines(source: Source) -> tuple[list[str], str]:
+    """Return the names of the columns and what parts them, and leave the stream at the first row."""
+    try:
+        source.seek(0)
+        first = source.stream.readline(_LONGEST_HEADER)
+    except _DAMAGED as error:
+        raise source.damaged(error) from None
+    text = first.decode("utf-8-sig", "replace").strip().lstrip("#").strip()
+    if len(first) >= _LONGEST_HEADER or not text:
+        found = "no line of names" if not text else "a first line without end"
+        raise unreadable(source.path, found, "names of columns")
+    part = next((one for one in (",", ";", "\t") if one in text), " ")
+    names = [name.strip() for name in (next(csv.reader([text], delimiter=part)) if part != " " else text.split())]
+    if len(names) > _MOST_COLUMNS or len(set(names)) != len(names):
+        raise unreadable(source.path, f"{len(names)} columns, {len(set(names))} names", "names that differ")
+    return names, part
+
+
+def _rows(source: Source, part: str, columns: int) -> Floats:
+    """Return the numbers of all rows, read a piece at a time."""
+    blocks: list[Floats] = []
+    rest = b""
+    row = 0
+    while True:
+        try:
+            piece = source.stream.read(_CHUNK)
+        except _DAMAGED as error:
+            raise source.damaged(error) from None
+        # Numbers, and texts of them while they are parsed.
+        _memory.require(8 * len(piece) + 8 * columns * row, f"the rows of {source.path}")
+        whole, cut, rest = (rest + piece).rpartition(b"\n") if piece else (rest, b"", b"")
+        if len(rest) > _CHUNK:
+            raise unreadable(source.path, f"a line of more than {_CHUNK} characters", "lines of numbers")
+        if whole.strip():
+            block = _numbers(source, whole, part, columns, row)
+            blocks.append(block)
+            row += len(block)
+        if not piece:
+            break
+    _memory.require(8 * columns * row, f"{row} rows of {source.path}")
+    return np.concatenate(blocks) if blocks else np.empty((0, columns))
+
+
+def _numbers(source: Source, text: bytes, part: str, columns: int, row: int) -> Floats:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            block: Floats = np.loadtxt(
+                io.BytesIO(text), delimiter=None if part == " " else part, comments="#", ndmin=2, encoding="utf-8"
+            )
+    except (ValueError, UnicodeDecodeError) as error:
+        # What the parser says of rows counts from the piece; the last sentence is advice about its own arguments.
+        reason = str(error).split(";")[0]
+        raise unreadable(
+            source.path, f"a row after row {row} that is not of numbers ({reason})", f"{columns} numbers in every row"
+        ) from None
+    if block.size and block.shape[1] != columns:
+        found = f"{block.shape[1]} numbers in row {row}"
+        raise unreadable(source.path, found, f"{columns}, as the first line has names")
+    return block.reshape(-1, columns)
+
+
+def read_csv(source: Source, scalar: str | None = None) -> Scattered:
+    """Read a table with names in its first line: x, y, z and a scalar, and perhaps the kernels' sizes.
+
+    Columns: x, y, z; radius, or sx, sy, sz (semi-axes of the support) with or without qw, qx, qy, qz (quaternion);
+    weight; every other one can be chosen as the scalar, "value" unless another is named. Names may be of any case,
+    parted by commas, semicolons, tabs or blanks. Without sizes it is bare points.
+
+    Raises
+    ------
+    InvalidInput
+        For missing columns, rows of other lengths, and what is no finite number.
+    """
+    path = source.path
+    names, part = _lines(source)
+    lower = {name.lower(): at for at, name in enumerate(names)}
+    at = {own: lower[one] for own, spelled in _COLUMNS.items() for one in spelled if one in lower}
+    _require_columns(path, names, at)
+    table = _rows(source, part, len(names))
+    others = {name: column for column, name in enumerate(names) if column not in at.values()}
+    if not others:
+        raise unreadable(path, f"columns {', '.join(names)}", "one more, value")
+    preferred = [name for name in others if name.lower() in ("value", "values", "scalar")]
+    name, base, _ = choose_scalar(path, scalar, preferred, dict.fromkeys(others, 1))
+
+    def picked(*columns: str) -> Floats | None:
+        return table[:, [at[column] for column in columns]] if columns[0] in at else None
+
+    points = picked("x", "y", "z")
+    assert points is not None
+    radius, weight = picked("radius"), picked("weight")
+    scales = picked("sx", "sy", "sz") if radius is None else radius[:, 0]
+    return Scattered(
+        finite_points(path, points),
+        finite_values(path, name, table[:, others[base]].copy()),
+        name,
+        "csv",
+        tuple(others),
+        scales=scales,
+        rotations=picked("qw", "qx", "qy", "qz"),
+        weights=None if weight is None else weight[:, 0],
+    )
+
+
+def _require_columns(path: Path, names: list[str], at: Mapping[str, int]) -> None:
+    for group, needed in ((("x", "y", "z"), True), (("sx", "sy", "sz"), False), (("qw", "qx", "qy", "qz"), False)):
+        missing = [name for name in group if name not in at]
+        if missing and (needed or len(missing) < len(group)):
+            raise unreadable(
+                path,
+                f"columns {', '.join(names)[:200]}",
+                f"also {', '.join(missing)}",
+                "the first line must name the columns: x,y,z,value,radius or x,y,z,value,sx,sy,sz,qw,qx,qy,qz",
+            )
+    if "radius" in at and "sx" in at:
+        raise unreadable(path, "columns radius and sx, sy, sz", "one of them")
+    if "qw" in at and "sx" not in at:
+        raise unreadable(path, "a quaternion without sx, sy, sz", "both, or neither")

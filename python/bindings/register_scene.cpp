@@ -30,7 +30,7 @@ Scene make_scene(const std::vector<std::shared_ptr<Field>>& fields, const Transf
                  std::optional<double> slice_spacing, const std::string& sampling,
                  std::optional<double> reference_length, const std::string& mode, std::optional<double> iso_value,
                  const std::vector<Light>& lights, const Material& material, double opacity_stop, bool preintegration,
-                 const std::string& filter, std::optional<Triple> background) {
+                 std::optional<Triple> background, const std::string& filter) {
     Scene scene{{fields.begin(), fields.end()}, transfer_function};
     scene.slice_spacing = slice_spacing;
     scene.sampling = from_name("sampling", sampling, samplings);
@@ -61,7 +61,7 @@ void register_scene(py::module_& module) {
         .def(py::init(&make_scene), py::arg("fields"), py::arg("transfer_function"), py::kw_only(),
              py::arg("slice_spacing"), py::arg("sampling"), py::arg("reference_length"), py::arg("mode"),
              py::arg("iso_value"), py::arg("lights"), py::arg("material"), py::arg("opacity_stop"),
-             py::arg("preintegration"), py::arg("filter"), py::arg("background"))
+             py::arg("preintegration"), py::arg("background"), py::arg("filter") = "none")
         .def_property_readonly("slice_distance", &Scene::slice_distance)
         .def_property_readonly("reference_distance", &Scene::reference_distance)
         .def_property_readonly("centres", [](const Scene& scene) { return to_corners(scene.centres_world()); });

@@ -135,8 +135,8 @@ class Scene:
         material: Material,
         opacity_stop: float,
         preintegration: bool,
-        filter: str,
         background: _Triple | None,
+        filter: str = "none",
     ) -> None: ...
     @property
     def slice_distance(self) -> float: ...

@@ -31,7 +31,7 @@ from sheetsplat._checks import (
 )
 from sheetsplat.camera import Camera, Kind, bounds_of
 from sheetsplat.errors import complain
-from sheetsplat.fields import Field, Lattice, NanPolicy, Normalization, RegularField
+from sheetsplat.fields import EllipsoidField, Field, Lattice, NanPolicy, Normalization, RegularField
 from sheetsplat.image import Image
 from sheetsplat.renderer import OUTPUTS, Backend, Output, Packing, Precision, Progress, Renderer, Tagging
 from sheetsplat.scene import MODES, Filter, Light, Material, Mode, Sampling, Scene
@@ -40,6 +40,7 @@ from sheetsplat.transfer import Colormap, Opacity, TransferFunction
 if TYPE_CHECKING:
     from sheetsplat.bcc import BccVolume
     from sheetsplat.datasets import Dataset
+    from sheetsplat.io.scattered import Fit
 
 Data = Field | Sequence[Field] | ArrayLike | str | os.PathLike[str]
 
@@ -162,6 +163,13 @@ def open(
     return open_field(path, {option: value for option, value in options.items() if value is not None})
 
 
+# Options of `open` that mean nothing for arrays.
+_OF_FILES = (
+    *("shape", "dtype", "offset", "name", "grid", "scalar", "particles", "support"),
+    *("fit", "neighbors", "min_scale", "log"),
+)
+
+
 def to_fields(data: Data, **options: Any) -> list[Field]:
     """Return the fields of an array, a path, a field or several fields; `options` make fields of the first two."""
     given = {name: value for name, value in options.items() if value is not None}
@@ -181,7 +189,7 @@ def to_fields(data: Data, **options: Any) -> list[Field]:
                 "give them to the field itself, or to sheetsplat.open",
             )
         return [data] if isinstance(data, Field) else list(data)  # type: ignore[arg-type]
-    for name in ("shape", "dtype", "offset", "name"):
+    for name in _OF_FILES:
         if name in given:
             raise complain(f"render: {name} cannot be used", "an array", f"{name} only for files")
     return [RegularField(data, **given)]  # type: ignore[arg-type]
@@ -452,6 +460,14 @@ def render(
     dtype: DTypeLike | None = None,
     offset: int | None = None,
     name: str | None = None,
+    grid: str | os.PathLike[str] | None = None,
+    scalar: str | None = None,
+    particles: str | None = None,
+    support: float | None = None,
+    fit: Fit | None = None,
+    neighbors: int | None = None,
+    min_scale: float | None = None,
+    log: bool | float | None = None,
 ) -> Image:
     """Return a picture of an array, a file, a field or several fields. What is not given is chosen to show something.
 
@@ -495,7 +511,7 @@ def render(
         As for `Renderer.render`.
     spacing, origin, lattice, radius, falloff, normalization, w0, nan
         As for `RegularField`; for arrays and files.
-    shape, dtype, offset, name
+    shape, dtype, offset, name, grid, scalar, particles, support, fit, neighbors, min_scale, log
         As for `sheetsplat.open`; for files.
 
     Raises
@@ -517,6 +533,14 @@ def render(
         "dtype": dtype,
         "offset": offset,
         "name": name,
+        "grid": grid,
+        "scalar": scalar,
+        "particles": particles,
+        "support": support,
+        "fit": fit,
+        "neighbors": neighbors,
+        "min_scale": min_scale,
+        "log": log or None,
     }
     look: dict[str, Any] = {
         "transfer_function": transfer_function,

@@ -26,12 +26,14 @@ from sheetsplat._checks import (
     truth,
 )
 from sheetsplat.errors import complain
-from sheetsplat.fields import RegularField, as_fields, joined_bounds
+from sheetsplat.fields import Field, as_fields, joined_bounds
 from sheetsplat.transfer import TransferFunction
 
 Mode = Literal["composite", "isosurface", "xray", "mip"]
 Sampling = Literal["point", "slab"]
+Filter = Literal["ewa"]
 MODES = ("composite", "isosurface", "xray", "mip")
+FILTERS = ("ewa",)
 
 
 @dataclass(frozen=True)
@@ -137,11 +139,11 @@ class Scene:
     Parameters
     ----------
     field
-        A field, or a sequence of fields whose scalars add up.
+        A field, or a sequence of fields of any kind whose scalars add up.
     transfer_function
         Scalar to colour and opacity per reference length; a TransferFunction, or its points.
     slice_spacing
-        Distance Δs of slices in world units, > 0; the smallest sample distance unless given.
+        Distance Δs of slices in world units, > 0; the smallest of the fields' own unless given.
     sampling
         "point": a slice holds the field at its depth; "slab": the mean over its slab along the pixel's ray.
     reference_length
@@ -158,6 +160,9 @@ class Scene:
         Opacity from which on a pixel does not change any more, in (0, 1]; 1 for never.
     preintegration
         Classify the interval between slices instead of the slices.
+    filter
+        None, or "ewa": kernels are widened by a pixel across and a slice distance along the view and keep their mass,
+        so that those smaller than that neither flicker nor vanish. Conventions, section 10 (Effects beyond the papers).
     background
         Red, green, blue to put behind the picture; transparent unless given.
 
@@ -170,6 +175,7 @@ class Scene:
     __slots__ = (
         "_background",
         "_fields",
+        "_filter",
         "_iso_value",
         "_lights",
         "_material",
@@ -180,7 +186,7 @@ class Scene:
 
     def __init__(
         self,
-        field: RegularField | Sequence[RegularField],
+        field: Field | Sequence[Field],
         transfer_function: TransferFunction | Sequence[Sequence[float]],
         *,
         slice_spacing: float | None = None,
@@ -192,6 +198,7 @@ class Scene:
         material: Material | None = None,
         opacity_stop: float = 0.98,
         preintegration: bool = False,
+        filter: Filter | None = None,
         background: Vector | str | None = None,
     ) -> None:
         self._fields = tuple(as_fields(field, "Scene: field"))
@@ -206,6 +213,7 @@ class Scene:
         self._background = None if background is None else color("Scene: background", background)
         self._iso_value = optional_number("Scene: iso_value", iso_value)
         self._mode = choice("Scene: mode", mode, MODES)
+        self._filter = None if filter is None else choice("Scene: filter", filter, FILTERS)
         self._native = _sheetsplat.Scene(
             [one._native for one in self._fields],
             transfer_function._native,
@@ -219,10 +227,11 @@ class Scene:
             opacity_stop=number("Scene: opacity_stop", opacity_stop),
             preintegration=truth("Scene: preintegration", preintegration),
             background=self._background,
+            **({} if self._filter is None else {"filter": self._filter}),
         )
 
     @property
-    def fields(self) -> tuple[RegularField, ...]:
+    def fields(self) -> tuple[Field, ...]:
         """The fields whose scalars add up."""
         return self._fields
 
@@ -250,6 +259,11 @@ class Scene:
     def iso_value(self) -> float | None:
         """Value of the isosurface, or None."""
         return self._iso_value
+
+    @property
+    def filter(self) -> str | None:
+        """What is done to kernels before they are sliced: None or "ewa"."""
+        return self._filter
 
     @property
     def background(self) -> Triple | None:

@@ -510,32 +510,47 @@ def slice_depth(n: Array, centre: float, spacing: float) -> Array:
     return np.asarray(centre + (n + 0.5) * spacing)
 
 
-def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> Samples:
-    """Return ρ on all slices (sections 2 and 3)."""
-    w, h = size
+@dataclass
+class Placed:
+    """The fields that have kernels, in eye space, and the depths that anchor and bound the slices."""
+
+    fields: list[tuple[RegularField | EllipsoidField, Kernels]]
+    centre: float
+    begin: float
+    end: float
+
+
+def place(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> Placed:
+    """Return the kernels as they are sliced, and the interval of depth that their supports take (section 3)."""
     turn = camera.turn()
-    fields = scene.fields()
-    spacing = scene.spacing()
-    pixel = camera.height_at_one() / h
+    pixel = camera.height_at_one() / size[1]
     placed = []
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     begin, end = np.inf, -np.inf
-    for f in fields:
+    for f in scene.fields():
         kernels = f.placed(camera.eye, turn)
         if len(kernels.centres) == 0:
             continue
         low, high = np.minimum(low, kernels.world.min(0)), np.maximum(high, kernels.world.max(0))
         if scene.filter == "ewa":
             at = np.abs(kernels.centres[:, 2]) if camera.is_perspective else np.ones(len(kernels.centres))
-            kernels = kernels.filtered(pixel * at, spacing)
+            kernels = kernels.filtered(pixel * at, scene.spacing())
         kernels = kernels.scaled(nudge.support)
         placed.append((f, kernels))
         begin = min(begin, float((-kernels.centres[:, 2] - kernels.reach()).min()))
         end = max(end, float((-kernels.centres[:, 2] + kernels.reach()).max()))
+    return Placed(placed, -float(turn[2] @ ((low + high) / 2)) if placed else 0.0, begin, end)
+
+
+def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> Samples:
+    """Return ρ on all slices (sections 2 and 3)."""
+    w, h = size
+    spacing = scene.spacing()
     nothing = Samples(np.zeros(0), np.zeros((0, h + 2, w + 2)), np.zeros((0, h + 2, w + 2), bool), np.zeros((0, h, w)))
-    if not placed:
+    placed = place(scene, camera, size, nudge)
+    if not placed.fields:
         return nothing
-    centre = -float(turn[2] @ ((low + high) / 2))
+    centre, begin, end = placed.centre, placed.begin, placed.end
     n = np.arange(math.floor((begin - centre) / spacing), math.floor((end - centre) / spacing) + 1)
     depth = slice_depth(n, centre, spacing)
     if camera.is_perspective:
@@ -558,7 +573,7 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
     else:
         rays, start = np.tile(np.array([0.0, 0.0, -1.0]), (len(x), 1)), np.stack([x, y, np.zeros(x.shape)], -1)
     extra = spacing / 2 if scene.sampling == "slab" else 0.0
-    for f, kernels in placed:
+    for f, kernels in placed.fields:
         reach = (kernels.reach() + extra) * (1 + 1e-9)
         for s in range(2, count - 2):
             t = float(all_depth[s])
@@ -773,6 +788,7 @@ def is_gentle(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
         return False
     tall = camera.height_at_one()
     stretch = math.sqrt(1 + (tall / 2) ** 2 * (1 + (size[0] / size[1]) ** 2)) if camera.is_perspective else 1.0
+    nearest = max(camera.near, place(scene, camera, size, Nudge()).begin) if camera.is_perspective else 1.0
     slope = (rises[steps > 0] / steps[steps > 0]).max() * span
-    pixel = tall / size[1] * (camera.near if camera.is_perspective else 1.0)
+    pixel = tall / size[1] * nearest
     return bool(slope * scene.spacing() * stretch / scene.length() <= 10 and pixel >= scene.length() / 100)

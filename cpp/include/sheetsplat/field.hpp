@@ -145,12 +145,12 @@ class RegularField final : public Field {
 
 /// Scattered kernels, one entry (or three or four) a kernel. What a constructor leaves empty is the same for all.
 struct EllipsoidArrays {
-    std::vector<Vec3> centers;          ///< world
-    std::vector<double> radii;          ///< isotropic kernels: N semi-axes; else empty
-    std::vector<Vec3> scales;           ///< N semi-axes of the support along the kernel's own axes; empty for radii
-    std::vector<glm::dquat> rotations;  ///< N unit quaternions, own axes -> world axes; empty: none is turned
-    std::vector<double> values;         ///< f
-    std::vector<double> weights;        ///< m >= 0; empty: 1
+    std::vector<Vec3> centers;         ///< world
+    std::vector<double> radii;         ///< isotropic kernels: N semi-axes; else empty
+    std::vector<Vec3> scales;          ///< N semi-axes of the support along the kernel's own axes; empty for radii
+    std::vector<glm::dquat> rotations; ///< N unit quaternions, own axes -> world axes; empty: none is turned
+    std::vector<double> values;        ///< f
+    std::vector<double> weights;       ///< m >= 0; empty: 1
 };
 
 struct EllipsoidFieldOptions {
@@ -220,7 +220,7 @@ inline const RegularField* as_regular(const Field* field) {
 }
 inline const EllipsoidField* as_ellipsoids(const Field* field) {
     return field != nullptr && field->kind() == FieldKind::ellipsoid ? static_cast<const EllipsoidField*>(field)
-                                                                      : nullptr;
+                                                                     : nullptr;
 }
 
 } // namespace sheetsplat

@@ -23,7 +23,8 @@ enum class LightSpace { eye, world };
 /// What is done to kernels before they are sliced.
 enum class Filter {
     none,
-    ewa, ///< widened by a pixel across and a slice distance along the view, at the same mass (IMAGE FORMATION section 10)
+    ewa, ///< widened by a pixel across and a slice distance along the view, at the same mass (IMAGE FORMATION section
+         ///< 10)
 };
 
 /// A directional light. `direction` points towards the light; it need not have unit length.

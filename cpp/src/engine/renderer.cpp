@@ -14,8 +14,8 @@
 #include "plan/make_plan.hpp"
 #include "reference/reference.hpp"
 #include "sheet/sheet_renderer.hpp"
-#include "view/cell_walk.hpp"
 #include "sheetsplat/error.hpp"
+#include "view/cell_walk.hpp"
 #include "view/frame.hpp"
 #include "view/slab_batches.hpp"
 
@@ -74,8 +74,8 @@ struct IndexEntry {
 
 /// Scattered kernels with their grid, and which of them are drawn.
 struct GridEntry {
-    std::shared_ptr<const Field> field;             ///< of the scene
-    std::shared_ptr<const EllipsoidField> kernels;  ///< the field itself, or a lattice's kernels one by one
+    std::shared_ptr<const Field> field;            ///< of the scene
+    std::shared_ptr<const EllipsoidField> kernels; ///< the field itself, or a lattice's kernels one by one
     SpatialGrid grid;
     std::unique_ptr<ReachLists> reach; ///< null where kernels begin in their homes
     bool judged = false;
@@ -91,9 +91,7 @@ struct GridEntry {
                query.alone == other.alone && query.reach_world >= other.reach_world &&
                query.reach_world <= 2.0 * other.reach_world + 1e-300;
     }
-    [[nodiscard]] std::size_t bytes() const {
-        return grid.bytes() + (reach ? reach->bytes() : 0) + visible.capacity();
-    }
+    [[nodiscard]] std::size_t bytes() const { return grid.bytes() + (reach ? reach->bytes() : 0) + visible.capacity(); }
 };
 
 /// Above, lists of the cells that kernels reach into would take more memory than the kernels.
@@ -139,8 +137,8 @@ std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
 struct Prepared {
     Frame frame;
     DrawPlan plan;
-    std::vector<FieldView> views;             ///< of the lattices, in the order of the scene's fields
-    std::vector<std::size_t> view_fields;     ///< whose they are
+    std::vector<FieldView> views;              ///< of the lattices, in the order of the scene's fields
+    std::vector<std::size_t> view_fields;      ///< whose they are
     std::vector<std::size_t> ellipsoid_fields; ///< of scattered kernels
 };
 
@@ -283,8 +281,8 @@ struct Renderer::State {
         for (std::size_t field = 0; field < scene.fields.size(); ++field) {
             const RegularField* regular = as_regular(scene.fields[field].get());
             if (regular != nullptr && !prepared.plan.filter) {
-                prepared.views.push_back(make_field_view(*regular, camera, prepared.frame, scene.sampling,
-                                                         prepared.plan.value_unit));
+                prepared.views.push_back(
+                    make_field_view(*regular, camera, prepared.frame, scene.sampling, prepared.plan.value_unit));
                 prepared.view_fields.push_back(field);
             } else {
                 prepared.ellipsoid_fields.push_back(field);
@@ -293,8 +291,8 @@ struct Renderer::State {
         return prepared;
     }
 
-    const VisibleRuns& runs_of(const std::shared_ptr<const Field>& field, const Scene& scene,
-                               const DrawPlan& plan, const Frame& frame, double slant) {
+    const VisibleRuns& runs_of(const std::shared_ptr<const Field>& field, const Scene& scene, const DrawPlan& plan,
+                               const Frame& frame, double slant) {
         VisibilityQuery query;
         const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
         query.transfer_function = scalar ? nullptr : &scene.transfer_function;
@@ -504,8 +502,8 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
             const GridEntry& entry = *grids[part];
             views.emplace_back(*entry.kernels, camera, prepared.frame, scene.sampling,
                                prepared.plan.filter ? Filter::ewa : Filter::none, prepared.plan.value_unit, 1.0);
-            traversals.push_back(CellTraversal::of(views.back(), entry.grid, entry.reach.get(), entry.visible, layout,
-                                                   wider, wider));
+            traversals.push_back(
+                CellTraversal::of(views.back(), entry.grid, entry.reach.get(), entry.visible, layout, wider, wider));
             drawn += traversals.back().kernels();
             view_bytes += traversals.back().bytes();
             job.ellipsoids.push_back({prepared.ellipsoid_fields[part], &views.back(), &traversals.back()});

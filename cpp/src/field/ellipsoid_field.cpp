@@ -46,29 +46,31 @@ void check_centers(const std::vector<Vec3>& centers) {
     for (std::size_t i = 0; i < centers.size(); ++i) {
         const Vec3& at = centers[i];
         if (!is_finite(at) || std::max({std::abs(at.x), std::abs(at.y), std::abs(at.z)}) > largest_length) {
-            throw InvalidInput(Complaint{"EllipsoidField: a center cannot be used",
-                                         text_of(centers[i]) + ", the center" + kernel(i),
-                                         "three finite numbers of at most 1e100", "drop that kernel or mend its place"});
+            throw InvalidInput(
+                Complaint{"EllipsoidField: a center cannot be used", text_of(centers[i]) + ", the center" + kernel(i),
+                          "three finite numbers of at most 1e100", "drop that kernel or mend its place"});
         }
     }
 }
 
 double checked_scale(double scale, std::size_t i, const std::optional<double>& least) {
     if (!is_finite(scale) || scale > largest_length) {
-        throw InvalidInput(Complaint{"EllipsoidField: a scale cannot be used", text_of(scale) + ", a semi-axis" + kernel(i),
+        throw InvalidInput(Complaint{"EllipsoidField: a scale cannot be used",
+                                     text_of(scale) + ", a semi-axis" + kernel(i),
                                      "a finite number above 0, at most 1e100", "drop that kernel or mend its scale"});
     }
     // A negative length is a mistake in the data, which a lower limit must not hide.
     if (scale < 0.0 || (scale == 0.0 && !least)) {
-        throw InvalidInput(Complaint{
-            "EllipsoidField: a kernel has no thickness", text_of(scale) + ", a semi-axis" + kernel(i),
-            "semi-axes above 0",
-            scale < 0.0 ? "a semi-axis is a length: drop its sign" : "pass min_scale, which raises short semi-axes to it"});
+        throw InvalidInput(Complaint{"EllipsoidField: a kernel has no thickness",
+                                     text_of(scale) + ", a semi-axis" + kernel(i), "semi-axes above 0",
+                                     scale < 0.0 ? "a semi-axis is a length: drop its sign"
+                                                 : "pass min_scale, which raises short semi-axes to it"});
     }
     const double used = least ? std::max(scale, *least) : scale;
     if (used < smallest_length) {
-        throw InvalidInput(Complaint{"EllipsoidField: a kernel is too thin", text_of(scale) + ", a semi-axis" + kernel(i),
-                                     "semi-axes of at least 1e-100", "use a smaller unit of length, or min_scale"});
+        throw InvalidInput(Complaint{"EllipsoidField: a kernel is too thin",
+                                     text_of(scale) + ", a semi-axis" + kernel(i), "semi-axes of at least 1e-100",
+                                     "use a smaller unit of length, or min_scale"});
     }
     return used;
 }
@@ -78,10 +80,9 @@ void check_rotations(std::vector<glm::dquat>& rotations) {
         glm::dquat& q = rotations[i];
         const double length = std::sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
         if (!is_finite(length) || std::abs(length - 1.0) > quaternion_tolerance) {
-            throw InvalidInput(
-                Complaint{"EllipsoidField: a rotation cannot be used",
-                          "a quaternion of length " + text_of(length) + kernel(i),
-                          "unit quaternions w, x, y, z, to within 1e-3", "divide each quaternion by its length"});
+            throw InvalidInput(Complaint{
+                "EllipsoidField: a rotation cannot be used", "a quaternion of length " + text_of(length) + kernel(i),
+                "unit quaternions w, x, y, z, to within 1e-3", "divide each quaternion by its length"});
         }
         q = glm::dquat(q.w / length, q.x / length, q.y / length, q.z / length);
     }
@@ -126,10 +127,10 @@ std::array<double, 2> check_weights(const std::vector<double>& weights) {
 void check_masses(const std::vector<double>& values, const std::vector<double>& weights) {
     for (std::size_t i = 0; i < weights.size(); ++i) {
         if (!(std::abs(weights[i] * values[i]) <= largest_number)) {
-            throw InvalidInput(Complaint{
-                "EllipsoidField: a weight cannot be used",
-                text_of(weights[i]) + " times the value " + text_of(values[i]) + kernel(i), "a product of at most 1e300",
-                "divide all weights by the largest, and w0 with them"});
+            throw InvalidInput(Complaint{"EllipsoidField: a weight cannot be used",
+                                         text_of(weights[i]) + " times the value " + text_of(values[i]) + kernel(i),
+                                         "a product of at most 1e300",
+                                         "divide all weights by the largest, and w0 with them"});
         }
     }
 }
@@ -205,12 +206,12 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
     scale_range_ = {std::numeric_limits<double>::infinity(), 0.0};
     double least_volume = std::numeric_limits<double>::infinity(), largest_volume = 0.0;
     centres_world_ = Box{arrays_.centers.front(), arrays_.centers.front()};
-    supports_world_ = Box{Vec3(std::numeric_limits<double>::infinity()), Vec3(-std::numeric_limits<double>::infinity())};
+    supports_world_ =
+        Box{Vec3(std::numeric_limits<double>::infinity()), Vec3(-std::numeric_limits<double>::infinity())};
     for (std::size_t i = 0; i < n; ++i) {
         const Vec3 axes = semi_axes(i);
         smallest[i] = std::min({axes.x, axes.y, axes.z});
-        scale_range_ = {std::min(scale_range_[0], smallest[i]),
-                        std::max({scale_range_[1], axes.x, axes.y, axes.z})};
+        scale_range_ = {std::min(scale_range_[0], smallest[i]), std::max({scale_range_[1], axes.x, axes.y, axes.z})};
         const double volume = axes.x * axes.y * axes.z;
         least_volume = std::min(least_volume, volume);
         largest_volume = std::max(largest_volume, volume);
@@ -274,8 +275,9 @@ std::array<double, 2> EllipsoidField::reach_along(const Vec3& from, const Vec3& 
 }
 
 std::size_t EllipsoidField::memory() const {
-    return sizeof(EllipsoidField) + arrays_.centers.capacity() * sizeof(Vec3) + arrays_.radii.capacity() * sizeof(double) +
-           arrays_.scales.capacity() * sizeof(Vec3) + arrays_.rotations.capacity() * sizeof(glm::dquat) +
+    return sizeof(EllipsoidField) + arrays_.centers.capacity() * sizeof(Vec3) +
+           arrays_.radii.capacity() * sizeof(double) + arrays_.scales.capacity() * sizeof(Vec3) +
+           arrays_.rotations.capacity() * sizeof(glm::dquat) +
            (arrays_.values.capacity() + arrays_.weights.capacity()) * sizeof(double);
 }
 

@@ -264,8 +264,9 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                   filtering                     ? unresolved ? "asked for, and " + small
                                                              : "asked for: it widens kernels by a pixel and a slice distance"
                   : scene.filter == Filter::ewa ? "asked for, but every kernel is so large that it would change nothing"
-                  : unresolved ? "not asked for, though " + small + ": filter=\"ewa\" would keep their mass"
-                               : "not asked for, and no kernel is smaller than a pixel or thinner than a slice distance");
+                  : unresolved
+                      ? "not asked for, though " + small + ": filter=\"ewa\" would keep their mass"
+                      : "not asked for, and no kernel is smaller than a pixel or thinner than a slice distance");
     effects.state("scattered_kernels", view.ellipsoids,
                   view.ellipsoids ? "a field holds ellipsoids: each is sliced by itself" : "all fields are lattices");
     effects.state("slab_sampling", scene.sampling == Sampling::slab,
@@ -504,7 +505,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                     "at most " + number(largest_splat_px), "magnify less, or use backend reference"});
     }
     const double place_error = std::max(view.size.width, view.size.height) * float32_epsilon;
-    if (view.slices > 0 && view.largest_splat_px > 0.0 && place_error > largest_place_error * view.largest_splat_px && !options.allow_inexact) {
+    if (view.slices > 0 && view.largest_splat_px > 0.0 && place_error > largest_place_error * view.largest_splat_px &&
+        !options.allow_inexact) {
         throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
                                     "kernels of " + number(view.largest_splat_px) +
                                         " pixels, whose places float32 knows to " + number(place_error),

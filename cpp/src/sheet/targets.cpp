@@ -9,8 +9,7 @@ namespace sheetsplat::sheet {
 bool TargetShape::operator==(const TargetShape& other) const {
     return width == other.width && height == other.height && sheet_format == other.sheet_format && wide == other.wide &&
            weight == other.weight && fine == other.fine && shared_depth == other.shared_depth && depth == other.depth &&
-           coverage == other.coverage && compensated == other.compensated && copies == other.copies &&
-           own == other.own;
+           coverage == other.coverage && compensated == other.compensated && copies == other.copies && own == other.own;
 }
 
 namespace {

@@ -268,8 +268,8 @@ void TileLoop::draw_records(const EllipsoidView& view, SectionGroup group, const
     const auto f = [](double value) { return static_cast<float>(value); };
     const double k = view.field().kernel().falloff;
     bind_target(target, pass);
-    const gl::Program& program = resources_.program("ellipsoid.vert", "ellipsoid.frag",
-                                                    ellipsoid_defines(plan_, group, target), splat_outputs(plan_, target));
+    const gl::Program& program = resources_.program(
+        "ellipsoid.vert", "ellipsoid.frag", ellipsoid_defines(plan_, group, target), splat_outputs(plan_, target));
     program.use();
     program.set("falloff_log2", f(k * log2_e));
     program.set("edge", f(view.field().kernel().edge()));

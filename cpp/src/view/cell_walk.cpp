@@ -65,14 +65,13 @@ CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& gr
             if (span.first > span.last) {
                 continue;
             }
-            const ScreenBounds bounds =
-                view.support_bounds(*id, view.front_of(span.first), view.back_of(span.last));
+            const ScreenBounds bounds = view.support_bounds(*id, view.front_of(span.first), view.back_of(span.last));
             if (window.misses(bounds)) {
                 continue;
             }
-            const std::uint32_t start =
-                reach == nullptr ? static_cast<std::uint32_t>(home)
-                                 : reach->start_cell(view.field(), grid, *id, view.first_point_world(*id));
+            const std::uint32_t start = reach == nullptr
+                                            ? static_cast<std::uint32_t>(home)
+                                            : reach->start_cell(view.field(), grid, *id, view.first_point_world(*id));
             const Entry entry{*id, static_cast<std::int32_t>(span.first / layout.stride),
                               static_cast<std::int32_t>(span.last / layout.stride)};
             found.push_back({entry, start});

@@ -224,22 +224,24 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
 
 SectionGroup EllipsoidView::group(const EyeKernel& kernel, double sprite_px) const {
     const double step_s = frame_->slice_spacing / kernel.half_depth;
-    const double lean_u = glm::length(kernel.axis_u) > 0.0 ? glm::dot(kernel.lean, kernel.axis_u) /
-                                                                 glm::dot(kernel.axis_u, kernel.axis_u)
-                                                           : 0.0;
-    const double lean_v = glm::length(kernel.axis_v) > 0.0 ? glm::dot(kernel.lean, kernel.axis_v) /
-                                                                 glm::dot(kernel.axis_v, kernel.axis_v)
-                                                           : 0.0;
+    const double lean_u = glm::length(kernel.axis_u) > 0.0
+                              ? glm::dot(kernel.lean, kernel.axis_u) / glm::dot(kernel.axis_u, kernel.axis_u)
+                              : 0.0;
+    const double lean_v = glm::length(kernel.axis_v) > 0.0
+                              ? glm::dot(kernel.lean, kernel.axis_v) / glm::dot(kernel.axis_v, kernel.axis_v)
+                              : 0.0;
     double ray = std::sqrt(1.0 + lean_u * lean_u + lean_v * lean_v);
     if (sampling_ == Sampling::slab) {
         if (frame_->projection == Projection::perspective) {
             // The ray's own slope moves it through the section's plane as well.
-            const double slope = glm::length(glm::dvec2(0.5 * frame_->pixel * frame_->size.width,
-                                                        0.5 * frame_->pixel * frame_->size.height));
+            const double slope = glm::length(
+                glm::dvec2(0.5 * frame_->pixel * frame_->size.width, 0.5 * frame_->pixel * frame_->size.height));
             ray += slope * kernel.half_depth / std::max(glm::length(kernel.axis_v), 1e-300);
         }
         const double width = std::sqrt(field_->kernel().falloff) * ray * step_s;
-        return width < thin_slab ? SectionGroup::thin : width < medium_slab ? SectionGroup::medium : SectionGroup::thick;
+        return width < thin_slab     ? SectionGroup::thin
+               : width < medium_slab ? SectionGroup::medium
+                                     : SectionGroup::thick;
     }
     if (spheres_ && kernel.extent.x / frame_->pixel <= sprite_px) {
         return SectionGroup::sprite;

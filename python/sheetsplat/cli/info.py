@@ -144,10 +144,19 @@ def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
 def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     """Return what is in a file: sizes, ranges, histogram, memory, and the look that a picture of it would get."""
     from sheetsplat import automatic
-    from sheetsplat.fields import Lattice, RegularField, as_samples
-    from sheetsplat.io import read_volume
+    from sheetsplat.fields import EllipsoidField, Lattice, RegularField, as_samples
+    from sheetsplat.io import SCATTERED, read_volume
+    from sheetsplat.io.opening import kind_of, open_field
 
     shape = array_shape(options["shape"])
+    given = {name: value for name, value in options.items() if value is not None and value is not False}
+    if shape is not None:
+        given["shape"] = shape
+    kind = kind_of(path, given)
+    if kind in SCATTERED:
+        field = open_field(path, given)
+        assert isinstance(field, EllipsoidField)
+        return {"file": str(path), "format": kind, **describe(field, bins)}
     volume = read_volume(
         path,
         shape=shape,  # type: ignore[arg-type]
@@ -256,7 +265,7 @@ def _table(report: dict[str, Any]) -> str:
 @as_json
 @common
 def command(file: Path, bins: int, as_json: bool, quiet: bool, **options: Any) -> None:
-    """Show sizes, ranges, histogram and memory of the volume FILE."""
+    """Show sizes, ranges, histogram and memory of the FILE, a volume or scattered data."""
     report = survey(file, options, bins)
     if as_json:
         report_json(report)

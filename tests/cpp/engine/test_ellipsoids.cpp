@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
+#include <map>
 #include <random>
 #include <string>
 #include <tuple>
@@ -57,8 +59,9 @@ std::shared_ptr<const EllipsoidField> cloud(std::size_t n, double radius, double
 }
 
 Scene scene_of(const std::shared_ptr<const Field>& field) {
-    Scene scene{{field},
-                TransferFunction({{0.05, {0.1, 0.2, 0.9}, 0.0}, {0.5, {0.2, 0.9, 0.3}, 0.08}, {1.0, {1.0, 0.8, 0.2}, 0.4}})};
+    Scene scene{
+        {field},
+        TransferFunction({{0.05, {0.1, 0.2, 0.9}, 0.0}, {0.5, {0.2, 0.9, 0.3}, 0.08}, {1.0, {1.0, 0.8, 0.2}, 0.4}})};
     scene.lights = {Light{{0.3, 0.5, 1.0}, {1.0, 1.0, 1.0}, LightSpace::eye}};
     scene.material = Material{0.2, 0.7, 0.3, 20.0, false};
     return scene;
@@ -117,7 +120,9 @@ TEST_P(Ellipsoids, AreTheReferencesPicture) {
     RendererOptions options;
     options.packing = packing;
     const std::string name = "aspect " + std::to_string(static_cast<int>(aspect)) +
-                             (mode == Mode::composite ? " composite" : mode == Mode::isosurface ? " iso" : " xray") +
+                             (mode == Mode::composite    ? " composite"
+                              : mode == Mode::isosurface ? " iso"
+                                                         : " xray") +
                              (sampling == Sampling::slab ? " slab" : " point") +
                              (projection == Projection::perspective ? " persp " : " ortho ") + to_string(packing);
     const Difference difference = against_reference(scene, askew(*field, projection, 0.8), {56, 48}, options, name);
@@ -132,6 +137,269 @@ INSTANTIATE_TEST_SUITE_P(All, Ellipsoids,
                                             ::testing::Values(Sampling::point, Sampling::slab),
                                             ::testing::Values(Projection::orthographic, Projection::perspective),
                                             ::testing::Values(Packing::wide, Packing::paper)));
+
+struct Draw {
+    const char* name;
+    Packing packing = Packing::wide;
+    Tagging tagging = Tagging::automatic;
+    std::map<std::string, bool> effects{};
+    int tile_size = 0;
+    int tags_per_clear = 0;
+};
+
+std::ostream& operator<<(std::ostream& out, const Draw& draw) { return out << draw.name; }
+
+class EllipsoidDrawing : public ::testing::TestWithParam<Draw> {};
+
+/// Saturates, so that everything that looks for opaque pixels has something to find.
+Scene dense(const std::shared_ptr<const Field>& field) {
+    Scene scene = scene_of(field);
+    scene.transfer_function =
+        TransferFunction({{0.05, {0.1, 0.2, 0.9}, 0.0}, {0.3, {0.2, 0.9, 0.3}, 0.5}, {1.0, {1.0, 0.8, 0.2}, 0.9}});
+    return scene;
+}
+
+TEST_P(EllipsoidDrawing, IsTheReferencesPicture) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    const Draw& draw = GetParam();
+    RendererOptions options;
+    options.packing = draw.packing;
+    options.tagging = draw.tagging;
+    options.effects = draw.effects;
+    options.tile_size = draw.tile_size;
+    options.tags_per_clear = draw.tags_per_clear;
+    for (const double aspect : {1.0, 20.0}) {
+        for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
+            const auto field = cloud(300, 0.16, aspect);
+            Scene scene = dense(field);
+            scene.slice_spacing = 0.02;
+            Difference difference;
+            try {
+                difference = against_reference(scene, askew(*field, projection, 0.7), {61, 47}, options,
+                                               std::string(draw.name) + " aspect " + std::to_string(aspect));
+            } catch (const Unsupported& error) {
+                if (draw.tagging == Tagging::depth_bounds) {
+                    GTEST_SKIP() << error.what();
+                }
+                throw;
+            }
+            EXPECT_LT(difference.rmse, 2e-5);
+            EXPECT_LT(difference.p99_9, 2e-4);
+        }
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, EllipsoidDrawing,
+    ::testing::Values(Draw{"wide tiles", Packing::wide, Tagging::tiles}, Draw{"wide off", Packing::wide, Tagging::off},
+                      Draw{"wide equal", Packing::wide, Tagging::depth_equal},
+                      Draw{"wide depth_bounds", Packing::wide, Tagging::depth_bounds},
+                      Draw{"paper equal", Packing::paper, Tagging::depth_equal},
+                      Draw{"paper off", Packing::paper, Tagging::off},
+                      Draw{"wide elimination", Packing::wide, Tagging::tiles, {{"elimination", true}}},
+                      Draw{"no elimination", Packing::wide, Tagging::tiles, {{"elimination", false}}},
+                      Draw{"paper elimination", Packing::paper, Tagging::depth_equal, {{"elimination", true}}},
+                      Draw{"restarted tags", Packing::wide, Tagging::depth_equal, {}, 0, 3},
+                      Draw{"small tiles", Packing::wide, Tagging::tiles, {}, 17},
+                      Draw{"small tiles of paper", Packing::paper, Tagging::tiles, {}, 17},
+                      Draw{"no points", Packing::wide, Tagging::tiles, {{"points", false}}},
+                      Draw{"single calls", Packing::wide, Tagging::tiles, {{"vertex_arrays", false}}},
+                      Draw{"one channel", Packing::paper, Tagging::tiles, {{"four_channels", false}}},
+                      Draw{"opacity buffer", Packing::wide, Tagging::tiles, {{"opacity_buffer", true}}},
+                      Draw{"no culling", Packing::wide, Tagging::tiles, {{"culling", false}}},
+                      Draw{"fine", Packing::wide, Tagging::tiles, {{"fine_gradient", true}}, 0, 0},
+                      Draw{"everything",
+                           Packing::wide,
+                           Tagging::depth_equal,
+                           {{"empty_test", true},
+                            {"weight", true},
+                            {"specular", true},
+                            {"opacity_correction", true},
+                            {"opacity_stop", true},
+                            {"compensation", true}}}));
+
+struct Case {
+    const char* name;
+    std::function<std::pair<Scene, Camera>()> make;
+    double rmse = 2e-5, p99_9 = 2e-4;
+};
+std::ostream& operator<<(std::ostream& out, const Case& one) { return out << one.name; }
+
+class EllipsoidCase : public ::testing::TestWithParam<Case> {};
+
+TEST_P(EllipsoidCase, IsTheReferencesPicture) {
+    if (!gl_available()) {
+        GTEST_SKIP() << "no OpenGL context can be made here";
+    }
+    const auto [scene, camera] = GetParam().make();
+    for (const Packing packing : {Packing::wide, Packing::paper}) {
+        RendererOptions options;
+        options.packing = packing;
+        Outputs outputs;
+        outputs.coverage = packing == Packing::wide && scene.fields.size() == 1;
+        const Difference difference = against_reference(
+            scene, camera, {50, 44}, options, std::string(GetParam().name) + " " + to_string(packing), outputs);
+        EXPECT_LT(difference.rmse, GetParam().rmse);
+        EXPECT_LT(difference.p99_9, GetParam().p99_9);
+    }
+}
+
+std::shared_ptr<const RegularField> lattice(Lattice lattice, Normalization normalization) {
+    std::vector<float> samples(8 * 8 * 8);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+        samples[i] = static_cast<float>(0.3 + 0.2 * std::sin(0.7 * double(i)));
+    }
+    RegularFieldOptions options;
+    options.lattice = lattice;
+    options.normalization = normalization;
+    options.spacing = Vec3(0.11);
+    return std::make_shared<RegularField>(std::move(samples), std::array<std::size_t, 3>{8, 8, 8}, options);
+}
+
+std::pair<Scene, Camera> seen(const std::shared_ptr<const Field>& field, Projection projection,
+                              const std::function<void(Scene&)>& change = {}) {
+    Scene scene = scene_of(field);
+    scene.slice_spacing = 0.03;
+    if (change) {
+        change(scene);
+    }
+    return {scene, askew(*field, projection, 0.8)};
+}
+
+constexpr Projection ortho = Projection::orthographic;
+constexpr Projection persp = Projection::perspective;
+
+EllipsoidFieldOptions normalized(Normalization normalization, double w0 = 1.0) {
+    EllipsoidFieldOptions options;
+    options.normalization = normalization;
+    options.w0 = w0;
+    return options;
+}
+
+std::shared_ptr<const EllipsoidField> moved(double scale, const Vec3& by, double aspect) {
+    const auto field = cloud(200, 0.14, aspect);
+    EllipsoidArrays arrays = field->arrays();
+    for (Vec3& center : arrays.centers) {
+        center = center * scale + by;
+    }
+    for (double& radius : arrays.radii) {
+        radius *= scale;
+    }
+    for (Vec3& axes : arrays.scales) {
+        axes *= scale;
+    }
+    return std::make_shared<EllipsoidField>(std::move(arrays));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, EllipsoidCase,
+    ::testing::Values(
+        Case{"weights", [] { return seen(cloud(200, 0.14, 5.0, 7, {}, true), ortho); }},
+        Case{"small w0",
+             [] { return seen(cloud(200, 0.14, 5.0, 7, normalized(Normalization::threshold, 0.05)), persp); }},
+        Case{"none", [] { return seen(cloud(200, 0.1, 5.0, 7, normalized(Normalization::none)), ortho); }},
+        Case{"opaque at 0",
+             [] {
+                 return seen(cloud(60, 0.14, 3.0), ortho, [](Scene& scene) {
+                     scene.transfer_function =
+                         TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.05}, {1.0, {1.0, 0.8, 0.2}, 0.4}});
+                 });
+             },
+             1e-4, 1e-3},
+        Case{"preintegrated",
+             [] { return seen(cloud(100, 0.14, 3.0), persp, [](Scene& s) { s.preintegration = true; }); }},
+        Case{"ewa",
+             [] {
+                 return seen(cloud(200, 0.02, 10.0), ortho, [](Scene& s) {
+                     s.filter = Filter::ewa;
+                     s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.0}, {0.3, {1.0, 0.8, 0.2}, 0.4}});
+                 });
+             }},
+        Case{"ewa slab",
+             [] {
+                 return seen(cloud(200, 0.02, 10.0), persp, [](Scene& s) {
+                     s.filter = Filter::ewa;
+                     s.sampling = Sampling::slab;
+                     s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.0}, {0.3, {1.0, 0.8, 0.2}, 0.4}});
+                 });
+             }},
+        Case{"ewa of a lattice",
+             [] {
+                 return seen(lattice(Lattice::bcc, Normalization::lattice), persp,
+                             [](Scene& s) { s.filter = Filter::ewa; });
+             }},
+        Case{"two quotients",
+             [] {
+                 return seen(cloud(100, 0.14, 5.0, 7), ortho,
+                             [](Scene& s) { s.fields.push_back(cloud(100, 0.1, 2.0, 8)); });
+             }},
+        Case{"cartesian, bcc and ellipsoids",
+             [] {
+                 return seen(cloud(100, 0.14, 5.0, 7), persp, [](Scene& s) {
+                     s.fields.push_back(lattice(Lattice::cartesian, Normalization::lattice));
+                     s.fields.push_back(lattice(Lattice::bcc, Normalization::threshold));
+                     s.sampling = Sampling::slab;
+                 });
+             }},
+        Case{
+            "three fields, opaque at 0",
+            [] {
+                return seen(cloud(40, 0.14, 5.0, 7), ortho, [](Scene& s) {
+                    s.fields.push_back(lattice(Lattice::cartesian, Normalization::lattice));
+                    s.fields.push_back(cloud(40, 0.1, 2.0, 8));
+                    s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.05}, {1.0, {1.0, 0.8, 0.2}, 0.4}});
+                });
+            },
+            1e-4, 1e-3},
+        Case{"far away", [] { return seen(moved(1.0, Vec3(1e9, -2e9, 0.5e9), 5.0), ortho); }, 1e-4, 1e-3},
+        Case{"tiny world",
+             [] { return seen(moved(1e-6, Vec3(0.0), 5.0), persp, [](Scene& s) { s.slice_spacing = 0.03e-6; }); }},
+        Case{"huge world",
+             [] { return seen(moved(1e6, Vec3(0.0), 5.0), ortho, [](Scene& s) { s.slice_spacing = 0.03e6; }); }},
+        Case{"close-up",
+             [] {
+                 auto [scene, camera] = seen(cloud(200, 0.14, 5.0), ortho);
+                 return std::pair<Scene, Camera>{
+                     scene, Camera::orthographic({0.5, 0.5, 3.0}, {0.5, 0.5, 0.0}, {0, 1, 0}, 1e-3)};
+             }},
+        Case{"close-up of slabs",
+             [] {
+                 auto [scene, camera] =
+                     seen(cloud(200, 0.14, 5.0), persp, [](Scene& s) { s.sampling = Sampling::slab; });
+                 return std::pair<Scene, Camera>{
+                     scene, Camera::perspective({0.5, 0.5, 3.0}, {0.5, 0.5, 0.0}, {0, 1, 0}, 0.02)};
+             }},
+        Case{"thin slices",
+             [] {
+                 return seen(cloud(30, 0.14, 5.0), persp, [](Scene& s) {
+                     s.slice_spacing = 0.002;
+                     s.reference_length = 0.03;
+                 });
+             }},
+        Case{"inside",
+             [] {
+                 auto [scene, camera] = seen(cloud(200, 0.2, 5.0), persp);
+                 return std::pair<Scene, Camera>{
+                     scene, Camera::perspective({0.5, 0.5, 0.5}, {0.5, 0.6, 0.0}, {0, 1, 0}, 80.0)};
+             },
+             1e-4, 1e-3},
+        Case{"inside, slabs",
+             [] {
+                 auto [scene, camera] =
+                     seen(cloud(200, 0.2, 5.0), persp, [](Scene& s) { s.sampling = Sampling::slab; });
+                 return std::pair<Scene, Camera>{
+                     scene, Camera::perspective({0.5, 0.5, 0.5}, {0.5, 0.6, 0.0}, {0, 1, 0}, 80.0)};
+             },
+             1e-4, 1e-3},
+        Case{"needles of 1:100,000",
+             [] {
+                 return seen(cloud(3000, 0.05, 1e5, 5, normalized(Normalization::none)), persp, [](Scene& s) {
+                     s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.0}, {0.3, {1.0, 0.8, 0.2}, 0.4}});
+                 });
+             },
+             1e-4, 1e-3}));
 
 } // namespace
 } // namespace sheetsplat

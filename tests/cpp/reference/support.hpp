@@ -12,6 +12,7 @@
 #include <vector>
 
 #include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
 
 #include "reference/reference.hpp"
 
@@ -52,13 +53,64 @@ inline std::vector<double> sampled(std::array<std::size_t, 3> shape,
     return samples;
 }
 
+inline std::shared_ptr<const EllipsoidField> make_ellipsoids(EllipsoidArrays arrays,
+                                                             const EllipsoidFieldOptions& options = {}) {
+    return std::make_shared<const EllipsoidField>(std::move(arrays), options);
+}
+
+/// Options whose rho is the plain sum of kernels.
+inline EllipsoidFieldOptions plain_ellipsoids(double falloff = 8.0) {
+    EllipsoidFieldOptions options;
+    options.falloff = falloff;
+    options.normalization = Normalization::none;
+    return options;
+}
+
+/// One kernel of value 1.
+inline EllipsoidArrays one_ellipsoid(const Vec3& center, const Vec3& scale, const glm::dquat& rotation) {
+    EllipsoidArrays arrays;
+    arrays.centers = {center};
+    arrays.scales = {scale};
+    arrays.rotations = {rotation};
+    arrays.values = {1.0};
+    return arrays;
+}
+
+inline glm::dquat random_rotation(std::mt19937_64& generator) {
+    std::normal_distribution<double> normal;
+    const double w = normal(generator), x = normal(generator), y = normal(generator), z = normal(generator);
+    const double length = std::sqrt(w * w + x * x + y * y + z * z);
+    return glm::dquat(w / length, x / length, y / length, z / length);
+}
+
+inline double random_real(std::mt19937_64& generator, double from, double to) {
+    return std::uniform_real_distribution<double>(from, to)(generator);
+}
+
+/// `count` kernels in a box of 6 around the origin, semi-axes from 0.3 to 1.8, values from 0 to 1.
+inline EllipsoidArrays scattered(std::size_t count, unsigned seed) {
+    std::mt19937_64 generator(seed);
+    const auto real = [&](double from, double to) { return random_real(generator, from, to); };
+    EllipsoidArrays arrays;
+    for (std::size_t n = 0; n < count; ++n) {
+        const double x = real(-3.0, 3.0), y = real(-3.0, 3.0), z = real(-3.0, 3.0);
+        arrays.centers.emplace_back(x, y, z);
+        const double a = real(0.3, 1.8), b = real(0.3, 1.8), c = real(0.3, 1.8);
+        arrays.scales.emplace_back(a, b, c);
+        arrays.rotations.push_back(random_rotation(generator));
+        arrays.values.push_back(real(0.0, 1.0));
+        arrays.weights.push_back(real(0.2, 1.5));
+    }
+    return arrays;
+}
+
 /// Opacity and colour that rise with the value: continuous, 0 at 0.
 inline TransferFunction smooth_function() {
     return TransferFunction(
         {{0.0, Vec3(0.1, 0.2, 0.9), 0.0}, {0.4, Vec3(0.3, 0.9, 0.2), 0.2}, {1.0, Vec3(1.0, 0.5, 0.1), 0.6}});
 }
 
-inline Scene make_scene(std::shared_ptr<const RegularField> field, TransferFunction function = smooth_function()) {
+inline Scene make_scene(std::shared_ptr<const Field> field, TransferFunction function = smooth_function()) {
     Scene scene{{std::move(field)}, std::move(function)};
     scene.opacity_stop = 1.0;
     return scene;

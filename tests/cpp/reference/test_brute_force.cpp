@@ -1,6 +1,6 @@
 // The renderer against a second evaluator of IMAGE FORMATION, written against the page and not against the renderer:
-// for each pixel and slice it visits every sample, in world space, and integrates slabs and pre-integrated intervals
-// numerically.
+// for each pixel and slice it visits every kernel, in world space, and integrates slabs and pre-integrated intervals
+// numerically. Kernels are quadratic forms here, inverted and filtered as products: what the renderer avoids.
 #include <map>
 #include <string>
 
@@ -20,12 +20,21 @@ struct Mistakes {
     double secant = 0.0;    ///< added to s
     double depth = 0.0;     ///< added to every t_n
     double shininess = 0.0; ///< added to the material's
+    double turn = 0.0;      ///< of every ellipsoid about the world's x, radians
+    double weight = 0.0;    ///< added to every weight
+    double filter = 0.0;    ///< relative, of the widths that the filter adds
 };
 
 struct Sample {
     Vec3 position{0.0};
+    Mat3 form{1.0};     ///< r^2 = d . form d for world differences d from the centre
+    double reach = 0.0; ///< nothing is farther away
     double value = 0.0;
+    double weight = 1.0;
 };
+
+/// Product of three matrices' columns, written out: the covariance B B^T.
+Mat3 covariance(const Mat3& b) { return b * glm::transpose(b); }
 
 class Page {
   public:
@@ -56,47 +65,110 @@ class Page {
 
     void collect_samples() {
         Vec3 lower(infinity), upper(-infinity);
-        for (const auto& any_field : scene_.fields) {
-            const RegularField* field = as_regular(any_field.get());
+        for (const auto& field : scene_.fields) {
             samples_.emplace_back();
-            const RegularFieldOptions& o = field->options();
-            const auto [nk, nj, ni] = field->shape();
-            for (std::size_t k = 0; k < nk; ++k) {
-                for (std::size_t j = 0; j < nj; ++j) {
-                    for (std::size_t i = 0; i < ni; ++i) {
-                        const double value = std::get<std::vector<double>>(field->samples())[(k * nj + j) * ni + i];
-                        if (std::isnan(value)) {
-                            continue;
-                        }
-                        const Vec3 index(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k));
-                        const double shift = 0.5 * static_cast<double>(k % 2), a = o.spacing.x;
-                        const Vec3 p =
-                            o.lattice == Lattice::bcc
-                                ? o.origin + Vec3((index.x + shift) * a, (index.y + shift) * a, index.z * a / 2.0)
-                                : o.origin + index * o.spacing;
-                        samples_.back().push_back({p, value});
-                        lower = Vec3(std::min(lower.x, p.x), std::min(lower.y, p.y), std::min(lower.z, p.z));
-                        upper = Vec3(std::max(upper.x, p.x), std::max(upper.y, p.y), std::max(upper.z, p.z));
-                    }
-                }
+            if (const RegularField* regular = as_regular(field.get())) {
+                collect_lattice(*regular);
+            } else {
+                collect_ellipsoids(*as_ellipsoids(field.get()));
+            }
+            for (const Sample& sample : samples_.back()) {
+                const Vec3& p = sample.position;
+                lower = Vec3(std::min(lower.x, p.x), std::min(lower.y, p.y), std::min(lower.z, p.z));
+                upper = Vec3(std::max(upper.x, p.x), std::max(upper.y, p.y), std::max(upper.z, p.z));
             }
         }
         centre_ = 0.5 * (lower + upper);
+        if (scene_.filter == Filter::ewa) {
+            for (std::vector<Sample>& samples : samples_) {
+                for (Sample& sample : samples) {
+                    widen(sample);
+                }
+            }
+        }
     }
 
-    Vec3 semi_axes(std::size_t f) const {
-        const RegularFieldOptions& o = as_regular(scene_.fields[f].get())->options();
+    void collect_lattice(const RegularField& field) {
+        const RegularFieldOptions& o = field.options();
+        const auto [nk, nj, ni] = field.shape();
+        const Vec3 s = semi_axes(o);
+        for (std::size_t k = 0; k < nk; ++k) {
+            for (std::size_t j = 0; j < nj; ++j) {
+                for (std::size_t i = 0; i < ni; ++i) {
+                    const double value = std::get<std::vector<double>>(field.samples())[(k * nj + j) * ni + i];
+                    if (std::isnan(value)) {
+                        continue;
+                    }
+                    const Vec3 index(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k));
+                    const double shift = 0.5 * static_cast<double>(k % 2), a = o.spacing.x;
+                    const Vec3 p =
+                        o.lattice == Lattice::bcc
+                            ? o.origin + Vec3((index.x + shift) * a, (index.y + shift) * a, index.z * a / 2.0)
+                            : o.origin + index * o.spacing;
+                    Sample sample{p, Mat3(1.0), std::max({s.x, s.y, s.z}), value, 1.0 + mistakes_.weight};
+                    for (int axis = 0; axis < 3; ++axis) {
+                        sample.form[axis][axis] = 1.0 / (s[axis] * s[axis]);
+                    }
+                    samples_.back().push_back(sample);
+                }
+            }
+        }
+    }
+
+    void collect_ellipsoids(const EllipsoidField& field) {
+        const EllipsoidArrays& arrays = field.arrays();
+        for (std::size_t n = 0; n < arrays.centers.size(); ++n) {
+            const Vec3 s = arrays.scales.empty() ? Vec3(arrays.radii[n]) : arrays.scales[n];
+            // The columns of a unit quaternion's rotation, by hand.
+            const glm::dquat q = arrays.rotations.empty() ? glm::dquat(1.0, 0.0, 0.0, 0.0) : arrays.rotations[n];
+            Mat3 m(Vec3(1.0 - 2.0 * (q.y * q.y + q.z * q.z), 2.0 * (q.x * q.y + q.w * q.z),
+                        2.0 * (q.x * q.z - q.w * q.y)) *
+                       s.x,
+                   Vec3(2.0 * (q.x * q.y - q.w * q.z), 1.0 - 2.0 * (q.x * q.x + q.z * q.z),
+                        2.0 * (q.y * q.z + q.w * q.x)) *
+                       s.y,
+                   Vec3(2.0 * (q.x * q.z + q.w * q.y), 2.0 * (q.y * q.z - q.w * q.x),
+                        1.0 - 2.0 * (q.x * q.x + q.y * q.y)) *
+                       s.z);
+            const double c = std::cos(mistakes_.turn), sine = std::sin(mistakes_.turn);
+            m = Mat3(Vec3(1.0, 0.0, 0.0), Vec3(0.0, c, sine), Vec3(0.0, -sine, c)) * m;
+            samples_.back().push_back({arrays.centers[n], glm::inverse(covariance(m)), std::max({s.x, s.y, s.z}),
+                                       arrays.values[n],
+                                       (arrays.weights.empty() ? 1.0 : arrays.weights[n]) + mistakes_.weight});
+        }
+    }
+
+    // Section 10: B B^T + diag(p^2, p^2, ds^2) along the eye's axes, the amplitude times sqrt(det old / det new).
+    void widen(Sample& sample) const {
+        const double across =
+            2.0 * half_height(std::abs(depth_of(sample.position))) / size_.height * (1.0 + mistakes_.filter);
+        const double along = spacing_ * (1.0 + mistakes_.filter);
+        const Mat3 old = glm::inverse(sample.form);
+        const Mat3 wide = old + across * across *
+                                    (glm::outerProduct(camera_.right_world(), camera_.right_world()) +
+                                     glm::outerProduct(camera_.up_world(), camera_.up_world())) +
+                          along * along * glm::outerProduct(camera_.back_world(), camera_.back_world());
+        sample.form = glm::inverse(wide);
+        sample.weight *= std::sqrt(glm::determinant(old) / glm::determinant(wide));
+        sample.reach += across + along;
+    }
+
+    static Vec3 semi_axes(const RegularFieldOptions& o) {
         return o.lattice == Lattice::bcc ? Vec3(o.radius * o.spacing.x / std::sqrt(2.0)) : o.radius * o.spacing;
     }
 
     // C: mass of the kernel over the volume of a sample, by quadrature over spherical shells.
-    double lattice_constant(std::size_t f) const {
-        const RegularFieldOptions& o = as_regular(scene_.fields[f].get())->options();
-        const Vec3 s = semi_axes(f);
+    double lattice_constant(const Field& field) const {
+        const double k = field.kernel().falloff;
+        const double mass = integrate([&](double r) { return 4.0 * pi * r * r * kernel_value(r, k); }, 0.0, 1.0, 1e-16);
+        if (const EllipsoidField* ellipsoids = as_ellipsoids(&field)) {
+            const Vec3 s = ellipsoids->semi_axes(0);
+            return mass * s.x * s.y * s.z / ellipsoids->options().cell_volume.value_or(1.0);
+        }
+        const RegularFieldOptions& o = as_regular(&field)->options();
+        const Vec3 s = semi_axes(o);
         const double volume =
             o.lattice == Lattice::bcc ? std::pow(o.spacing.x, 3) / 2.0 : o.spacing.x * o.spacing.y * o.spacing.z;
-        const double mass =
-            integrate([&](double r) { return 4.0 * pi * r * r * kernel_value(r, o.falloff); }, 0.0, 1.0, 1e-16);
         return mass * s.x * s.y * s.z / volume;
     }
 
@@ -104,10 +176,9 @@ class Page {
     void choose_slices() {
         anchor_ = depth_of(centre_) + mistakes_.depth;
         double reach = 0.0;
-        for (std::size_t f = 0; f < samples_.size(); ++f) {
-            const Vec3 s = semi_axes(f);
-            for (const Sample& sample : samples_[f]) {
-                reach = std::max(reach, glm::length(sample.position - centre_) + std::max({s.x, s.y, s.z}));
+        for (const std::vector<Sample>& samples : samples_) {
+            for (const Sample& sample : samples) {
+                reach = std::max(reach, glm::length(sample.position - centre_) + sample.reach);
             }
         }
         count_ = 2 * (static_cast<int>(reach / spacing_) + 2);
@@ -137,22 +208,25 @@ class Page {
 
     // D, W and emptiness of one field at a pixel and a slice.
     void sums(std::size_t f, int i, int j, int n, double& d, double& w, bool& empty) const {
-        const double k = as_regular(scene_.fields[f].get())->options().falloff + mistakes_.falloff;
-        const Vec3 s = semi_axes(f);
+        const double k = scene_.fields[f]->kernel().falloff + mistakes_.falloff;
         for (const Sample& sample : samples_[f]) {
+            const auto r_at = [&](const Vec3& x) {
+                return std::sqrt(std::max(0.0, glm::dot(x - sample.position, sample.form * (x - sample.position))));
+            };
             double g = 0.0;
             if (scene_.sampling == Sampling::point) {
-                const double r = glm::length((world_point(i, j, depth(n)) - sample.position) / s);
+                const double r = r_at(world_point(i, j, depth(n)));
                 if (r >= 1.0) {
                     continue;
                 }
                 g = kernel_value(r, k);
             } else {
-                // |q(t)| = 1 is a quadratic in t; t counts from the slice.
+                // r(t)^2 = 1 is a quadratic in t; t counts from the slice.
                 const double t0 = depth(n);
-                const Vec3 q0 = (world_point(i, j, t0) - sample.position) / s;
-                const Vec3 v = (world_point(i, j, t0 + 1.0) - world_point(i, j, t0)) / s;
-                const double a = glm::dot(v, v), b = glm::dot(q0, v), c = glm::dot(q0, q0) - 1.0;
+                const Vec3 start = world_point(i, j, t0), x0 = start - sample.position;
+                const Vec3 v = world_point(i, j, t0 + 1.0) - start;
+                const double a = glm::dot(v, sample.form * v), b = glm::dot(x0, sample.form * v),
+                             c = glm::dot(x0, sample.form * x0) - 1.0;
                 const double discriminant = b * b - a * c;
                 if (discriminant <= 0.0) {
                     continue;
@@ -162,9 +236,10 @@ class Page {
                 if (from >= to) {
                     continue;
                 }
-                g = integrate([&](double t) { return kernel_value(glm::length(q0 + t * v), k); }, from, to, 1e-15) /
+                g = integrate([&](double t) { return kernel_value(r_at(start + t * v), k); }, from, to, 1e-15) /
                     spacing_;
             }
+            g *= sample.weight;
             d += sample.value * g;
             w += g;
             empty = false;
@@ -175,7 +250,7 @@ class Page {
         points_.resize(static_cast<std::size_t>((size_.width + 2) * (size_.height + 2) * count_));
         std::vector<double> constants;
         for (std::size_t f = 0; f < scene_.fields.size(); ++f) {
-            constants.push_back(lattice_constant(f));
+            constants.push_back(lattice_constant(*scene_.fields[f]));
         }
         for (int n = first_; n < first_ + count_; ++n) {
             for (int j = -1; j <= size_.height && exists(n); ++j) {
@@ -403,6 +478,37 @@ std::shared_ptr<const RegularField> random_field(Dice& dice) {
     return make_field(std::move(samples), shape, options);
 }
 
+std::shared_ptr<const EllipsoidField> random_ellipsoids(Dice& dice) {
+    EllipsoidFieldOptions options;
+    options.normalization =
+        std::array{Normalization::none, Normalization::lattice, Normalization::threshold}[dice.generator() % 3];
+    options.falloff = dice.real(2.0, 9.0);
+    options.w0 = dice.real(0.1, 1.5);
+    options.cell_volume = dice.real(0.2, 3.0);
+    const bool one_volume = options.normalization == Normalization::lattice;
+    const bool spheres = !one_volume && dice.one_in(5), turned = !dice.one_in(5), weighted = dice.one_in(2);
+    const Vec3 same(dice.real(0.3, 1.0), dice.real(0.3, 2.0), dice.real(0.5, 2.5));
+    EllipsoidArrays arrays;
+    const int count = dice.whole(1, 12);
+    for (int n = 0; n < count; ++n) {
+        arrays.centers.emplace_back(dice.real(-2.5, 2.5), dice.real(-2.5, 2.5), dice.real(-2.5, 2.5));
+        if (spheres) {
+            arrays.radii.push_back(dice.real(0.2, 2.0));
+        } else {
+            arrays.scales.push_back(one_volume ? same
+                                               : Vec3(dice.real(0.1, 2.0), dice.real(0.1, 2.0), dice.real(0.2, 2.0)));
+        }
+        if (turned) {
+            arrays.rotations.push_back(random_rotation(dice.generator));
+        }
+        arrays.values.push_back(dice.one_in(6) ? 0.0 : dice.real(-0.4, 1.0));
+        if (weighted) {
+            arrays.weights.push_back(n > 0 && dice.one_in(4) ? 0.0 : dice.real(0.1, 2.0));
+        }
+    }
+    return make_ellipsoids(std::move(arrays), options);
+}
+
 TransferFunction random_function(Dice& dice) {
     std::vector<TransferPoint> points;
     double value = dice.real(-0.5, 0.3);
@@ -428,11 +534,27 @@ struct RandomPicture {
     Size size;
 };
 
-RandomPicture random_picture(unsigned seed) {
+enum class Kinds { lattices, ellipsoids };
+
+/// Kinds::ellipsoids: at least one field of them, the others of any kind, and now and then the EWA filter.
+RandomPicture random_picture(unsigned seed, Kinds kinds = Kinds::lattices) {
     Dice dice{std::mt19937_64(seed)};
-    Scene scene{{random_field(dice)}, random_function(dice)};
+    std::shared_ptr<const Field> first;
+    if (kinds == Kinds::ellipsoids) {
+        first = random_ellipsoids(dice);
+    } else {
+        first = random_field(dice);
+    }
+    Scene scene{{first}, random_function(dice)};
     if (dice.one_in(3)) {
-        scene.fields.push_back(random_field(dice));
+        if (kinds == Kinds::ellipsoids && dice.one_in(3)) {
+            scene.fields.push_back(random_ellipsoids(dice));
+        } else {
+            scene.fields.push_back(random_field(dice));
+        }
+    }
+    if (kinds == Kinds::ellipsoids && dice.one_in(3)) {
+        scene.filter = Filter::ewa;
     }
     scene.slice_spacing = dice.real(0.25, 1.5);
     scene.sampling = dice.one_in(2) ? Sampling::slab : Sampling::point;
@@ -528,8 +650,14 @@ TEST(BruteForce, SmallMistakesAreSeen) {
         int seen_at_least;
     };
     constexpr unsigned tried = 24;
-    for (const Case& c : {Case{"falloff", {1e-9, 0.0, 0.0, 0.0}, 18}, Case{"secant", {0.0, 1e-9, 0.0, 0.0}, 18},
-                          Case{"depth", {0.0, 0.0, 1e-9, 0.0}, 18}, Case{"shininess", {0.0, 0.0, 0.0, 1e-7}, 6}}) {
+    const auto mistake = [](double Mistakes::*which, double size) {
+        Mistakes mistakes;
+        mistakes.*which = size;
+        return mistakes;
+    };
+    for (const Case& c :
+         {Case{"falloff", mistake(&Mistakes::falloff, 1e-9), 18}, Case{"secant", mistake(&Mistakes::secant, 1e-9), 18},
+          Case{"depth", mistake(&Mistakes::depth, 1e-9), 18}, Case{"shininess", mistake(&Mistakes::shininess, 1e-7), 6}}) {
         int seen = 0;
         for (unsigned seed = 0; seed < tried; ++seed) {
             const RandomPicture random = random_picture(seed);
@@ -538,6 +666,63 @@ TEST(BruteForce, SmallMistakesAreSeen) {
         }
         EXPECT_GE(seen, c.seen_at_least) << c.name;
     }
+}
+
+TEST(BruteForce, RandomEllipsoidsAgree) {
+    Request request;
+    request.coverage = request.depth = true;
+    double worst = 0.0;
+    int showing = 0;
+    std::map<std::string, int> kinds;
+    for (unsigned seed = 0; seed < scenes; ++seed) {
+        const RandomPicture random = random_picture(seed, Kinds::ellipsoids);
+        const Picture expected = brute_force(random);
+        const double difference = distance(render(random.scene, random.camera, random.size, request), expected);
+        EXPECT_LE(difference, tolerance) << "seed " << seed;
+        worst = std::max(worst, difference);
+        showing += largest_of(expected.coverage) > 0.0 ? 1 : 0;
+        Request less;
+        less.depth = true;
+        const Picture lean = render(random.scene, random.camera, random.size, less);
+        EXPECT_LE(largest_difference(lean.rgba, expected.rgba), tolerance) << "seed " << seed;
+        const bool perspective = random.camera.projection() == Projection::perspective;
+        const bool slab = random.scene.sampling == Sampling::slab, ewa = random.scene.filter == Filter::ewa;
+        kinds[std::string(perspective ? "perspective" : "orthographic") + (slab ? " slab" : " point") +
+              (ewa ? " ewa" : "")] += 1;
+        kinds[random.scene.fields.size() == 1                                ? "alone"
+              : random.scene.fields[1]->kind() == FieldKind::ellipsoid ? "two of ellipsoids"
+                                                                             : "with a lattice"] += 1;
+    }
+    std::printf("largest difference of %u scenes of ellipsoids: %.2e, %d of them not empty\n", scenes, worst, showing);
+    EXPECT_GE(showing, static_cast<int>(scenes) * 3 / 4);
+    for (const char* kind : {"perspective slab", "perspective point", "orthographic slab", "orthographic point",
+                             "perspective slab ewa", "perspective point ewa", "orthographic slab ewa",
+                             "orthographic point ewa", "alone", "two of ellipsoids", "with a lattice"}) {
+        EXPECT_GE(kinds[kind], 3) << kind;
+    }
+}
+
+TEST(BruteForce, SmallMistakesInEllipsoidsAreSeen) {
+    Request request;
+    request.coverage = request.depth = true;
+    constexpr unsigned tried = 36;
+    int turned = 0, weighed = 0, filtered = 0, of_filtered = 0;
+    for (unsigned seed = 0; seed < tried; ++seed) {
+        const RandomPicture random = random_picture(seed, Kinds::ellipsoids);
+        const Picture actual = render(random.scene, random.camera, random.size, request);
+        Mistakes turn, weight, filter;
+        turn.turn = weight.weight = filter.filter = 1e-9;
+        turned += distance(actual, brute_force(random, turn)) > tolerance ? 1 : 0;
+        weighed += distance(actual, brute_force(random, weight)) > tolerance ? 1 : 0;
+        if (random.scene.filter == Filter::ewa) {
+            ++of_filtered;
+            filtered += distance(actual, brute_force(random, filter)) > tolerance ? 1 : 0;
+        }
+    }
+    EXPECT_GE(turned, 24);
+    EXPECT_GE(weighed, 24);
+    EXPECT_GE(of_filtered, 8);
+    EXPECT_GE(filtered, of_filtered * 3 / 4);
 }
 
 } // namespace sheetsplat::reference::testing

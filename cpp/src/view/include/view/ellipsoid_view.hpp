@@ -20,12 +20,12 @@ namespace sheetsplat {
 /// ellipse around (center + s B n) with semi-axes sqrt(1 - s^2) B u and sqrt(1 - s^2) B v. World units.
 struct EyeKernel {
     Vec3 center{0.0};
-    double half_depth = 1.0;         ///< h
-    glm::dvec2 axis_u{1.0, 0.0};     ///< (B u)_xy, the longer one
-    glm::dvec2 axis_v{0.0, 1.0};     ///< (B v)_xy
-    glm::dvec2 lean{0.0};            ///< (B n)_xy: how far the section's centre moves from s = 0 to s = 1
-    glm::dvec2 extent{1.0, 1.0};     ///< half the extents of the support along eye x and y
-    double amplitude = 1.0;          ///< what a filter left of the height
+    double half_depth = 1.0;     ///< h
+    glm::dvec2 axis_u{1.0, 0.0}; ///< (B u)_xy, the longer one
+    glm::dvec2 axis_v{0.0, 1.0}; ///< (B v)_xy
+    glm::dvec2 lean{0.0};        ///< (B n)_xy: how far the section's centre moves from s = 0 to s = 1
+    glm::dvec2 extent{1.0, 1.0}; ///< half the extents of the support along eye x and y
+    double amplitude = 1.0;      ///< what a filter left of the height
 };
 
 /// Kernel from the rows of B: 3-vectors in the unit sphere for eye x, y and z. The longer axis comes first.
@@ -34,15 +34,15 @@ EyeKernel slice_kernel(const Vec3& center_eye, const Vec3& row_x, const Vec3& ro
 /// What the GPU gets for one kernel: 64 bytes. Pixels are counted from the optical axis, rows downwards; in perspective
 /// every length on the screen is pixels times depth, places are pixels of the ray.
 struct SectionRecord {
-    float whole_x, whole_y;   ///< centre of the section on slice `first`: whole pixels
-    float part_x, part_y;     ///< and what is left of them
-    float first;              ///< slice that the record is anchored at
-    float s;                  ///< height of the section there
-    float step_s;             ///< slice spacing over h
-    float value;              ///< f m times the view's value_scale
-    float ux, uy, vx, vy;     ///< B u and B v
-    float step_x, step_y;     ///< movement of the centre from one slice to the next (perspective: off the ray of the first)
-    float weight;             ///< m times the view's weight_scale
+    float whole_x, whole_y; ///< centre of the section on slice `first`: whole pixels
+    float part_x, part_y;   ///< and what is left of them
+    float first;            ///< slice that the record is anchored at
+    float s;                ///< height of the section there
+    float step_s;           ///< slice spacing over h
+    float value;            ///< f m times the view's value_scale
+    float ux, uy, vx, vy;   ///< B u and B v
+    float step_x, step_y; ///< movement of the centre from one slice to the next (perspective: off the ray of the first)
+    float weight;         ///< m times the view's weight_scale
     float reserved;
 };
 static_assert(sizeof(SectionRecord) == 64, "shaders read records of four vec4");
@@ -99,7 +99,8 @@ class EllipsoidView {
     /// The same for a kernel that is not sliced yet.
     [[nodiscard]] ScreenBounds support_bounds(std::size_t i, double nearest, double farthest) const;
     /// The same as pixels of a tile's targets, `wider_px` larger.
-    [[nodiscard]] static PixelBox pixels(const ScreenBounds& bounds, const Frame& frame, const Tile& tile, int wider_px);
+    [[nodiscard]] static PixelBox pixels(const ScreenBounds& bounds, const Frame& frame, const Tile& tile,
+                                         int wider_px);
     /// Depth between which a batch that starts at a slice draws.
     [[nodiscard]] double front_of(std::int64_t slice) const { return frame_->depth_of(slice) - slab_half_; }
     [[nodiscard]] double back_of(std::int64_t slice) const { return frame_->depth_of(slice) + slab_half_; }
@@ -124,11 +125,11 @@ class EllipsoidView {
 
 /// What a plan needs to know of a field of ellipsoids in a view.
 struct EllipsoidFacts {
-    double largest_aspect = 1.0;     ///< longest over shortest semi-axis of one kernel
-    std::int64_t longest_span = 0;   ///< most slices that one kernel meets
-    double mean_overlap = 0.0;       ///< kernels that overlap at a point, on the average over the box of all supports
-    std::size_t unresolved = 0;      ///< kernels smaller than a pixel or thinner than a slice distance
-    double largest_change = 0.0;     ///< largest share by which the filter changes a semi-axis, squared
+    double largest_aspect = 1.0;   ///< longest over shortest semi-axis of one kernel
+    std::int64_t longest_span = 0; ///< most slices that one kernel meets
+    double mean_overlap = 0.0;     ///< kernels that overlap at a point, on the average over the box of all supports
+    std::size_t unresolved = 0;    ///< kernels smaller than a pixel or thinner than a slice distance
+    double largest_change = 0.0;   ///< largest share by which the filter changes a semi-axis, squared
 };
 EllipsoidFacts survey_ellipsoids(const EllipsoidField& field, const Camera& camera, const Frame& frame,
                                  Sampling sampling);

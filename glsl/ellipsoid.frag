@@ -3,15 +3,15 @@
 #include "lib/interop.h"
 #include "lib/kernel.glsl"
 
-flat in vec4 place_at;     // centre in the batch's first slab: whole pixels, parts of pixels
-flat in vec2 amount;       // value, weight
+flat in vec4 place_at;     // centre on the record's slice: whole pixels, parts of pixels
+flat in vec3 amount;       // value, weight, slabs from the record's slice to the batch's first one
 #ifdef SPRITE
 flat in vec4 section_front;
 flat in vec4 section_back;
 flat in float falloff_px;  // -k log2(e) over the radius in pixels, squared
 #else
 flat in vec4 unit_of_px;   // columns of: pixels (times depth) -> plane of the unit sphere
-flat in vec4 heights;      // height in the first slab, step; step of the centre in the plane of the unit sphere
+flat in vec4 heights;      // height there, step; step of the centre in the plane of the unit sphere
 uniform vec4 offset_front; // slab of each channel, counted from the batch's first one
 uniform vec4 offset_back;
 #ifdef PERSPECTIVE
@@ -45,7 +45,8 @@ out vec4 z_back;
 #ifndef SPRITE
 #include "lib/sections.glsl"
 
-Sections sections(vec2 place, vec4 offset, vec4 depth) {
+Sections sections(vec2 place, vec4 slab, vec4 depth) {
+    vec4 offset = amount.z + slab;
     Sections r;
     r.s = heights.x - offset * heights.y;
     r.ax = place.x * depth - offset * heights.z;
@@ -81,9 +82,9 @@ void main() {
     float base = -falloff_log2 * (dot(place, place) + heights.x * heights.x);
     float slope = 2.0 * falloff_log2 * (dot(place, heights.zw) + heights.x * heights.y);
     float bend = -falloff_log2 * (dot(heights.zw, heights.zw) + heights.y * heights.y);
-    vec4 front = compact(base, slope, bend, offset_front);
+    vec4 front = compact(base, slope, bend, amount.z + offset_front);
 #ifdef TWO_TARGETS
-    vec4 back = compact(base, slope, bend, offset_back);
+    vec4 back = compact(base, slope, bend, amount.z + offset_back);
 #endif
 #else
 #ifdef SLAB

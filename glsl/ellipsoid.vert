@@ -27,15 +27,15 @@ layout(location = ATTRIBUTE_RECORD_HEIGHTS) in vec4 record_heights; // the slice
 layout(location = ATTRIBUTE_RECORD_AXES) in vec4 record_axes;       // B u, B v
 layout(location = ATTRIBUTE_RECORD_STEP) in vec4 record_step;       // step of the centre, weight
 
-flat out vec4 place_at;     // centre in the batch's first slab: whole pixels, parts of pixels
-flat out vec2 amount;       // value, weight
+flat out vec4 place_at;     // centre on the record's slice: whole pixels, parts of pixels
+flat out vec3 amount;       // value, weight, slabs from the record's slice to the batch's first one
 #ifdef SPRITE
 flat out vec4 section_front;
 flat out vec4 section_back;
 flat out float falloff_px;  // -k log2(e) over the radius in pixels, squared
 #else
 flat out vec4 unit_of_px;   // columns of: pixels (times depth) -> plane of the unit sphere
-flat out vec4 heights;      // height in the first slab, step; step of the centre in the plane of the unit sphere
+flat out vec4 heights;      // height there, step; step of the centre in the plane of the unit sphere
 #endif
 
 const vec4 nowhere = vec4(2.0, 2.0, 2.0, 1.0);
@@ -55,22 +55,14 @@ vec2 edge_over(vec2 slabs, float height, float step_s, float step) {
 void main() {
     float since = batch_first - record_heights.x;
     vec2 step = record_step.xy;
-    vec2 part = record_place.zw;
-#ifdef PERSPECTIVE
-    part += since * step / first_depth;
-    step *= (first_depth - since * slice_spacing) / first_depth;
-#else
-    part += since * step;
-#endif
-    vec2 whole = floor(part);
-    place_at = vec4(record_place.xy + whole + axis, part - whole);
-    amount = vec2(record_heights.w, record_step.z);
+    place_at = vec4(record_place.xy + axis, record_place.zw);
+    amount = vec3(record_heights.w, record_step.z, since);
     float step_s = record_heights.z;
-    float height = record_heights.y - since * step_s;
+    float height = record_heights.y;
 
 #ifdef SPRITE
-    vec4 front = height - offset_front * step_s;
-    vec4 back = height - offset_back * step_s;
+    vec4 front = height - (since + offset_front) * step_s;
+    vec4 back = height - (since + offset_back) * step_s;
     section_front = exp2(-falloff_log2 * front * front);
     section_back = exp2(-falloff_log2 * back * back);
     float radius = record_axes.x;
@@ -92,7 +84,7 @@ void main() {
     vec2 unit_step = vec2(dot(along_u, step) / length_u, dot(along_v, step) / length_v);
     heights = vec4(height, step_s, unit_step);
 
-    vec2 slabs = vec2(max(-slab_reach, (height - 1.0) / step_s), min(last_offset + slab_reach, (height + 1.0) / step_s));
+    vec2 slabs = vec2(max(since - slab_reach, (height - 1.0) / step_s), min(since + last_offset + slab_reach, (height + 1.0) / step_s));
     if (slabs.x > slabs.y) {
         gl_Position = nowhere;
         return;
@@ -100,7 +92,7 @@ void main() {
     vec2 edge_u = edge_over(slabs, height, step_s, unit_step.x) * length_u;
     vec2 edge_v = edge_over(slabs, height, step_s, unit_step.y) * length_v;
 #ifdef PERSPECTIVE
-    vec2 depths = first_depth + slabs * slice_spacing;
+    vec2 depths = first_depth + (slabs - since) * slice_spacing;
     bool through_eye = depths.x <= 1e-6 * slice_spacing;
     depths = max(depths, vec2(1e-30));
     edge_u = vec2(min(edge_u.x / depths.x, edge_u.x / depths.y), max(edge_u.y / depths.x, edge_u.y / depths.y));

@@ -33,7 +33,11 @@ class PointTree {
         }
     }
 
-    /// Calls visit(index, point) for the points in a box until it returns false; returns whether it never did.
+    /// Indices of the points, neighbours close together.
+    [[nodiscard]] const std::vector<std::size_t>& order() const { return order_; }
+
+    /// Calls visit(index, point) for the points in a box, and others near it, those in its middle first, until it
+    /// returns false; returns whether it never did.
     template <class Visit>
     bool each_in(const Box& box, Visit&& visit) const {
         return nodes_.empty() || each_in(0, box, visit);
@@ -46,6 +50,7 @@ class PointTree {
         Box box;
         std::size_t first = 0, last = 0;
         std::size_t second_child = 0; ///< the first one follows its parent; 0: a leaf
+        int axis = 0;                 ///< across which the children lie
     };
 
     std::size_t build(std::size_t first, std::size_t last) {
@@ -54,7 +59,7 @@ class PointTree {
         for (std::size_t n = first + 1; n < last; ++n) {
             box = {glm::min(box.lower, points_[order_[n]]), glm::max(box.upper, points_[order_[n]])};
         }
-        nodes_.push_back({box, first, last, 0});
+        nodes_.push_back({box, first, last, 0, 0});
         if (last - first > leaf_) {
             const Vec3 extent = box.extent();
             const int axis = extent.x >= extent.y && extent.x >= extent.z ? 0 : extent.y >= extent.z ? 1 : 2;
@@ -62,6 +67,7 @@ class PointTree {
             const auto at = [&](std::size_t n) { return order_.begin() + static_cast<std::ptrdiff_t>(n); };
             std::nth_element(at(first), at(middle), at(last),
                              [&](std::size_t a, std::size_t b) { return points_[a][axis] < points_[b][axis]; });
+            nodes_[self].axis = axis;
             build(first, middle);
             nodes_[self].second_child = build(middle, last);
         }
@@ -77,7 +83,10 @@ class PointTree {
             }
         }
         if (node.second_child != 0) {
-            return each_in(index + 1, box, visit) && each_in(node.second_child, box, visit);
+            const int axis = node.axis;
+            const bool turn = box.lower[axis] + box.upper[axis] > 2.0 * nodes_[node.second_child].box.lower[axis];
+            return each_in(turn ? node.second_child : index + 1, box, visit) &&
+                   each_in(turn ? index + 1 : node.second_child, box, visit);
         }
         for (std::size_t n = node.first; n < node.last; ++n) {
             if (!visit(order_[n], points_[n])) {
@@ -151,16 +160,17 @@ inline GhostPoints ghost_points(const EllipsoidField& field, double distance, st
     GhostPoints found;
     {
         std::vector<Vec3> centers;
+        std::vector<std::size_t> kernels;
         for (std::size_t i = 0; i < field.size(); ++i) {
             if (field.weight(i) > 0.0) {
                 centers.push_back(field.center(i));
+                kernels.push_back(i);
             }
         }
         const PointTree tree(std::move(centers));
-        for (std::size_t i = 0; i < field.size(); ++i) {
-            if (!(field.weight(i) > 0.0)) {
-                continue;
-            }
+        // In the tree's order, so that one kernel finds in the cache what the one before it looked at.
+        for (const std::size_t n : tree.order()) {
+            const std::size_t i = kernels[n];
             const Mat3 shape = field.shape(i);
             const Vec3 extent = field.extent(i);
             for (const Vec3& direction : directions) {
@@ -218,7 +228,9 @@ inline GhostPoints ghost_points(const EllipsoidField& field, double distance, st
             firsts.push_back(boxes[n].second);
         }
     }
-    std::sort(firsts.begin(), firsts.end());
+    std::sort(firsts.begin(), firsts.end(), [&](std::size_t a, std::size_t b) {
+        return std::make_pair(found.owners[a], a) < std::make_pair(found.owners[b], b);
+    });
     GhostPoints ghosts;
     for (const std::size_t n : firsts) {
         ghosts.owners.push_back(found.owners[n]);

@@ -55,9 +55,7 @@ def why_empty(scene: Scene) -> str:
     """Return the reason why a picture of a scene shows nothing, as far as the scene tells it."""
     known = [one for one in scene.fields if one.size]
     if not known:
-        return "the field has no kernels" if any(isinstance(one, EllipsoidField) for one in scene.fields) else (
-            "the field has no samples"
-        )
+        return f"the field has no {'kernels' if isinstance(scene.fields[0], EllipsoidField) else 'samples'}"
     ranges = [_range_of(one) for one in known]
     low, high = sum(low for low, _ in ranges), sum(high for _, high in ranges)
     values = f"the values {low:g} to {high:g}"

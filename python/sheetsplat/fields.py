@@ -320,7 +320,8 @@ class EllipsoidField(Field):
 
     Kernel i is the ellipsoid around ``centers[i]`` whose semi-axes are ``scales[i]`` long and turned by
     ``rotations[i]``; within it lies the profile (exp(−k r²) − exp(−k)) / (1 − exp(−k)), r the distance from the centre
-    in semi-axes, times ``weights[i]``, and times ``values[i]`` where values are summed. Conventions, section 2 (Fields).
+    in semi-axes, times ``weights[i]``, and times ``values[i]`` where values are summed. Conventions, section 2
+    (Fields).
 
     All arrays are copied, anything that NumPy can read, and kept as float64: 40 bytes a kernel for spheres, 56 for
     ellipsoids, 32 more where they are turned, 8 more with weights. A field may have no kernels at all; its picture is
@@ -601,7 +602,7 @@ class EllipsoidField(Field):
         InvalidInput
             For anything but M times three finite numbers.
         """
-        value, weight = self._sums_at(points).T
+        value, weight = self._sums_at(points).T.copy()
         if self._normalization == "none":
             return value
         if self._normalization == "lattice":
@@ -618,7 +619,8 @@ class EllipsoidField(Field):
         InvalidInput
             For anything but M times three finite numbers.
         """
-        return self._sums_at(points)[:, 1]
+        found: NDArray[np.float64] = self._sums_at(points)[:, 1]
+        return found
 
     def _sums_at(self, points: ArrayLike) -> NDArray[np.float64]:
         places = _rows("points", points, "(M, 3) world positions", (3,))
@@ -712,7 +714,7 @@ class EllipsoidField(Field):
         )
 
 
-def _first(bad: NDArray[np.bool_], start: int) -> int:
+def _first(bad: Any, start: int) -> int:
     """Return the index of the first kernel of a block that is bad."""
     return start + int(np.flatnonzero(bad)[0])
 
@@ -757,12 +759,14 @@ def _axes_of(
             "EllipsoidField: a covariance cannot be used",
             f"the matrix of kernel {n}, whose smallest variance is {least:g}",
             "positive definite matrices",
-            "pass min_scale, which gives flat kernels a thickness" if is_flat else "drop that kernel or mend its matrix",
+            "pass min_scale, which gives flat kernels a thickness" if is_flat else "drop that kernel or mend it",
         )
     return np.where(variances <= rounding, 0.0, variances), axes
 
 
-def _lengths_of(frames: NDArray[np.float64], start: int, *, flat: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lengths_of(
+    frames: NDArray[np.float64], start: int, *, flat: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the lengths of the columns (N, 3), and orthogonal matrices of their directions (N, 3, 3)."""
     _refuse_infinite("frame", frames, start)
     # By each column's own largest entry, so that no square over- or underflows.
@@ -797,7 +801,6 @@ def _lengths_of(frames: NDArray[np.float64], start: int, *, flat: bool) -> tuple
         left, _, right = np.linalg.svd(unit[some])
         unit[some] = left @ right
     return lengths, unit
-
 
 
 def as_fields(field: object, what: str) -> list[Field]:

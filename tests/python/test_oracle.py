@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any
@@ -9,10 +10,12 @@ from typing import Any
 import numpy as np
 import oracle
 import pytest
+import scattered_scenes as scattered
 
 import sheetsplat as ss
 
 SCENES = range(60)
+SCATTERED = range(200)
 # An image is float32: half a rounding is 6e-8 of a value. The rest is for float64 sums of another order.
 ROUNDING, ARITHMETIC = 7e-8, 1e-9
 # Conventions, section 8: RMSE and P99.9.
@@ -187,11 +190,13 @@ def excess(actual: np.ndarray, wanted: np.ndarray) -> float:
     return float((np.abs(actual[finite] - wanted[finite]) / allowed).max())
 
 
-def reference_excess(parts: dict[str, Any], renderer: ss.Renderer) -> float:
+def reference_excess(
+    parts: dict[str, Any], renderer: ss.Renderer, make: Callable[[ModuleType, dict[str, Any]], Any] = build
+) -> float:
     """Return how far the reference is from the oracle, in units of what is allowed: picture, coverage and depth."""
-    scene, camera, size = build(ss, parts)
+    scene, camera, size = make(ss, parts)
     image = renderer.render(scene, camera, size=size, outputs=OUTPUTS)
-    picture = oracle.render(*build(oracle, parts))
+    picture = oracle.render(*make(oracle, parts))
     return max(
         excess(pixels(image), expected(picture)),
         excess(np.asarray(image.coverage, np.float64), picture.coverage),
@@ -308,3 +313,125 @@ def test_a_wrong_formula_breaks_the_bounds(
     assert within(distances(actual, expected(oracle.render(*build(oracle, parts))), everything), HARD)
     monkeypatch.setattr(oracle, formula, WRONG[formula](getattr(oracle, formula)))
     assert not within(distances(actual, expected(oracle.render(*build(oracle, parts))), everything), HARD)
+
+
+# Scattered ellipsoids
+
+
+@pytest.mark.parametrize("seed", SCATTERED)
+def test_reference_is_the_oracle_of_ellipsoids(seed: int, reference_renderer: ss.Renderer) -> None:
+    assert reference_excess(scattered.random_scene(seed), reference_renderer, scattered.build) <= 1
+
+
+def test_random_scenes_of_ellipsoids_show_something() -> None:
+    shown = [
+        np.abs(expected(oracle.render(*scattered.build(oracle, scattered.random_scene(n))))).max() for n in SCATTERED
+    ]
+    assert np.mean(np.array(shown) > 1e-3) > 0.8
+
+
+def upright_quaternions(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return rotations the other way round."""
+    return lambda quaternions: np.swapaxes(original(quaternions), 1, 2)
+
+
+def filter_without_mass(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return filtered kernels whose amplitude is what it was."""
+    return lambda self, *arguments: oracle.replace(original(self, *arguments), weights=self.weights)
+
+
+def filter_of_a_larger_pixel(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return kernels filtered for pixels a thousandth larger."""
+    return lambda self, pixel, spacing: original(self, 1.001 * pixel, spacing)
+
+
+def no_weights(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return kernels that all weigh 1."""
+    return lambda self, *arguments: oracle.replace(original(self, *arguments), weights=None)
+
+
+WRONG_SCATTERED: dict[str, tuple[Any, str, Callable[..., Any]]] = {
+    "kernel": (oracle, "kernel", without_lowering),
+    "slices": (oracle, "slice_depth", half_a_slice_off),
+    "rotation": (oracle, "turned", upright_quaternions),
+    "mass": (oracle.Kernels, "filtered", filter_without_mass),
+    "pixel": (oracle.Kernels, "filtered", filter_of_a_larger_pixel),
+    "weights": (oracle.EllipsoidField, "placed", no_weights),
+}
+
+
+@pytest.mark.parametrize("formula", WRONG_SCATTERED)
+def test_a_wrong_formula_of_ellipsoids_is_seen(
+    formula: str, monkeypatch: pytest.MonkeyPatch, reference_renderer: ss.Renderer
+) -> None:
+    rng = np.random.default_rng(17)
+    field = scattered.cloud(rng, 20, 2.0, 6.0, weights=rng.random(20), w0=0.3)
+    parts = scattered.parts([field], scattered.central(), size=(14, 12), filter="ewa")
+    assert reference_excess(parts, reference_renderer, scattered.build) <= 1
+    owner, name, wrong = WRONG_SCATTERED[formula]
+    monkeypatch.setattr(owner, name, wrong(getattr(owner, name)))
+    assert reference_excess(parts, reference_renderer, scattered.build) > 1000
+
+
+def one_kernel(**scene: Any) -> dict[str, Any]:
+    """Return an x-ray of one ellipsoid that is not divided by anything."""
+    field = {
+        "centers": [(0.1, -0.2, 0.3)],
+        "scales": [(0.9, 0.5, 0.3)],
+        "rotations": scattered.quaternions(np.random.default_rng(3), 1),
+        "values": [0.8],
+        "weights": [0.7],
+        "normalization": "none",
+    }
+    return scattered.parts([field], size=(33, 31), mode="xray", **scene)
+
+
+def test_the_oracle_of_slabs_is_the_line_integral() -> None:
+    """The sum over all slabs is the integral along the whole chord: a Gaussian, less the lowered edge."""
+    scene, camera, size = scattered.build(oracle, one_kernel(sampling="slab"))
+    field, turn = scene.field, camera.turn()
+    inverse = np.linalg.inv(turn @ field.frames()[0] @ np.diag(field.semi_axes()[0]))
+    centre = turn @ (np.asarray(field.centers)[0] - camera.eye)
+    height = camera.height
+    wanted = np.zeros((size[1], size[0]))
+    k = field.falloff
+    for j in range(size[1]):
+        for i in range(size[0]):
+            x = ((i + 0.5) / size[0] - 0.5) * height * size[0] / size[1]
+            y = (0.5 - (j + 0.5) / size[1]) * height
+            along = inverse @ np.array([0.0, 0.0, 1.0])
+            away = inverse @ (np.array([x, y, centre[2]]) - centre)
+            away = away - (away @ along) / (along @ along) * along
+            if away @ away >= 1:
+                continue
+            half = math.sqrt(1 - away @ away)
+            gauss = math.exp(-k * (away @ away)) * math.sqrt(math.pi / k) * math.erf(math.sqrt(k) * half)
+            wanted[j, i] = (gauss - 2 * half * math.exp(-k)) / (1 - math.exp(-k)) / np.linalg.norm(along)
+    assert wanted.max() > 0.1
+    np.testing.assert_allclose(oracle.render(scene, camera, size).scalar, 0.8 * 0.7 * wanted, atol=1e-13)
+
+
+@pytest.mark.parametrize("smaller", [1.0, 1e-2, 1e-5])
+def test_the_oracle_of_the_filter_keeps_the_mass(smaller: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the picture sums up to is the kernel's integral, however small it is beside a pixel."""
+    parts = one_kernel(filter="ewa", sampling="slab", slice_spacing=0.3)
+    parts["fields"][0]["scales"] = smaller * np.array(parts["fields"][0]["scales"])
+    scene, camera, size = scattered.build(oracle, parts)
+    pixel = camera.height / size[1]
+    mass = 0.8 * 0.7 * oracle.ball_integral(8.0) * float(np.prod(scene.field.semi_axes()))
+
+    def seen() -> float:
+        """Return the mean over places between the pixels' centres, a quarter of a pixel apart."""
+        right, up = camera.turn()[:2] * pixel / 4
+        total = 0.0
+        for across, along in np.ndindex(4, 4):
+            shift = across * right + along * up
+            there = oracle.Camera.orthographic(
+                camera.eye + shift, camera.target + shift, camera.up, height=camera.height
+            )
+            total += float(oracle.render(scene, there, size).scalar.sum()) * pixel**2 / 16
+        return total
+
+    assert seen() == pytest.approx(mass, rel=1e-4)
+    monkeypatch.setattr(oracle.Kernels, "filtered", filter_without_mass(oracle.Kernels.filtered))
+    assert seen() > 1.02 * mass

@@ -234,8 +234,11 @@ void TileLoop::splat_ellipsoids(std::size_t part, std::int64_t pass, std::int64_
             if (marking) {
                 marks_.touch(box);
             }
-            records_[static_cast<std::size_t>(view.group(kernel, sprite))].push_back(
-                view.record(id, kernel, first_slab));
+            // Anchored where it is needed, a record keeps its digits: at the batch's slab nearest to the centre.
+            const double middle_slab = (-kernel.center.z - frame_.first_depth) / frame_.slice_spacing;
+            const auto anchor = static_cast<std::int64_t>(
+                std::clamp(std::round(middle_slab), static_cast<double>(first_slab), static_cast<double>(last_slab)));
+            records_[static_cast<std::size_t>(view.group(kernel, sprite))].push_back(view.record(id, kernel, anchor));
         });
     vertex_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
     for (std::size_t group = 0; group < records_.size(); ++group) {

@@ -253,6 +253,18 @@ def common(function: Function) -> Function:
 
 as_json = click.option("--json", "as_json", is_flag=True, help="Report as JSON on stdout.")
 
+
+def _set_floor(context: click.Context, _: click.Parameter, floor: float | None) -> None:
+    if floor is not None:
+        context.params["log"] = floor
+
+
+def _keep_floor(context: click.Context, _: click.Parameter, on: bool) -> bool | float:
+    # A floor that was read first is in its place already.
+    kept: bool | float = context.params.get("log", on)
+    return kept
+
+
 file_options: list[Callable[[Any], Any]] = [
     click.option(
         "--shape", type=Numbers("X,Y,Z", 3, whole=True), help="Raw samples: how many along x, y, z, x the fastest."
@@ -260,6 +272,40 @@ file_options: list[Callable[[Any], Any]] = [
     click.option("--dtype", help='Raw samples: their type, as NumPy writes it: uint8, int16, ">i2", float32 …'),
     click.option("--offset", type=click.IntRange(min=0), help="Raw samples: bytes before the first one."),
     click.option("--name", help="The array of an .npz file to take."),
+    click.option(
+        "--scalar",
+        help="Scattered data and .vti: what is shown, by its name in the file; NAME_x: one component of a vector. "
+        "PLOT3D: density, momentum, energy, velocity, pressure, temperature, mach …",
+    ),
+    click.option(
+        "--log/--no-log", default=False, callback=_keep_floor, help="Show log10(value / smallest), in decades."
+    ),
+    click.option(
+        "--log-floor",
+        type=Real(above=0.0),
+        expose_value=False,
+        callback=_set_floor,
+        help="Show log10(value / FLOOR); values below FLOOR are raised to it.",
+    ),
+    click.option("--grid", type=click.Path(path_type=Path), help="PLOT3D: the file of the grid; FILE is the solution."),
+    click.option("--particles", metavar="GROUP", help="HDF5: the group of particles.  [default: PartType0]"),
+    click.option(
+        "--support",
+        type=Real(above=0.0),
+        help="HDF5: radius of a kernel in smoothing lengths; else what gives the file's densities.",
+    ),
+    click.option(
+        "--fit",
+        type=click.Choice(["delaunay", "nearest"]),
+        help="Scattered data: sizes of the kernels by the neighbours in the mesh (or of the Delaunay tetrahedra), or by "
+        "the nearest ones; else what the file itself says, then delaunay.",
+    ),
+    click.option(
+        "--neighbors", type=click.IntRange(1, 256), help="Scattered data: --fit nearest with so many neighbours."
+    ),
+    click.option(
+        "--min-scale", type=Real(above=0.0), help="Scattered data: raise smaller semi-axes to this, world units."
+    ),
 ]
 
 place_options: list[Callable[[Any], Any]] = [
@@ -277,8 +323,12 @@ place_options: list[Callable[[Any], Any]] = [
 field_options: list[Callable[[Any], Any]] = [
     *place_options,
     click.option("--radius", type=Real(above=0.0), help="Radius of the kernels, in sample distances.  [default: 2]"),
-    click.option("--falloff", type=Real(above=0.0), help="Falloff k of the kernels.  [default: 5]"),
-    click.option("--normalization", type=click.Choice(["none", "lattice", "threshold"]), help="[default: lattice]"),
+    click.option("--falloff", type=Real(above=0.0), help="Falloff k of the kernels.  [default: 5; scattered: 8]"),
+    click.option(
+        "--normalization",
+        type=click.Choice(["none", "lattice", "threshold"]),
+        help="[default: lattice; scattered: threshold, or what the file says]",
+    ),
     click.option("--w0", type=Real(above=0.0), help="Threshold of --normalization threshold.  [default: 1]"),
     click.option("--nan", type=click.Choice(["error", "skip"]), help="What a NaN sample is.  [default: error]"),
 ]
@@ -336,6 +386,9 @@ look_options: list[Callable[[Any], Any]] = [
         show_default=True,
         help="Classify between slices. [composite]",
     ),
+    click.option(
+        "--filter", type=click.Choice(["ewa"]), help="Widen kernels that are smaller than a pixel or a slice distance."
+    ),
 ]
 
 view_options: list[Callable[[Any], Any]] = [
@@ -392,10 +445,13 @@ def scene_options(function: Function) -> Function:
 
 
 _LOOK = ("cmap", "opacity", "clim", "shading", "background", "mode", "iso_value", "slice_spacing", "sampling")
-_LOOK_TOO = ("reference_length", "opacity_stop", "preintegration")
+_LOOK_TOO = ("reference_length", "opacity_stop", "preintegration", "filter")
 _VIEW = ("direction", "up", "azimuth", "elevation", "zoom", "projection", "fov_y", "margin")
 _RENDERER = ("backend", "device", "precision", "tagging", "packing", "allow_inexact")
-_FIELD = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "nan", "dtype", "offset", "name")
+_FIELD = (
+    *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "nan", "dtype", "offset", "name"),
+    *("grid", "scalar", "particles", "support", "fit", "neighbors", "min_scale", "log"),
+)
 
 
 def forced_effects(texts: tuple[str, ...]) -> dict[str, bool]:
@@ -464,6 +520,10 @@ _WORDS = (
     (r"from effects=", "from --effect"),
     (r'pass nan="skip"', "give --nan skip"),
     (r"give name=\.\.\. to choose", "give --name NAME to choose"),
+    (r"pass min_scale(=\w+)?", "give --min-scale"),
+    (r"use fit\.nearest", "give --neighbors 32"),
+    (r" \w+=\.\.\. \(on the command line (--[\w -]+)\)", r" \1"),
+    (r" \w+=[\w.]+ \(on the command line (--[\w -]+)\)", r" \1"),
     (r"pass iso_value", "give --iso"),
     (r'preintegration=true with mode="(\w+)"', r"--preintegration with --mode \1"),
     (r'preintegration only in mode="composite"', "--preintegration only in --mode composite"),

@@ -35,15 +35,17 @@ def command(
     quiet: bool,
     **options: Any,
 ) -> None:
-    """Render the volume FILE into a picture.
+    """Render FILE into a picture.
 
-    FILE is .npy, .npz, NRRD, MetaImage (.mhd, .mha) or raw samples with --shape and --dtype; each may be gzipped.
+    FILE is a volume: .npy, .npz, NRRD, MetaImage (.mhd, .mha), .vti, or raw samples with --shape and --dtype. Or it is
+    scattered data: a PLOT3D solution with --grid, .vtu, .vtp, HDF5 with particles, .ply of 3D Gaussian Splatting, .csv,
+    or .npz with an array centers. Each may be gzipped.
     """
     from sheetsplat.api import surface_color, surface_text
     from sheetsplat.io import pictures
 
     extra = {name: path for name, path in (("depth", depth_path), ("coverage", coverage_path)) if path is not None}
-    check_outputs([output, *extra.values()], [file])
+    check_outputs([output, *extra.values()], [file, *([options["grid"]] if options["grid"] else [])])
     for path in (output, *extra.values()):
         if path.suffix.lower() not in (".png", ".exr", ".npy"):
             raise click.UsageError(f"{path}: a picture's name ends with .png, .exr or .npy")

@@ -17,6 +17,8 @@ from sheetsplat.io.volume import SCATTERED, Volume, find_format, read_volume
 # Options by what they make sense for; what is in none of these is for both.
 REGULAR = ("shape", "dtype", "offset", "name", "spacing", "origin", "lattice", "radius", "nan")
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
+_ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale")
+_SAMPLES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "nan")
 _READING = ("shape", "dtype", "offset", "name")
 
 
@@ -32,7 +34,7 @@ def _refuse(path: str | os.PathLike[str], options: Mapping[str, Any], names: tup
 
 
 def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> str:
-    """Return the format of a file, "plot3d" where a grid is given; InvalidInput for options that do not belong to it."""
+    """Return a file's format, "plot3d" where a grid is given; InvalidInput for options that do not belong to it."""
     if options.get("grid") is not None:
         found = "plot3d"
     else:
@@ -73,10 +75,8 @@ def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Regu
     if kind_of(path, options) in SCATTERED:
         reading = ("grid", "scalar", "particles", "support")
         data = read_scattered(path, **{name: options[name] for name in reading if name in options})
-        making = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale")
-        given = {name: options[name] for name in making if name in options}
+        given = {name: options[name] for name in _ELLIPSOIDS if name in options}
         return field_of(data, logarithmic=options.get("log", False), **given)
     volume = read_regular(path, options)
     placed = {"spacing": volume.spacing, "origin": volume.origin}
-    making = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "nan")
-    return RegularField(volume.values, **{**placed, **{name: options[name] for name in making if name in options}})
+    return RegularField(volume.values, **{**placed, **{name: options[name] for name in _SAMPLES if name in options}})

@@ -140,7 +140,7 @@ def _find(source: Source, kind: str) -> tuple[list[Layout], int]:
         f"the size that a PLOT3D {kind} of its header has: "
         + "; ".join(f"{layout.size} bytes ({layout})" for layout in choices),
         "the file is cut off, or it is no such file"
-        + ("" if kind == "grid" else "; the grid belongs to grid= (on the command line --grid)"),
+        + ("" if kind == "grid" else "; the grid itself is given as grid=... (on the command line --grid)"),
     )
 
 

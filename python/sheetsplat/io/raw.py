@@ -20,7 +20,8 @@ def read(source: Source, shape: tuple[int, int, int] | None, dtype: np.dtype[Any
             f"{source.path} cannot be read",
             f"raw samples without their {missing}",
             "both, for a file without a header",
-            "on the command line: --shape X,Y,Z --dtype uint8; in Python: shape=(nk, nj, ni), dtype=...",
+            "on the command line: --shape X,Y,Z --dtype uint8; in Python: shape=(nk, nj, ni), dtype=...; for a PLOT3D "
+            "solution give its grid: --grid FILE, grid=...",
         )
     sizes = checked_shape(source.path, shape, "shape")
     if len(sizes) != 3:

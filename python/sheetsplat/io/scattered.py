@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,8 @@ Floats = NDArray[np.float64]
 
 log = logging.getLogger("sheetsplat")
 
-FITS = ("delaunay", "nearest")
+Fit = Literal["delaunay", "nearest"]
+FITS: tuple[Fit, ...] = ("delaunay", "nearest")
 # As EllipsoidField has it.
 DEFAULT_FALLOFF = 8.0
 
@@ -52,7 +53,7 @@ class Scattered:
     cells
         Of a mesh over the points, where there is one: arrays of point numbers, (M, 4) tetrahedra, (M, 5) pyramids,
         (M, 6) wedges or (M, 8) hexahedra in the order of VTK.
-    smoothing_lengths
+    supports
         Radii of the supports of SPH kernels, (N,), world units.
     masses, densities
         Of SPH particles, (N,); their quotient is a particle's volume.
@@ -76,7 +77,7 @@ class Scattered:
     format: str
     scalars: tuple[str, ...] = ()
     cells: tuple[NDArray[np.int64], ...] | None = None
-    smoothing_lengths: Floats | None = None
+    supports: Floats | None = None
     masses: Floats | None = None
     densities: Floats | None = None
     deviations: Floats | None = None
@@ -92,7 +93,7 @@ class Scattered:
     @property
     def has_kernels(self) -> bool:
         """True where the file itself says how large its kernels are."""
-        return any(part is not None for part in (self.smoothing_lengths, self.deviations, self.scales))
+        return any(part is not None for part in (self.supports, self.deviations, self.scales))
 
 
 def unreadable(path: Path, found: str, wanted: str, then: str = "") -> Error:
@@ -332,7 +333,7 @@ def field_of(
     }
     options: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     k = data.falloff if falloff is None else number("falloff", falloff)
-    if how == "own" and data.smoothing_lengths is None:
+    if how == "own" and data.supports is None:
         if k is not None:
             options["falloff"] = k
         scales = data.scales
@@ -346,10 +347,13 @@ def field_of(
 
     more: dict[str, Any] = {} if k is None else {"falloff": k}
     if how == "own":
-        assert data.smoothing_lengths is not None
-        kernels = fits.sph(
-            data.points, values, data.smoothing_lengths, masses=data.masses, densities=data.densities, **more
-        )
+        assert data.supports is not None
+        if k is not None:
+            wanted = "that of the Gaussian that is closest to their kernel"
+            raise complain("falloff cannot be used", f"{k:g} for SPH particles", wanted, "leave it out")
+        both = data.masses is not None and data.densities is not None
+        weighing = {"masses": data.masses, "densities": data.densities} if both else {}
+        kernels = fits.sph(data.points, values, data.supports, support=1.0, **weighing)
     elif how == "nearest":
         if neighbors is not None:
             more["neighbors"] = neighbors

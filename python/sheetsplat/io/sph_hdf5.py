@@ -172,7 +172,7 @@ def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Flo
     one gives the densities that the file has: density_i = Σ_j m_j W(|x_i − x_j|; support_i), tried on a few particles
     with the cubic spline. The error is the median of |log(density / density of the file)|; None where none fits.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
     usable = np.flatnonzero((lengths > 0) & (densities > 0) & (masses > 0))
     if usable.size < 2:
@@ -271,7 +271,7 @@ def _read_group(
         chosen,
         "hdf5, particles",
         scalar_names(widths),
-        smoothing_lengths=lengths,
+        supports=lengths,
         masses=masses,
         densities=densities,
         details=details,

@@ -395,9 +395,12 @@ INSTANTIATE_TEST_SUITE_P(
              1e-4, 1e-3},
         Case{"needles of 1:100,000",
              [] {
-                 return seen(cloud(3000, 0.05, 1e5, 5, normalized(Normalization::none)), persp, [](Scene& s) {
+                 const auto needles = cloud(3000, 0.05, 1e5, 5, normalized(Normalization::none));
+                 auto [scene, camera] = seen(needles, persp, [](Scene& s) {
                      s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.0}, {0.3, {1.0, 0.8, 0.2}, 0.4}});
                  });
+                 return std::pair<Scene, Camera>{scene, Camera::fit(Box{Vec3(0.0), Vec3(1.0)}, Vec3(-0.5, -0.35, -0.8),
+                                                                    Vec3(0, 1, 0), persp, 1.0, 40.0)};
              },
              1e-4, 1e-3}));
 

@@ -230,16 +230,16 @@ Mask chosen(const Trial& trial) { return visible(trial.field, trial.query()); }
 constexpr int enough = 250;
 constexpr int until_found = 2000;
 
-class Safety : public testing::TestWithParam<Look> {};
+class EllipsoidSafety : public testing::TestWithParam<Look> {};
 
-TEST_P(Safety, DroppedKernelsCannotBeSeen) {
+TEST_P(EllipsoidSafety, DroppedKernelsCannotBeSeen) {
     const Outcome outcome = over_trials(GetParam(), enough, chosen);
     EXPECT_EQ(outcome.wrong, 0U);
     EXPECT_GT(outcome.visible, 500U);
     EXPECT_GT(outcome.dropped, 3000U);
 }
 
-TEST_P(Safety, ControlMissingReachIsFound) {
+TEST_P(EllipsoidSafety, ControlMissingReachIsFound) {
     const Outcome outcome = over_trials(GetParam(), until_found, [](const Trial& trial) {
         EllipsoidVisibility query = trial.query();
         query.reach_world = 0.0;
@@ -248,7 +248,7 @@ TEST_P(Safety, ControlMissingReachIsFound) {
     EXPECT_GT(outcome.wrong, 0U);
 }
 
-TEST_P(Safety, ControlNarrowerSupportsAreFound) {
+TEST_P(EllipsoidSafety, ControlNarrowerSupportsAreFound) {
     const Outcome outcome = over_trials(GetParam(), until_found, [](const Trial& trial) {
         EllipsoidArrays arrays = trial.field.arrays();
         for (double& radius : arrays.radii) {
@@ -264,7 +264,7 @@ TEST_P(Safety, ControlNarrowerSupportsAreFound) {
     EXPECT_GT(outcome.wrong, 0U);
 }
 
-TEST_P(Safety, ControlLaterLimitsAreFound) {
+TEST_P(EllipsoidSafety, ControlLaterLimitsAreFound) {
     const Outcome outcome = over_trials(GetParam(), until_found, [](const Trial& trial) {
         std::vector<TransferPoint> points = trial.transfer_function.points();
         for (TransferPoint& point : points) {
@@ -280,7 +280,7 @@ TEST_P(Safety, ControlLaterLimitsAreFound) {
 }
 
 // A kernel's own value tells nothing about what is seen inside its support.
-TEST_P(Safety, ControlOwnValuesAloneAreFound) {
+TEST_P(EllipsoidSafety, ControlOwnValuesAloneAreFound) {
     const Outcome outcome = over_trials(GetParam(), until_found, [](const Trial& trial) {
         Mask mask = chosen(trial);
         for (std::size_t i = 0; i < mask.size(); ++i) {
@@ -295,11 +295,13 @@ TEST_P(Safety, ControlOwnValuesAloneAreFound) {
     EXPECT_GT(outcome.wrong, 0U);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Safety, testing::Values(Look::point, Look::crossing, Look::interval),
-                         [](const testing::TestParamInfo<Look>& info) {
-                             static const char* const names[] = {"Point", "Crossing", "Interval"};
-                             return names[static_cast<int>(info.param)];
-                         });
+std::string name_of_look(const testing::TestParamInfo<Look>& tried) {
+    static const std::array<const char*, 3> names{"Point", "Crossing", "Interval"};
+    return names[static_cast<std::size_t>(tried.param)];
+}
+
+INSTANTIATE_TEST_SUITE_P(All, EllipsoidSafety, testing::Values(Look::point, Look::crossing, Look::interval),
+                         name_of_look);
 
 /// Two kernels that overlap and one far from both.
 EllipsoidField three(std::vector<double> values, Normalization normalization, std::vector<double> weights = {}) {

@@ -33,7 +33,7 @@ struct Sample {
     double weight = 1.0;
 };
 
-/// Product of three matrices' columns, written out: the covariance B B^T.
+/// B B^T, multiplied out.
 Mat3 covariance(const Mat3& b) { return b * glm::transpose(b); }
 
 class Page {

@@ -1,0 +1,181 @@
+"""Free-form deformation (Sederberg & Parry 1986): a lattice of control points moves and reshapes kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sheetsplat._checks import shown, triple
+from sheetsplat.errors import complain
+
+from ._kernels import Floats, Kernels, quaternions, require_kernels
+from ._points import count_of, numbers
+
+_WHAT = "fit.free_form_deformation"
+_MOST = 64
+_CHUNK = 1 << 14
+
+
+def _knots(count: int, degree: int) -> Floats:
+    inside = np.linspace(0.0, 1.0, count - degree + 1)
+    return np.concatenate([np.zeros(degree), inside, np.ones(degree)])
+
+
+def _degrees(shape: Sequence[int], degree: int | None) -> tuple[int, ...]:
+    if degree is None:
+        return tuple(count - 1 for count in shape)
+    wanted = count_of(_WHAT, "degree", degree, 1, _MOST)
+    return tuple(min(wanted, count - 1) for count in shape)
+
+
+def _box(box: object, what: str) -> tuple[Floats, Floats]:
+    try:
+        given = list(box)  # type: ignore[call-overload]
+    except TypeError:
+        given = []
+    if isinstance(box, str) or len(given) != 2:
+        raise complain(f"{what}: box cannot be used", shown(box), "two corners, ((x0, y0, z0), (x1, y1, z1))")
+    lower, upper = (np.array(triple(f"{what}: box", corner)) for corner in given)
+    if not (np.isfinite(lower).all() and np.isfinite(upper).all() and (lower < upper).all()):
+        raise complain(f"{what}: box cannot be used", shown(box), "a lower and an upper corner with room between them")
+    return lower, upper
+
+
+def control_lattice(box: object, shape: Sequence[int], *, degree: int | None = None) -> Floats:
+    """Return the control points, (l, m, n, 3), that leave a box as it is.
+
+    Parameters
+    ----------
+    box
+        Lower and upper corner, world units.
+    shape
+        Numbers of control points along x, y, z, each from 2 to 64.
+    degree
+        As for :func:`free_form_deformation`: where control points of B-splines sit depends on it.
+    """
+    what = "fit.control_lattice"
+    lower, upper = _box(box, what)
+    try:
+        given = list(shape)
+    except TypeError:
+        given = []
+    if len(given) != 3:
+        raise complain(f"{what}: shape cannot be used", shown(shape), "three whole numbers")
+    counts = [count_of(what, "shape", one, 2, _MOST) for one in given]
+    lines = []
+    for count, one, low, high in zip(counts, _degrees(counts, degree), lower, upper, strict=True):
+        knots = _knots(count, one)
+        # Means of the inner knots: with the control points there a B-spline is the straight line.
+        greville = np.array([knots[i + 1 : i + one + 1].mean() for i in range(count)])
+        lines.append(low + (high - low) * greville)
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
+
+
+def free_form_deformation(
+    kernels: Kernels, control_points: ArrayLike, *, box: object = None, degree: int | None = None
+) -> Kernels:
+    """Return kernels that a lattice of control points has moved, turned and stretched.
+
+    A kernel's centre goes where the map says, and its shape matrix is multiplied by the map's derivative there and
+    factored by singular values: spheres become ellipsoids. The map is the tensor product of Bernstein polynomials
+    (Sederberg & Parry 1986) or of B-splines with clamped, evenly spaced knots. Values and weights stay as they are.
+
+    Parameters
+    ----------
+    kernels
+        What a fit has returned.
+    control_points
+        World positions, (l, m, n, 3), from 2 to 64 along x, y, z; :func:`control_lattice` returns those that change
+        nothing.
+    box
+        Lower and upper corner of the box that the lattice spans before; that of the centres unless given.
+    degree
+        Degree of B-splines, at most the number of control points less 1 along each axis; None: Bernstein polynomials,
+        whose degree is that number.
+
+    Returns
+    -------
+    Kernels
+        In the same order, with rotations.
+
+    Raises
+    ------
+    InvalidInput
+        For centres outside the box, and where the map folds space over (the place is named); for arrays of wrong shape
+        and numbers that are not finite.
+    """
+    from scipy.interpolate import BSpline
+
+    require_kernels(kernels, f"{_WHAT}: kernels")
+    control = numbers(_WHAT, control_points, "control_points").astype(np.float64)
+    if control.ndim != 4 or control.shape[3] != 3 or not all(2 <= size <= _MOST for size in control.shape[:3]):
+        raise complain(
+            f"{_WHAT}: control_points cannot be used",
+            f"an array of shape {control.shape}",
+            f"shape (l, m, n, 3), each of the first three from 2 to {_MOST}",
+            "start from fit.control_lattice(box, shape)",
+        )
+    if not np.isfinite(control).all():
+        first = tuple(int(part) for part in np.argwhere(~np.isfinite(control))[0])
+        raise complain(f"{_WHAT}: control_points cannot be used", f"{control[first]:g} at {first}", "finite numbers")
+    if not len(kernels):
+        raise complain(f"{_WHAT}: kernels cannot be used", "no kernel", "at least one")
+    if box is None:
+        lower, upper = kernels.centers.min(axis=0), kernels.centers.max(axis=0)
+        # Kernels in a plane span no box of their own.
+        room = np.where(upper > lower, 0.0, max(float((upper - lower).max()), 1.0) * 0.5)
+        lower, upper = lower - room, upper + room
+    else:
+        lower, upper = _box(box, _WHAT)
+    unit = (kernels.centers - lower) / (upper - lower)
+    outside = ((unit < -1e-12) | (unit > 1.0 + 1e-12)).any(axis=1)
+    if outside.any():
+        first_out = int(np.argmax(outside))
+        place = ", ".join(f"{part:g}" for part in kernels.centers[first_out])
+        raise complain(
+            f"{_WHAT}: the box cannot be used",
+            f"{int(outside.sum())} centres outside it, the first at ({place})",
+            "a box around all centres",
+            "leave box out for theirs",
+        )
+    unit = np.clip(unit, 0.0, 1.0)
+    splines = []
+    for count, one in zip(control.shape[:3], _degrees(control.shape[:3], degree), strict=True):
+        curve: Any = BSpline(_knots(count, one), np.eye(count), one)
+        splines.append((curve, curve.derivative()))
+    centers = np.empty_like(kernels.centers)
+    jacobian = np.empty((len(kernels), 3, 3))
+    for start in range(0, len(kernels), _CHUNK):
+        some = slice(start, start + _CHUNK)
+        value, slope = (
+            [np.asarray(splines[axis][which](unit[some, axis])) for axis in range(3)] for which in (0, 1)
+        )
+        centers[some] = _mapped(value[0], value[1], value[2], control)
+        jacobian[some, :, 0] = _mapped(slope[0], value[1], value[2], control)
+        jacobian[some, :, 1] = _mapped(value[0], slope[1], value[2], control)
+        jacobian[some, :, 2] = _mapped(value[0], value[1], slope[2], control)
+    jacobian /= upper - lower
+    size = np.linalg.det(jacobian)
+    folded = ~(size > 0.0)
+    if folded.any():
+        first_fold = int(np.argmax(folded))
+        place = ", ".join(f"{part:g}" for part in kernels.centers[first_fold])
+        raise complain(
+            f"{_WHAT}: control_points cannot be used",
+            f"a map that folds space over at {int(folded.sum())} centres, the first at ({place})",
+            "a map that keeps left and right",
+            "move control points by less than their distance",
+        )
+    axes, scales, _ = np.linalg.svd(jacobian @ kernels.shapes())
+    return replace(kernels, centers=centers, scales=scales, rotations=quaternions(axes))
+
+
+def _mapped(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any], control: Floats) -> Floats:
+    """Return sums over the control points, weighted along each axis, (N, 3)."""
+    planes = np.tensordot(x, control, axes=(1, 0))
+    lines = np.einsum("nj,njkc->nkc", y, planes)
+    return np.asarray(np.einsum("nk,nkc->nc", z, lines))

@@ -1,0 +1,331 @@
+"""Triangle meshes: read, closed, oriented; inside and outside."""
+
+from __future__ import annotations
+
+import io
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sheetsplat import _memory
+from sheetsplat._checks import shown
+from sheetsplat.errors import Error, complain
+
+from ._kernels import Floats, Numbers, spans
+from ._points import merge, numbers, places
+
+_CHUNK = 1 << 18
+# Corners of a shell at which it is looked up whether the shell lies inside others.
+_PROBES = 33
+# Parsed text takes up to this many times its own size.
+_PARSED = 40
+
+
+def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
+    """Return the vertices, (V, 3), and the triangles, (T, 3), of a .obj or .ply file, also gzipped.
+
+    Read by the library trimesh; polygons become triangles, materials and textures are not looked at.
+
+    Raises
+    ------
+    InvalidInput
+        For other files, damaged ones, and ones without a triangle.
+    OutOfMemory
+        Where the file does not fit.
+    Error
+        Where the file cannot be read.
+    """
+    import trimesh
+
+    from sheetsplat.io.source import Source
+
+    name = Path(path)
+    with Source(name) as source:
+        head = source.head(4)
+        bare = name.with_suffix("") if name.suffix.lower() == ".gz" else name
+        kind = "ply" if head.startswith(b"ply") else "obj" if bare.suffix.lower() == ".obj" else ""
+        if not kind:
+            raise complain(
+                f"{name} cannot be read as a mesh", f"the suffix {bare.suffix!r}, and no PLY", "a .obj or .ply file"
+            )
+        limit = _memory.available() // _PARSED
+        length = source.length(limit + 1)
+        _memory.require(length * _PARSED, f"the mesh of {name}")
+        source.seek(0)
+        try:
+            content = source.stream.read()
+        except (OSError, EOFError, ValueError) as error:
+            raise source.damaged(error) from None
+    try:
+        mesh: Any = trimesh.load_mesh(
+            io.BytesIO(content), file_type=kind, resolver=None, process=False, skip_materials=True
+        )
+        vertices = np.asarray(mesh.vertices, dtype=np.float64)
+        triangles = np.asarray(mesh.faces, dtype=np.int64)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
+            raise ValueError(f"vertices of shape {vertices.shape}, faces of shape {triangles.shape}")
+    except Error:
+        raise
+    except Exception as error:  # damaged files make the reader raise errors of every kind
+        raise complain(
+            f"{name} cannot be read as a mesh", f"{type(error).__name__}: {error}", "a whole .obj or .ply file"
+        ) from None
+    if not len(triangles):
+        raise complain(f"{name} cannot be read as a mesh", f"{len(vertices)} vertices and no face", "triangles")
+    return vertices, triangles
+
+
+@dataclass(frozen=True)
+class ClosedMesh:
+    """A surface without an edge, its triangles counter-clockwise as seen from outside.
+
+    Attributes
+    ----------
+    vertices
+        Positions, (V, 3), none twice.
+    triangles
+        Numbers of vertices, (T, 3).
+    volume
+        What it encloses, overlaps of shells counted as often as shells have them.
+    shells
+        Number of pieces.
+    merged, degenerate, turned
+        Vertices at the place of another, triangles with two corners at one place (left out), and triangles that were
+        turned round.
+    """
+
+    vertices: Floats
+    triangles: Numbers
+    volume: float
+    shells: int
+    merged: int
+    degenerate: int
+    turned: int
+
+
+def _triangles(what: str, given: ArrayLike, count: int) -> Numbers:
+    array = numbers(what, given, "triangles")
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
+        raise complain(
+            f"{what}: triangles cannot be used",
+            f"an array of {array.dtype} of shape {array.shape}",
+            "whole numbers of vertices, shape (T, 3)",
+            "split polygons into triangles",
+        )
+    if not len(array):
+        raise complain(f"{what}: triangles cannot be used", "no triangle", "a closed surface")
+    result = array.astype(np.int64)
+    wrong = ((result < 0) | (result >= count)).any(axis=1)
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        raise complain(
+            f"{what}: triangles cannot be used",
+            f"triangle {first} of the vertices {shown(result[first].tolist())}",
+            f"numbers of the {count} vertices, from 0",
+        )
+    return result
+
+
+def _edges(triangles: Numbers, count: int) -> tuple[Numbers, NDArray[np.bool_]]:
+    """Return a number for each edge of each triangle, the same both ways, (3 T,), and which go from the lower vertex."""
+    start = triangles.reshape(-1)
+    end = np.roll(triangles, -1, axis=1).reshape(-1)
+    return np.minimum(start, end) * count + np.maximum(start, end), start < end
+
+
+def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
+    """Return a closed, oriented mesh, or InvalidInput that says where the mesh is open."""
+    at = places(what, vertices, "vertices")
+    faces = _triangles(what, triangles, len(at))
+    welded = merge(at, np.zeros(len(at)))
+    joined = welded.number[faces]
+    real = (joined != np.roll(joined, 1, axis=1)).all(axis=1)
+    degenerate = int((~real).sum())
+    joined, faces = joined[real], faces[real]
+    count = len(welded.points)
+    if not len(joined):
+        raise complain(f"{what}: the mesh cannot be used", "triangles without any area", "a closed surface")
+    edge, forward = _edges(joined, count)
+    _, first, number, uses = np.unique(edge, return_index=True, return_inverse=True, return_counts=True)
+    number = number.reshape(-1)
+    open_edges = np.flatnonzero(uses % 2 == 1)
+    if len(open_edges):
+        where = int(first[open_edges].min())
+        start, end = int(faces.reshape(-1)[where]), int(np.roll(faces, -1, axis=1).reshape(-1)[where])
+        spot = ", ".join(f"{part:.6g}" for part in 0.5 * (at[start] + at[end]))
+        raise complain(
+            f"{what}: the mesh is not closed",
+            f"{len(open_edges)} boundary edges, the first from vertex {start} to vertex {end}, around ({spot})",
+            "a surface on each of whose edges triangles meet in pairs",
+            "fill the holes, in a modelling program or by trimesh.repair.fill_holes",
+        )
+    flipped, shell = _orientation(what, joined, number, forward, uses)
+    oriented = np.where(flipped[:, None], joined[:, ::-1], joined)
+    turned = _outward(welded.points, oriented, shell)
+    oriented = np.where(turned[:, None], oriented[:, ::-1], oriented)
+    edge, forward = _edges(oriented, count)
+    _, place = np.unique(edge, return_inverse=True)
+    balance = np.bincount(place.reshape(-1), np.where(forward, 1.0, -1.0))
+    if balance.any():
+        raise complain(
+            f"{what}: the mesh has no inside",
+            f"{int((balance != 0.0).sum())} edges at which more than two triangles meet, and not in pairs of opposite "
+            "direction",
+            "a surface that can be oriented",
+            "split it at those edges into closed shells",
+        )
+    return ClosedMesh(
+        vertices=welded.points,
+        triangles=oriented,
+        volume=float(_volumes(welded.points, oriented).sum()),
+        shells=int(shell.max()) + 1,
+        merged=welded.merged,
+        degenerate=degenerate,
+        turned=int((flipped != turned).sum()),
+    )
+
+
+def _orientation(
+    what: str, triangles: Numbers, edge: Numbers, forward: NDArray[np.bool_], uses: Numbers
+) -> tuple[NDArray[np.bool_], Numbers]:
+    """Return which triangles to turn so that neighbours agree, and the piece that each belongs to.
+
+    Every triangle is there twice, as it is and turned; neighbours that agree are joined as they are. Where a triangle is
+    joined to its own turned self the surface has one side only.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(triangles)
+    order = np.argsort(edge, kind="stable")
+    order = order[uses[edge[order]] == 2]
+    one, other = order[::2], order[1::2]
+    left, right = one // 3, other // 3
+    # Neighbours agree where they go along their edge in opposite directions.
+    differ = (forward[one] == forward[other]).astype(np.int64)
+    rows = np.concatenate([left, left + count])
+    columns = np.concatenate([right + count * differ, right + count * (1 - differ)])
+    graph = coo_array((np.ones(len(rows), dtype=np.int8), (rows, columns)), (2 * count, 2 * count))
+    _, label = connected_components(graph, directed=False)
+    if (label[:count] == label[count:]).any():
+        raise complain(
+            f"{what}: the mesh has no inside",
+            "a surface with one side only, as a Klein bottle has",
+            "a surface that can be oriented",
+        )
+    piece = np.minimum(label[:count], label[count:])
+    _, shell = np.unique(piece, return_inverse=True)
+    shell = shell.reshape(-1)
+    flipped = label[:count] != piece
+    # The side that most triangles say is outside stays so.
+    votes = np.bincount(shell, np.where(flipped, 1.0, -1.0))
+    return flipped ^ (votes > 0.0)[shell], shell
+
+
+def _volumes(vertices: Floats, triangles: Numbers) -> Floats:
+    """Return the signed volumes of the tetrahedra between the triangles and the middle of the vertices."""
+    a, b, c = (vertices[triangles[:, n]] - vertices.mean(axis=0) for n in range(3))
+    return np.asarray(np.einsum("ni,ni->n", a, np.cross(b, c)) / 6.0)
+
+
+def _outward(vertices: Floats, triangles: Numbers, shell: Numbers) -> NDArray[np.bool_]:
+    """Return which triangles to turn so that each shell encloses a positive volume, hollows inside others excepted."""
+    volume = np.bincount(shell, _volumes(vertices, triangles))
+    sign = -1.0 if volume.sum() < 0.0 else 1.0
+    turn = np.full(len(triangles), sign < 0.0)
+    inward = np.flatnonzero(sign * volume < 0.0)
+    if not len(inward) or len(volume) == 1:
+        return turn
+    positive = np.where((volume < 0.0)[shell][:, None], triangles[:, ::-1], triangles)
+    for one in inward:
+        own = shell == one
+        corners = np.unique(triangles[own])
+        probes = vertices[corners[:: max(1, len(corners) // _PROBES)]]
+        around = winding_numbers(probes, vertices, positive[~own])
+        if np.median(around) < 0.5:
+            turn[own] = ~turn[own]
+    return turn
+
+
+def winding_numbers(points: ArrayLike, vertices: ArrayLike, triangles: ArrayLike) -> Floats:
+    """Return how often a closed surface goes around points, (N,): 1 inside, 0 outside; solid angles over 4 pi.
+
+    By the formula of van Oosterom & Strackee 1983; every triangle is looked at for every point.
+    """
+    at = np.asarray(points, dtype=np.float64)
+    corners = np.asarray(vertices, dtype=np.float64)[np.asarray(triangles)]
+    result = np.zeros(len(at))
+    for first, last in spans(np.full(len(at), len(corners)), _CHUNK):
+        a, b, c = (corners[None, :, n] - at[first:last, None] for n in range(3))
+        la, lb, lc = (np.sqrt(np.einsum("nti,nti->nt", e, e)) for e in (a, b, c))
+        above = np.einsum("nti,nti->nt", a, np.cross(b, c))
+        below = (
+            la * lb * lc
+            + np.einsum("nti,nti->nt", a, b) * lc
+            + np.einsum("nti,nti->nt", b, c) * la
+            + np.einsum("nti,nti->nt", c, a) * lb
+        )
+        result[first:last] = np.arctan2(above, below).sum(axis=1) / (2.0 * np.pi)
+    return result
+
+
+def _ramp(starts: Numbers, ends: Numbers) -> tuple[Numbers, Numbers]:
+    """Return for each stretch its number as often as it is long, and the whole numbers that it holds."""
+    lengths = np.maximum(ends - starts, 0)
+    owner = np.repeat(np.arange(len(starts)), lengths)
+    inside = np.arange(len(owner)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    return owner, starts[owner] + inside
+
+
+def winding_on_grid(
+    mesh: ClosedMesh, origin: Floats, spacing: float, shape: tuple[int, int, int]
+) -> NDArray[np.int16]:
+    """Return the winding number at the middles of the cells of a grid [ix, iy, iz] whose corner is `origin`.
+
+    Lines along z through the middles meet triangles; each meeting counts 1 or -1 for all below it. Which cells an edge
+    separates is decided once for each edge, in whole numbers, the same for both triangles at it: rounding moves a cell
+    that lies on the surface to either side of it, but opens no gap, whatever the direction of an edge.
+    """
+    nx, ny, nz = shape
+    scaled = (mesh.vertices - origin) / spacing - 0.5
+    # Middles with a smaller number than this lie below.
+    row = np.ceil(scaled[:, 1]).astype(np.int64)
+    triangles = mesh.triangles
+    start = triangles.reshape(-1)
+    end = np.roll(triangles, -1, axis=1).reshape(-1)
+    owner = np.repeat(np.arange(len(triangles)), 3)
+    lower, upper = np.minimum(start, end), np.maximum(start, end)
+
+    def crossings(some: NDArray[np.bool_]) -> tuple[Numbers, Numbers, Floats, Floats]:
+        a, b, of = lower[some], upper[some], owner[some]
+        first, last = np.minimum(row[a], row[b]), np.maximum(row[a], row[b])
+        piece, at = _ramp(np.clip(first, 0, ny), np.clip(last, 0, ny))
+        a, b, of = a[piece], b[piece], of[piece]
+        share = (at - scaled[a, 1]) / (scaled[b, 1] - scaled[a, 1])
+        x, z = (scaled[a, c] + share * (scaled[b, c] - scaled[a, c]) for c in (0, 2))
+        order = np.lexsort((at, of))
+        return of[order], at[order], x[order], z[order]
+
+    # In every row that a triangle meets one of its edges goes up and one goes down.
+    _, line, x_up, z_up = crossings(row[start] < row[end])
+    _, _, x_down, z_down = crossings(row[start] > row[end])
+    sign = np.where(x_up > x_down, 1, -1).astype(np.int16)
+    swap = x_up > x_down
+    x_left, x_right = np.where(swap, x_down, x_up), np.where(swap, x_up, x_down)
+    z_left, z_right = np.where(swap, z_down, z_up), np.where(swap, z_up, z_down)
+    change = np.zeros((nx, ny, nz + 1), dtype=np.int16)
+    first = np.clip(np.ceil(x_left), 0, nx).astype(np.int64)
+    last = np.clip(np.ceil(x_right), 0, nx).astype(np.int64)
+    for some, until in spans(np.maximum(last - first, 0), 8 * _CHUNK):
+        piece, column = _ramp(first[some:until], last[some:until])
+        piece += some
+        share = (column - x_left[piece]) / (x_right[piece] - x_left[piece])
+        height = z_left[piece] + share * (z_right[piece] - z_left[piece])
+        below = np.clip(np.ceil(height), 0, nz).astype(np.int64)
+        np.add.at(change, (column, line[piece], below), sign[piece])
+    # What is met at or below a middle does not count for it.
+    return np.asarray(np.cumsum(change[:, :, :0:-1], axis=2, dtype=np.int16)[:, :, ::-1])

@@ -1,0 +1,94 @@
+"""Spheres of bare points, by their nearest neighbours."""
+
+from __future__ import annotations
+
+import logging
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sheetsplat import _memory
+from sheetsplat.errors import complain
+
+from ._kernels import Floats, Kernels
+from ._points import count_of, merge, places, positive, scalars
+
+_log = logging.getLogger("sheetsplat")
+_WHAT = "fit.nearest"
+_MOST = 256
+
+
+def nearest(
+    points: ArrayLike, values: ArrayLike, *, neighbors: int = 12, overlap: float = 2.0, falloff: float = 8.0
+) -> Kernels:
+    """Return a sphere for each point, as large as its nearest neighbours are far.
+
+    The radius is `overlap` times the local distance of points: the edge of the cube that one point has to itself where
+    `neighbors` and the point itself fill a ball evenly whose root mean square radius is that of the neighbours.
+    Nothing tells a gap in the data from the next point, so that nothing guarantees a least weight sum; where cells are
+    thinner than long, :func:`delaunay` needs far fewer overlaps.
+
+    Measured with the defaults, at random points between the data; errors of the linear field over the mean distance
+    (one point's share of the volume, its cube root) times the gradient's length:
+
+    MEASURED
+
+    Parameters
+    ----------
+    points
+        World positions, (N, 3), of more than `neighbors` places.
+    values
+        One a point.
+    neighbors
+        How many, from 1 to 256.
+    overlap
+        Radius in local distances.
+    falloff
+        k of the kernel's profile.
+
+    Returns
+    -------
+    Kernels
+        In the order of the points; `report` has `points` (given) and `merged` (at the place of another; values are
+        averaged).
+
+    Raises
+    ------
+    InvalidInput
+        For arrays that do not fit together, numbers that are not finite (the first is named), and too few places.
+    OutOfMemory
+        Where the distances do not fit.
+    """
+    from scipy.spatial import cKDTree
+
+    at = places(_WHAT, points)
+    field = scalars(_WHAT, values, "values", len(at))
+    count = count_of(_WHAT, "neighbors", neighbors, 1, _MOST)
+    overlap = positive(_WHAT, "overlap", overlap)
+    falloff = positive(_WHAT, "falloff", falloff)
+    place = merge(at, field)
+    if len(place.points) <= count:
+        raise complain(
+            f"{_WHAT}: the points cannot be used",
+            f"{len(place.points)} different places of {len(at)} points",
+            f"more than neighbors = {count}",
+            "lower neighbors" if len(place.points) > 1 else "a single point has no neighbours: give its radius yourself",
+        )
+    _memory.require(len(place.points) * (16 * (count + 1) + 200), f"the neighbours of {len(place.points)} points")
+    middle = place.points.mean(axis=0)
+    size = float(np.abs(place.points - middle).max())
+    near = (place.points - middle) / size
+    distance, _ = cKDTree(near).query(near, k=count + 1)
+    # A ball of radius r that is filled evenly has a mean square of 3/5 r^2.
+    ball = np.sqrt(5.0 / 3.0 * np.mean(distance[:, 1:] ** 2, axis=1))
+    spacing: Floats = ball * (4.0 * math.pi / (3.0 * (count + 1))) ** (1.0 / 3.0) * size
+    if place.merged:
+        _log.info("%s: %d points at the place of another were merged with it", _WHAT, place.merged)
+    return Kernels(
+        centers=place.points,
+        scales=overlap * spacing,
+        values=place.values,
+        falloff=falloff,
+        report={"points": len(at), "merged": place.merged},
+    )

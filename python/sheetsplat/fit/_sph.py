@@ -1,0 +1,237 @@
+"""Particles of smoothed particle hydrodynamics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sheetsplat._checks import choice
+from sheetsplat.errors import complain
+
+from ._kernels import Floats, Kernels, profile
+from ._points import places, positive, scalars
+
+_WHAT = "fit.sph"
+
+
+def _truncated(edge: float, power: int, distance: Floats) -> Floats:
+    return np.asarray(np.maximum(edge - distance, 0.0) ** power)
+
+
+def _cubic(q: Floats) -> Floats:
+    return (_truncated(2.0, 3, q) - 4.0 * _truncated(1.0, 3, q)) / (4.0 * math.pi)
+
+
+def _quartic(q: Floats) -> Floats:
+    return (_truncated(2.5, 4, q) - 5.0 * _truncated(1.5, 4, q) + 10.0 * _truncated(0.5, 4, q)) / (20.0 * math.pi)
+
+
+def _quintic(q: Floats) -> Floats:
+    return (_truncated(3.0, 5, q) - 6.0 * _truncated(2.0, 5, q) + 15.0 * _truncated(1.0, 5, q)) / (120.0 * math.pi)
+
+
+def _wendland_c2(q: Floats) -> Floats:
+    return 21.0 / (16.0 * math.pi) * _truncated(1.0, 4, 0.5 * q) * (2.0 * q + 1.0)
+
+
+def _wendland_c4(q: Floats) -> Floats:
+    return 495.0 / (256.0 * math.pi) * _truncated(1.0, 6, 0.5 * q) * (35.0 / 12.0 * q**2 + 3.0 * q + 1.0)
+
+
+def _wendland_c6(q: Floats) -> Floats:
+    poly = 4.0 * q**3 + 6.25 * q**2 + 4.0 * q + 1.0
+    return 1365.0 / (512.0 * math.pi) * _truncated(1.0, 8, 0.5 * q) * poly
+
+
+@dataclass(frozen=True)
+class SphKernel:
+    """An SPH kernel w and the lowered Gaussian that is closest to it.
+
+    w(q) has unit mass over space, q the distance in smoothing lengths h. A g(q / radius), with g the profile of
+    `falloff` (conventions, section 2), has unit mass too, and of all those the least mean square difference from w over
+    space.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    support
+        Radius of w's support, in h.
+    falloff
+        k of the closest Gaussian.
+    radius
+        Radius of its support, in h.
+    l2_error
+        Root mean square of the difference over space, over that of w.
+    max_error
+        Largest difference, over w(0).
+    formula
+        w(q), for arrays of q >= 0.
+    """
+
+    name: str
+    support: float
+    falloff: float
+    radius: float
+    l2_error: float
+    max_error: float
+    formula: Callable[[Floats], Floats] = field(repr=False, compare=False)
+
+    def __call__(self, q: ArrayLike) -> Floats:
+        """Return w(q) of the SPH kernel itself."""
+        return np.asarray(self.formula(np.asarray(q, dtype=np.float64)))
+
+    @property
+    def amplitude(self) -> float:
+        """The A of the closest Gaussian, by the mass of g."""
+        from ._kernels import unit_mass
+
+        return 1.0 / (unit_mass(self.falloff) * self.radius**3)
+
+    def gaussian(self, q: ArrayLike) -> Floats:
+        """Return A g(q / radius), the kernel that is drawn in the place of w."""
+        scaled = np.asarray(q, dtype=np.float64) / self.radius
+        return np.asarray(self.amplitude * profile(scaled**2, self.falloff))
+
+
+#: The kernels by name. Formulas: Monaghan & Lattanzio 1985 (cubic), Price 2012 (quartic, quintic), Dehnen & Aly 2012
+#: (Wendland), with h so that the cubic spline and Wendland's functions end at 2 h.
+SPH_KERNELS: Mapping[str, SphKernel] = MappingProxyType(
+    {
+        kernel.name: kernel
+        for kernel in (
+            SphKernel("cubic_spline", 2.0, 4.133066, 1.748606, 0.0136, 0.0174, _cubic),
+            SphKernel("quartic_spline", 2.5, 4.572642, 2.025555, 0.0132, 0.0194, _quartic),
+            SphKernel("quintic_spline", 3.0, 4.908064, 2.279188, 0.0121, 0.0171, _quintic),
+            SphKernel("wendland_c2", 2.0, 4.671162, 1.705910, 0.0114, 0.0419, _wendland_c2),
+            SphKernel("wendland_c4", 2.0, 5.033140, 1.526002, 0.0073, 0.0059, _wendland_c4),
+            SphKernel("wendland_c6", 2.0, 5.320488, 1.398544, 0.0076, 0.0040, _wendland_c6),
+        )
+    }
+)
+
+
+def sph(
+    points: ArrayLike,
+    values: ArrayLike,
+    smoothing_lengths: ArrayLike,
+    *,
+    kernel: str = "cubic_spline",
+    support: float | None = None,
+    masses: ArrayLike | None = None,
+    densities: ArrayLike | None = None,
+) -> Kernels:
+    """Return a sphere for each SPH particle, by the lowered Gaussian that is closest to the SPH kernel.
+
+    With masses and densities D is the SPH interpolant, sum of (m / density) f w: a weight is m / density over h^3, times
+    the amplitude of the closest Gaussian, and W is about 1 where particles tile space. With the normalisation
+    "threshold" and w0 = 1 the scalar is that interpolant where W is at most 1, as at the edges of the data, and the
+    average of the particles where they are denser than that. Without masses and densities weights are 1, and W is about
+    the number of particles that a kernel reaches.
+
+    The closest Gaussian has the SPH kernel's mass, and the least mean square difference from it over space. Errors are
+    the root mean square difference over that of the SPH kernel, and the largest difference over its value in the middle:
+
+    ================  =========  =========  ========  ======  ======
+    kernel            support/h  falloff k  radius/h  L2      max
+    ================  =========  =========  ========  ======  ======
+    cubic_spline      2          4.133066   1.748606  0.0136  0.0174
+    quartic_spline    2.5        4.572642   2.025555  0.0132  0.0194
+    quintic_spline    3          4.908064   2.279188  0.0121  0.0171
+    wendland_c2       2          4.671162   1.705910  0.0114  0.0419
+    wendland_c4       2          5.033140   1.526002  0.0073  0.0059
+    wendland_c6       2          5.320488   1.398544  0.0076  0.0040
+    ================  =========  =========  ========  ======  ======
+
+    Parameters
+    ----------
+    points
+        World positions, (N, 3). Particles at one place stay as many as they are.
+    values
+        One a particle.
+    smoothing_lengths
+        One a particle, world units, above 0.
+    kernel
+        Name of the SPH kernel, one of :data:`SPH_KERNELS`.
+    support
+        Radius of the SPH kernel's support in smoothing lengths, where the data do not mean that of the table: 1 where
+        the lengths are the supports' radii.
+    masses, densities
+        One a particle, both or neither; densities above 0, masses at least 0. Only their quotients count.
+
+    Returns
+    -------
+    Kernels
+        In the order of the particles, with the falloff of the table.
+
+    Raises
+    ------
+    InvalidInput
+        For arrays that do not fit together, numbers that are not finite (the first is named), lengths or densities that
+        are not above 0, no particle, and masses without densities.
+    """
+    chosen = SPH_KERNELS[choice(f"{_WHAT}: kernel", kernel, tuple(SPH_KERNELS))]
+    at = places(_WHAT, points)
+    count = len(at)
+    if not count:
+        raise complain(f"{_WHAT}: the points cannot be used", "no particle", "at least one")
+    data = scalars(_WHAT, values, "values", count)
+    lengths = _above(scalars(_WHAT, smoothing_lengths, "smoothing_lengths", count), "smoothing_lengths")
+    reach = chosen.support if support is None else positive(_WHAT, "support", support)
+    # h as the table means it.
+    scaled = lengths * (reach / chosen.support)
+    weights = None
+    if (masses is None) != (densities is None):
+        there = "masses" if densities is None else "densities"
+        raise complain(
+            f"{_WHAT}: the weights cannot be made",
+            f"{there} alone",
+            "masses and densities, or neither",
+            "give both, or leave both out for a weight of 1 each",
+        )
+    if masses is not None and densities is not None:
+        mass = scalars(_WHAT, masses, "masses", count)
+        if (mass < 0.0).any():
+            first = int(np.argmax(mass < 0.0))
+            raise complain(f"{_WHAT}: masses cannot be used", f"{mass[first]:g}, entry {first}", "at least 0")
+        if not mass.any():
+            raise complain(f"{_WHAT}: masses cannot be used", "masses that are all 0", "at least one above 0")
+        density = _above(scalars(_WHAT, densities, "densities", count), "densities")
+        with np.errstate(over="ignore", under="ignore"):
+            weights = chosen.amplitude * mass / density / scaled**3
+        wrong = ~np.isfinite(weights)
+        if wrong.any():
+            first = int(np.argmax(wrong))
+            raise complain(
+                f"{_WHAT}: the weights cannot be made",
+                f"mass {mass[first]:g}, density {density[first]:g} and smoothing length {lengths[first]:g}, "
+                f"entry {first}, whose weight is beyond float64",
+                "volumes mass / density that fit the smoothing lengths",
+                "use one system of units for all of them",
+            )
+    return Kernels(
+        centers=at,
+        scales=chosen.radius * scaled,
+        values=data,
+        weights=weights,
+        falloff=chosen.falloff,
+        report={"points": count, "kernel": chosen.name},
+    )
+
+
+def _above(given: Floats, name: str) -> Floats:
+    wrong = ~(given > 0.0)
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        raise complain(
+            f"{_WHAT}: {name} cannot be used",
+            f"{given[first]:g}, entry {first} (and {int(wrong.sum()) - 1} more like it)",
+            "numbers above 0",
+            "drop these particles or mend them",
+        )
+    return given

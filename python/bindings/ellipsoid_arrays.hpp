@@ -18,8 +18,8 @@
 
 namespace sheetsplat::bindings {
 
-/// Calls take(row, numbers) for every row of an array (N), (N, C) or (N, A, B) of any strides, C = A B numbers each in C
-/// order, with the interpreter's lock released. float32 and float64 in this machine's byte order; InvalidInput for
+/// Calls take(row, numbers) for every row of an array (N), (N, C) or (N, A, B) of any strides, C = A B numbers each in
+/// C order, with the interpreter's lock released. float32 and float64 in this machine's byte order; InvalidInput for
 /// other types and shapes.
 template <std::size_t Columns, class Take>
 void each_row(const pybind11::array& array, const char* name, Take&& take) {
@@ -95,8 +95,8 @@ inline glm::dquat nearest_rotation(Mat3 matrix) {
     return glm::normalize(glm::quat_cast(matrix));
 }
 
-/// Unit quaternions out of (N, 4), w, x, y, z as they are, or out of matrices (N, 3, 3) whose columns are a kernel's own
-/// axes in the world. InvalidInput, with the index, for a matrix farther than 1e-3 from an orthogonal one.
+/// Unit quaternions out of (N, 4), w, x, y, z as they are, or out of matrices (N, 3, 3) whose columns are a kernel's
+/// own axes in the world. InvalidInput, with the index, for a matrix farther than 1e-3 from an orthogonal one.
 inline std::vector<glm::dquat> to_rotations(const pybind11::array& array) {
     constexpr double tolerance = 1e-3;
     std::vector<glm::dquat> rotations;

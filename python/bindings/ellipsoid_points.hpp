@@ -5,9 +5,10 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <limits>
+#include <functional>
 #include <numeric>
 #include <string>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -138,13 +139,29 @@ struct GhostPoints {
     std::vector<Vec3> centers;
 };
 
+using Cell = std::array<double, 4>;
+
+struct CellHash {
+    std::size_t operator()(const Cell& cell) const {
+        std::size_t mixed = 0;
+        for (const double part : cell) {
+            // Adding 0 makes -0 equal to 0, as the comparison has it.
+            mixed = (mixed ^ std::hash<double>()(part + 0.0)) * 0x9E3779B97F4A7C15ULL;
+            mixed ^= mixed >> 29;
+        }
+        return mixed;
+    }
+};
+
 /// Around each kernel with a weight, `distance` >= 1 of its own semi-axes from its centre, along its axes and the
 /// diagonals between them: those places that no support reaches and from which the kernel's shape reaches no centre.
-/// Of several in one box of half to a whole smallest semi-axis the first is kept. OutOfMemory where more than `most`
+/// Of those closer together than half the smallest semi-axis, and of kernels of about one size, the first is kept.
+/// OutOfMemory where more than `most`
 /// places would have to be looked at.
 inline GhostPoints ghost_points(const EllipsoidField& field, double distance, std::size_t most) {
     // Places on the edge itself, where the kernel is 0, are outside whatever the rounding says.
     constexpr double inside = 1.0 - 1e-9;
+    constexpr double closest = 0.5;
     const double diagonal = 1.0 / std::sqrt(3.0);
     std::vector<Vec3> directions;
     for (const double sign : {1.0, -1.0}) {
@@ -207,34 +224,41 @@ inline GhostPoints ghost_points(const EllipsoidField& field, double distance, st
             });
         }
     }
-    // The box that a place lies in: the power of two that is its edge, and which one along x, y, z.
-    const Vec3 origin = field.centres_world().lower;
-    const auto box_of = [&](std::size_t n) {
-        const Vec3 axes = field.semi_axes(found.owners[n]);
-        const int power = std::ilogb(std::min({axes.x, axes.y, axes.z}));
-        const Vec3 cell = glm::floor((found.centers[n] - origin) * std::exp2(-power));
-        return std::array<double, 4>{static_cast<double>(power), cell.x, cell.y, cell.z};
-    };
-    std::vector<std::pair<std::array<double, 4>, std::size_t>> boxes;
+    // In the kernels' order, so that the outcome does not depend on the tree.
+    std::vector<std::size_t> places;
     for (std::size_t n = 0; n < kept.size(); ++n) {
         if (kept[n] != 0) {
-            boxes.emplace_back(box_of(n), n);
+            places.push_back(n);
         }
     }
-    std::sort(boxes.begin(), boxes.end());
-    std::vector<std::size_t> firsts;
-    for (std::size_t n = 0; n < boxes.size(); ++n) {
-        if (n == 0 || boxes[n].first != boxes[n - 1].first) {
-            firsts.push_back(boxes[n].second);
-        }
-    }
-    std::sort(firsts.begin(), firsts.end(), [&](std::size_t a, std::size_t b) {
+    std::sort(places.begin(), places.end(), [&](std::size_t a, std::size_t b) {
         return std::make_pair(found.owners[a], a) < std::make_pair(found.owners[b], b);
     });
+    // Boxes that hold what was kept: the power of two that is their edge, and which one along x, y, z. The edge is from
+    // half of the smallest semi-axis to the whole, so that what is too close is in a neighbour at most.
+    std::unordered_map<Cell, std::vector<std::size_t>, CellHash> cells;
+    const Vec3 origin = field.centres_world().lower;
     GhostPoints ghosts;
-    for (const std::size_t n : firsts) {
-        ghosts.owners.push_back(found.owners[n]);
-        ghosts.centers.push_back(found.centers[n]);
+    for (const std::size_t n : places) {
+        const Vec3 axes = field.semi_axes(found.owners[n]);
+        const double smallest = std::min({axes.x, axes.y, axes.z});
+        const int power = std::ilogb(smallest);
+        const Vec3 place = found.centers[n];
+        const Vec3 cell = glm::floor((place - origin) * std::exp2(-power));
+        bool free = true;
+        for (int neighbour = 0; neighbour < 27 && free; ++neighbour) {
+            const auto near = cells.find({static_cast<double>(power), cell.x + neighbour % 3 - 1,
+                                          cell.y + neighbour / 3 % 3 - 1, cell.z + neighbour / 9 - 1});
+            free =
+                near == cells.end() || std::none_of(near->second.begin(), near->second.end(), [&](std::size_t other) {
+                    return glm::length(ghosts.centers[other] - place) < closest * smallest;
+                });
+        }
+        if (free) {
+            cells[{static_cast<double>(power), cell.x, cell.y, cell.z}].push_back(ghosts.centers.size());
+            ghosts.owners.push_back(found.owners[n]);
+            ghosts.centers.push_back(place);
+        }
     }
     return ghosts;
 }

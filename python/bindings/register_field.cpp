@@ -170,7 +170,8 @@ py::object rotations_of(const EllipsoidField& field) {
 }
 
 /// M of the kernels with these indices, (count, 3, 3), its columns the semi-axes as vectors.
-py::array_t<double> shapes_of(const EllipsoidField& field, const py::array_t<std::int64_t, py::array::c_style>& indices) {
+py::array_t<double> shapes_of(const EllipsoidField& field,
+                              const py::array_t<std::int64_t, py::array::c_style>& indices) {
     if (indices.ndim() != 1) {
         throw InvalidInput(Complaint{"EllipsoidField: the indices cannot be used",
                                      "an array of " + std::to_string(indices.ndim()) + " axes", "one axis", ""});

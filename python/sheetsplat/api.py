@@ -209,7 +209,8 @@ def compose_scene(
     material: Material | None = None,
     **options: Any,
 ) -> Scene:
-    """Return a scene; what is not given is chosen by the scalars. Other options go to `Scene`."""
+    """Return a scene; what is not given is chosen by the scalars: colours, and with them finer slices for
+    scattered fields. Other options go to `Scene`."""
     if transfer_function is not None:
         clash = [name for name, value in (("cmap", cmap), ("opacity", opacity), ("clim", clim)) if value is not None]
         if clash:
@@ -235,6 +236,8 @@ def compose_scene(
             limits = clim
             top = automatic.TOP_OPACITY if look is None else look.top_opacity
             opacities = (0.0, top) if opacity is None else opacity
+        if look is not None and mode == "composite" and options.get("slice_spacing") is None:
+            options["slice_spacing"] = look.slice_spacing
         transfer_function = TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacities, limits)
     if lights is None:
         lights = (HEAD_LIGHT,) if shading and mode in ("composite", "isosurface") else ()

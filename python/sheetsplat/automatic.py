@@ -43,12 +43,15 @@ class Look:
         Value that parts things from background.
     top_opacity
         The largest of these opacities that suits things as thick as this.
+    slice_spacing
+        Distance of slices in world units that shows borders smooth; None: what the fields have.
     """
 
     clim: tuple[float, float]
     opacity: tuple[tuple[float, float], ...]
     surface: float
     top_opacity: float = TOP_OPACITY
+    slice_spacing: float | None = None
 
 
 def _samples(samples: NDArray[Any]) -> NDArray[np.float64]:
@@ -89,19 +92,22 @@ def choose(fields: Sequence[Field]) -> Look:
     places = places_in(field)
     look = choose_for(field.at(places))
     spacing = min(one.default_slice_spacing for one in fields if one.size) if places.size else 1.0
-    share = _share_of_usual(places, spacing)
+    usual = _usual_spacing(places, spacing)
+    share = min(1.0, spacing / usual)
     # Opacity of a shorter length: 1 - (1 - a)^share.
     scaled = tuple((value, -math.expm1(share * math.log1p(-opacity))) for value, opacity in look.opacity)
-    return replace(look, opacity=scaled, top_opacity=-math.expm1(share * math.log1p(-TOP_OPACITY)))
+    top_opacity = -math.expm1(share * math.log1p(-TOP_OPACITY))
+    # A weighted mean ends abruptly where the weights do, and slices that are few leave steps there.
+    finer = max(0.5 * spacing, usual) if usual < spacing else None
+    return replace(look, opacity=scaled, top_opacity=top_opacity, slice_spacing=finer)
 
 
-def _share_of_usual(places: NDArray[np.float64], spacing: float) -> float:
-    """Return a slice distance over that of a volume which is as large as what lies at these places; at most 1."""
+def _usual_spacing(places: NDArray[np.float64], spacing: float) -> float:
+    """Return the slice distance of a volume that is as large as what lies at these places, else `spacing`."""
     if not places.size:
-        return 1.0
+        return spacing
     low, high = np.percentile(places, (_OUTLIERS, 100.0 - _OUTLIERS), axis=0)
-    usual = math.hypot(*(high - low).tolist()) / _USUAL_SLICES
-    return min(1.0, spacing / usual) if usual > 0 else 1.0
+    return math.hypot(*(high - low).tolist()) / _USUAL_SLICES or spacing
 
 
 def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64]:

@@ -602,13 +602,13 @@ class EllipsoidField(Field):
         InvalidInput
             For anything but M times three finite numbers.
         """
-        value, weight = self._sums_at(points).T.copy()
-        if self._normalization == "none":
-            return value
+        sums = self._sums_at(points)
+        divisor: Any = 1.0
         if self._normalization == "lattice":
-            found: NDArray[np.float64] = value / self._native.lattice_constant
-            return found
-        found = value / np.maximum(self._w0, weight)
+            divisor = self._native.lattice_constant
+        elif self._normalization == "threshold":
+            divisor = np.maximum(self._w0, sums[:, 1])
+        found: NDArray[np.float64] = sums[:, 0] / divisor
         return found
 
     def weight_at(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -641,8 +641,8 @@ class EllipsoidField(Field):
         Around each kernel 14 places are tried, along its semi-axes and the diagonals between them. A place becomes a
         ghost of that kernel's own shape, however flat or turned that is, unless a support reaches the place, or the
         ghost would reach the centre of a kernel: so the scalar at every centre stays what it was, and there are no
-        ghosts in the inside of well covered data. Of places closer together than about half to a whole smallest
-        semi-axis one is kept; there are never more than 14 ghosts a kernel. Kernels of weight 0 have none.
+        ghosts in the inside of well covered data. Of places closer together than half of a kernel's smallest semi-axis
+        one is kept; there are never more than 14 ghosts a kernel. Kernels of weight 0 have none.
 
         The ghosts are ordinary kernels, the last `ghosts` of the new field, and count for its bounds and for its
         default slice distance. Without normalisation "threshold" they do not change the scalar, only where the field

@@ -14,11 +14,12 @@ import numpy as np
 import oracle
 import pytest
 import scattered_scenes as scattered
-from image_checks import FLOAT16, FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS, Distance, assert_close, distance
+from image_checks import FLOAT16, FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS, assert_close, log
 from numpy.typing import NDArray
 from scattered_scenes import Parts
 
 import sheetsplat as ss
+from sheetsplat import _sheetsplat
 
 pytestmark = pytest.mark.gl
 
@@ -89,16 +90,37 @@ def ambiguous(name: str) -> NDArray[np.bool_] | None:
     return found
 
 
-def left_out(name: str, actual: ss.Image, bounds: Bounds) -> NDArray[np.bool_] | None:
-    """Return the pixels that are not compared; they are looked for only where a comparison fails."""
-    if distance(np.asarray(actual), np.asarray(reference(name))).within(bounds):
-        return None
-    found = ambiguous(name)
-    if found is not None and found.size * MOST_AMBIGUOUS < 1 and found.sum() == 1:
-        # A picture this small cannot have less than one such pixel: it is shown to be alone, and not counted.
-        np.asarray(actual)[found] = np.asarray(reference(name))[found]
-        return None
-    return found
+def off_by(actual: ss.Image | NDArray[np.float32], expected: ss.Image | NDArray[np.float32]) -> dict[str, float]:
+    """Return rmse, p99_9 and maximum of section 8, without what eyes would say, which takes longer than to draw."""
+    one, other = np.ascontiguousarray(actual), np.ascontiguousarray(expected)
+    return _sheetsplat.compare(one, other, 1 if one.ndim == 2 else 4)
+
+
+def within(found: dict[str, float], bounds: Bounds) -> bool:
+    """Return whether the bounds of RMSE and P99.9 are kept."""
+    return found["rmse"] <= bounds[0] and found["p99_9"] <= bounds[1]
+
+
+def compare(name: str, actual: ss.Image, bounds: Bounds, text: str) -> None:
+    """Fail where a picture is farther from the scene's reference than the bounds allow.
+
+    Ambiguous pixels are looked for, counted and left out only where the picture is farther with them.
+    """
+    found = off_by(actual, reference(name))
+    if within(found, bounds):
+        log.info(
+            f"{text}: RMSE {found['rmse']:.3g} (at most {bounds[0]:.3g}), P99.9 {found['p99_9']:.3g} (at most "
+            f"{bounds[1]:.3g}), maximum {found['maximum']:.3g}"
+        )
+        return
+    jumping = ambiguous(name)
+    pixels = np.array(actual)
+    if jumping is not None and jumping.size * MOST_AMBIGUOUS < 1 and jumping.sum() == 1:
+        # Of a picture this small one pixel is more than the share that is allowed.
+        log.info(f"{text}: one ambiguous pixel of {jumping.size}")
+        pixels[jumping] = np.asarray(reference(name))[jumping]
+        jumping = None
+    assert_close(pixels, np.asarray(reference(name)), bounds, text, jumping)
 
 
 def check(name: str, **options: Any) -> ss.Image:
@@ -114,7 +136,7 @@ def check(name: str, **options: Any) -> ss.Image:
     assert image.plan.backend == "gl"
     bounds = FLOAT16 if image.plan.precision == "float16" else bounds_of(name)
     text = f"gl {name} {' '.join(f'{option}={value}' for option, value in options.items())}"
-    assert_close(np.asarray(image), np.asarray(reference(name)), bounds, text, left_out(name, image, bounds))
+    compare(name, image, bounds, text)
     return image
 
 
@@ -158,17 +180,16 @@ def test_every_path(name: str, packing: str, tagging: str) -> None:
     check(name, packing=packing, tagging=tagging)
 
 
-@pytest.mark.parametrize(("packing", "tagging"), [("wide", "tiles"), ("paper", "depth_equal"), ("wide", "off")])
+@pytest.mark.parametrize(("packing", "tagging"), [("wide", "tiles"), ("paper", "depth_equal")])
 @pytest.mark.parametrize("name", EVERYWHERE)
 def test_small_tiles_leave_no_seam(name: str, packing: str, tagging: str) -> None:
     check(name, packing=packing, tagging=tagging, tile_size=17, tags_per_clear=3)
 
 
-@pytest.mark.parametrize("elimination", [True, False], ids=["eliminate", "keep"])
+@pytest.mark.parametrize("packing", ["wide", "paper"])
 @pytest.mark.parametrize("name", ["opaque_parallel", "opaque_central", "isosurface_parallel"])
-def test_elimination_changes_nothing(name: str, elimination: bool) -> None:
-    for packing in ("wide", "paper"):
-        check(name, packing=packing, effects=(("elimination", elimination),))
+def test_keeping_what_cannot_be_seen_changes_nothing(name: str, packing: str) -> None:
+    check(name, packing=packing, effects=(("elimination", False), ("culling", False)))
 
 
 SOFTPIPE = """
@@ -201,16 +222,9 @@ def test_depth_bounds_on_a_rasteriser_that_has_them(packing: str) -> None:
 def test_coverage_and_depth(name: str, packing: str) -> None:
     scene, camera, size = scattered.build(ss, named(name))
     expected = reference(name)
-    image = renderer(packing=packing).render(scene, camera, size=size, outputs=("coverage", "depth"))
+    image = renderer(packing=packing, tagging="tiles").render(scene, camera, size=size, outputs=("coverage", "depth"))
     assert_close(image.coverage, expected.coverage, bounds_of(name), f"coverage {name} {packing}")
-    bounds = bounds_of(name)
-    assert_close(
-        np.asarray(image),
-        np.asarray(expected),
-        bounds,
-        f"beside coverage {name} {packing}",
-        left_out(name, image, bounds),
-    )
+    compare(name, image, bounds_of(name), f"beside coverage {name} {packing}")
     finite = np.isfinite(image.depth)
     both = finite & np.isfinite(expected.depth)
     assert (finite != np.isfinite(expected.depth)).mean() <= MOST_AMBIGUOUS
@@ -278,8 +292,8 @@ def test_what_changes_nothing(name: str, change: str) -> None:
     SAME[change](parts, np.random.default_rng(5))
     scene, camera, size = scattered.build(ss, parts)
     for packing in ("wide", "paper"):
-        image = renderer(packing=packing).render(scene, camera, size=size)
-        assert_close(image.rgba, reference(name).rgba, bounds_of(name), f"{name} {change} {packing}")
+        image = renderer(packing=packing, tagging="tiles").render(scene, camera, size=size)
+        compare(name, image, bounds_of(name), f"{name} {change} {packing}")
 
 
 # Negative controls
@@ -358,8 +372,8 @@ def test_pictures_that_are_wrong_by_a_little_fail(change: str) -> None:
     WRONG[change](parts)
     scene, camera, size = scattered.build(ss, parts)
     image = renderer().render(scene, camera, size=size)
-    found: Distance = distance(image.rgba, reference(name).rgba)
-    assert not found.within(bounds_of(name)), found
+    found = off_by(image, reference(name))
+    assert not within(found, bounds_of(name)), found
 
 
 def test_scenes_are_gentle_where_they_should_be_and_show_something() -> None:

@@ -1,6 +1,6 @@
-// The cells are those of an octree: each level's are halves of the next coarser one's, and a kernel may live in any node
-// of it. They are found from the kernels in Z order of their centres. The order is refined only where many kernels are
-// still together, so that clusters of clusters cost no more than evenly spread kernels do.
+// The cells are those of an octree: each level's are halves of the next coarser one's, and a kernel may live in any
+// node of it. They are found from the kernels in Z order of their centres. The order is refined only where many kernels
+// are still together, so that clusters of clusters cost no more than evenly spread kernels do.
 #include "index/spatial_grid.hpp"
 
 #include <algorithm>
@@ -48,7 +48,8 @@ int exponent_up(double x) {
 
 /// A power of two that is more than the extent of all supports.
 double root_edge(const EllipsoidField& field) {
-    // Sizes near the least numbers there are would leave no room for finer cells, but have the same picture in coarse ones.
+    // Sizes near the least numbers there are would leave no room for finer cells, but have the same picture in coarse
+    // ones.
     constexpr int least_exponent = -900;
     const Vec3 extent = field.supports_world().extent();
     const double largest = std::max({extent.x, extent.y, extent.z, 2.0 * field.scale_range()[1]});
@@ -361,7 +362,8 @@ void for_each_corner(const std::array<Span, 3>& spans, Visit&& visit) {
     }
 }
 
-/// Number of the cell at `corner` among cells begin <= c < end, which are in Z order; `otherwise` where it is not there.
+/// Number of the cell at `corner` among cells begin <= c < end, which are in Z order; `otherwise` where it is not
+/// there.
 std::uint32_t find_corner(const std::vector<Corner>& corners, std::uint32_t begin, std::uint32_t end,
                           const Corner& corner, std::uint32_t otherwise) {
     const auto first = corners.begin() + static_cast<std::ptrdiff_t>(begin);
@@ -398,7 +400,9 @@ SpatialGrid SpatialGrid::of(const EllipsoidField& field) {
     for (const Builder::Settled& cell : settled) {
         deepest = std::max<int>(deepest, cell.depth);
     }
-    const auto level_of = [deepest](const Builder::Settled& cell) { return static_cast<std::size_t>(deepest - cell.depth); };
+    const auto level_of = [deepest](const Builder::Settled& cell) {
+        return static_cast<std::size_t>(deepest - cell.depth);
+    };
     std::vector<std::uint32_t> kernels_before(static_cast<std::size_t>(deepest) + 2, 0);
     grid.level_begin_.assign(static_cast<std::size_t>(deepest) + 2, 0);
     for (const Builder::Settled& cell : settled) {
@@ -476,8 +480,8 @@ ReachLists ReachLists::of(const EllipsoidField& field, const SpatialGrid& grid) 
         for (const std::uint32_t* kernel = grid.home_begin(home); kernel != grid.home_end(home); ++kernel) {
             const auto spans = cells_of(field, grid.lower_, per_world, *kernel, grid.depth_of_level(level));
             for_each_corner(spans, [&](const Corner& corner) {
-                const std::uint64_t neighbour = ((corner[2] + 1 - middle[2]) * 3 + corner[1] + 1 - middle[1]) * 3 +
-                                                corner[0] + 1 - middle[0];
+                const std::uint64_t neighbour =
+                    ((corner[2] + 1 - middle[2]) * 3 + corner[1] + 1 - middle[1]) * 3 + corner[0] + 1 - middle[0];
                 visit(*kernel, corner, neighbour);
             });
         }
@@ -558,8 +562,7 @@ ReachLists ReachLists::of(const EllipsoidField& field, const SpatialGrid& grid) 
     }
     lists.entries_.resize(sum);
     // Each offset moves to its list's end, which is where the next list begins.
-    visit_listings(
-        [&](std::uint32_t cell, std::uint32_t kernel) { lists.entries_[lists.offsets_[cell]++] = kernel; });
+    visit_listings([&](std::uint32_t cell, std::uint32_t kernel) { lists.entries_[lists.offsets_[cell]++] = kernel; });
     std::move_backward(lists.offsets_.begin(), lists.offsets_.end() - 1, lists.offsets_.end());
     lists.offsets_.front() = 0;
     return lists;

@@ -1,12 +1,13 @@
 // Which scattered kernels are drawn.
 //
 // Any selection of the kernels that reach a place gives it a rho between two bounds. With normalisation threshold, and
-// weights >= 0, these are the least and the greatest of 0 and the kernels' values, so that the place can be visible only
-// where a single one of those values v makes something visible between 0 and v. Without it, they are the sums of the
-// negative and of the positive amplitudes, since no kernel is more than 1 anywhere. So each kernel has a share in what is
-// below and above 0 (with threshold: 1 or 0, and one is enough), and a kernel is dropped where the shares of all that
-// come near its support make nothing visible. What is near is found in a tree of boxes over the grid's order.
+// weights >= 0, these are the least and the greatest of 0 and the kernels' values, so that the place can be visible
+// only where a single one of those values v makes something visible between 0 and v. Without it, they are the sums of
+// the negative and of the positive amplitudes, since no kernel is more than 1 anywhere. So each kernel has a share in
+// what is below and above 0 (with threshold: 1 or 0, and one is enough), and a kernel is dropped where the shares of
+// all that come near its support make nothing visible. What is near is found in a tree of boxes over the grid's order.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -71,7 +72,8 @@ Limits limits_of(const EllipsoidVisibility& visibility) {
     if (visibility.isosurface) {
         const double iso = visibility.iso_value;
         // A crossing has one end below the iso value and one not; 0, beyond the field, is an end too.
-        return iso > 0.0 ? Limits{iso, infinity} : Limits{infinity, std::max(-iso, std::numeric_limits<double>::denorm_min())};
+        return iso > 0.0 ? Limits{iso, infinity}
+                         : Limits{infinity, std::max(-iso, std::numeric_limits<double>::denorm_min())};
     }
     const TransferFunction& transfer_function = *visibility.transfer_function;
     return {least_visible([&](double x) { return !transfer_function.transparent_over(0.0, x); }),
@@ -214,7 +216,8 @@ std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const Spa
         return visible;
     }
     const bool classified = visibility.isosurface || visibility.transfer_function != nullptr;
-    const bool at_zero = classified && !visibility.isosurface && !visibility.transfer_function->transparent_over(0.0, 0.0);
+    const bool at_zero =
+        classified && !visibility.isosurface && !visibility.transfer_function->transparent_over(0.0, 0.0);
     const bool threshold = field.normalization() == Normalization::threshold;
     const bool weights_matter = visibility.weights_matter || threshold;
     const auto adds_nothing = [&](std::size_t kernel) {
@@ -230,8 +233,7 @@ std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const Spa
     const Limits visible_from = limits_of(visibility);
     Limits limits{1.0, 1.0};
     if (!threshold) {
-        const double unit =
-            field.normalization() == Normalization::lattice ? field.lattice_constant() : 1.0;
+        const double unit = field.normalization() == Normalization::lattice ? field.lattice_constant() : 1.0;
         limits = {visible_from.above * unit, visible_from.below * unit};
     }
     const auto shares_of = [&](std::size_t kernel) {
@@ -261,16 +263,18 @@ std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const Spa
     constexpr std::size_t together = 16;
     for (std::size_t begin = 0; begin < n; begin += together) {
         const std::size_t end = std::min(n, begin + together);
+        std::array<Box, together> boxes;
         Node all;
         for (std::size_t at = begin; at < end; ++at) {
-            all.add(box_of(order[at]), {});
+            boxes[at - begin] = box_of(order[at]);
+            all.add(boxes[at - begin], {});
         }
         const bool any = tree.reaches(widened(all.box, visibility.reach_world), limits);
         for (std::size_t at = begin; at < end; ++at) {
             const std::size_t kernel = order[at];
             const bool kept = any && !adds_nothing(kernel) &&
                               (shares_of(kernel).reach(limits) ||
-                               tree.reaches(widened(box_of(kernel), visibility.reach_world), limits));
+                               tree.reaches(widened(boxes[at - begin], visibility.reach_world), limits));
             visible[kernel] = kept ? 1 : 0;
         }
     }

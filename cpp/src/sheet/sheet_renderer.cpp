@@ -130,6 +130,7 @@ void SheetRenderer::render(const Job& job, Image& image) {
     state_->resources->boxes.rewind();
     state_->resources->rectangles.rewind();
     std::size_t drawn = 0, dropped = 0, bytes = 0;
+    std::uint64_t fragments = 0;
     double vertex_seconds = 0.0, read_seconds = 0.0;
     std::vector<float> buffer;
     for (std::size_t number = 0; number < tiles.size(); ++number) {
@@ -153,6 +154,7 @@ void SheetRenderer::render(const Job& job, Image& image) {
             drawn += loop.drawn();
             dropped += loop.dropped();
             vertex_seconds += loop.vertex_seconds();
+            fragments += loop.fragments();
         }
         bytes = std::max(bytes, targets->bytes());
 
@@ -195,6 +197,9 @@ void SheetRenderer::render(const Job& job, Image& image) {
     image.stats["seconds_read"] += read_seconds;
     image.stats["splats"] += static_cast<double>(drawn);
     image.stats["kernels_hidden"] += static_cast<double>(dropped);
+    if (plan.count_fragments) {
+        image.stats["fragments"] += static_cast<double>(fragments);
+    }
     image.stats["tiles"] = static_cast<double>(tiles.size());
     image.stats["bytes_device"] = static_cast<double>(bytes);
 }

@@ -56,7 +56,7 @@ TileLoop::TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabi
     : job_(job), gl_(gl), capabilities_(capabilities), resources_(resources), classification_(classification),
       plan_(*job.plan), frame_(*job.frame), tile_(tile), steps_(make_steps(*job.plan, *job.frame)),
       marks_(tile, steps_.history + 1),
-      tags_limit_(job.tags_per_clear > 0 ? std::min(job.tags_per_clear, most_tags) : most_tags) {
+      tags_limit_(job.tags_per_clear > 0 ? std::min(job.tags_per_clear, most_tags) : most_tags), fragments_(gl) {
     for (const RegularPart& part : job.regular) {
         makers_.emplace_back(*part.view, frame_, tile_, job.layout, plan_.fine_gradient ? 1 : 0);
     }
@@ -130,11 +130,17 @@ void TileLoop::splat(std::int64_t pass) {
         gl_.Disable(GL_DEPTH_TEST);
     }
     const std::int64_t first_slab = pass * steps_.stride;
+    if (plan_.count_fragments) {
+        fragments_.begin();
+    }
     for (std::size_t part = 0; part < job_.regular.size(); ++part) {
         splat_regular(part, pass, first_slab);
     }
     for (std::size_t part = 0; part < job_.ellipsoids.size(); ++part) {
         splat_ellipsoids(part, pass, first_slab);
+    }
+    if (plan_.count_fragments) {
+        fragments_.end();
     }
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/capabilities.hpp"
+#include "gl/fragment_counter.hpp"
 #include "opacity_buffer.hpp"
 #include "resources.hpp"
 #include "sheet/sheet_renderer.hpp"
@@ -25,6 +26,8 @@ class TileLoop {
     /// Kernels that were drawn, counted at every batch that they stand in, and kernels that the opacity buffer dropped.
     [[nodiscard]] std::size_t drawn() const { return drawn_; }
     [[nodiscard]] std::size_t dropped() const { return dropped_; }
+    /// Fragments of splats, where the plan counts them. Waits for the drawing.
+    [[nodiscard]] std::uint64_t fragments() { return fragments_.count(); }
     [[nodiscard]] const Targets& targets() const { return *targets_; }
     /// Seconds of vertex making, of which the device knows nothing.
     [[nodiscard]] double vertex_seconds() const { return vertex_seconds_; }
@@ -86,6 +89,7 @@ class TileLoop {
     std::vector<float> readback_pixels_;
     std::int64_t last_readback_ = 0;
     std::size_t drawn_ = 0, dropped_ = 0;
+    gl::FragmentCounter fragments_;
     double vertex_seconds_ = 0.0;
 };
 

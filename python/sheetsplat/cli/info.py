@@ -144,9 +144,9 @@ def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
 def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     """Return what is in a file: sizes, ranges, histogram, memory, and the look that a picture of it would get."""
     from sheetsplat import automatic
-    from sheetsplat.fields import EllipsoidField, Lattice, RegularField, as_samples
-    from sheetsplat.io import SCATTERED, read_volume
-    from sheetsplat.io.opening import kind_of, open_field
+    from sheetsplat.fields import Lattice, RegularField, as_samples
+    from sheetsplat.io import SCATTERED
+    from sheetsplat.io.opening import kind_of, open_scattered, read_regular
 
     shape = array_shape(options["shape"])
     given = {name: value for name, value in options.items() if value is not None and value is not False}
@@ -154,16 +154,11 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         given["shape"] = shape
     kind = kind_of(path, given)
     if kind in SCATTERED:
-        field = open_field(path, given)
-        assert isinstance(field, EllipsoidField)
-        return {"file": str(path), "format": kind, **describe(field, bins)}
-    volume = read_volume(
-        path,
-        shape=shape,  # type: ignore[arg-type]
-        dtype=options["dtype"],
-        offset=options["offset"] or 0,
-        name=options["name"],
-    )
+        data, field = open_scattered(path, given)
+        told = {"points": len(data.points), "scalar": data.scalar, "scalars": list(data.scalars)}
+        what = {"file": str(path), "format": data.format, **told, "details": data.details}
+        return {**what, **describe(field, bins)}
+    volume = read_regular(path, given)
     samples = as_samples(volume.values)
     spacing = options["spacing"] or volume.spacing
     origin = options["origin"] or volume.origin
@@ -209,7 +204,12 @@ def _regular_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
 
 def _scattered_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     thin, long = report["scales"]
-    rows = [("kernels", f"{report['kernels']} {report['kind']}")]
+    rows = [
+        ("points", str(report["points"])),
+        ("scalar", f"{report['scalar']}, of: {', '.join(report['scalars'])}"),
+        *report["details"].items(),
+        ("kernels", f"{report['kernels']} {report['kind']}"),
+    ]
     if report["kernels"]:
         aspect = ", ".join(f"{name} {value:.3g}" for name, value in report["aspect"].items())
         rows += [

@@ -297,8 +297,8 @@ file_options: list[Callable[[Any], Any]] = [
     click.option(
         "--fit",
         type=click.Choice(["delaunay", "nearest"]),
-        help="Scattered data: sizes of the kernels by the neighbours in the mesh (or of the Delaunay tetrahedra), or by "
-        "the nearest ones; else what the file itself says, then delaunay.",
+        help="Scattered data: sizes of the kernels by the neighbours in the mesh (or of the Delaunay tetrahedra), or "
+        "by the nearest ones; else what the file itself says, then delaunay.",
     ),
     click.option(
         "--neighbors", type=click.IntRange(1, 256), help="Scattered data: --fit nearest with so many neighbours."

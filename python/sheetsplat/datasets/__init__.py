@@ -10,6 +10,10 @@ Formulas: :func:`marschner_lobb` (with :func:`marschner_lobb_value` and :func:`m
 :func:`noisy_ball`, :func:`tubes`. Flows from a solver, standing in for the simulations of the 2005 paper:
 :func:`vortex`, :func:`turbulence`, :func:`jet`; these take up to some twenty seconds the first time and are then kept
 in :func:`cache_folder`.
+
+Solids filled with ellipsoids, standing in for those of the 2006 paper: :func:`chess_piece`, :func:`monster` and
+:func:`toy_car` of meshes that the folder ``SHEETSPLAT_DATA`` holds, :func:`toy_train` of primitives. They return a
+:class:`SolidDataset` and take about a second each.
 """
 
 from __future__ import annotations
@@ -20,26 +24,36 @@ from ._cache import cache_folder
 from ._dataset import Dataset
 from ._flows import jet, turbulence, vortex
 from ._shapes import marschner_lobb, marschner_lobb_gradient, marschner_lobb_value, noisy_ball, tubes
+from ._solids import SolidDataset, chess_piece, monster, toy_car, toy_train
 
 #: Every data set by its name; each can be called without arguments.
-DATASETS: dict[str, Callable[..., Dataset]] = {
+DATASETS: dict[str, Callable[..., Dataset | SolidDataset]] = {
     "marschner_lobb": marschner_lobb,
     "noisy_ball": noisy_ball,
     "tubes": tubes,
     "vortex": vortex,
     "turbulence": turbulence,
     "jet": jet,
+    "chess_piece": chess_piece,
+    "monster": monster,
+    "toy_car": toy_car,
+    "toy_train": toy_train,
 }
 
 __all__ = [
     "DATASETS",
     "Dataset",
+    "SolidDataset",
     "cache_folder",
+    "chess_piece",
     "jet",
     "marschner_lobb",
     "marschner_lobb_gradient",
     "marschner_lobb_value",
+    "monster",
     "noisy_ball",
+    "toy_car",
+    "toy_train",
     "tubes",
     "turbulence",
     "vortex",

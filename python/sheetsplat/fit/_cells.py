@@ -51,7 +51,7 @@ def _from_stream(connectivity: Any, ends: Any) -> list[Numbers]:
     stops = stops.astype(np.int64)
     sizes = np.diff(stops, prepend=0)
     if (sizes < 0).any() or (len(stops) and stops[-1] != len(points)):
-        raise complain(_FAILED, f"{len(points)} numbers, of which cells end elsewhere", "ends that rise to their number")
+        raise complain(_FAILED, f"{len(points)} numbers, of which cells end elsewhere", "ends up to their number")
     blocks = []
     for size in np.unique(sizes):
         if int(size) not in CORNERS:
@@ -64,8 +64,8 @@ def _from_stream(connectivity: Any, ends: Any) -> list[Numbers]:
 def cell_blocks(cells: object, count: int) -> list[Numbers]:
     """Return cells of `count` points as arrays (M, corners), or InvalidInput.
 
-    Taken are an array, a sequence of arrays, a mapping from names of meshio, blocks with `type` and `data`, and what has
-    `connectivity` and `ends`.
+    Taken are an array, a sequence of arrays, a mapping from names of meshio, blocks with `type` and `data`, and what
+    has `connectivity` and `ends`.
     """
     if hasattr(cells, "connectivity") and hasattr(cells, "ends"):
         blocks = _from_stream(cells.connectivity, cells.ends)

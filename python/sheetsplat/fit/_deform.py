@@ -108,7 +108,7 @@ def free_form_deformation(
         For centres outside the box, and where the map folds space over (the place is named); for arrays of wrong shape
         and numbers that are not finite.
     """
-    from scipy.interpolate import BSpline
+    from scipy.interpolate import BSpline  # type: ignore[import-untyped]
 
     require_kernels(kernels, f"{_WHAT}: kernels")
     control = numbers(_WHAT, control_points, "control_points").astype(np.float64)
@@ -151,9 +151,7 @@ def free_form_deformation(
     jacobian = np.empty((len(kernels), 3, 3))
     for start in range(0, len(kernels), _CHUNK):
         some = slice(start, start + _CHUNK)
-        value, slope = (
-            [np.asarray(splines[axis][which](unit[some, axis])) for axis in range(3)] for which in (0, 1)
-        )
+        value, slope = ([np.asarray(splines[axis][which](unit[some, axis])) for axis in range(3)] for which in (0, 1))
         centers[some] = _mapped(value[0], value[1], value[2], control)
         jacobian[some, :, 0] = _mapped(slope[0], value[1], value[2], control)
         jacobian[some, :, 1] = _mapped(value[0], slope[1], value[2], control)

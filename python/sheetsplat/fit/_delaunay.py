@@ -21,8 +21,8 @@ from ._points import Merged, merge, numbers, places, positive, require_volume, s
 _log = logging.getLogger("sheetsplat")
 _WHAT = "fit.delaunay"
 
-# The neighbours of a Delaunay tetrahedralisation of random points lie farther off than the mean distance of points, which
-# is what the edges of a grid are: by this factor the mean weight sums of both come out the same.
+# Delaunay neighbours of random points lie farther off than the mean distance of points, which is what the edges of a
+# grid are: by this factor the mean weight sums of both come out about the same.
 _RANDOM = 0.745
 # How many times the circumradius that is usual at its corners a tetrahedron on the hull may have.
 _TRIM = 3.5
@@ -35,7 +35,7 @@ _ROUNDS = 60
 
 def _tetrahedra(points: Floats) -> tuple[Numbers, Numbers, Numbers]:
     """Return the Delaunay tetrahedra, those beside them, and for points that Qhull left out the ones in their place."""
-    from scipy.spatial import Delaunay, QhullError
+    from scipy.spatial import Delaunay, QhullError  # type: ignore[import-untyped]
 
     try:
         found = Delaunay(points)
@@ -73,8 +73,8 @@ def _trimmed(points: Floats, cells: Numbers, beside: Numbers) -> NDArray[np.bool
     Only what can be reached from outside the hull through others that go is taken away. `beside` holds the tetrahedra
     beside each, -1 outside.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    from scipy.sparse import coo_array  # type: ignore[import-untyped]
+    from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped]
 
     count = len(points)
     radius = np.repeat(_circumradii(points, cells), 4)
@@ -98,7 +98,7 @@ def _trimmed(points: Floats, cells: Numbers, beside: Numbers) -> NDArray[np.bool
 
 
 def _moments(points: Floats, around: Neighbourhoods) -> tuple[Floats, Floats]:
-    """Return principal axes, (N, 3, 3) in columns, and root mean squares of the neighbours' distances along them, (N, 3).
+    """Return principal axes, (N, 3, 3) in columns, and the neighbours' root mean square distances along them, (N, 3).
 
     The singular values of the stacked differences, never their products: a flat neighbourhood keeps its thickness.
     """
@@ -179,7 +179,7 @@ class _Cover:
                 self.thinnest = min(self.thinnest, float(total[~short].min()))
             if not short.any():
                 return
-            # Where nothing reaches, the wanted factor is unknown; steps stay small so that none grows far past the need.
+            # Where nothing reaches, the wanted factor is unknown: small steps, so that none grows far past the need.
             factor = np.clip((lowest / np.maximum(total[short], 1e-9)) ** (1.0 / 3.0), 1.02, 1.15)
             growth = np.ones(len(self._points))
             for corner in range(block.shape[1]):
@@ -259,9 +259,10 @@ def delaunay(
 
     Neighbours are the points at the other ends of a point's edges: of the mesh, where `cells` or `shape` tell of one,
     else of the Delaunay tetrahedra (Neophytou & Mueller 2006, section 5). The semi-axes lie along the principal axes of
-    the neighbours' second moments about the point, and are `overlap` times the root of the moments, times 3 over the
-    number of neighbours: on a lattice of any three edge vectors, `overlap` times the edges. Each cell at a point has the
-    same share in its moments. Then kernels at cells and edges whose middle has a weight sum below `lowest` are enlarged,
+    the neighbours' second moments about the point, each cell there counting the same and its edges 3 together; they are
+    `overlap` times the roots of the moments (0.745 of that for bare points, whose neighbours lie farther off than the
+    mean distance). On a lattice of any three edge vectors that is the unit lattice's sphere of radius `overlap`,
+    mapped as the lattice is. Then kernels at cells and edges whose middle has a weight sum below `lowest` are enlarged,
     no axis beyond `overlap` times the distance of the point's farthest neighbour.
 
     Measured, with the defaults, at points spread evenly over the mesh (for bare points: over the tetrahedra that are

@@ -25,7 +25,7 @@ _PAIRS = 1 << 19
 def profile(squared: Floats, falloff: float) -> Floats:
     """Return the kernel's profile g at squared distances in units of its support (conventions, section 2)."""
     lowered = (np.exp(-falloff * squared) - np.exp(-falloff)) * (-1.0 / np.expm1(-falloff))
-    return np.maximum(lowered, 0.0)
+    return np.asarray(np.maximum(lowered, 0.0), dtype=np.float64)
 
 
 def quaternions(frames: Floats) -> Floats:
@@ -33,7 +33,7 @@ def quaternions(frames: Floats) -> Floats:
 
     An axis has no sign: frames that are mirrored have their third column turned round.
     """
-    from scipy.spatial.transform import Rotation
+    from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
     turned = frames.copy()
     turned[np.linalg.det(turned) < 0.0, :, 2] *= -1.0
@@ -145,7 +145,7 @@ class Kernels:
         D, W
             Sums of m f g and of m g, (M,) each (conventions, section 2).
         """
-        from scipy.spatial import cKDTree
+        from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
         at = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         data, weight = np.zeros(len(at)), np.zeros(len(at))
@@ -177,7 +177,7 @@ def inverses(kernels: Kernels) -> Floats:
 
 def unit_mass(falloff: float) -> float:
     """Return the integral of the profile over the unit ball (closed form)."""
-    from scipy.special import erf
+    from scipy.special import erf  # type: ignore[import-untyped]
 
     k = falloff
     edge = np.exp(-k)

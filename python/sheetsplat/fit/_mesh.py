@@ -131,7 +131,7 @@ def _triangles(what: str, given: ArrayLike, count: int) -> Numbers:
 
 
 def _edges(triangles: Numbers, count: int) -> tuple[Numbers, NDArray[np.bool_]]:
-    """Return a number for each edge of each triangle, the same both ways, (3 T,), and which go from the lower vertex."""
+    """Return a number for each triangle's edges, the same both ways, (3 T,), and which start at the lower vertex."""
     start = triangles.reshape(-1)
     end = np.roll(triangles, -1, axis=1).reshape(-1)
     return np.minimum(start, end) * count + np.maximum(start, end), start < end
@@ -194,11 +194,11 @@ def _orientation(
 ) -> tuple[NDArray[np.bool_], Numbers]:
     """Return which triangles to turn so that neighbours agree, and the piece that each belongs to.
 
-    Every triangle is there twice, as it is and turned; neighbours that agree are joined as they are. Where a triangle is
-    joined to its own turned self the surface has one side only.
+    Every triangle is there twice, as it is and turned; neighbours that agree are joined as they are. Where a triangle
+    is joined to its own turned self the surface has one side only.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    from scipy.sparse import coo_array  # type: ignore[import-untyped]
+    from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped]
 
     count = len(triangles)
     order = np.argsort(edge, kind="stable")
@@ -281,9 +281,7 @@ def _ramp(starts: Numbers, ends: Numbers) -> tuple[Numbers, Numbers]:
     return owner, starts[owner] + inside
 
 
-def winding_on_grid(
-    mesh: ClosedMesh, origin: Floats, spacing: float, shape: tuple[int, int, int]
-) -> NDArray[np.int16]:
+def winding_on_grid(mesh: ClosedMesh, origin: Floats, spacing: float, shape: tuple[int, int, int]) -> NDArray[np.int16]:
     """Return the winding number at the middles of the cells of a grid [ix, iy, iz] whose corner is `origin`.
 
     Lines along z through the middles meet triangles; each meeting counts 1 or -1 for all below it. Which cells an edge

@@ -60,7 +60,7 @@ def nearest(
     OutOfMemory
         Where the distances do not fit.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
     at = places(_WHAT, points)
     field = scalars(_WHAT, values, "values", len(at))
@@ -73,7 +73,7 @@ def nearest(
             f"{_WHAT}: the points cannot be used",
             f"{len(place.points)} different places of {len(at)} points",
             f"more than neighbors = {count}",
-            "lower neighbors" if len(place.points) > 1 else "a single point has no neighbours: give its radius yourself",
+            "lower neighbors" if len(place.points) > 1 else "a single point needs a radius of your own",
         )
     _memory.require(len(place.points) * (16 * (count + 1) + 200), f"the neighbours of {len(place.points)} points")
     middle = place.points.mean(axis=0)

@@ -24,7 +24,8 @@ def numbers(what: str, given: ArrayLike, name: str) -> NDArray[Any]:
     try:
         array = np.asarray(given)
     except (TypeError, ValueError) as error:
-        raise complain(f"{what}: {name} cannot be used", f"{type(given).__name__}: {error}", "an array of numbers") from None
+        found = f"{type(given).__name__}: {error}"
+        raise complain(f"{what}: {name} cannot be used", found, "an array of numbers") from None
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
         raise complain(
             f"{what}: {name} cannot be used", "masked entries", "numbers throughout", "drop the points that have none"
@@ -134,7 +135,7 @@ def merge(points: Floats, values: Floats) -> Merged:
     # Half of each sum, so that the largest numbers do not overflow.
     share = 1.0 / np.bincount(number, minlength=count)
     mean = np.bincount(number, values * share[number], count)
-    return Merged(points[kept], mean, number, len(points) - count)
+    return Merged(points[kept], np.asarray(mean, dtype=np.float64), number, len(points) - count)
 
 
 def require_volume(what: str, points: Floats) -> None:

@@ -121,7 +121,7 @@ def solid(
     spacing: float | None = None,
     levels: int = 3,
     values: float | Callable[[Floats], ArrayLike] = 1.0,
-    overlap: float = 1.8,
+    overlap: float = 1.85,
     falloff: float = 8.0,
 ) -> Kernels:
     """Return spheres that fill a closed triangle mesh: small ones at its surface, larger ones inside.
@@ -137,10 +137,10 @@ def solid(
     vertices
         World positions, (V, 3). Those at exactly the same place are one.
     triangles
-        Numbers of vertices, (T, 3). The surface must be closed; it may have several shells, which may overlap: inside of
-        any is inside. Shells that lie inside another and are turned the other way are hollows. Triangles that disagree
-        with their neighbours are turned round, and so is a surface that encloses a negative volume; triangles without
-        area do no harm.
+        Numbers of vertices, (T, 3). The surface must be closed; it may have several shells, which may overlap: inside
+        of any is inside. Shells that lie inside another and are turned the other way are hollows. Triangles that
+        disagree with their neighbours are turned round, and so is a surface that encloses a negative volume; triangles
+        without area do no harm.
     kernels
         About how many spheres; 20,000 where `spacing` is not given either.
     spacing

@@ -128,14 +128,14 @@ def sph(
 ) -> Kernels:
     """Return a sphere for each SPH particle, by the lowered Gaussian that is closest to the SPH kernel.
 
-    With masses and densities D is the SPH interpolant, sum of (m / density) f w: a weight is m / density over h^3, times
+    With masses and densities D is the SPH interpolant, sum of (m / density) f w: a weight is m / density over h^3 times
     the amplitude of the closest Gaussian, and W is about 1 where particles tile space. With the normalisation
     "threshold" and w0 = 1 the scalar is that interpolant where W is at most 1, as at the edges of the data, and the
     average of the particles where they are denser than that. Without masses and densities weights are 1, and W is about
     the number of particles that a kernel reaches.
 
     The closest Gaussian has the SPH kernel's mass, and the least mean square difference from it over space. Errors are
-    the root mean square difference over that of the SPH kernel, and the largest difference over its value in the middle:
+    the root mean square difference over that of the SPH kernel, and the largest difference over its value at 0:
 
     ================  =========  =========  ========  ======  ======
     kernel            support/h  falloff k  radius/h  L2      max

@@ -11,12 +11,13 @@ import numpy as np
 from sheetsplat import _memory
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, RegularField
-from sheetsplat.io.scattered import field_of, logarithm, read_scattered
+from sheetsplat.io.scattered import Scattered, field_of, logarithm, read_scattered
 from sheetsplat.io.volume import SCATTERED, Volume, find_format, read_volume
 
 # Options by what they make sense for; what is in none of these is for both.
 REGULAR = ("shape", "dtype", "offset", "name", "spacing", "origin", "lattice", "radius", "nan")
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
+_POINTS = ("grid", "scalar", "particles", "support")
 _ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale")
 _SAMPLES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "nan")
 _READING = ("shape", "dtype", "offset", "name")
@@ -70,13 +71,17 @@ def read_regular(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Vo
     return Volume(shown, volume.spacing, volume.origin, volume.format, volume.details)
 
 
+def open_scattered(path: str | os.PathLike[str], options: Mapping[str, Any]) -> tuple[Scattered, EllipsoidField]:
+    """Return what a file of scattered data holds, and the field of it; `options` as for `open_field`."""
+    data = read_scattered(path, **{name: options[name] for name in _POINTS if name in options})
+    given = {name: options[name] for name in _ELLIPSOIDS if name in options}
+    return data, field_of(data, logarithmic=options.get("log", False), **given)
+
+
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
     """Return the field of a file; `options` are those of `sheetsplat.open` that somebody gave."""
     if kind_of(path, options) in SCATTERED:
-        reading = ("grid", "scalar", "particles", "support")
-        data = read_scattered(path, **{name: options[name] for name in reading if name in options})
-        given = {name: options[name] for name in _ELLIPSOIDS if name in options}
-        return field_of(data, logarithmic=options.get("log", False), **given)
+        return open_scattered(path, options)[1]
     volume = read_regular(path, options)
     placed = {"spacing": volume.spacing, "origin": volume.origin}
     return RegularField(volume.values, **{**placed, **{name: options[name] for name in _SAMPLES if name in options}})

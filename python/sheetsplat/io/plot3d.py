@@ -26,7 +26,7 @@ from sheetsplat.io.source import Source
 # More blocks or longer sides than these are taken for the wrong byte order.
 _MOST_BLOCKS = 4096
 _LONGEST = 1 << 24
-# Bytes at the end of a solution that belong to nothing; such files are in use.
+# Bytes at the end of a solution that belong to nothing, and are less than half of it; such files are in use.
 _SURPLUS = 4096
 # Magnitudes that no grid or solution has, but numbers of the wrong byte order have.
 _TINY, _HUGE = 1e-30, 1e30
@@ -127,7 +127,9 @@ def _find(source: Source, kind: str) -> tuple[list[Layout], int]:
     longest = source.at_most()
     size = source.length(min(longest, max(layout.size for layout in layouts) + _SURPLUS + 1))
     exact = [layout for layout in layouts if layout.size == size]
-    near = [layout for layout in layouts if 0 < size - layout.size <= _SURPLUS] if kind == "solution" else []
+    near = []
+    if kind == "solution":
+        near = [one for one in layouts if 0 < size - one.size <= min(_SURPLUS, one.size // 2)]
     # The simplest first, where a size allows two readings.
     exact.sort(key=lambda one: (one.several, one.itemsize))
     near.sort(key=lambda one: (size - one.size, one.several))

@@ -352,8 +352,14 @@ def field_of(
             wanted = "that of the Gaussian that is closest to their kernel"
             raise complain("falloff cannot be used", f"{k:g} for SPH particles", wanted, "leave it out")
         both = data.masses is not None and data.densities is not None
-        weighing = {"masses": data.masses, "densities": data.densities} if both else {}
-        kernels = fits.sph(data.points, values, data.supports, support=1.0, **weighing)
+        kernels = fits.sph(
+            data.points,
+            values,
+            data.supports,
+            support=1.0,
+            masses=data.masses if both else None,
+            densities=data.densities if both else None,
+        )
     elif how == "nearest":
         if neighbors is not None:
             more["neighbors"] = neighbors

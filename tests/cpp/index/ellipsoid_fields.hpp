@@ -44,7 +44,7 @@ enum class Scatter {
     aligned,  ///< on a lattice of powers of two, as large as cells are
     flat,     ///< in a plane
 };
-inline constexpr Scatter all_scatters[] = {Scatter::even,     Scatter::turned, Scatter::sizes,
+inline constexpr Scatter all_scatters[] = {Scatter::even,     Scatter::turned,   Scatter::sizes,
                                            Scatter::clusters, Scatter::one_spot, Scatter::copies,
                                            Scatter::far_off,  Scatter::aligned,  Scatter::flat};
 inline const char* name_of(Scatter scatter) {

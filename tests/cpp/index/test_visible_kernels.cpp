@@ -1,5 +1,5 @@
-// Which scattered kernels are drawn: against the rule, by brute force; what is left out cannot be seen; and the controls:
-// a choice that is a little too small is found out.
+// Which scattered kernels are drawn: against the rule, by brute force; what is left out cannot be seen; and the
+// controls: a choice that is a little too small is found out.
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -48,8 +48,8 @@ Mask by_the_rule(const EllipsoidField& field, const TransferFunction& transfer_f
                 }
             }
         }
-        const bool adds = field.weight(i) > 0.0 &&
-                          (field.value(i) != 0.0 || field.normalization() == Normalization::threshold);
+        const bool adds =
+            field.weight(i) > 0.0 && (field.value(i) != 0.0 || field.normalization() == Normalization::threshold);
         mask[i] = adds && !transfer_function.transparent_over(least, greatest) ? 1 : 0;
     }
     return mask;
@@ -65,8 +65,8 @@ EllipsoidFieldOptions random_options(Random& random) {
 
 /// Kernels of both signs and all weights, so thin that not all is visible.
 EllipsoidField random_ellipsoids(Random& random) {
-    const Scatter scatter = random.one_of({Scatter::even, Scatter::turned, Scatter::sizes, Scatter::clusters,
-                                           Scatter::far_off, Scatter::flat});
+    const Scatter scatter = random.one_of(
+        {Scatter::even, Scatter::turned, Scatter::sizes, Scatter::clusters, Scatter::far_off, Scatter::flat});
     EllipsoidArrays arrays = scattered(random, scatter, random.whole(2, 250));
     EllipsoidFieldOptions options = random_options(random);
     const double thinner = random.uniform(0.3, 0.9);
@@ -214,9 +214,12 @@ Outcome over_trials(Look look, int trials, const std::function<Mask(const Trial&
         const EllipsoidField field = random_ellipsoids(random);
         const TransferFunction transfer_function = random_transfer_function(random);
         const double scale = field.semi_axes(field.size() / 2).x;
-        const Trial trial{field, transfer_function,
-                          look,  scale * random.one_of({0.0, 0.3, 1.0}),
-                          scale * random.uniform(0.1, 1.0), random.one_of({0.5, -0.5, 1.2, 2.5, -2.5, 0.0})};
+        const Trial trial{field,
+                          transfer_function,
+                          look,
+                          scale * random.one_of({0.0, 0.3, 1.0}),
+                          scale * random.uniform(0.1, 1.0),
+                          random.one_of({0.5, -0.5, 1.2, 2.5, -2.5, 0.0})};
         const Outcome outcome = compare(trial, choose(trial), random);
         sum.visible += outcome.visible;
         sum.dropped += outcome.dropped;

@@ -122,7 +122,7 @@ TEST(Ellipsoids, PointSamplingAtTheCentre) {
     scene.mode = Mode::mip;
     scene.slice_spacing = 0.5;
     const Picture picture = render(scene, front_camera(1.0), Size{3, 3});
-    EXPECT_EQ(picture.scalar, (std::vector<double>{0.0, 0.0, 0.0, 0.0, 0.75, 0.0, 0.0, 0.0, 0.0}));
+    EXPECT_LE(largest_difference(picture.scalar, {0.0, 0.0, 0.0, 0.0, 0.75, 0.0, 0.0, 0.0, 0.0}), 2e-16);
     // The anchor a quarter elsewhere, and the slice misses the centre.
     arrays.centers[1].z += 0.1;
     scene.fields = {make_ellipsoids(arrays, plain_ellipsoids())};
@@ -130,7 +130,7 @@ TEST(Ellipsoids, PointSamplingAtTheCentre) {
 }
 
 TEST(Ellipsoids, XrayOfSlabsIsTheLineIntegralAtAnySpacing) {
-    const auto field = make_ellipsoids(scattered(6, 11), plain_ellipsoids(6.0));
+    const auto field = make_ellipsoids(scattered(20, 11), plain_ellipsoids(6.0));
     Scene scene = make_scene(field);
     scene.mode = Mode::xray;
     scene.sampling = Sampling::slab;
@@ -138,7 +138,7 @@ TEST(Ellipsoids, XrayOfSlabsIsTheLineIntegralAtAnySpacing) {
         const Camera camera = camera_of(perspective);
         const std::vector<double> expected = line_integrals(*field, camera, 6.0);
         ASSERT_GT(largest_of(expected), 0.5);
-        for (const double spacing : {0.004, 0.1, 0.37, 1.0, 3.3, 20.0}) {
+        for (const double spacing : {0.004, 0.1, 0.37, 1.0, 3.3, 15.0}) {
             scene.slice_spacing = spacing;
             EXPECT_LE(largest_difference(render(scene, camera, size).scalar, expected), 1e-12) << spacing;
         }
@@ -396,7 +396,7 @@ TEST(Ellipsoids, ScaleOfTheWorld) {
                 return render(scene, camera_of(perspective, Vec3(0.0), scale), size).rgba;
             };
             const auto here = picture(1.0);
-            EXPECT_GT(largest_of(here), 0.3);
+            EXPECT_GT(largest_of(here), 0.2);
             for (const double scale : {1e6, 1e-6, 1e60, 1e-60}) {
                 EXPECT_LE(largest_difference(here, picture(scale)), 1e-11) << scale;
             }
@@ -516,37 +516,35 @@ TEST(Ellipsoids, NeedlesOfOneInAHundredThousand) {
 }
 
 TEST(Ellipsoids, NeedlesInAPicture) {
-    // Pixels and slices find all of a needle, wherever it leans: as many points as a look at every one of them finds,
-    // with the same values, near its middle and near its tip.
+    // Pixels and slices find all of a needle wherever it leans, near its middle and near its tip: nearly across the
+    // view, cut into slabs thinner than it is, and at 45 degrees, cut into few.
     std::mt19937_64 generator(18);
-    for (int n = 0; n < 12; ++n) {
-        const bool perspective = n % 2 == 1;
-        const glm::dquat rotation = random_rotation(generator);
-        const Vec3 s(1e5, 1.0, 1.3);
-        const auto field = make_ellipsoids(one_ellipsoid(Vec3(0.0), s, rotation), plain_ellipsoids());
-        const Vec3 target = (n % 3 == 0 ? 0.0 : n % 3 == 1 ? 0.5 : -0.98) * field->shape(0)[0];
-        // Beside the needle, so that it passes through the picture.
-        const Vec3 aside = glm::normalize(field->shape(0)[1] + 0.3 * field->shape(0)[2] + 1e-5 * field->shape(0)[0]);
-        const Vec3 up = glm::normalize(field->shape(0)[0] + 0.4 * s.x * field->shape(0)[2]);
+    for (int n = 0; n < 24; ++n) {
+        const bool perspective = n % 2 == 1, leaning = n % 4 >= 2;
+        const double place = n % 3 == 0 ? 0.0 : n % 3 == 1 ? 0.5 : -0.9;
+        EllipsoidArrays arrays = one_ellipsoid(Vec3(0.0), Vec3(1e5, 1.0, 1.3), random_rotation(generator));
+        arrays.values = {1.0 / kernel_value(place, 8.0)};
+        const auto field = make_ellipsoids(arrays, plain_ellipsoids());
+        const Mat3 m = field->shape(0);
+        const Vec3 along = glm::normalize(m[0]), target = place * m[0];
+        const Vec3 aside = glm::normalize(m[1] + 0.3 * m[2] + (leaning ? 1.0 : 1e-3) * along);
+        const Vec3 up = along + random_real(generator, -1.0, 1.0) * m[2];
         const Camera camera = perspective ? Camera::perspective(target + 20.0 * aside, target, up, 12.0)
                                           : Camera::orthographic(target + 20.0 * aside, target, up, 4.0);
         Scene scene = make_scene(field);
         scene.mode = Mode::xray;
         scene.sampling = Sampling::slab;
-        scene.slice_spacing = 0.5;
-        const Picture slabs = render(scene, camera, size);
+        // The slab that holds the target must lie behind the near plane by more than half.
+        scene.slice_spacing = !leaning ? 0.5 : perspective ? 30.0 : 500.0;
         const std::vector<double> expected = line_integrals(*field, camera, 8.0);
-        double worst = 0.0;
-        EXPECT_GT(largest_of(expected), 0.1);
-        for (std::size_t at = 0; at < expected.size(); ++at) {
-            worst = std::max(worst, std::abs(slabs.scalar[at] - expected[at]));
+        EXPECT_GT(largest_of(expected), 0.2) << n;
+        EXPECT_LE(largest_difference(render(scene, camera, size).scalar, expected), 1e-9) << n;
+        EXPECT_GT(largest_difference(line_integrals(*field, camera, 8.0 + 1e-6), expected), 1e-9);
+        if (!leaning) {
+            scene.sampling = Sampling::point;
+            scene.slice_spacing = 0.05;
+            EXPECT_LE(largest_difference(render(scene, camera, size).scalar, expected), 1e-3) << n;
         }
-        EXPECT_LE(worst, 1e-9) << n;
-        // By points: the same, summed up finely.
-        scene.sampling = Sampling::point;
-        scene.slice_spacing = 0.02;
-        EXPECT_LE(largest_difference(render(scene, camera, size).scalar, expected), 2e-3) << n;
-        EXPECT_GT(largest_difference(line_integrals(*field, camera, 8.01), expected), 1e-6);
     }
 }
 

@@ -139,6 +139,24 @@ TEST(QuadricSlice, AgreesWithTheFactoredForm) {
     EXPECT_GT(cut, 200);
 }
 
+TEST(QuadricSlice, HoldsForNeedles) {
+    std::mt19937_64 generator(8);
+    for (int n = 0; n < 100; ++n) {
+        const Mat3 axes = matrix_of(random_rotation(generator));
+        const Vec3 s = n % 2 == 0 ? Vec3(1e3, 1.0, 1.5) : Vec3(1e3, 0.8e3, 1.0);
+        const Mat3 b = times(axes, s);
+        const KernelShape shape(axes, s);
+        const double z = random_real(generator, -0.95, 0.95) * shape.half_depth();
+        const Quadric quadric(Vec3(0.0), b);
+        const FactoredSlice slice = factored(Vec3(0.0), b, z);
+        EXPECT_LE(off_the_quadric(slice, quadric, z), 1e-8);
+        EXPECT_NEAR(quadric.slice(z).least_r_squared, slice.height * slice.height, 1e-8);
+        const FactoredSlice other = factored(Vec3(0.0), b, z + 1e-6 * shape.half_depth());
+        EXPECT_GT(off_the_quadric(other, quadric, z) + std::abs(other.height * other.height -
+                                                                slice.height * slice.height), 1e-8);
+    }
+}
+
 TEST(QuadricSlice, IsWhatASliceOfAPictureShows) {
     // One slice of one leaning kernel, seen along -z: every pixel has g of the conic's r^2.
     std::mt19937_64 generator(21);

@@ -1,7 +1,8 @@
 // Slicing an ellipsoid by its quadric: the analytic way that [NM06] section 3.2 (equations 2 to 6) sets out from,
 // checks its own method with and leaves out. A test oracle: it inverts, multiplies out and takes roots where the
-// renderers keep the factors, so it agrees with them only by being right. Carried in long double, because the product
-// squares the aspect: good to about 1e-9 of a semi-axis for aspects up to 1:1e5.
+// renderers keep the factors, so it agrees with them only by being right. Carried in long double, because the errors
+// grow with the aspect's fourth power: r^2 in a slice is good to 1e-8 for aspects up to 1:1000, and to a percent
+// only at 1:1e5.
 #pragma once
 
 #include <array>

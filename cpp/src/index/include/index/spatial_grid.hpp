@@ -63,11 +63,11 @@ class SpatialGrid {
 
     [[nodiscard]] int depth_of_level(int level) const { return levels() - 1 - level; }
 
-    Vec3 lower_{0.0};                    ///< corner of the grid, world
-    double root_ = 1.0;                  ///< edge of the one cell that would hold all supports; a power of two
-    std::vector<std::uint32_t> order_;   ///< kernels, cell by cell
-    std::vector<std::uint32_t> home_;    ///< cell of each kernel
-    std::vector<std::uint32_t> offset_;  ///< into order_, one for each cell and one more
+    Vec3 lower_{0.0};                   ///< corner of the grid, world
+    double root_ = 1.0;                 ///< edge of the one cell that would hold all supports; a power of two
+    std::vector<std::uint32_t> order_;  ///< kernels, cell by cell
+    std::vector<std::uint32_t> home_;   ///< cell of each kernel
+    std::vector<std::uint32_t> offset_; ///< into order_, one for each cell and one more
     std::vector<Corner> corner_;
     std::vector<Box> supports_;
     std::vector<std::array<double, 2>> values_;
@@ -79,9 +79,9 @@ class SpatialGrid {
 /// that are nobody's home follow.
 class ReachLists {
   public:
-    /// The result takes 4 bytes for each time that a kernel is listed and 29 for each cell; beside it, up to about 100 for
-    /// each cell of the level that has most of them. Throws OutOfMemory before anything is allocated; Unsupported for
-    /// more than 2^32 - 1 entries.
+    /// The result takes 4 bytes for each time that a kernel is listed and 29 for each cell; beside it, up to about 100
+    /// for each cell of the level that has most of them. Throws OutOfMemory before anything is allocated; Unsupported
+    /// for more than 2^32 - 1 entries.
     static ReachLists of(const EllipsoidField& field, const SpatialGrid& grid);
 
     [[nodiscard]] std::size_t cells() const { return level_.size(); }
@@ -91,8 +91,8 @@ class ReachLists {
     [[nodiscard]] const std::vector<std::uint32_t>& entries() const { return entries_; }
     [[nodiscard]] int level_of_cell(std::size_t cell) const { return level_[cell]; }
     [[nodiscard]] Box cell_bounds(std::size_t cell) const;
-    /// Of the cells that list a kernel, the one that holds a point of its support's box (rounding may put a point of its
-    /// surface outside: then the nearest of them). With the point of the support that is nearest to the viewer
+    /// Of the cells that list a kernel, the one that holds a point of its support's box (rounding may put a point of
+    /// its surface outside: then the nearest of them). With the point of the support that is nearest to the viewer
     /// (first_point), this is the cell that draws the kernel ([NM06] section 4.2); field and grid: those of `of`.
     [[nodiscard]] std::uint32_t start_cell(const EllipsoidField& field, const SpatialGrid& grid, std::size_t kernel,
                                            const Vec3& point_world) const;
@@ -128,8 +128,8 @@ struct EllipsoidVisibility {
     bool isosurface = false;
     double iso_value = 0.0;
     bool alone = true; ///< false: other fields add to this one, so that only kernels that add nothing can be dropped
-    /// World units, >= 0: how far apart the supports of two kernels may lie that matter to one another all the same (the
-    /// sum of what stencils of gradients, crossings, pre-integrated intervals and slabs reach, and of twice what a
+    /// World units, >= 0: how far apart the supports of two kernels may lie that matter to one another all the same
+    /// (the sum of what stencils of gradients, crossings, pre-integrated intervals and slabs reach, and of twice what a
     /// filter widens a support by).
     double reach_world = 0.0;
 };

@@ -75,6 +75,7 @@ struct DrawPlan {
     bool fine_along = false;  ///< slices are close: differences over depth are splatted
     bool preshaded = false;
     bool culling = true;
+    bool count_fragments = false;
     int slab_nodes = 0;      ///< quadrature nodes of slab means; 0: erf
     int slab_pieces = 1;     ///< pieces that differences of slab means are integrated in
     double value_unit = 1.0; ///< the amount of rho that sheets call 1

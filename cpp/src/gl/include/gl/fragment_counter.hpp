@@ -1,0 +1,27 @@
+// Fragments that were drawn, by occlusion queries.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "gl/objects.hpp"
+#include "gl/timer.hpp"
+
+namespace sheetsplat::gl {
+
+/// Counts the fragments that pass between begin() and end(), as often as these are called. The answers are asked for
+/// at the end alone, so that no drawing waits for them.
+class FragmentCounter {
+  public:
+    explicit FragmentCounter(const Api& gl) : api_(&gl) {}
+    void begin();
+    void end();
+    /// All of them so far. Waits for the drawing.
+    [[nodiscard]] std::uint64_t count();
+
+  private:
+    const Api* api_;
+    std::vector<Handle<delete_query>> queries_;
+};
+
+} // namespace sheetsplat::gl

@@ -7,7 +7,9 @@ flat in vec4 place_at;     // centre on the record's slice: whole pixels, parts 
 flat in vec3 amount;       // value, weight, slabs from the record's slice to the batch's first one
 #ifdef SPRITE
 flat in vec4 section_front;
+#ifdef TWO_TARGETS
 flat in vec4 section_back;
+#endif
 flat in float falloff_px;  // -k log2(e) over the radius in pixels, squared
 #else
 flat in vec4 unit_of_px;   // columns of: pixels (times depth) -> plane of the unit sphere
@@ -60,13 +62,36 @@ Sections sections(vec2 place, vec4 slab, vec4 depth) {
 }
 
 #ifdef COMPACT
-// -k log2(e) (s^2 + a^2) as a polynomial of the slab: what all sections of a batch have in common is computed once.
-vec4 compact(float base, float slope, float bend, vec4 offset) {
-    return max(exp2(base + offset * (slope + offset * bend)) - edge, 0.0);
+// Four slabs next to one another, the middle of them `middle` slabs behind the record's slice. The exponent is a polynomial of the
+// slab d = -3/2 ... 3/2 from there, c + s d + b d^2, so that two exponentials serve all four.
+vec4 compact(vec2 place, float middle) {
+    vec2 across = place - middle * heights.zw;
+    float height = heights.x - middle * heights.y;
+    float bend = -falloff_log2 * (dot(heights.zw, heights.zw) + heights.y * heights.y);
+    float inner = exp2(0.25 * bend - falloff_log2 * (dot(across, across) + height * height));
+    float slope = exp2(falloff_log2 * (dot(across, heights.zw) + height * heights.y));
+    float fall = 1.0 / slope;
+    float outer = inner * exp2(2.0 * bend);
+    return max(vec4(outer * fall * fall * fall, inner * fall, inner * slope, outer * slope * slope * slope) - edge, 0.0);
 }
 #endif
 #endif
 
+#ifdef BARE
+// One constant: nothing but the blend is paid for.
+void main() {
+    sheet_front = vec4(0.001);
+#ifdef TWO_TARGETS
+    sheet_back = vec4(0.001);
+#endif
+#ifdef WEIGHT
+    weight_front = vec4(0.001);
+#ifdef TWO_TARGETS
+    weight_back = vec4(0.001);
+#endif
+#endif
+}
+#else
 void main() {
     // Whole pixels first: the difference is exact, however far from the corner of the picture.
     vec2 from = (gl_FragCoord.xy - place_at.xy) - place_at.zw;
@@ -79,12 +104,9 @@ void main() {
 #else
     vec2 place = mat2(unit_of_px.xy, unit_of_px.zw) * from;
 #ifdef COMPACT
-    float base = -falloff_log2 * (dot(place, place) + heights.x * heights.x);
-    float slope = 2.0 * falloff_log2 * (dot(place, heights.zw) + heights.x * heights.y);
-    float bend = -falloff_log2 * (dot(heights.zw, heights.zw) + heights.y * heights.y);
-    vec4 front = compact(base, slope, bend, amount.z + offset_front);
+    vec4 front = compact(place, amount.z + 1.5);
 #ifdef TWO_TARGETS
-    vec4 back = compact(base, slope, bend, amount.z + offset_back);
+    vec4 back = compact(place, amount.z + 5.5);
 #endif
 #else
 #ifdef SLAB
@@ -135,3 +157,4 @@ void main() {
 #endif
 #endif
 }
+#endif

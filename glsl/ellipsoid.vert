@@ -6,9 +6,11 @@ uniform vec2 target_size;   // pixels of the sheets
 uniform vec2 axis;          // pixel where the optical axis meets the sheets
 uniform float tag;          // depth in normalised device coordinates that marks touched pixels
 uniform float batch_first;  // slice of the batch's first slab
-uniform vec4 offset_front;  // slab of each channel, counted from there
-uniform vec4 offset_back;
 #ifdef SPRITE
+uniform vec4 offset_front;  // slab of each channel, counted from there
+#ifdef TWO_TARGETS
+uniform vec4 offset_back;
+#endif
 uniform float falloff_log2; // k log2(e)
 uniform vec2 guard;         // pixels by which the viewport is larger than the sheets on every side
 uniform float sprite_margin;
@@ -31,7 +33,9 @@ flat out vec4 place_at;     // centre on the record's slice: whole pixels, parts
 flat out vec3 amount;       // value, weight, slabs from the record's slice to the batch's first one
 #ifdef SPRITE
 flat out vec4 section_front;
+#ifdef TWO_TARGETS
 flat out vec4 section_back;
+#endif
 flat out float falloff_px;  // -k log2(e) over the radius in pixels, squared
 #else
 flat out vec4 unit_of_px;   // columns of: pixels (times depth) -> plane of the unit sphere
@@ -62,13 +66,16 @@ void main() {
 
 #ifdef SPRITE
     vec4 front = height - (since + offset_front) * step_s;
-    vec4 back = height - (since + offset_back) * step_s;
     section_front = exp2(-falloff_log2 * front * front);
+    vec4 nearest = front * front;
+#ifdef TWO_TARGETS
+    vec4 back = height - (since + offset_back) * step_s;
     section_back = exp2(-falloff_log2 * back * back);
+    nearest = min(nearest, back * back);
+#endif
     float radius = record_axes.x;
     falloff_px = -falloff_log2 / (radius * radius);
     // A section at height s has the radius sqrt(1 - s^2): no sprite needs to be larger than its largest section.
-    vec4 nearest = min(front * front, back * back);
     float lowest = min(min(nearest.x, nearest.y), min(nearest.z, nearest.w));
     gl_PointSize = 2.0 * radius * sqrt(max(1.0 - lowest, 0.0)) + sprite_margin;
     gl_Position = lowest < 1.0 ? vec4((place_at.xy + place_at.zw + guard) / (target_size + 2.0 * guard) * 2.0 - 1.0, tag, 1.0) : nowhere;

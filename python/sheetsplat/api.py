@@ -209,8 +209,10 @@ def compose_scene(
     material: Material | None = None,
     **options: Any,
 ) -> Scene:
-    """Return a scene; what is not given is chosen by the scalars: colours, and with them finer slices for
-    scattered fields. Other options go to `Scene`."""
+    """Return a scene; what is not given is chosen by the scalars, for scattered fields also the distance of slices.
+
+    Other options go to `Scene`.
+    """
     if transfer_function is not None:
         clash = [name for name, value in (("cmap", cmap), ("opacity", opacity), ("clim", clim)) if value is not None]
         if clash:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +28,11 @@ _PLACES = 16_384
 # many more.
 _USUAL_SLICES = 300.0
 _OUTLIERS = 1.0
+# Largest value over the limits' difference; sums of float32 resolve about twice that within the pictures' bound.
+_WIDEST = 20.0
+_EXTREMES = 256
+
+_log = logging.getLogger("sheetsplat")
 
 
 @dataclass(frozen=True)
@@ -90,7 +96,7 @@ def choose(fields: Sequence[Field]) -> Look:
     if not isinstance(field, EllipsoidField):
         raise TypeError(f"automatic.choose: {type(field).__name__}")
     places = places_in(field)
-    look = choose_for(field.at(places))
+    look = _wide_enough(choose_for(field.at(places)), field)
     spacing = min(one.default_slice_spacing for one in fields if one.size) if places.size else 1.0
     usual = _usual_spacing(places, spacing)
     share = min(1.0, spacing / usual)
@@ -100,6 +106,33 @@ def choose(fields: Sequence[Field]) -> Look:
     # A weighted mean ends abruptly where the weights do, and slices that are few leave steps there.
     finer = max(0.5 * spacing, usual) if usual < spacing else None
     return replace(look, opacity=scaled, top_opacity=top_opacity, slice_spacing=finer)
+
+
+def _wide_enough(look: Look, field: EllipsoidField) -> Look:
+    """Return a look whose limits let the largest values be summed within the pictures' bound.
+
+    Where nearly all of the volume holds next to nothing, and a few small kernels thousands of times more, limits that
+    suit the volume would be too narrow.
+    """
+    low, high = look.clim
+    known = np.abs(field.values[: field.size - field.ghosts])
+    extremes = np.argpartition(known, -_EXTREMES)[-_EXTREMES:] if known.size > _EXTREMES else slice(None)
+    places = field.centers[: known.size][extremes]
+    largest = float(np.abs(field.at(places)).max(initial=0.0))
+    if field.normalization == "threshold" and field.weight_at(places).max(initial=0.0) >= field.w0:
+        # The mean of a large value and small ones around it is formed of the large one's sum.
+        largest = max(largest, float(known.max()))
+    if not _WIDEST * (high - low) < largest < math.inf:
+        return look
+    _log.warning(
+        "values up to %g lie in a field that is mostly below %g, and are shown at the cost of the others; "
+        "their logarithm, log=True of sheetsplat.open, would show both",
+        largest,
+        high,
+    )
+    stretch = largest / (_WIDEST * (high - low))
+    pairs = tuple((low + (value - low) * stretch, opacity) for value, opacity in look.opacity)
+    return replace(look, clim=(low, low + (high - low) * stretch), opacity=pairs)
 
 
 def _usual_spacing(places: NDArray[np.float64], spacing: float) -> float:

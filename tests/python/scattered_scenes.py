@@ -62,7 +62,7 @@ def nudged(
 def unit(vector: Any) -> Array:
     """Return the vector divided by its length."""
     found = np.asarray(vector, float)
-    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
 
 
 def pick(rng: np.random.Generator, *choices: Any) -> Any:
@@ -317,7 +317,7 @@ def values_with_offset(rng: np.random.Generator) -> Parts:
     field = cloud(rng, 1_500, 12.0, 1.5, w0=1e-3)
     field["values"] = 1_000 + rng.random(1_500)
     transfer = [(1_000 + point[0], *point[1:]) for point in GENTLE]
-    return parts([field], transfer=transfer, refusable="the window is narrow beside the values")
+    return parts([field], transfer=transfer, refusable=NARROW_WINDOW)
 
 
 @scene
@@ -459,12 +459,15 @@ def far_outlier(rng: np.random.Generator) -> Parts:
     return parts([field], parallel(direction=(0.0, 0.3, -1.0), up=(0, 1, 0)), slice_spacing=0.1)
 
 
-SEVERAL_THRESHOLDS = "several fields, one normalised by threshold"
+LIT_CLOSE_UP = "a lit close-up of several fields, one of them divided by its own weight"
+NARROW_WINDOW = "the transfer function's window is narrow beside the values"
+# Of the random ones.
+REFUSABLE = {0: NARROW_WINDOW, 38: LIT_CLOSE_UP, 40: LIT_CLOSE_UP}
 
 
 def _ball(shape: tuple[int, int, int]) -> NDArray[np.float32]:
     at = np.stack(np.meshgrid(*(np.linspace(-1, 1, count) for count in shape), indexing="ij"))
-    return np.clip(1.1 - np.sqrt((at**2).sum(0)), 0, 1).astype(np.float32)
+    return np.asarray(np.clip(1.1 - np.sqrt((at**2).sum(0)), 0, 1), np.float32)
 
 
 def _cartesian() -> dict[str, Any]:
@@ -484,7 +487,7 @@ def mixed_lattices_and_ellipsoids(rng: np.random.Generator) -> Parts:
 @scene
 def mixed_with_threshold(rng: np.random.Generator) -> Parts:
     """Cartesian, BCC and ellipsoids with a threshold."""
-    return parts([_cartesian(), _bcc(), cloud(rng, 200, w0=0.7)], central(), refusable=SEVERAL_THRESHOLDS)
+    return parts([_cartesian(), _bcc(), cloud(rng, 200, w0=0.7)], central())
 
 
 @scene
@@ -499,7 +502,7 @@ def several_thresholds(rng: np.random.Generator) -> Parts:
     fields = [cloud(rng, 80, 3.0, w0=w0) for w0 in (0.3, 0.8, 1.0)]
     for field in fields:
         field["values"] *= 0.5
-    return parts(fields, refusable=SEVERAL_THRESHOLDS)
+    return parts(fields)
 
 
 @scene
@@ -600,6 +603,28 @@ def ewa_of_points(rng: np.random.Generator) -> Parts:
     # The mass of a kernel as large as the filter.
     field["weights"] = np.full(60, 0.5 * 0.0625**2 * (1 / 12) / 1e-18)
     return parts([field], filter="ewa")
+
+
+def _ends() -> None:
+    for sampling in ("point", "slab"):
+
+        def maker(rng: np.random.Generator, sampling: str = sampling) -> Parts:
+            """Two kernels that the filter alone brings into the slices before the first and after the last."""
+            field = {
+                "centers": np.array([(0.02, 0.05, 0.98), (0.1, -0.03, -0.98)]),
+                "scales": np.full(2, 0.01),
+                "values": np.array([0.9, 0.6]),
+                "weights": np.full(2, 800.0),
+                "w0": 0.1,
+            }
+            camera = parallel(direction=(0, 0, -1), height=2.0, up=(0, 1, 0))
+            return parts([field], camera, filter="ewa", sampling=sampling, slice_spacing=0.5)
+
+        maker.__name__ = f"ewa_at_the_ends_{sampling}"
+        scene(maker)
+
+
+_ends()
 
 
 @scene
@@ -814,5 +839,5 @@ def random_scene(seed: int) -> Parts:
         },
         "camera": camera,
         "size": tuple(int(n) for n in rng.integers(4, 20, 2)),
-        "refusable": "",
+        "refusable": REFUSABLE.get(seed, ""),
     }

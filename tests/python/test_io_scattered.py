@@ -8,6 +8,7 @@ import io
 import itertools
 import math
 import struct
+import tracemalloc
 import zipfile
 import zlib
 
@@ -195,6 +196,12 @@ def test_plot3d_values_that_are_not_finite_are_named(tmp_path):
 # VTK XML
 
 
+# What VTK writes into arrays beside their numbers.
+KEY = """<InformationKey name="L2_NORM_RANGE" location="vtkDataArray" length="2">
+<Value index="0">0.5</Value><Value index="1">0.5000000001</Value></InformationKey>
+"""
+
+
 class VtkWriter:
     """Writes DataArrays in one of the ways that the format has."""
 
@@ -225,12 +232,12 @@ class VtkWriter:
         told = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}"'
         if self.way == "ascii":
             text = " ".join(repr(part) for part in values.ravel().tolist())
-            return f'{told} format="ascii">\n{text}\n</DataArray>'
+            return f'{told} format="ascii">\n{text}\n{KEY}</DataArray>'
         parts = self.packed(values.astype(values.dtype.newbyteorder(self.order)).tobytes())
         if self.way == "binary":
             text = b"".join(base64.b64encode(part) for part in parts).decode()
-            return f'{told} format="binary">\n  {text}\n</DataArray>'
-        told = f'{told} format="appended" offset="{len(self.appended)}"/>'
+            return f'{told} format="binary">\n  {KEY}{text}\n</DataArray>'
+        told = f'{told} format="appended" offset="{len(self.appended)}">{KEY}</DataArray>'
         self.appended += b"".join(base64.b64encode(part) if self.way == "base64" else part for part in parts)
         return told
 
@@ -238,7 +245,8 @@ class VtkWriter:
         order = "LittleEndian" if self.order == "<" else "BigEndian"
         header = f' header_type="UInt{64 if self.wide else 32}"' if self.wide else ""
         packing = f' compressor="{self.packing}"' if self.packing else ""
-        text = f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="1.0" byte_order="{order}"{header}{packing}>\n{body}'
+        told = f'type="{kind}" version="1.0" byte_order="{order}"{header}{packing}'
+        text = f'<?xml version="1.0"?>\n<VTKFile {told}>\n{body}'
         if self.way in ("raw", "base64"):
             appended = f'<AppendedData encoding="{self.way}">\n  _'.encode()
             return text.encode() + appended + self.appended + b"\n</AppendedData></VTKFile>\n"
@@ -319,12 +327,15 @@ def test_vtp(tmp_path):
     writer = VtkWriter("raw", packing="vtkZLibDataCompressor")
     rng = np.random.default_rng(0)
     points, values, load = rng.normal(size=(6, 3)), rng.normal(size=6), rng.normal(size=3)
-    empty = f"<Lines>{writer.array('connectivity', np.empty(0, np.int32))}{writer.array('offsets', np.empty(0, np.int32))}</Lines>"
-    body = f"""<PolyData><Piece NumberOfPoints="6" NumberOfVerts="1" NumberOfLines="0" NumberOfStrips="0" NumberOfPolys="2">
+
+    def cells(connectivity, offsets):
+        numbers = (("connectivity", connectivity), ("offsets", offsets))
+        return "".join(writer.array(name, np.array(rows, np.int32)) for name, rows in numbers)
+
+    body = f"""<PolyData><Piece NumberOfPoints="6" NumberOfVerts="1" NumberOfLines="0" NumberOfPolys="2">
     <PointData>{writer.array("value", values)}</PointData><CellData>{writer.array("load", load)}</CellData>
-    <Points>{writer.array("Points", points)}</Points>{empty}
-    <Verts>{writer.array("connectivity", np.array([5]))}{writer.array("offsets", np.array([1]))}</Verts>
-    <Polys>{writer.array("connectivity", np.array([0, 1, 2, 1, 2, 3, 4]))}{writer.array("offsets", np.array([3, 7]))}</Polys>
+    <Points>{writer.array("Points", points)}</Points>
+    <Lines>{cells([], [])}</Lines><Verts>{cells([5], [1])}</Verts><Polys>{cells([0, 1, 2, 1, 2, 3, 4], [3, 7])}</Polys>
     </Piece></PolyData>"""
     path = stored(tmp_path / "s.vtp", writer.file("PolyData", body))
     read = read_scattered(path)
@@ -364,7 +375,8 @@ def test_vti_in_pieces_is_put_together(tmp_path):
         text = ""
         for a, b, c, d, e, f in extents:
             part = values[e : f + 1, c : d + 1, a : b + 1]
-            text += f'<Piece Extent="{a} {b} {c} {d} {e} {f}"><PointData>{writer.array("a", part.ravel())}</PointData></Piece>'
+            data = f"<PointData>{writer.array('a', part.ravel())}</PointData>"
+            text += f'<Piece Extent="{a} {b} {c} {d} {e} {f}">{data}</Piece>'
         return writer.file("ImageData", f'<ImageData WholeExtent="0 4 0 3 0 2">{text}</ImageData>')
 
     path = tmp_path / "i.vti"
@@ -440,8 +452,11 @@ def test_vtu_packed_blocks_yield_no_more_than_they_say(tmp_path):
     body, *_ = vtu_body(writer)
     path = stored(tmp_path / "m.vtu", writer.file("UnstructuredGrid", body))
     # Zeros are what the block begins with: all points in one place, of no cell that rises.
+    tracemalloc.start()
     with pytest.raises(ss.InvalidInput):
         read_scattered(path)
+    assert tracemalloc.get_traced_memory()[1] < 1 << 24
+    tracemalloc.stop()
 
 
 # HDF5

@@ -192,27 +192,39 @@ def test_keeping_what_cannot_be_seen_changes_nothing(name: str, packing: str) ->
     check(name, packing=packing, effects=(("elimination", False), ("culling", False)))
 
 
-SOFTPIPE = """
+ALONE = """
 import test_scattered_against_reference as tests
 for name in {names}:
-    image = tests.check(name, packing={packing!r}, tagging="depth_bounds")
-    assert "softpipe" in image.plan.device and image.plan.tagging == "depth_bounds", image.plan
+    for packing in ("wide", "paper"):
+        image = tests.check(name, packing=packing, tagging={tagging!r})
+        assert {driver!r} in image.plan.device and image.plan.tagging == {tagging!r}, image.plan
 print("done")
 """
 
 
-@pytest.mark.parametrize("packing", ["wide", "paper"])
-def test_depth_bounds_on_a_rasteriser_that_has_them(packing: str) -> None:
+def check_alone(names: list[str], driver: str, tagging: str, **variables: str) -> None:
+    """Check scenes in a process with these environment variables."""
+    environment = {**os.environ, **variables, "PYTHONPATH": os.pathsep.join(sys.path)}
+    code = ALONE.format(names=names, driver=driver, tagging=tagging)
+    result = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert result.returncode == 0 and result.stdout.strip() == "done", result.stdout + result.stderr
+
+
+def test_depth_bounds_on_a_rasteriser_that_has_them() -> None:
     """Mesa's softpipe has the test of stored depths that llvmpipe lacks."""
-    environment = {**os.environ, "GALLIUM_DRIVER": "softpipe", "PYTHONPATH": os.pathsep.join(sys.path)}
     probe = "import sheetsplat as ss; print([d.description for d in ss.devices()])"
+    environment = {**os.environ, "GALLIUM_DRIVER": "softpipe", "PYTHONPATH": os.pathsep.join(sys.path)}
     found = subprocess.run([sys.executable, "-c", probe], env=environment, capture_output=True, text=True)
     if "softpipe" not in found.stdout:
         pytest.skip(f"no softpipe here: {found.stdout}")
-    names = ["count_10_parallel", "size_7x33", "opaque_central", "isosurface_parallel", "12", "24", "67"]
-    code = SOFTPIPE.format(names=names, packing=packing)
-    result = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
-    assert result.returncode == 0 and result.stdout.strip() == "done", result.stdout + result.stderr
+    names = ["count_10_parallel", "size_7x33", "12", "24", "67"]
+    check_alone(names, "softpipe", "depth_bounds", GALLIUM_DRIVER="softpipe")
+
+
+def test_drivers_report_nothing_of_programs_they_have_not_kept() -> None:
+    """A driver that finds a program in its cache does not compile it again, and says nothing about it."""
+    names = ["slab_parallel", "preintegration_slab_central", "mixed_slabs", "opaque_central", "aspect_1000_central"]
+    check_alone(names, "", "tiles", MESA_SHADER_CACHE_DISABLE="true", MESA_GLSL_CACHE_DISABLE="true")
 
 
 @pytest.mark.parametrize("packing", ["wide", "paper"])

@@ -39,11 +39,11 @@ constexpr std::int64_t most_imprecise_slices = 1 << 17;
 /// to 0.76 of the time).
 constexpr std::int64_t soon_opaque_slices = 16;
 
-constexpr std::array<const char*, 19> forcible = {
-    "weight",           "gradient",      "specular",      "two_sided",      "opacity_correction",
-    "opacity_stop",     "elimination",   "culling",       "opacity_buffer", "opacity_buffer_average",
-    "points",           "vertex_arrays", "four_channels", "fine_gradient",  "preshaded",
-    "general_sections", "empty_test",    "compensation",  "count_fragments"};
+constexpr std::array<const char*, 20> forcible = {
+    "weight",           "gradient",      "specular",      "two_sided",       "opacity_correction",
+    "opacity_stop",     "elimination",   "culling",       "opacity_buffer",  "opacity_buffer_average",
+    "points",           "vertex_arrays", "four_channels", "fine_gradient",   "preshaded",
+    "general_sections", "empty_test",    "compensation",  "count_fragments", "bare_fill"};
 
 std::string number(double value) {
     std::ostringstream text;
@@ -436,6 +436,11 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                      view.largest_splat_px < largest_separable_px;
     plan.vertex_arrays = effects.decide("vertex_arrays", true, "a batch is one draw call");
     plan.count_fragments = effects.decide("count_fragments", false, "a figure for benchmarks: not asked for");
+    plan.bare_fill = effects.decide("bare_fill", false, "a figure for benchmarks: not asked for");
+    if (plan.bare_fill && !options.allow_inexact) {
+        throw Unsupported(Complaint{"the plan cannot be made", "bare_fill, which draws rectangles instead of kernels",
+                                    "a picture", "drop bare_fill from effects=, or pass allow_inexact=True"});
+    }
     plan.four_channels = effects.decide("four_channels", true, "four slabs are splatted at a time");
     if (!plan.four_channels) {
         plan.packing = Packing::paper;

@@ -19,7 +19,7 @@ Compositor::Compositor(const Scene& scene, const Screen& screen, const Slices& s
                        const Request& request, const Nudge& nudge)
     : scene_(scene), screen_(screen), slices_(slices), shader_(shader),
       rho_shift_(nudge.rho * (scene.transfer_function.v_max() - scene.transfer_function.v_min())),
-      stop_(scene.opacity_stop + nudge.stop) {
+      stop_(scene.opacity_stop + nudge.stop), reference_distance_(scene.reference_distance()) {
     const std::size_t pixels = static_cast<std::size_t>(screen.width()) * static_cast<std::size_t>(screen.height());
     picture_.size = {screen.width(), screen.height()};
     (is_scalar(scene.mode) ? picture_.scalar : picture_.rgba).assign(is_scalar(scene.mode) ? pixels : 4 * pixels, 0.0);
@@ -35,8 +35,7 @@ void Compositor::add(const SheetWindow& window) {
         for (int column = 0; column < screen_.width(); ++column) {
             const std::size_t number = static_cast<std::size_t>(row) * static_cast<std::size_t>(screen_.width()) +
                                        static_cast<std::size_t>(column);
-            const Pixel pixel{column, row, number,
-                              slices_.spacing * screen_.secant(column, row) / scene_.reference_distance()};
+            const Pixel pixel{column, row, number, slices_.spacing * screen_.secant(column, row) / reference_distance_};
             if (!picture_.coverage.empty() && at_slice) {
                 add_coverage(window, pixel);
             }

@@ -138,11 +138,11 @@ KernelShape KernelShape::filtered(const Mat3& axes_eye, const Vec3& semi_axes, d
     KernelShape shape;
     // Its inverse, column by column, by substitution.
     const double i10 = -r01 / r00 / r11;
-    shape.to_unit_ = Mat3(Vec3(1.0 / r00, i10, -(r02 / r00 + r12 * i10) / r22),
-                          Vec3(0.0, 1.0 / r11, -r12 / r11 / r22), Vec3(0.0, 0.0, 1.0 / r22));
+    shape.to_unit_ = Mat3(Vec3(1.0 / r00, i10, -(r02 / r00 + r12 * i10) / r22), Vec3(0.0, 1.0 / r11, -r12 / r11 / r22),
+                          Vec3(0.0, 0.0, 1.0 / r22));
     shape.measure(Vec3(r00, 0.0, 0.0), Vec3(r01, r11, 0.0), Vec3(r02, r12, r22));
-    shape.amplitude_ = ratio_of_products({semi_axes.x, semi_axes.y, semi_axes.z},
-                                         {std::abs(r00), std::abs(r11), std::abs(r22)});
+    shape.amplitude_ =
+        ratio_of_products({semi_axes.x, semi_axes.y, semi_axes.z}, {std::abs(r00), std::abs(r11), std::abs(r22)});
     return shape;
 }
 

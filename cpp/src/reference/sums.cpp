@@ -21,6 +21,9 @@ namespace {
 // end decides.
 constexpr double margin = 1e-3;
 
+// Columns: up to here a row's own end is not worth its search.
+constexpr int narrow = 16;
+
 std::size_t pixels_with_border(const Screen& screen) {
     return static_cast<std::size_t>(screen.width() + 2) * static_cast<std::size_t>(screen.height() + 2);
 }
@@ -162,16 +165,21 @@ void FieldSums::splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, 
     const double half_width = screen_.half_width(plane), half_height = screen_.half_height(plane);
     const double dz = kernel.depth() - plane;
 
-    const Interval y = kernel.shape.bounds_y(front, back);
+    const Interval all_x = kernel.shape.bounds_x(front, back), y = kernel.shape.bounds_y(front, back);
+    const Screen::Span all_columns =
+        screen_.columns(centre.x + all_x.lower, centre.x + all_x.upper, depth.lower, depth.upper);
     const Screen::Span rows = screen_.rows(centre.y + y.lower, centre.y + y.upper, depth.lower, depth.upper);
     for (int j = rows.first; j <= rows.last; ++j) {
         const double dy = screen_.ndc_y(j) * half_height - centre.y;
         const double slope_y = screen_.slope_y(j);
-        const Interval x = kernel.shape.bounds_in_row(dy + slope_y * dz, slope_y, front, back);
-        if (x.empty()) {
-            continue;
+        Screen::Span columns = all_columns;
+        if (columns.last - columns.first >= narrow) {
+            const Interval x = kernel.shape.bounds_in_row(dy + slope_y * dz, slope_y, front, back);
+            if (x.empty()) {
+                continue;
+            }
+            columns = screen_.columns(centre.x + x.lower, centre.x + x.upper, depth.lower, depth.upper);
         }
-        const Screen::Span columns = screen_.columns(centre.x + x.lower, centre.x + x.upper, depth.lower, depth.upper);
         for (int i = columns.first; i <= columns.last; ++i) {
             const double dx = screen_.ndc_x(i) * half_width - centre.x;
             double g = 0.0;
@@ -183,8 +191,8 @@ void FieldSums::splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, 
                 }
                 g = profile_.at(r_squared);
             } else {
-                const Chord chord = kernel.shape.mean(profile_, Vec3(dx, dy, 0.0), screen_.slope_x(i), slope_y,
-                                                      slab_front, slab_back);
+                const Chord chord =
+                    kernel.shape.mean(profile_, Vec3(dx, dy, 0.0), screen_.slope_x(i), slope_y, slab_front, slab_back);
                 if (!chord.reached) {
                     continue;
                 }

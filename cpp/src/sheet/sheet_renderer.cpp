@@ -280,7 +280,7 @@ std::map<std::string, std::string> shader_sources(const DrawPlan& plan, const Sc
     std::map<std::string, std::string> sources;
     const std::string version = "#version 330 core";
     FieldView plain;
-    const gl::Defines splat = splat_defines(plan, plain, {-1, plan.weight, false});
+    const gl::Defines splat = splat_defines(plan, plain, {-1, plan.weight, false, false});
     const gl::Defines shade = shade_defines(plan, scene.lights.size(), 0);
     sources["splat.vert"] = gl::preprocess(embedded_glsl(), "splat.vert", version, splat).text;
     sources["splat.frag"] = gl::preprocess(embedded_glsl(), "splat.frag", version, splat).text;

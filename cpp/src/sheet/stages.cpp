@@ -80,11 +80,12 @@ gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const Sp
         // long.
         defines["SLAB_PIECES"] = group == SectionGroup::thick ? "4" : "1";
     }
-    const std::array<std::pair<const char*, bool>, 9> switches{{
+    const std::array<std::pair<const char*, bool>, 10> switches{{
+        {"BARE", plan.bare_fill},
         {"SPRITE", group == SectionGroup::sprite},
-        {"COMPACT", group == SectionGroup::compact && !plan.fine_gradient},
+        {"COMPACT", group == SectionGroup::compact && !plan.fine_gradient && plan.packing == Packing::wide},
         {"PERSPECTIVE", plan.projection == Projection::perspective},
-        {"TWO_TARGETS", plan.packing == Packing::wide},
+        {"TWO_TARGETS", plan.packing == Packing::wide && !target.narrow},
         {"FINE", plan.fine_gradient},
         {"FINE_XY", plan.fine_across},
         {"FINE_Z", plan.fine_along},
@@ -103,7 +104,7 @@ std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& 
     std::vector<std::string> names;
     const auto add = [&](const std::string& name) {
         names.push_back(name + "_front");
-        if (plan.packing == Packing::wide) {
+        if (plan.packing == Packing::wide && !target.narrow) {
             names.push_back(name + "_back");
         }
     };

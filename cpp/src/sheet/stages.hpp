@@ -33,6 +33,7 @@ Steps make_steps(const DrawPlan& plan, const Frame& frame);
 struct SplatTarget {
     int own = -1;               ///< number of the field's own sheets; -1: the sheets of all fields
     bool weight = false;        ///< weights go along
+    bool narrow = false;        ///< one sheet instead of two
     bool weights_alone = false; ///< the second splat pass of fine gradients, which adds weights and their differences
 };
 gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target);

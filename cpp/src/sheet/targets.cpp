@@ -112,6 +112,9 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
         std::vector<const gl::Texture*> colors;
         append(colors, {&sheets_[static_cast<std::size_t>(r)]}, shape, false);
         clear_.emplace_back(gl, colors, nullptr);
+        if (shape.wide && !shape.fine) {
+            splat_one_.emplace_back(gl, colors, tags);
+        }
         if (shape.fine && shape.weight) {
             colors.clear();
             append(colors, {&sheets_[static_cast<std::size_t>(r)]}, shape, true);
@@ -133,6 +136,7 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
             std::vector<const gl::Texture*> colors;
             append(colors, pair, own_shape, false);
             own.clear.emplace_back(gl, colors, nullptr);
+            own.splat_one.emplace_back(gl, colors, tags);
             if (shape.wide) {
                 pair.push_back(&own.sheets[(r + 1) % 3]);
             }

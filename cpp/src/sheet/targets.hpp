@@ -61,6 +61,11 @@ class Targets {
         own_[static_cast<std::size_t>(field)].splat[static_cast<std::size_t>(r)].bind();
     }
     void clear_own(int field, int r) const;
+    /// Draws to one sheet of the ring alone, with tags.
+    void bind_splat_one(int r) const { splat_one_[static_cast<std::size_t>(r)].bind(); }
+    void bind_splat_own_one(int field, int r) const {
+        own_[static_cast<std::size_t>(field)].splat_one[static_cast<std::size_t>(r)].bind();
+    }
     /// Draws to one sheet alone: values, and weights where there are any.
     void bind_sheet(int r) const { clear_[static_cast<std::size_t>(r)].bind(); }
 
@@ -84,12 +89,12 @@ class Targets {
     std::vector<Sheet> sheets_;
     struct Own {
         std::vector<Sheet> sheets;
-        std::vector<gl::Framebuffer> splat, clear;
+        std::vector<gl::Framebuffer> splat, splat_one, clear;
     };
     std::vector<Own> own_;
     gl::Texture depth_tags_, image_, image_depth_, image_coverage_, image_error_;
     gl::Texture image_copy_, image_depth_copy_, image_coverage_copy_, image_error_copy_;
-    std::vector<gl::Framebuffer> splat_, splat_weight_, clear_, clear_weight_;
+    std::vector<gl::Framebuffer> splat_, splat_one_, splat_weight_, clear_, clear_weight_;
     gl::Framebuffer copy_, copy_weight_, image_fbo_, depth_fbo_;
 };
 

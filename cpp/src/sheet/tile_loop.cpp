@@ -93,8 +93,10 @@ void TileLoop::run(const std::function<void(double)>& progress) {
         if (!targets_->shape().wide) {
             copy(pass);
         }
-        resolve(pass);
-        shade(pass);
+        if (!plan_.bare_fill) {
+            resolve(pass);
+            shade(pass);
+        }
         if (targets_->shape().wide) {
             targets_->clear_sheet(ring(pass + 2));
         }
@@ -147,7 +149,9 @@ void TileLoop::splat(std::int64_t pass) {
 void TileLoop::bind_target(const SplatTarget& target, std::int64_t pass) const {
     const int r = targets_->shape().wide ? ring(pass) : 0;
     if (target.own >= 0) {
-        targets_->bind_splat_own(target.own, r);
+        target.narrow ? targets_->bind_splat_own_one(target.own, r) : targets_->bind_splat_own(target.own, r);
+    } else if (target.narrow) {
+        targets_->bind_splat_one(r);
     } else if (plan_.fine_gradient) {
         targets_->bind_splat_fine(r, target.weights_alone);
     } else {
@@ -156,11 +160,11 @@ void TileLoop::bind_target(const SplatTarget& target, std::int64_t pass) const {
 }
 
 template <class Draw>
-void TileLoop::for_each_target(std::size_t field, Draw&& draw) const {
+void TileLoop::for_each_target(std::size_t field, bool narrow, Draw&& draw) const {
     const int own = plan_.own_sheets.empty() ? -1 : plan_.own_sheets[field];
-    draw(SplatTarget{own, plan_.weight || own >= 0, false});
+    draw(SplatTarget{own, plan_.weight || own >= 0, narrow, false});
     if (plan_.fine_gradient && plan_.weight) {
-        draw(SplatTarget{own, true, true});
+        draw(SplatTarget{own, true, narrow, true});
     }
 }
 
@@ -202,7 +206,7 @@ void TileLoop::splat_regular(std::size_t part, std::int64_t pass, std::int64_t f
     }
     drawn_ += made;
 
-    for_each_target(job_.regular[part].field, [&](const SplatTarget& target) {
+    for_each_target(job_.regular[part].field, false, [&](const SplatTarget& target) {
         bind_target(target, pass);
         const gl::Program& program = resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, target),
                                                         splat_outputs(plan_, target));
@@ -217,6 +221,8 @@ void TileLoop::splat_ellipsoids(std::size_t part, std::int64_t pass, std::int64_
     const std::int64_t last_slab = std::min<std::int64_t>(first_slab + job_.layout.covered, frame_.slices) - 1;
     const double front = view.front_of(first_slab - wider);
     const double back = view.back_of(last_slab + wider);
+    const std::int64_t last_narrow = std::min<std::int64_t>(first_slab + job_.layout.stride, frame_.slices) - 1;
+    const double back_narrow = view.back_of(last_narrow + wider);
     const bool marking = plan_.tagging == Tagging::tiles;
     const double sprite = plan_.points ? largest_sprite_ : 0.0;
     const auto started = std::chrono::steady_clock::now();
@@ -227,9 +233,10 @@ void TileLoop::splat_ellipsoids(std::size_t part, std::int64_t pass, std::int64_
         [&](const EllipsoidView::ScreenBounds& bounds) {
             return plan_.opacity_buffer && opacity_.hides(EllipsoidView::pixels(bounds, frame_, tile_, wider));
         },
-        [&](std::uint32_t id) {
+        [&](std::uint32_t id, bool narrow) {
             const EyeKernel kernel = view.kernel(id);
-            const PixelBox box = EllipsoidView::pixels(view.bounds(kernel, front, back), frame_, tile_, wider);
+            const PixelBox box =
+                EllipsoidView::pixels(view.bounds(kernel, front, narrow ? back_narrow : back), frame_, tile_, wider);
             if (box.empty()) {
                 return;
             }
@@ -242,16 +249,19 @@ void TileLoop::splat_ellipsoids(std::size_t part, std::int64_t pass, std::int64_
             }
             // Anchored where it is needed, a record keeps its digits: at the batch's slab nearest to the centre.
             const double middle_slab = (-kernel.center.z - frame_.first_depth) / frame_.slice_spacing;
-            const auto anchor = static_cast<std::int64_t>(
-                std::clamp(std::round(middle_slab), static_cast<double>(first_slab), static_cast<double>(last_slab)));
-            records_[static_cast<std::size_t>(view.group(kernel, sprite))].push_back(view.record(id, kernel, anchor));
+            const auto anchor =
+                static_cast<std::int64_t>(std::clamp(std::round(middle_slab), static_cast<double>(first_slab),
+                                                     static_cast<double>(narrow ? last_narrow : last_slab)));
+            records_[static_cast<std::size_t>(view.group(kernel, sprite)) + (narrow ? section_groups : 0)].push_back(
+                view.record(id, kernel, anchor));
         });
     vertex_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
     for (std::size_t group = 0; group < records_.size(); ++group) {
         if (!records_[group].empty()) {
             drawn_ += records_[group].size();
-            for_each_target(ellipsoids.field, [&](const SplatTarget& target) {
-                draw_records(view, static_cast<SectionGroup>(group), records_[group], target, pass, first_slab);
+            for_each_target(ellipsoids.field, group >= section_groups, [&](const SplatTarget& target) {
+                draw_records(view, static_cast<SectionGroup>(group % section_groups), records_[group], target, pass,
+                             first_slab);
             });
         }
     }
@@ -288,7 +298,7 @@ void TileLoop::draw_records(const EllipsoidView& view, SectionGroup group, const
     program.set("tag", tags_by_depth() ? tag_of(tag_) : middle);
     program.set("batch_first", f(static_cast<double>(first_slab)));
     program.set("first_depth", f(frame_.depth_of(first_slab)));
-    program.set("last_offset", f(job_.layout.covered - 1));
+    program.set("last_offset", f((target.narrow ? job_.layout.stride : job_.layout.covered) - 1));
     program.set("slab_reach", f((plan_.sampling == Sampling::slab ? 0.5 : 0.0) + (plan_.fine_gradient ? 1.0 : 0.0)));
     // Half a pixel of a rectangle's edge that a pixel's centre lies on may be lost to rounding; differences between
     // neighbours reach a pixel further, along both axes.

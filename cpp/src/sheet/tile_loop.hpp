@@ -45,7 +45,7 @@ class TileLoop {
     void bind_target(const SplatTarget& target, std::int64_t pass) const;
     /// Calls draw(target) for each pass that a field's splats take.
     template <class Draw>
-    void for_each_target(std::size_t field, Draw&& draw) const;
+    void for_each_target(std::size_t field, bool narrow, Draw&& draw) const;
     /// Divides the fields with sheets of their own and adds them to the sheets of all.
     void resolve(std::int64_t pass);
     void copy(std::int64_t pass);
@@ -78,8 +78,8 @@ class TileLoop {
     TileMarks marks_;
     std::vector<VertexMaker> makers_;
     std::vector<CellWalk> walks_;
-    std::array<std::vector<SectionRecord>, section_groups> records_;
-    double largest_sprite_ = 0.0; ///< radius in pixels
+    std::array<std::vector<SectionRecord>, 2 * section_groups> records_; ///< wide ones, then narrow ones
+    double largest_sprite_ = 0.0;                                        ///< radius in pixels
     const Targets* targets_ = nullptr;
     int tags_limit_;
     int tag_ = 0;      ///< of the newest batch, counted since the tags were cleared

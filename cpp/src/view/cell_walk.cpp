@@ -30,7 +30,7 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& grid, const ReachLists* reach,
                                 const std::vector<std::uint8_t>& visible, BatchLayout layout, int wider_slices,
-                                int wider_px) {
+                                int wider_px, bool may_narrow) {
     CellTraversal result;
     result.again_ = layout.covered / layout.stride;
     const Frame& frame = view.frame();
@@ -72,13 +72,16 @@ CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& gr
             const std::uint32_t start = reach == nullptr
                                             ? static_cast<std::uint32_t>(home)
                                             : reach->start_cell(view.field(), grid, *id, view.first_point_world(*id));
-            const Entry entry{*id, static_cast<std::int32_t>(span.first / layout.stride),
-                              static_cast<std::int32_t>(span.last / layout.stride)};
+            const std::int64_t first = span.first / layout.stride;
+            const std::int64_t last = span.last / layout.stride;
+            const bool narrow = may_narrow && layout.covered > layout.stride && first == last;
+            const Entry entry{*id, static_cast<std::int32_t>(first), static_cast<std::uint32_t>(last) & 0x7FFFFFFFU,
+                              narrow ? 1U : 0U};
             found.push_back({entry, start});
             ++count[start + 1];
             Cell& cell = cells[start];
             cell.first_batch = std::min(cell.first_batch, entry.first_batch);
-            cell.last_batch = std::max(cell.last_batch, entry.last_batch);
+            cell.last_batch = std::max(cell.last_batch, static_cast<std::int32_t>(entry.last_batch));
             cell.bounds = joined(cell.bounds, bounds);
         }
     }

@@ -12,9 +12,9 @@ namespace {
 
 /// A weight of 0 still reaches: what it leaves in the sheets tells a point that is 0 from one that is empty.
 constexpr double least_weight = 1e-30;
-/// Slabs of a batch, in radii of the unit sphere, up to which exponents may be taken by differences.
-constexpr double compact_reach = 2.0;
-constexpr double slabs_of_batch = 8.0;
+constexpr double log2_e = 1.4426950408889634;
+/// Powers of two that float32 has room for.
+constexpr double largest_exponent = 115.0;
 /// sqrt(k) |w| ds / h up to which 4 and 6 nodes integrate a slab to 1e-7.
 constexpr double thin_slab = 0.6;
 constexpr double medium_slab = 1.5;
@@ -246,8 +246,14 @@ SectionGroup EllipsoidView::group(const EyeKernel& kernel, double sprite_px) con
     if (spheres_ && kernel.extent.x / frame_->pixel <= sprite_px) {
         return SectionGroup::sprite;
     }
-    if (frame_->projection == Projection::orthographic && ray * step_s * slabs_of_batch <= compact_reach) {
-        return SectionGroup::compact;
+    if (frame_->projection == Projection::orthographic) {
+        // |w| ds / h, and the farthest that the middle of four slabs lies from the centre where it matters.
+        const double step = ray * step_s;
+        const double far = 1.5 + 1.5 * step;
+        const double k = log2_e * field_->kernel().falloff;
+        if (step <= 1.0 && k * far * far < largest_exponent && 3.0 * k * far * step < largest_exponent) {
+            return SectionGroup::compact;
+        }
     }
     return SectionGroup::plain;
 }

@@ -265,14 +265,27 @@ def delaunay(
     mapped as the lattice is. Then kernels at cells and edges whose middle has a weight sum below `lowest` are enlarged,
     no axis beyond `overlap` times the distance of the point's farthest neighbour.
 
-    Measured, with the defaults, at points spread evenly over the mesh (for bare points: over the tetrahedra that are
-    kept); errors of the linear field over the longest edge of the cell times the gradient's length:
+    Measured with the defaults, at 20,000 points spread evenly over the cells (for bare points: over the tetrahedra that
+    are kept). The error is that of the worst of three linear fields, over its gradient times the diameter of the cell
+    in which the point lies; the largest ones are those at the hull, where there are neighbours to one side only.
 
-    =============================  ===========  ======================  ==============
-    points                         W            error of linear fields  kernels raised
-    =============================  ===========  ======================  ==============
-    MEASURED
-    =============================  ===========  ======================  ==============
+    ======================================  =============  ==================  ======
+    points                                  W              error rms, largest  raised
+    ======================================  =============  ==================  ======
+    any lattice by shape, also 1:1000       1.6 .. 2.05    0.018, 0.083        0
+    the same, a cell away from the hull     1.87 .. 2.05   0.013, 0.013        0
+    curved wall, 1:1000, cells grow by 1/4  1.5 .. 12      0.035, 0.23         0
+    Combustor, by shape                     1.4 .. 2.9     0.018, 0.12         0.1 %
+    Blunt Fin, by shape (aspects to 2500)   1.4 .. 3.3     0.11, 0.32          0
+    fire mesh, 10,462 hexahedra             1.2 .. 5.9     0.043, 0.17         0
+    10,000 random points in a cube, bare    1.07 .. 5.8    0.09, 0.51          62 %
+    Combustor, bare                         1.09 .. 2.5    0.048, 0.26         20 %
+    ======================================  =============  ==================  ======
+
+    Where cells grow from one to the next by a factor s the average lies (s - 1)/2 of a cell towards the larger ones, as
+    on the Blunt Fin. On a curved wall kernels are as thick as neighbours along the wall lie off its tangent plane:
+    values are averaged over the layers in between. The Combustor's 47,025 points take 0.4 s by shape and 6 s bare, on
+    one core of a server.
 
     Parameters
     ----------

@@ -273,7 +273,8 @@ def read_scattered(
             )
     from sheetsplat.io import gaussian_ply, plot3d, sph_hdf5, tables, vtk_xml
 
-    with Source(Path(path)) as source:
+    # Numbers that are none are found and named after they were read.
+    with Source(Path(path)) as source, np.errstate(all="ignore"):
         if grid is not None:
             return plot3d.read(source, Path(grid), scalar)
         if found == "hdf5":

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import Unsupported, complain
+from sheetsplat.errors import Error, Unsupported, complain
 from sheetsplat.io.scattered import (
     Floats,
     Scattered,
@@ -174,8 +174,10 @@ def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Flo
     """
     from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
-    usable = np.flatnonzero((lengths > 0) & (densities > 0) & (masses > 0))
-    if usable.size < 2:
+    # Kernels much larger than everything tell nothing, and overflow the tree's sums of squares.
+    size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    usable = np.flatnonzero((lengths > 0) & (lengths < 10.0 * size) & (densities > 0) & (masses > 0))
+    if usable.size < 2 or not 1e-100 < size < 1e100:
         return None, math.inf
     probes = usable[np.linspace(0, usable.size - 1, min(_PROBES, usable.size)).astype(np.intp)]
     tree = cKDTree(points)
@@ -234,9 +236,10 @@ def read(
                     "choose one with particles=... (on the command line --particles)",
                 )
             return _read_group(path, file, _Group(h5py, path, file[name], name), name, scalar, support)
-    except (OSError, KeyError, RuntimeError, TypeError, OverflowError) as error:
-        if isinstance(error, RuntimeError) and type(error).__module__.startswith("sheetsplat"):
-            raise
+    except (Error, MemoryError):
+        raise
+    except Exception as error:
+        # The library lets errors of many classes through where a file is damaged.
         raise source.damaged(error) from None
 
 

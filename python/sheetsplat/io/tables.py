@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import os
 import warnings
@@ -187,7 +186,7 @@ def _lines(source: Source) -> tuple[list[str], str]:
         found = "no line of names" if not text else "a first line without end"
         raise unreadable(source.path, found, "names of columns")
     part = next((one for one in (",", ";", "\t") if one in text), " ")
-    names = [name.strip() for name in (next(csv.reader([text], delimiter=part)) if part != " " else text.split())]
+    names = [name.strip().strip('"') for name in (text.split(part) if part != " " else text.split())]
     if len(names) > _MOST_COLUMNS or len(set(names)) != len(names):
         raise unreadable(source.path, f"{len(names)} columns, {len(set(names))} names", "names that differ")
     return names, part

@@ -56,6 +56,8 @@ _KINDS = {"UnstructuredGrid": "vtu", "PolyData": "vtp", "ImageData": "vti"}
 _CHUNK = 1 << 20
 _APPENDED = b"<AppendedData"
 _MOST_ELEMENTS = 100_000
+# Elements around a DataArray: VTKFile, the kind, Piece, and PointData or the like.
+_ARRAY_DEPTH = 4
 # Characters that one number takes as text, and what arrays have besides.
 _LONGEST_WORD = 64
 _SLACK = 1 << 16
@@ -171,7 +173,7 @@ class _Parser:
             for role in ("Scalars", "Vectors"):
                 if role in attributes:
                     document.pieces[-1].chosen.setdefault(f"{name} {role}", attributes[role])
-        elif depth == 4 and name == "DataArray" and document.pieces and self._stack[2] == "Piece":
+        elif depth == _ARRAY_DEPTH and name == "DataArray" and document.pieces and self._stack[2] == "Piece":
             self._array = self._new_array(attributes)
             document.pieces[-1].arrays[self._stack[3]].append(self._array)
         self._stack.append(name)
@@ -215,10 +217,12 @@ class _Parser:
 
     def _end(self, _: str) -> None:
         self._stack.pop()
-        self._array = None
+        if len(self._stack) == _ARRAY_DEPTH:
+            self._array = None
 
     def _text(self, text: str) -> None:
-        if self._array is None or self._array.format == "appended":
+        # VTK writes information keys with texts of their own into arrays.
+        if self._array is None or self._array.format == "appended" or len(self._stack) > _ARRAY_DEPTH + 1:
             return
         data = text.encode("ascii", "replace")
         self._array.text.append(data)
@@ -614,6 +618,11 @@ def read_image(source: Source, scalar: str | None = None) -> Volume:
     Raises InvalidInput for damaged files, pieces that do not fill the image, and axes that are turned; Unsupported for
     data packed in a way that is not known.
     """
+    with np.errstate(all="ignore"):
+        return _image(source, scalar)
+
+
+def _image(source: Source, scalar: str | None) -> Volume:
     path = source.path
     document = _parse(source)
     reader = _Reader(source, document)

@@ -101,10 +101,9 @@ class Page {
                     }
                     const Vec3 index(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k));
                     const double shift = 0.5 * static_cast<double>(k % 2), a = o.spacing.x;
-                    const Vec3 p =
-                        o.lattice == Lattice::bcc
-                            ? o.origin + Vec3((index.x + shift) * a, (index.y + shift) * a, index.z * a / 2.0)
-                            : o.origin + index * o.spacing;
+                    const Vec3 p = o.lattice == Lattice::bcc ? o.origin + Vec3((index.x + shift) * a,
+                                                                               (index.y + shift) * a, index.z * a / 2.0)
+                                                             : o.origin + index * o.spacing;
                     Sample sample{p, Mat3(1.0), std::max({s.x, s.y, s.z}), value, 1.0 + mistakes_.weight};
                     for (int axis = 0; axis < 3; ++axis) {
                         sample.form[axis][axis] = 1.0 / (s[axis] * s[axis]);
@@ -144,9 +143,10 @@ class Page {
             2.0 * half_height(std::abs(depth_of(sample.position))) / size_.height * (1.0 + mistakes_.filter);
         const double along = spacing_ * (1.0 + mistakes_.filter);
         const Mat3 old = glm::inverse(sample.form);
-        const Mat3 wide = old + across * across *
-                                    (glm::outerProduct(camera_.right_world(), camera_.right_world()) +
-                                     glm::outerProduct(camera_.up_world(), camera_.up_world())) +
+        const Mat3 wide = old +
+                          across * across *
+                              (glm::outerProduct(camera_.right_world(), camera_.right_world()) +
+                               glm::outerProduct(camera_.up_world(), camera_.up_world())) +
                           along * along * glm::outerProduct(camera_.back_world(), camera_.back_world());
         sample.form = glm::inverse(wide);
         sample.weight *= std::sqrt(glm::determinant(old) / glm::determinant(wide));
@@ -585,7 +585,10 @@ RandomPicture random_picture(unsigned seed, Kinds kinds = Kinds::lattices) {
     const Camera camera =
         dice.one_in(2) ? Camera::orthographic(eye, target, up, dice.real(2.0, 10.0))
                        : Camera::perspective(eye, target, up, dice.real(15.0, 90.0), dice.real(0.05, 1.0) * distance);
-    return {scene, camera, Size{dice.whole(1, 7), dice.whole(1, 6)}};
+    // Wide ones too: in those the renderer looks for the ends of each row.
+    const Size size = kinds == Kinds::ellipsoids && dice.one_in(2) ? Size{dice.whole(25, 50), dice.whole(1, 3)}
+                                                                   : Size{dice.whole(1, 7), dice.whole(1, 6)};
+    return {scene, camera, size};
 }
 
 /// Largest difference over all outputs; scalars are divided by max(1, largest reference value), depths by 1 as they
@@ -657,7 +660,8 @@ TEST(BruteForce, SmallMistakesAreSeen) {
     };
     for (const Case& c :
          {Case{"falloff", mistake(&Mistakes::falloff, 1e-9), 18}, Case{"secant", mistake(&Mistakes::secant, 1e-9), 18},
-          Case{"depth", mistake(&Mistakes::depth, 1e-9), 18}, Case{"shininess", mistake(&Mistakes::shininess, 1e-7), 6}}) {
+          Case{"depth", mistake(&Mistakes::depth, 1e-9), 18},
+          Case{"shininess", mistake(&Mistakes::shininess, 1e-7), 6}}) {
         int seen = 0;
         for (unsigned seed = 0; seed < tried; ++seed) {
             const RandomPicture random = random_picture(seed);
@@ -689,9 +693,9 @@ TEST(BruteForce, RandomEllipsoidsAgree) {
         const bool slab = random.scene.sampling == Sampling::slab, ewa = random.scene.filter == Filter::ewa;
         kinds[std::string(perspective ? "perspective" : "orthographic") + (slab ? " slab" : " point") +
               (ewa ? " ewa" : "")] += 1;
-        kinds[random.scene.fields.size() == 1                                ? "alone"
+        kinds[random.scene.fields.size() == 1                          ? "alone"
               : random.scene.fields[1]->kind() == FieldKind::ellipsoid ? "two of ellipsoids"
-                                                                             : "with a lattice"] += 1;
+                                                                       : "with a lattice"] += 1;
     }
     std::printf("largest difference of %u scenes of ellipsoids: %.2e, %d of them not empty\n", scenes, worst, showing);
     EXPECT_GE(showing, static_cast<int>(scenes) * 3 / 4);

@@ -336,7 +336,8 @@ TEST(Ellipsoids, ARegularLatticeIsTheSameAsItsKernels) {
                         point.value *= 2.0;
                     }
                     both.transfer_function = TransferFunction(points);
-                    const double doubled = largest_difference(first.rgba, render(both, camera_of(perspective), size).rgba);
+                    const double doubled =
+                        largest_difference(first.rgba, render(both, camera_of(perspective), size).rgba);
                     EXPECT_LE(doubled, 1e-12);
                 }
             }
@@ -495,7 +496,8 @@ TEST(Ellipsoids, NeedlesOfOneInAHundredThousand) {
         for (const double along : {0.0, 0.4, 0.9}) {
             const Vec3 place = along * m[0];
             for (int point = 0; point < 30; ++point) {
-                const Vec3 at = place + random_real(generator, -0.6, 0.6) * m[1] + random_real(generator, -0.6, 0.6) * m[2];
+                const Vec3 at =
+                    place + random_real(generator, -0.6, 0.6) * m[1] + random_real(generator, -0.6, 0.6) * m[2];
                 long double r_squared = 0.0L;
                 for (int axis = 0; axis < 3; ++axis) {
                     const long double part =
@@ -505,8 +507,7 @@ TEST(Ellipsoids, NeedlesOfOneInAHundredThousand) {
                 const double g = kernel_value(static_cast<double>(std::sqrt(r_squared)), 8.0);
                 worst = std::max(worst, std::abs(sums_at(*field, at).d - g));
                 by_covariance = std::max(
-                    by_covariance,
-                    std::abs(kernel_value(std::sqrt(std::max(0.0, glm::dot(at, form * at))), 8.0) - g));
+                    by_covariance, std::abs(kernel_value(std::sqrt(std::max(0.0, glm::dot(at, form * at))), 8.0) - g));
             }
         }
     }

@@ -110,9 +110,9 @@ TEST(EwaFilter, KeepsNeedlesAccurate) {
         const Wide sum = widened(axes, s, 1.0, 0.5);
         const Factor<long double> exact(sum);
         const Factor<double> rough(sum);
-        amplitude = std::max(amplitude, std::abs(static_cast<double>(shape.amplitude() * exact.l00 * exact.l11 *
-                                                                         exact.l22 / s.x / s.y / s.z -
-                                                                     1.0L)));
+        amplitude =
+            std::max(amplitude, std::abs(static_cast<double>(
+                                    shape.amplitude() * exact.l00 * exact.l11 * exact.l22 / s.x / s.y / s.z - 1.0L)));
         for (int point = 0; point < 20; ++point) {
             const Vec3 d = axes * (Vec3(random_real(generator, -0.7, 0.7) * s.x, random_real(generator, -0.5, 0.5),
                                         random_real(generator, -0.5, 0.5)));
@@ -178,8 +178,7 @@ TEST(EwaFilter, KeepsTheMassOfAKernel) {
         };
         const double vv = product(ray, ray), xv = product(start, ray), xx = product(start, start);
         const double amplitude = s.x * s.y * s.z * std::sqrt(static_cast<double>(glm::determinant(form)));
-        const double expected_centre =
-            amplitude * chord_integral(std::sqrt(xx - xv * xv / vv), 8.0) / std::sqrt(vv);
+        const double expected_centre = amplitude * chord_integral(std::sqrt(xx - xv * xv / vv), 8.0) / std::sqrt(vv);
         EXPECT_NEAR(centre / expected_centre, 1.0, 1e-12);
         scene.filter = Filter::none;
         EXPECT_GT(std::abs(render(scene, camera, size).scalar[30 * 60 + 30] / expected_centre - 1.0), 1e-2);
@@ -258,8 +257,8 @@ TEST(EwaFilter, HugeKernelsBarelyChange) {
 TEST(EwaFilter, ItsSupportDecidesWhichSlicesThereAre) {
     // A disc of half-depth 0.01 that faces the camera, slices 1 apart: two slabs touch it, and four once it is filtered
     // (its half-depth is sqrt(0.0001 + 1)).
-    const auto field =
-        make_ellipsoids(one_ellipsoid(Vec3(0.0), Vec3(2.0, 2.0, 0.01), glm::dquat(1.0, 0.0, 0.0, 0.0)), plain_ellipsoids());
+    const auto field = make_ellipsoids(one_ellipsoid(Vec3(0.0), Vec3(2.0, 2.0, 0.01), glm::dquat(1.0, 0.0, 0.0, 0.0)),
+                                       plain_ellipsoids());
     for (const Sampling sampling : {Sampling::slab, Sampling::point}) {
         const Picture plain = render(xray(field, Filter::none, 1.0, sampling), front_camera(4.0), Size{9, 9});
         const Picture filtered = render(xray(field, Filter::ewa, 1.0, sampling), front_camera(4.0), Size{9, 9});
@@ -272,8 +271,9 @@ TEST(EwaFilter, ItsSupportDecidesWhichSlicesThereAre) {
         EXPECT_GT(largest_of(filtered.scalar), 1e-3);
     }
     // It reaches more pixels as well: at opacity above 0, as many as its own pixel's width says.
-    Scene scene = make_scene(make_ellipsoids(one_ellipsoid(Vec3(0.0), Vec3(0.1, 0.1, 0.1), glm::dquat(1.0, 0.0, 0.0, 0.0))),
-                             TransferFunction({{0.0, Vec3(1.0), 0.5}, {1.0, Vec3(1.0), 0.5}}));
+    Scene scene =
+        make_scene(make_ellipsoids(one_ellipsoid(Vec3(0.0), Vec3(0.1, 0.1, 0.1), glm::dquat(1.0, 0.0, 0.0, 0.0))),
+                   TransferFunction({{0.0, Vec3(1.0), 0.5}, {1.0, Vec3(1.0), 0.5}}));
     scene.slice_spacing = 0.01;
     const auto seen = [&](Filter filter) {
         scene.filter = filter;
@@ -299,8 +299,9 @@ TEST(EwaFilter, GoesForLatticesToo) {
         scene.mode = Mode::mip;
         scene.slice_spacing = 1.0;
         scene.filter = Filter::ewa;
-        const Camera camera = perspective ? Camera::perspective(Vec3(1.0, 2.0, 30.0), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 10.0)
-                                          : Camera::orthographic(Vec3(1.0, 2.0, 30.0), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 5.0);
+        const Camera camera = perspective
+                                  ? Camera::perspective(Vec3(1.0, 2.0, 30.0), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 10.0)
+                                  : Camera::orthographic(Vec3(1.0, 2.0, 30.0), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 5.0);
         for (const double value : render(scene, camera, Size{5, 5}).scalar) {
             EXPECT_NEAR(value, 0.7, 0.7 * 0.008);
         }

@@ -98,7 +98,8 @@ TEST(Slices, TooManyAreRefused) {
     EXPECT_NE(message.find("4e-07"), std::string::npos) << message;
     EXPECT_THROW((void)render(one_kernel_scene(1e-300), front_camera(4.0), Size{4, 4}), InvalidInput);
     // Ten million are let through.
-    EXPECT_EQ(find_slices(one_kernel_scene(4e-7), front_camera(4.0), Screen(front_camera(4.0), Size{4, 4}), 1.0).count, 10'000'000);
+    EXPECT_EQ(find_slices(one_kernel_scene(4e-7), front_camera(4.0), Screen(front_camera(4.0), Size{4, 4}), 1.0).count,
+              10'000'000);
 }
 
 TEST(Pictures, ThatCannotBe) {

@@ -127,8 +127,8 @@ TEST(QuadricSlice, AgreesWithTheFactoredForm) {
         EXPECT_NEAR(0.5 * (y.upper - y.lower), conic.extent.y, 1e-11 * size / std::sqrt(1.0 - share * share));
         // And the values, anywhere in the plane.
         for (int point = 0; point < 4; ++point) {
-            const glm::dvec2 p =
-                slice.centre + random_real(generator, -1.0, 1.0) * slice.u + random_real(generator, -1.0, 1.0) * slice.v;
+            const glm::dvec2 p = slice.centre + random_real(generator, -1.0, 1.0) * slice.u +
+                                 random_real(generator, -1.0, 1.0) * slice.v;
             const Vec3 q = shape.to_unit(Vec3(p.x, p.y, z) - centre);
             EXPECT_NEAR(glm::dot(q, q), quadric.r_squared(Vec3(p.x, p.y, z)), 1e-10);
         }
@@ -152,8 +152,9 @@ TEST(QuadricSlice, HoldsForNeedles) {
         EXPECT_LE(off_the_quadric(slice, quadric, z), 1e-8);
         EXPECT_NEAR(quadric.slice(z).least_r_squared, slice.height * slice.height, 1e-8);
         const FactoredSlice other = factored(Vec3(0.0), b, z + 1e-6 * shape.half_depth());
-        EXPECT_GT(off_the_quadric(other, quadric, z) + std::abs(other.height * other.height -
-                                                                slice.height * slice.height), 1e-8);
+        EXPECT_GT(off_the_quadric(other, quadric, z) +
+                      std::abs(other.height * other.height - slice.height * slice.height),
+                  1e-8);
     }
 }
 
@@ -184,8 +185,10 @@ TEST(QuadricSlice, IsWhatASliceOfAPictureShows) {
                         EXPECT_TRUE(conic.exists);
                         // r^2 from the ellipse alone: 1 on it, least in its centre, quadratic between.
                         const glm::dvec2 d = glm::dvec2(x, y) - conic.centre;
-                        const double a = glm::dot(d, conic.semi_axes[0]) / glm::dot(conic.semi_axes[0], conic.semi_axes[0]);
-                        const double b = glm::dot(d, conic.semi_axes[1]) / glm::dot(conic.semi_axes[1], conic.semi_axes[1]);
+                        const double a =
+                            glm::dot(d, conic.semi_axes[0]) / glm::dot(conic.semi_axes[0], conic.semi_axes[0]);
+                        const double b =
+                            glm::dot(d, conic.semi_axes[1]) / glm::dot(conic.semi_axes[1], conic.semi_axes[1]);
                         const double r_squared =
                             conic.least_r_squared + (1.0 - conic.least_r_squared) * (a * a + b * b);
                         most = std::max(most, kernel_value(std::sqrt(r_squared), 8.0));
@@ -211,8 +214,7 @@ TEST(Bounds, HoldEveryPointAndAreTight) {
             const Mat3 axes = matrix_of(random_rotation(generator));
             const Vec3 s(longest, random_real(generator, 0.5, 2.0), random_real(generator, 0.5, 2.0));
             const bool filtered = n % 2 == 1;
-            const KernelShape shape =
-                filtered ? KernelShape::filtered(axes, s, 0.7, 0.4) : KernelShape(axes, s);
+            const KernelShape shape = filtered ? KernelShape::filtered(axes, s, 0.7, 0.4) : KernelShape(axes, s);
             const double from = random_real(generator, -1.1, 1.0);
             const double front = from * shape.half_depth(),
                          back = (n % 3 == 0 ? from : random_real(generator, from, 1.1)) * shape.half_depth();

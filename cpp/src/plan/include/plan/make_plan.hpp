@@ -28,13 +28,13 @@ struct ViewFacts {
     bool sheared = false; ///< cross-sections of some field lean (unequal spacing, seen askew)
     double largest_splat_px =
         1.0; ///< largest radius of a kernel on the screen, pixels (perspective: at the nearest slice)
-    double smallest_falloff = 8.0; ///< over the fields
-    double widest_slab = 1.0;      ///< largest sqrt(k) |w| ds / h over the fields
-    std::int64_t longest_span = 4; ///< most slices that one kernel meets
-    bool ellipsoids = false;       ///< some field is scattered
-    std::size_t unresolved = 0;    ///< ellipsoids smaller than a pixel or thinner than a slice distance
-    double largest_filtering = 0.0;    ///< largest square of pixel or slice distance over a semi-axis
-    double largest_overlap = 33.5;     ///< kernels that overlap at a point: a bound or an estimate
+    double smallest_falloff = 8.0;  ///< over the fields
+    double widest_slab = 1.0;       ///< largest sqrt(k) |w| ds / h over the fields
+    std::int64_t longest_span = 4;  ///< most slices that one kernel meets
+    bool ellipsoids = false;        ///< some field is scattered
+    std::size_t unresolved = 0;     ///< ellipsoids smaller than a pixel or thinner than a slice distance
+    double largest_filtering = 0.0; ///< largest square of pixel or slice distance over a semi-axis
+    double largest_overlap = 33.5;  ///< kernels that overlap at a point: a bound or an estimate
     double largest_weight = 1.0;
 };
 
@@ -46,7 +46,7 @@ struct DrawPlan {
     Mode mode = Mode::composite;
     bool weight = false;
     bool empty_test =
-        false; ///< opacity at 0 > 0: points that no kernel reaches must be told from points whose sum is 0
+        false;              ///< opacity at 0 > 0: points that no kernel reaches must be told from points whose sum is 0
     bool threshold = false; ///< the one field is divided by its weight sum where it is shaded
     /// Several fields: for each the number of its own sheets, where it is divided before all are added; -1: it adds to
     /// the sheets of all.
@@ -76,6 +76,7 @@ struct DrawPlan {
     bool preshaded = false;
     bool culling = true;
     bool count_fragments = false;
+    bool bare_fill = false;  ///< the same rectangles in one colour and nothing else: what the splat pass costs at least
     int slab_nodes = 0;      ///< quadrature nodes of slab means; 0: erf
     int slab_pieces = 1;     ///< pieces that differences of slab means are integrated in
     double value_unit = 1.0; ///< the amount of rho that sheets call 1

@@ -64,6 +64,7 @@ class Compositor {
     const Shader& shader_;
     double rho_shift_; // world's rho, what the nudge comes to
     double stop_;
+    double reference_distance_; // world units
     Picture picture_;
 };
 

@@ -65,8 +65,12 @@ class KernelShape {
 
     /// Bounds of x (y) over the part of the support between two depths: those of the cross-section where both are the
     /// same. Never too small.
-    [[nodiscard]] Interval bounds_x(double front, double back) const { return bounds(drift_x_, spread_x_, front, back); }
-    [[nodiscard]] Interval bounds_y(double front, double back) const { return bounds(drift_y_, spread_y_, front, back); }
+    [[nodiscard]] Interval bounds_x(double front, double back) const {
+        return bounds(drift_x_, spread_x_, front, back);
+    }
+    [[nodiscard]] Interval bounds_y(double front, double back) const {
+        return bounds(drift_y_, spread_y_, front, back);
+    }
     /// Bounds of x over the part of the support between two depths that is in the plane y = y_0 + slope_y depth (a row
     /// of pixels). Never too small; all of bounds_x where rounding leaves nothing better.
     [[nodiscard]] Interval bounds_in_row(double y_0, double slope_y, double front, double back) const;

@@ -22,16 +22,18 @@ class CellTraversal {
     };
     struct Entry {
         std::uint32_t kernel;
-        std::int32_t first_batch, last_batch;
+        std::int32_t first_batch;
+        std::uint32_t last_batch : 31;
+        std::uint32_t narrow : 1; ///< meets the first stride of slabs alone: half of what a batch covers is enough
     };
 
-    /// reach: the cells in which kernels may begin; null: every kernel begins in its home, which saves their memory.
-    /// visible: one flag a kernel. Kernels beyond the picture and its border of one pixel, or whose slices do not
-    /// exist, are left out. wider_slices, wider_px: by how much kernels reach further than their supports. Throws
-    /// OutOfMemory. 12 bytes a kernel.
+    /// may_narrow: kernels that meet the slabs of one stride alone are marked. reach: the cells in which kernels may
+    /// begin; null: every kernel begins in its home, which saves their memory. visible: one flag a kernel. Kernels
+    /// beyond the picture and its border of one pixel, or whose slices do not exist, are left out. wider_slices,
+    /// wider_px: by how much kernels reach further than their supports. Throws OutOfMemory. 12 bytes a kernel.
     static CellTraversal of(const EllipsoidView& view, const SpatialGrid& grid, const ReachLists* reach,
                             const std::vector<std::uint8_t>& visible, BatchLayout layout, int wider_slices,
-                            int wider_px);
+                            int wider_px, bool may_narrow);
 
     [[nodiscard]] const std::vector<Cell>& cells() const { return cells_; }
     [[nodiscard]] const Entry* entries() const { return entries_.data(); }
@@ -53,8 +55,8 @@ class CellWalk {
   public:
     explicit CellWalk(const CellTraversal& traversal) : traversal_(&traversal) {}
 
-    /// The kernels of the next batch: draw(kernel id) for each. hidden(cell bounds) tells whether nothing of a cell can
-    /// be seen any more; it then leaves the walk.
+    /// The kernels of the next batch: draw(kernel id, narrow) for each. hidden(cell bounds) tells whether nothing of a
+    /// cell can be seen any more; it then leaves the walk.
     template <class Hidden, class Draw>
     void next(Hidden&& hidden, Draw&& draw) {
         const auto& cells = traversal_->cells();
@@ -71,12 +73,13 @@ class CellWalk {
             }
             std::size_t staying = 0;
             for (const CellTraversal::Entry& entry : active.staying) {
-                if ((batch_ - entry.first_batch) % traversal_->again() == 0) {
-                    draw(entry.kernel);
+                const std::int32_t again = traversal_->again();
+                const std::int32_t since = (batch_ - entry.first_batch) % again;
+                if (since == 0) {
+                    draw(entry.kernel, entry.narrow != 0U);
                 }
-                if (batch_ + traversal_->again() <= entry.last_batch) {
-                    active.staying[staying++] = entry;
-                } else if ((batch_ - entry.first_batch) % traversal_->again() != 0 && entry.last_batch > batch_) {
+                // The batch that draws it next, if there is one.
+                if (batch_ - since + again <= static_cast<std::int32_t>(entry.last_batch)) {
                     active.staying[staying++] = entry;
                 }
             }
@@ -84,8 +87,8 @@ class CellWalk {
             const CellTraversal::Entry* entries = traversal_->entries();
             for (; active.next < cell.end && entries[active.next].first_batch <= batch_; ++active.next) {
                 const CellTraversal::Entry& entry = entries[active.next];
-                draw(entry.kernel);
-                if (entry.last_batch >= batch_ + traversal_->again()) {
+                draw(entry.kernel, entry.narrow != 0U);
+                if (batch_ + traversal_->again() <= static_cast<std::int32_t>(entry.last_batch)) {
                     active.staying.push_back(entry);
                 }
             }

@@ -50,7 +50,7 @@ static_assert(sizeof(SectionRecord) == 64, "shaders read records of four vec4");
 /// How a kernel is drawn: kernels of one group share a program.
 enum class SectionGroup : std::uint8_t {
     sprite,  ///< a sphere in orthographic view, small enough for a point: one Gaussian serves all its sections
-    compact, ///< all slabs of a batch together lie within the unit sphere's size: exponents by differences
+    compact, ///< slabs are close against the kernel: the exponents of four of them are a polynomial
     plain,   ///< any point-sampled kernel
     thin,    ///< slab sampling, slabs thin against the kernel: 4 nodes
     medium,  ///< 6 nodes

@@ -11,7 +11,7 @@ vec4 kernel_at(vec4 s, vec4 ax, vec4 ay) {
 
 #ifdef SLAB
 #ifdef ELLIPSOID
-float slab_half;            // half a slice spacing over the half-depth h: each kernel has its own
+float slab_half = 0.0;      // half a slice spacing over the half-depth h: each kernel has its own
 #else
 uniform float slab_half;    // half a slice spacing over the half-depth h
 #endif

@@ -53,6 +53,7 @@ __all__ = [
     "Unsupported",
     "__version__",
     "datasets",
+    "fit",
     "devices",
     "open",
     "render",
@@ -62,7 +63,11 @@ __all__ = [
 logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
 
 # Read when first asked for, so that importing the package stays quick.
-_LATE = {"datasets": ("sheetsplat.datasets", None), "resample_to_bcc": ("sheetsplat.bcc", "resample_to_bcc")}
+_LATE = {
+    "datasets": ("sheetsplat.datasets", None),
+    "fit": ("sheetsplat.fit", None),
+    "resample_to_bcc": ("sheetsplat.bcc", "resample_to_bcc"),
+}
 
 
 def __getattr__(name: str) -> Any:

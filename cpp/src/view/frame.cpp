@@ -59,7 +59,9 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size) {
         }
         // Depth runs against the eye's z.
         const auto [behind, ahead] = field->reach_along(camera.eye(), camera.back_world());
-        const double low = -ahead, high = -behind;
+        // A filter makes kernels up to a slice distance deeper.
+        const double more = scene.filter == Filter::ewa ? scene.slice_distance() : 0.0;
+        const double low = -ahead - more, high = -behind + more;
         nearest = std::min(nearest, low);
         farthest = std::max(farthest, high);
     }

@@ -24,10 +24,15 @@ uniform float first_depth;  // of the batch's first slice
 uniform float slice_spacing;
 #endif
 
+#ifdef RESIDENT
+uniform samplerBuffer records;
+layout(location = ATTRIBUTE_RECORD_INDEX) in uint record_index;
+#else
 layout(location = ATTRIBUTE_RECORD_PLACE) in vec4 record_place;     // centre on the record's slice: whole pixels, parts of pixels
 layout(location = ATTRIBUTE_RECORD_HEIGHTS) in vec4 record_heights; // the slice, height there, step of the height, value
 layout(location = ATTRIBUTE_RECORD_AXES) in vec4 record_axes;       // B u, B v
 layout(location = ATTRIBUTE_RECORD_STEP) in vec4 record_step;       // step of the centre, weight
+#endif
 
 flat out vec4 place_at;     // centre on the record's slice: whole pixels, parts of pixels
 flat out vec3 amount;       // value, weight, slabs from the record's slice to the batch's first one
@@ -57,6 +62,13 @@ vec2 edge_over(vec2 slabs, float height, float step_s, float step) {
 #endif
 
 void main() {
+#ifdef RESIDENT
+    int first_texel = 4 * int(record_index);
+    vec4 record_place = texelFetch(records, first_texel);
+    vec4 record_heights = texelFetch(records, first_texel + 1);
+    vec4 record_axes = texelFetch(records, first_texel + 2);
+    vec4 record_step = texelFetch(records, first_texel + 3);
+#endif
     float since = batch_first - record_heights.x;
     vec2 step = record_step.xy;
     place_at = vec4(record_place.xy + axis, record_place.zw);
@@ -73,7 +85,7 @@ void main() {
     section_back = exp2(-falloff_log2 * back * back);
     nearest = min(nearest, back * back);
 #endif
-    float radius = record_axes.x;
+    float radius = length(record_axes.xy);
     falloff_px = -falloff_log2 / (radius * radius);
     // A section at height s has the radius sqrt(1 - s^2): no sprite needs to be larger than its largest section.
     float lowest = min(min(nearest.x, nearest.y), min(nearest.z, nearest.w));

@@ -25,6 +25,7 @@
 #define UNIT_WEIGHT_Z_FRONT 19
 #define UNIT_WEIGHT_Z_BACK 20
 #define UNIT_IMAGE_ERROR 21
+#define UNIT_RECORDS 0
 
 // Vertex attributes.
 #define ATTRIBUTE_SAMPLE 0
@@ -36,6 +37,13 @@
 #define ATTRIBUTE_RECORD_HEIGHTS 1
 #define ATTRIBUTE_RECORD_AXES 2
 #define ATTRIBUTE_RECORD_STEP 3
+#define ATTRIBUTE_RECORD_INDEX 0
+// Kernels on their way to records.
+#define ATTRIBUTE_KERNEL_CENTER 0
+#define ATTRIBUTE_KERNEL_AXIS_A 1
+#define ATTRIBUTE_KERNEL_AXIS_B 2
+#define ATTRIBUTE_KERNEL_AXIS_C 3
+#define ATTRIBUTE_KERNEL_AMOUNT 4
 
 // Cells of the table that finds a value's interval between transfer-function points.
 #define TRANSFER_CELLS 1024

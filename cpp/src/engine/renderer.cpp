@@ -200,6 +200,8 @@ void add_facts(const EllipsoidField& field, const Scene& scene, const Camera& ca
     facts.ellipsoids = facts.ellipsoids || field.size() > 0;
     facts.longest_span = std::max(facts.longest_span, own.longest_span);
     facts.unresolved += own.unresolved;
+    facts.largest_aspect = std::max(facts.largest_aspect, own.largest_aspect);
+    facts.most_ellipsoids = std::max(facts.most_ellipsoids, field.size());
     facts.largest_filtering = std::max(facts.largest_filtering, own.largest_change);
     facts.largest_overlap = std::max(facts.largest_overlap, own.mean_overlap);
     facts.largest_weight = std::max(facts.largest_weight, field.weight_range()[1]);
@@ -504,10 +506,12 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
                                prepared.plan.filter ? Filter::ewa : Filter::none, prepared.plan.value_unit, 1.0);
             traversals.push_back(
                 CellTraversal::of(views.back(), entry.grid, entry.reach.get(), entry.visible, layout, wider, wider,
-                                  prepared.plan.packing == Packing::wide && !prepared.plan.fine_gradient));
+                                  prepared.plan.packing == Packing::wide && !prepared.plan.fine_gradient,
+                                  sheet::largest_sprite(prepared.plan, state.sheets->capabilities())));
             drawn += traversals.back().kernels();
             view_bytes += traversals.back().bytes();
-            job.ellipsoids.push_back({prepared.ellipsoid_fields[part], &views.back(), &traversals.back()});
+            job.ellipsoids.push_back(
+                {prepared.ellipsoid_fields[part], entry.kernels, &views.back(), &traversals.back()});
         }
         image.stats["seconds_view"] = seconds_since(viewing);
 

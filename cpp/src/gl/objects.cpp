@@ -397,6 +397,21 @@ void Buffer::upload(const void* data, std::size_t bytes) {
     unmap();
 }
 
+BufferTexture::BufferTexture(const Api& gl, GLenum internal_format, const Buffer& buffer) {
+    GLuint name = 0;
+    gl.GenTextures(1, &name);
+    handle_ = Handle<delete_texture>(gl, name);
+    gl.BindTexture(GL_TEXTURE_BUFFER, name);
+    gl.TexBuffer(GL_TEXTURE_BUFFER, internal_format, buffer.name());
+    check_errors(gl, "making a texture of a buffer");
+}
+
+void BufferTexture::bind(int unit) const {
+    const Api& gl = handle_.api();
+    gl.ActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
+    gl.BindTexture(GL_TEXTURE_BUFFER, handle_.name());
+}
+
 VertexArray::VertexArray(const Api& gl) {
     GLuint name = 0;
     gl.GenVertexArrays(1, &name);

@@ -455,6 +455,39 @@ Program::Program(const Api& gl, const SourceFiles& files, const std::string& ver
     check_errors(gl, "making a program");
 }
 
+Program Program::capturing(const Api& gl, const SourceFiles& files, const std::string& vertex_file,
+                           const Defines& defines, const std::string& version_line,
+                           const std::vector<std::string>& captured) {
+    const StageSource source = preprocess(files, vertex_file, version_line, defines);
+    check_errors(gl, "before a program was made");
+    const auto vertex = compile(gl, GL_VERTEX_SHADER, source, files, vertex_file, defines);
+    Program program;
+    program.handle_ = Handle<delete_program>(gl, gl.CreateProgram());
+    gl.AttachShader(program.name(), vertex.name());
+    std::vector<const char*> names;
+    for (const std::string& name : captured) {
+        names.push_back(name.c_str());
+    }
+    gl.TransformFeedbackVaryings(program.name(), static_cast<GLsizei>(names.size()), names.data(),
+                                 GL_INTERLEAVED_ATTRIBS);
+    gl.LinkProgram(program.name());
+    gl.DetachShader(program.name(), vertex.name());
+    GLint linked = GL_FALSE;
+    gl.GetProgramiv(program.name(), GL_LINK_STATUS, &linked);
+    if (linked != GL_TRUE) {
+        throw Error(Complaint{"the shader " + vertex_file + " does not link (defines: " + listed(defines) + ")",
+                              program_log(gl, program.name()), "", ""});
+    }
+    check_errors(gl, "making a program");
+    return program;
+}
+
+void Program::set(const std::string& uniform, double value) const { handle_.api().Uniform1d(location(uniform), value); }
+
+void Program::set(const std::string& uniform, double x, double y, double z) const {
+    handle_.api().Uniform3d(location(uniform), x, y, z);
+}
+
 void Program::use() const { handle_.api().UseProgram(name()); }
 
 GLint Program::location(const std::string& uniform) const {

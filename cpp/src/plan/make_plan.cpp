@@ -21,6 +21,9 @@ constexpr double float16_bound = 1.0 / 510.0;
 /// Below this share of the reference length a pixel or a slice spacing loses gradients in differences of float32 sums.
 constexpr double fine_gradient_below = 1.0 / 8.0;
 constexpr std::size_t most_lights = 64;
+/// A record that serves all slices of a kernel knows its sections to 6e-8 of the aspect.
+constexpr double largest_resident_aspect = 1024.0;
+constexpr std::size_t most_resident_kernels = 1U << 20;
 /// Below this share of a semi-axis, squared, the filter changes nothing within any bound.
 constexpr double least_filtering = 1e-6;
 /// Beyond, the square of a distance in pixels leaves float32.
@@ -39,11 +42,12 @@ constexpr std::int64_t most_imprecise_slices = 1 << 17;
 /// to 0.76 of the time).
 constexpr std::int64_t soon_opaque_slices = 16;
 
-constexpr std::array<const char*, 20> forcible = {
+constexpr std::array<const char*, 21> forcible = {
     "weight",           "gradient",      "specular",      "two_sided",       "opacity_correction",
     "opacity_stop",     "elimination",   "culling",       "opacity_buffer",  "opacity_buffer_average",
     "points",           "vertex_arrays", "four_channels", "fine_gradient",   "preshaded",
-    "general_sections", "empty_test",    "compensation",  "count_fragments", "bare_fill"};
+    "general_sections", "empty_test",    "compensation",  "count_fragments", "bare_fill",
+    "resident_sections"};
 
 std::string number(double value) {
     std::ostringstream text;
@@ -436,6 +440,24 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                      view.largest_splat_px < largest_separable_px;
     plan.vertex_arrays = effects.decide("vertex_arrays", true, "a batch is one draw call");
     plan.count_fragments = effects.decide("count_fragments", false, "a figure for benchmarks: not asked for");
+    const bool can_reside = view.ellipsoids && !plan.filter && capabilities->at_least(4, 1) &&
+                            view.largest_aspect <= largest_resident_aspect &&
+                            view.most_ellipsoids <= most_resident_kernels;
+    const std::string why_resident =
+        !view.ellipsoids                ? "no field holds ellipsoids"
+        : plan.filter                   ? "filtered kernels are sliced by the processor"
+        : !capabilities->at_least(4, 1) ? "OpenGL " + capabilities->version + " has no float64 vertex programs"
+        : view.largest_aspect > largest_resident_aspect
+            ? "kernels of 1:" + number(view.largest_aspect) + " are sliced anew for each batch, to keep their digits"
+        : view.most_ellipsoids > most_resident_kernels ? number(static_cast<double>(view.most_ellipsoids)) +
+                                                             " kernels are sliced batch by batch, in bounded memory"
+        : capabilities->software ? "a device in software slices no faster than the processor that it runs on"
+                                 : "one pass on the device slices all kernels, and nothing is uploaded or read back";
+    plan.resident_sections = effects.decide("resident_sections", can_reside && !capabilities->software, why_resident);
+    if (plan.resident_sections && !can_reside) {
+        throw Unsupported(Complaint{"the plan cannot be made", "resident_sections forced on: " + why_resident,
+                                    "ellipsoids that the device can slice", "leave it to the plan"});
+    }
     plan.bare_fill = effects.decide("bare_fill", false, "a figure for benchmarks: not asked for");
     if (plan.bare_fill && !options.allow_inexact) {
         throw Unsupported(Complaint{"the plan cannot be made", "bare_fill, which draws rectangles instead of kernels",

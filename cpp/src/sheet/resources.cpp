@@ -23,6 +23,13 @@ const gl::Program& Resources::program(const std::string& vertex, const std::stri
     return programs_.emplace(std::move(key), std::move(made)).first->second;
 }
 
+SectionPass& Resources::section_pass() {
+    if (!section_pass_) {
+        section_pass_ = std::make_unique<SectionPass>(*gl_);
+    }
+    return *section_pass_;
+}
+
 const Targets& Resources::targets(const TargetShape& shape) {
     if (!targets_ || !(targets_->shape() == shape)) {
         targets_.reset();

@@ -10,6 +10,7 @@
 #include "classification.hpp"
 #include "gl/objects.hpp"
 #include "gl/program.hpp"
+#include "section_pass.hpp"
 #include "targets.hpp"
 
 namespace sheetsplat::sheet {
@@ -26,6 +27,11 @@ class Resources {
     const Targets& targets(const TargetShape& shape);
 
     gl::Buffer samples, boxes, records, rectangles;
+    /// Made at its first use: it needs OpenGL 4.1.
+    SectionPass& section_pass();
+    /// Null where it was not used.
+    [[nodiscard]] const SectionPass* sections() const { return section_pass_.get(); }
+
     gl::VertexArray splat_array, record_array, rectangle_array;
 
   private:
@@ -33,6 +39,7 @@ class Resources {
     bool precise_; ///< GLSL 4.00: the compiler can be told not to rearrange sums
     std::map<std::pair<std::string, gl::Defines>, gl::Program> programs_;
     std::unique_ptr<Targets> targets_;
+    std::unique_ptr<SectionPass> section_pass_;
 };
 
 } // namespace sheetsplat::sheet

@@ -124,6 +124,16 @@ void SheetRenderer::render(const Job& job, Image& image) {
     if (plan.depth) {
         image.depth.assign(pixels, std::numeric_limits<float>::infinity());
     }
+    if (plan.resident_sections) {
+        std::vector<const EllipsoidField*> fields;
+        for (const EllipsoidPart& part : job.ellipsoids) {
+            fields.push_back(part.kernels.get());
+        }
+        state_->resources->section_pass().keep(fields);
+        for (const EllipsoidPart& part : job.ellipsoids) {
+            state_->resources->section_pass().slice(part.kernels, *part.view);
+        }
+    }
     // Reading the last picture back waited for all of its drawing.
     state_->resources->samples.rewind();
     state_->resources->records.rewind();
@@ -201,7 +211,8 @@ void SheetRenderer::render(const Job& job, Image& image) {
         image.stats["fragments"] += static_cast<double>(fragments);
     }
     image.stats["tiles"] = static_cast<double>(tiles.size());
-    image.stats["bytes_device"] = static_cast<double>(bytes);
+    const SectionPass* sections = state_->resources->sections();
+    image.stats["bytes_device"] = static_cast<double>(bytes + (sections != nullptr ? sections->bytes() : 0));
 }
 
 Seconds SheetRenderer::fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets,

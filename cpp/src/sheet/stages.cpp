@@ -80,8 +80,9 @@ gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const Sp
         // long.
         defines["SLAB_PIECES"] = group == SectionGroup::thick ? "4" : "1";
     }
-    const std::array<std::pair<const char*, bool>, 10> switches{{
+    const std::array<std::pair<const char*, bool>, 11> switches{{
         {"BARE", plan.bare_fill},
+        {"RESIDENT", plan.resident_sections},
         {"SPRITE", group == SectionGroup::sprite},
         {"COMPACT", group == SectionGroup::compact && !plan.fine_gradient && plan.packing == Packing::wide},
         {"PERSPECTIVE", plan.projection == Projection::perspective},

@@ -51,6 +51,13 @@ TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, con
 
 } // namespace
 
+double largest_sprite(const DrawPlan& plan, const Capabilities& capabilities) {
+    // Guards make viewports larger by a sprite's radius.
+    return !plan.points || plan.fine_gradient || plan.sampling == Sampling::slab
+               ? 0.0
+               : 0.5 * static_cast<double>(capabilities.max_point_size) - 1.0;
+}
+
 TileLoop::TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabilities, Resources& resources,
                    const Classification* classification, const Tile& tile)
     : job_(job), gl_(gl), capabilities_(capabilities), resources_(resources), classification_(classification),
@@ -63,10 +70,6 @@ TileLoop::TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabi
     for (const EllipsoidPart& part : job.ellipsoids) {
         walks_.emplace_back(*part.traversal);
     }
-    // Guards make viewports larger by a sprite's radius.
-    largest_sprite_ = plan_.fine_gradient || plan_.sampling == Sampling::slab
-                          ? 0.0
-                          : 0.5 * static_cast<double>(capabilities.max_point_size) - 1.0;
     if (plan_.opacity_buffer) {
         const auto pixels =
             static_cast<std::size_t>(tile.target_width()) * static_cast<std::size_t>(tile.target_height());
@@ -224,47 +227,64 @@ void TileLoop::splat_ellipsoids(std::size_t part, std::int64_t pass, std::int64_
     const std::int64_t last_narrow = std::min<std::int64_t>(first_slab + job_.layout.stride, frame_.slices) - 1;
     const double back_narrow = view.back_of(last_narrow + wider);
     const bool marking = plan_.tagging == Tagging::tiles;
-    const double sprite = plan_.points ? largest_sprite_ : 0.0;
     const auto started = std::chrono::steady_clock::now();
-    for (auto& records : records_) {
-        records.clear();
-    }
     walks_[part].next(
         [&](const EllipsoidView::ScreenBounds& bounds) {
             return plan_.opacity_buffer && opacity_.hides(EllipsoidView::pixels(bounds, frame_, tile_, wider));
         },
-        [&](std::uint32_t id, bool narrow) {
-            const EyeKernel kernel = view.kernel(id);
-            const PixelBox box =
-                EllipsoidView::pixels(view.bounds(kernel, front, narrow ? back_narrow : back), frame_, tile_, wider);
-            if (box.empty()) {
+        [&](const CellTraversal::Entry& entry) {
+            const bool narrow = entry.narrow != 0U;
+            const std::size_t group = entry.group + (narrow ? section_groups : 0);
+            const auto counts = [&](const PixelBox& box) {
+                if (box.empty()) {
+                    return false;
+                }
+                if (plan_.opacity_buffer && opacity_.hides(box)) {
+                    ++dropped_;
+                    return false;
+                }
+                if (marking) {
+                    marks_.touch(box);
+                }
+                return true;
+            };
+            const double behind = narrow ? back_narrow : back;
+            if (plan_.resident_sections) {
+                if (counts(EllipsoidView::pixels(view.support_bounds(entry.kernel, front, behind), frame_, tile_,
+                                                 wider))) {
+                    indices_[group].push_back(entry.kernel);
+                }
                 return;
             }
-            if (plan_.opacity_buffer && opacity_.hides(box)) {
-                ++dropped_;
-                return;
+            const EyeKernel kernel = view.kernel(entry.kernel);
+            if (counts(EllipsoidView::pixels(view.bounds(kernel, front, behind), frame_, tile_, wider))) {
+                // Anchored where it is needed, a record keeps its digits: at the batch's slab nearest to the centre.
+                const std::int64_t anchor =
+                    view.nearest_slice(-kernel.center.z, first_slab, narrow ? last_narrow : last_slab);
+                records_[group].push_back(view.record(entry.kernel, kernel, anchor));
+                if (records_[group].size() == records_at_once) {
+                    draw_group(part, group, pass, first_slab);
+                }
             }
-            if (marking) {
-                marks_.touch(box);
-            }
-            // Anchored where it is needed, a record keeps its digits: at the batch's slab nearest to the centre.
-            const double middle_slab = (-kernel.center.z - frame_.first_depth) / frame_.slice_spacing;
-            const auto anchor =
-                static_cast<std::int64_t>(std::clamp(std::round(middle_slab), static_cast<double>(first_slab),
-                                                     static_cast<double>(narrow ? last_narrow : last_slab)));
-            records_[static_cast<std::size_t>(view.group(kernel, sprite)) + (narrow ? section_groups : 0)].push_back(
-                view.record(id, kernel, anchor));
         });
     vertex_seconds_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
     for (std::size_t group = 0; group < records_.size(); ++group) {
-        if (!records_[group].empty()) {
-            drawn_ += records_[group].size();
-            for_each_target(ellipsoids.field, group >= section_groups, [&](const SplatTarget& target) {
-                draw_records(view, static_cast<SectionGroup>(group % section_groups), records_[group], target, pass,
-                             first_slab);
-            });
-        }
+        draw_group(part, group, pass, first_slab);
     }
+}
+
+void TileLoop::draw_group(std::size_t part, std::size_t group, std::int64_t pass, std::int64_t first_slab) {
+    const EllipsoidPart& ellipsoids = job_.ellipsoids[part];
+    const std::size_t count = plan_.resident_sections ? indices_[group].size() : records_[group].size();
+    if (count == 0) {
+        return;
+    }
+    drawn_ += count;
+    for_each_target(ellipsoids.field, group >= section_groups, [&](const SplatTarget& target) {
+        draw_records(*ellipsoids.view, group, count, target, pass, first_slab);
+    });
+    records_[group].clear();
+    indices_[group].clear();
 }
 
 void TileLoop::set_offsets(const gl::Program& program, std::int64_t first_slab) const {
@@ -282,8 +302,9 @@ void TileLoop::set_offsets(const gl::Program& program, std::int64_t first_slab) 
     }
 }
 
-void TileLoop::draw_records(const EllipsoidView& view, SectionGroup group, const std::vector<SectionRecord>& records,
+void TileLoop::draw_records(const EllipsoidView& view, std::size_t numbered, std::size_t records,
                             const SplatTarget& target, std::int64_t pass, std::int64_t first_slab) {
+    const auto group = static_cast<SectionGroup>(numbered % section_groups);
     const auto f = [](double value) { return static_cast<float>(value); };
     const double k = view.field().kernel().falloff;
     bind_target(target, pass);
@@ -306,13 +327,10 @@ void TileLoop::draw_records(const EllipsoidView& view, SectionGroup group, const
     set_offsets(program, first_slab);
     int guard = 0;
     if (group == SectionGroup::sprite) {
-        double largest = 0.0;
-        for (const SectionRecord& record : records) {
-            largest = std::max(largest, static_cast<double>(record.ux));
-        }
         // A point whose centre lies outside the viewport is not drawn, though its square may reach in: the viewport is
         // made larger.
-        guard = static_cast<int>(std::ceil(largest)) + 2;
+        guard = static_cast<int>(std::ceil(view.field().scale_range()[1] / frame_.pixel)) + 2;
+        guard = std::min(guard, static_cast<int>(std::ceil(largest_sprite(plan_, capabilities_))) + 2);
         gl_.Viewport(-guard, -guard, tile_.target_width() + 2 * guard, tile_.target_height() + 2 * guard);
         gl_.Enable(GL_SCISSOR_TEST);
         gl_.Scissor(0, 0, tile_.target_width(), tile_.target_height());
@@ -321,22 +339,8 @@ void TileLoop::draw_records(const EllipsoidView& view, SectionGroup group, const
         program.set("sprite_margin", f(sprite_margin(capabilities_)));
     }
     resources_.record_array.bind();
-    for (std::size_t begin = 0; begin < records.size(); begin += records_at_once) {
-        const std::size_t count = std::min(records_at_once, records.size() - begin);
-        std::memcpy(resources_.records.map_next(count * sizeof(SectionRecord)), records.data() + begin,
-                    count * sizeof(SectionRecord));
-        resources_.records.unmap();
-        resources_.records.bind();
-        const auto attributes = [&](std::size_t first) {
-            for (GLuint part = 0; part < 4; ++part) {
-                const std::size_t offset =
-                    resources_.records.offset() + first * sizeof(SectionRecord) + part * 4 * sizeof(float);
-                gl_.EnableVertexAttribArray(ATTRIBUTE_RECORD_PLACE + part);
-                gl_.VertexAttribPointer(ATTRIBUTE_RECORD_PLACE + part, 4, GL_FLOAT, GL_FALSE, sizeof(SectionRecord),
-                                        reinterpret_cast<const void*>(offset));
-                gl_.VertexAttribDivisor(ATTRIBUTE_RECORD_PLACE + part, group == SectionGroup::sprite ? 0 : 1);
-            }
-        };
+    const GLuint divisor = group == SectionGroup::sprite ? 0 : 1;
+    const auto draw = [&](std::size_t count, const auto& attributes) {
         attributes(0);
         if (group == SectionGroup::sprite) {
             gl_.DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(count));
@@ -348,6 +352,39 @@ void TileLoop::draw_records(const EllipsoidView& view, SectionGroup group, const
                 gl_.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, 1);
             }
         }
+    };
+    const std::size_t size = plan_.resident_sections ? sizeof(std::uint32_t) : sizeof(SectionRecord);
+    const auto* data = plan_.resident_sections ? reinterpret_cast<const char*>(indices_[numbered].data())
+                                               : reinterpret_cast<const char*>(records_[numbered].data());
+    if (plan_.resident_sections) {
+        resources_.section_pass().records(view.field()).bind(UNIT_RECORDS);
+        program.set("records", UNIT_RECORDS);
+    }
+    for (std::size_t begin = 0; begin < records; begin += records_at_once) {
+        const std::size_t count = std::min(records_at_once, records - begin);
+        std::memcpy(resources_.records.map_next(count * size), data + begin * size, count * size);
+        resources_.records.unmap();
+        resources_.records.bind();
+        draw(count, [&](std::size_t first) {
+            const std::size_t start = resources_.records.offset() + first * size;
+            if (plan_.resident_sections) {
+                gl_.EnableVertexAttribArray(ATTRIBUTE_RECORD_INDEX);
+                gl_.VertexAttribIPointer(ATTRIBUTE_RECORD_INDEX, 1, GL_UNSIGNED_INT, static_cast<GLsizei>(size),
+                                         reinterpret_cast<const void*>(start));
+                gl_.VertexAttribDivisor(ATTRIBUTE_RECORD_INDEX, divisor);
+                for (GLuint other = 1; other < 4; ++other) {
+                    gl_.DisableVertexAttribArray(ATTRIBUTE_RECORD_PLACE + other);
+                }
+                return;
+            }
+            for (GLuint quarter = 0; quarter < 4; ++quarter) {
+                gl_.EnableVertexAttribArray(ATTRIBUTE_RECORD_PLACE + quarter);
+                gl_.VertexAttribPointer(ATTRIBUTE_RECORD_PLACE + quarter, 4, GL_FLOAT, GL_FALSE,
+                                        static_cast<GLsizei>(size),
+                                        reinterpret_cast<const void*>(start + quarter * 4 * sizeof(float)));
+                gl_.VertexAttribDivisor(ATTRIBUTE_RECORD_PLACE + quarter, divisor);
+            }
+        });
     }
     if (guard > 0) {
         gl_.Disable(GL_SCISSOR_TEST);

@@ -38,8 +38,10 @@ class TileLoop {
     void draw_kernels(const gl::Program& program, const FieldView& view, const VertexMaker& maker,
                       std::int64_t first_slab, std::size_t count);
     void splat_ellipsoids(std::size_t part, std::int64_t pass, std::int64_t first_slab);
-    void draw_records(const EllipsoidView& view, SectionGroup group, const std::vector<SectionRecord>& records,
-                      const SplatTarget& target, std::int64_t pass, std::int64_t first_slab);
+    /// Draws what was gathered for one group of the newest batch (numbered as records_ is), and forgets it.
+    void draw_group(std::size_t part, std::size_t group, std::int64_t pass, std::int64_t first_slab);
+    void draw_records(const EllipsoidView& view, std::size_t numbered, std::size_t records, const SplatTarget& target,
+                      std::int64_t pass, std::int64_t first_slab);
     void set_offsets(const gl::Program& program, std::int64_t first_slab) const;
     /// Binds the sheets that a field's splats go to.
     void bind_target(const SplatTarget& target, std::int64_t pass) const;
@@ -79,7 +81,7 @@ class TileLoop {
     std::vector<VertexMaker> makers_;
     std::vector<CellWalk> walks_;
     std::array<std::vector<SectionRecord>, 2 * section_groups> records_; ///< wide ones, then narrow ones
-    double largest_sprite_ = 0.0;                                        ///< radius in pixels
+    std::array<std::vector<std::uint32_t>, 2 * section_groups> indices_; ///< the same where sections are resident
     const Targets* targets_ = nullptr;
     int tags_limit_;
     int tag_ = 0;      ///< of the newest batch, counted since the tags were cleared

@@ -222,29 +222,33 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
     return record;
 }
 
-SectionGroup EllipsoidView::group(const EyeKernel& kernel, double sprite_px) const {
-    const double step_s = frame_->slice_spacing / kernel.half_depth;
-    const double lean_u = glm::length(kernel.axis_u) > 0.0
-                              ? glm::dot(kernel.lean, kernel.axis_u) / glm::dot(kernel.axis_u, kernel.axis_u)
-                              : 0.0;
-    const double lean_v = glm::length(kernel.axis_v) > 0.0
-                              ? glm::dot(kernel.lean, kernel.axis_v) / glm::dot(kernel.axis_v, kernel.axis_v)
-                              : 0.0;
-    double ray = std::sqrt(1.0 + lean_u * lean_u + lean_v * lean_v);
+SectionGroup EllipsoidView::group(std::size_t i, const Depths& depths, double sprite_px) const {
+    if (sampling_ == Sampling::point && spheres_ && depths.half / frame_->pixel <= sprite_px) {
+        return SectionGroup::sprite;
+    }
+    const double step_s = frame_->slice_spacing / depths.half;
+    const Vec3 axes = field_->semi_axes(i);
+    double shortest = std::min({axes.x, axes.y, axes.z});
+    double ray = 1.0;
+    if (filter_ == Filter::ewa) {
+        // A filtered kernel is no thinner than a slice distance in depth and a pixel across.
+        shortest = std::max(shortest, std::min(frame_->slice_spacing, filter_pixel(center_eye(i))));
+        ray = depths.half / shortest;
+    } else if (!field_->isotropic()) {
+        // |w| = h |B^-1 e_z|: how far a ray gets through the unit sphere while it gets h deep.
+        ray = depths.half * glm::length(back_ * field_->shape(i) / (axes * axes));
+    }
     if (sampling_ == Sampling::slab) {
         if (frame_->projection == Projection::perspective) {
             // The ray's own slope moves it through the section's plane as well.
-            const double slope = glm::length(
-                glm::dvec2(0.5 * frame_->pixel * frame_->size.width, 0.5 * frame_->pixel * frame_->size.height));
-            ray += slope * kernel.half_depth / std::max(glm::length(kernel.axis_v), 1e-300);
+            ray += glm::length(glm::dvec2(0.5 * frame_->pixel * frame_->size.width,
+                                          0.5 * frame_->pixel * frame_->size.height)) *
+                   depths.half / shortest;
         }
         const double width = std::sqrt(field_->kernel().falloff) * ray * step_s;
         return width < thin_slab     ? SectionGroup::thin
                : width < medium_slab ? SectionGroup::medium
                                      : SectionGroup::thick;
-    }
-    if (spheres_ && kernel.extent.x / frame_->pixel <= sprite_px) {
-        return SectionGroup::sprite;
     }
     if (frame_->projection == Projection::orthographic) {
         // |w| ds / h, and the farthest that the middle of four slabs lies from the centre where it matters.
@@ -256,6 +260,11 @@ SectionGroup EllipsoidView::group(const EyeKernel& kernel, double sprite_px) con
         }
     }
     return SectionGroup::plain;
+}
+
+std::int64_t EllipsoidView::nearest_slice(double depth, std::int64_t first, std::int64_t last) const {
+    return static_cast<std::int64_t>(std::clamp(std::round((depth - frame_->first_depth) * per_depth_),
+                                                static_cast<double>(first), static_cast<double>(last)));
 }
 
 EllipsoidView::ScreenBounds EllipsoidView::bounds(const EyeKernel& kernel, double nearest, double farthest) const {

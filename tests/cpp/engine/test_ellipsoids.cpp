@@ -193,32 +193,37 @@ TEST_P(EllipsoidDrawing, IsTheReferencesPicture) {
 
 INSTANTIATE_TEST_SUITE_P(
     All, EllipsoidDrawing,
-    ::testing::Values(Draw{"wide tiles", Packing::wide, Tagging::tiles}, Draw{"wide off", Packing::wide, Tagging::off},
-                      Draw{"wide equal", Packing::wide, Tagging::depth_equal},
-                      Draw{"wide depth_bounds", Packing::wide, Tagging::depth_bounds},
-                      Draw{"paper equal", Packing::paper, Tagging::depth_equal},
-                      Draw{"paper off", Packing::paper, Tagging::off},
-                      Draw{"wide elimination", Packing::wide, Tagging::tiles, {{"elimination", true}}},
-                      Draw{"no elimination", Packing::wide, Tagging::tiles, {{"elimination", false}}},
-                      Draw{"paper elimination", Packing::paper, Tagging::depth_equal, {{"elimination", true}}},
-                      Draw{"restarted tags", Packing::wide, Tagging::depth_equal, {}, 0, 3},
-                      Draw{"small tiles", Packing::wide, Tagging::tiles, {}, 17},
-                      Draw{"small tiles of paper", Packing::paper, Tagging::tiles, {}, 17},
-                      Draw{"no points", Packing::wide, Tagging::tiles, {{"points", false}}},
-                      Draw{"single calls", Packing::wide, Tagging::tiles, {{"vertex_arrays", false}}},
-                      Draw{"one channel", Packing::paper, Tagging::tiles, {{"four_channels", false}}},
-                      Draw{"opacity buffer", Packing::wide, Tagging::tiles, {{"opacity_buffer", true}}},
-                      Draw{"no culling", Packing::wide, Tagging::tiles, {{"culling", false}}},
-                      Draw{"fine", Packing::wide, Tagging::tiles, {{"fine_gradient", true}}, 0, 0},
-                      Draw{"everything",
-                           Packing::wide,
-                           Tagging::depth_equal,
-                           {{"empty_test", true},
-                            {"weight", true},
-                            {"specular", true},
-                            {"opacity_correction", true},
-                            {"opacity_stop", true},
-                            {"compensation", true}}}));
+    ::testing::Values(
+        Draw{"wide tiles", Packing::wide, Tagging::tiles}, Draw{"wide off", Packing::wide, Tagging::off},
+        Draw{"wide equal", Packing::wide, Tagging::depth_equal},
+        Draw{"wide depth_bounds", Packing::wide, Tagging::depth_bounds},
+        Draw{"paper equal", Packing::paper, Tagging::depth_equal}, Draw{"paper off", Packing::paper, Tagging::off},
+        Draw{"wide elimination", Packing::wide, Tagging::tiles, {{"elimination", true}}},
+        Draw{"no elimination", Packing::wide, Tagging::tiles, {{"elimination", false}}},
+        Draw{"paper elimination", Packing::paper, Tagging::depth_equal, {{"elimination", true}}},
+        Draw{"restarted tags", Packing::wide, Tagging::depth_equal, {}, 0, 3},
+        Draw{"small tiles", Packing::wide, Tagging::tiles, {}, 17},
+        Draw{"small tiles of paper", Packing::paper, Tagging::tiles, {}, 17},
+        Draw{"resident", Packing::wide, Tagging::tiles, {{"resident_sections", true}}},
+        Draw{"resident in paper", Packing::paper, Tagging::depth_equal, {{"resident_sections", true}}},
+        Draw{"resident in small tiles", Packing::wide, Tagging::tiles, {{"resident_sections", true}}, 17},
+        Draw{
+            "resident and fine", Packing::wide, Tagging::tiles, {{"resident_sections", true}, {"fine_gradient", true}}},
+        Draw{"no points", Packing::wide, Tagging::tiles, {{"points", false}}},
+        Draw{"single calls", Packing::wide, Tagging::tiles, {{"vertex_arrays", false}}},
+        Draw{"one channel", Packing::paper, Tagging::tiles, {{"four_channels", false}}},
+        Draw{"opacity buffer", Packing::wide, Tagging::tiles, {{"opacity_buffer", true}}},
+        Draw{"no culling", Packing::wide, Tagging::tiles, {{"culling", false}}},
+        Draw{"fine", Packing::wide, Tagging::tiles, {{"fine_gradient", true}}, 0, 0},
+        Draw{"everything",
+             Packing::wide,
+             Tagging::depth_equal,
+             {{"empty_test", true},
+              {"weight", true},
+              {"specular", true},
+              {"opacity_correction", true},
+              {"opacity_stop", true},
+              {"compensation", true}}}));
 
 struct Case {
     const char* name;
@@ -393,9 +398,9 @@ INSTANTIATE_TEST_SUITE_P(
                      scene, Camera::perspective({0.5, 0.5, 0.5}, {0.5, 0.6, 0.0}, {0, 1, 0}, 80.0)};
              },
              1e-4, 1e-3},
-        Case{"needles of 1:100,000",
+        Case{"needles of 1:30,000",
              [] {
-                 const auto needles = cloud(3000, 0.05, 1e5, 5, normalized(Normalization::none));
+                 const auto needles = cloud(3000, 0.05, 3e4, 5, normalized(Normalization::none));
                  auto [scene, camera] = seen(needles, persp, [](Scene& s) {
                      s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.0}, {0.3, {1.0, 0.8, 0.2}, 0.4}});
                  });

@@ -121,6 +121,17 @@ class Buffer {
     std::size_t used_ = 0, offset_ = 0;
 };
 
+/// A buffer's bytes as a texture of one row that shaders fetch from; the buffer is another's.
+class BufferTexture {
+  public:
+    BufferTexture() = default;
+    BufferTexture(const Api& gl, GLenum internal_format, const Buffer& buffer);
+    void bind(int unit) const;
+
+  private:
+    Handle<delete_texture> handle_;
+};
+
 class VertexArray {
   public:
     VertexArray() = default;

@@ -44,6 +44,11 @@ class Program {
     Program(const Api& gl, const SourceFiles& files, const std::string& vertex_file, const std::string& fragment_file,
             const Defines& defines, const std::string& version_line, const std::vector<std::string>& outputs = {});
 
+    /// A vertex stage alone, whose outputs are captured: `captured` one after another in one buffer, in this order.
+    static Program capturing(const Api& gl, const SourceFiles& files, const std::string& vertex_file,
+                             const Defines& defines, const std::string& version_line,
+                             const std::vector<std::string>& captured);
+
     void use() const;
     [[nodiscard]] GLuint name() const { return handle_.name(); }
     explicit operator bool() const { return static_cast<bool>(handle_); }
@@ -57,6 +62,9 @@ class Program {
     void set(const std::string& uniform, float x, float y, float z) const;
     void set(const std::string& uniform, float x, float y, float z, float w) const;
     void set(const std::string& uniform, int x, int y) const;
+    /// Float64, OpenGL 4.0.
+    void set(const std::string& uniform, double value) const;
+    void set(const std::string& uniform, double x, double y, double z) const;
     /// Columns (a, b) and (c, d).
     void set_matrix2(const std::string& uniform, float a, float b, float c, float d) const;
     /// count vec4 of an array uniform ("name" without [0])

@@ -28,13 +28,15 @@ struct ViewFacts {
     bool sheared = false; ///< cross-sections of some field lean (unequal spacing, seen askew)
     double largest_splat_px =
         1.0; ///< largest radius of a kernel on the screen, pixels (perspective: at the nearest slice)
-    double smallest_falloff = 8.0;  ///< over the fields
-    double widest_slab = 1.0;       ///< largest sqrt(k) |w| ds / h over the fields
-    std::int64_t longest_span = 4;  ///< most slices that one kernel meets
-    bool ellipsoids = false;        ///< some field is scattered
-    std::size_t unresolved = 0;     ///< ellipsoids smaller than a pixel or thinner than a slice distance
-    double largest_filtering = 0.0; ///< largest square of pixel or slice distance over a semi-axis
-    double largest_overlap = 33.5;  ///< kernels that overlap at a point: a bound or an estimate
+    double smallest_falloff = 8.0;   ///< over the fields
+    double widest_slab = 1.0;        ///< largest sqrt(k) |w| ds / h over the fields
+    std::int64_t longest_span = 4;   ///< most slices that one kernel meets
+    bool ellipsoids = false;         ///< some field is scattered
+    double largest_aspect = 1.0;     ///< longest over shortest semi-axis of one ellipsoid
+    std::size_t most_ellipsoids = 0; ///< kernels of the largest scattered field
+    std::size_t unresolved = 0;      ///< ellipsoids smaller than a pixel or thinner than a slice distance
+    double largest_filtering = 0.0;  ///< largest square of pixel or slice distance over a semi-axis
+    double largest_overlap = 33.5;   ///< kernels that overlap at a point: a bound or an estimate
     double largest_weight = 1.0;
 };
 
@@ -51,6 +53,9 @@ struct DrawPlan {
     /// Several fields: for each the number of its own sheets, where it is divided before all are added; -1: it adds to
     /// the sheets of all.
     std::vector<int> own_sheets;
+    /// Ellipsoids are sliced by one pass over all of them on the device, where the sections stay; else by the
+    /// processor, batch by batch.
+    bool resident_sections = false;
     bool filter = false; ///< kernels are widened by pixel and slice distance
     bool gradient = false;
     bool specular = false;

@@ -21,6 +21,9 @@ namespace sheetsplat::sheet {
 /// How kernels are batched for a plan.
 BatchLayout make_layout(const DrawPlan& plan);
 
+/// Radius in pixels up to which a plan draws spheres as point sprites; 0: none.
+double largest_sprite(const DrawPlan& plan, const Capabilities& capabilities);
+
 /// A lattice in the scene.
 struct RegularPart {
     std::size_t field = 0; ///< in the scene
@@ -31,6 +34,7 @@ struct RegularPart {
 /// Scattered ellipsoids in the scene.
 struct EllipsoidPart {
     std::size_t field = 0;
+    std::shared_ptr<const EllipsoidField> kernels;
     const EllipsoidView* view = nullptr;
     const CellTraversal* traversal = nullptr;
 };

@@ -23,17 +23,19 @@ class CellTraversal {
     struct Entry {
         std::uint32_t kernel;
         std::int32_t first_batch;
-        std::uint32_t last_batch : 31;
-        std::uint32_t narrow : 1; ///< meets the first stride of slabs alone: half of what a batch covers is enough
+        std::uint32_t last_batch : 24; ///< fewer than 2^24: there are at most 10^7 slices
+        std::uint32_t narrow : 1;      ///< meets the first stride of slabs alone: half of what a batch covers is enough
+        std::uint32_t group : 7;       ///< SectionGroup
     };
 
-    /// may_narrow: kernels that meet the slabs of one stride alone are marked. reach: the cells in which kernels may
-    /// begin; null: every kernel begins in its home, which saves their memory. visible: one flag a kernel. Kernels
-    /// beyond the picture and its border of one pixel, or whose slices do not exist, are left out. wider_slices,
-    /// wider_px: by how much kernels reach further than their supports. Throws OutOfMemory. 12 bytes a kernel.
+    /// sprite_px: largest radius of a point sprite. may_narrow: kernels that meet the slabs of one stride alone are
+    /// marked. reach: the cells in which kernels may begin; null: every kernel begins in its home, which saves their
+    /// memory. visible: one flag a kernel. Kernels beyond the picture and its border of one pixel, or whose slices do
+    /// not exist, are left out. wider_slices, wider_px: by how much kernels reach further than their supports. Throws
+    /// OutOfMemory. 12 bytes a kernel.
     static CellTraversal of(const EllipsoidView& view, const SpatialGrid& grid, const ReachLists* reach,
                             const std::vector<std::uint8_t>& visible, BatchLayout layout, int wider_slices,
-                            int wider_px, bool may_narrow);
+                            int wider_px, bool may_narrow, double sprite_px);
 
     [[nodiscard]] const std::vector<Cell>& cells() const { return cells_; }
     [[nodiscard]] const Entry* entries() const { return entries_.data(); }
@@ -55,7 +57,7 @@ class CellWalk {
   public:
     explicit CellWalk(const CellTraversal& traversal) : traversal_(&traversal) {}
 
-    /// The kernels of the next batch: draw(kernel id, narrow) for each. hidden(cell bounds) tells whether nothing of a
+    /// The kernels of the next batch: draw(entry) for each. hidden(cell bounds) tells whether nothing of a
     /// cell can be seen any more; it then leaves the walk.
     template <class Hidden, class Draw>
     void next(Hidden&& hidden, Draw&& draw) {
@@ -76,7 +78,7 @@ class CellWalk {
                 const std::int32_t again = traversal_->again();
                 const std::int32_t since = (batch_ - entry.first_batch) % again;
                 if (since == 0) {
-                    draw(entry.kernel, entry.narrow != 0U);
+                    draw(entry);
                 }
                 // The batch that draws it next, if there is one.
                 if (batch_ - since + again <= static_cast<std::int32_t>(entry.last_batch)) {
@@ -87,7 +89,7 @@ class CellWalk {
             const CellTraversal::Entry* entries = traversal_->entries();
             for (; active.next < cell.end && entries[active.next].first_batch <= batch_; ++active.next) {
                 const CellTraversal::Entry& entry = entries[active.next];
-                draw(entry.kernel, entry.narrow != 0U);
+                draw(entry);
                 if (batch_ + traversal_->again() <= static_cast<std::int32_t>(entry.last_batch)) {
                     active.staying.push_back(entry);
                 }

@@ -69,6 +69,10 @@ class EllipsoidView {
     [[nodiscard]] const Frame& frame() const { return *frame_; }
     [[nodiscard]] double value_scale() const { return value_scale_; }
     [[nodiscard]] double weight_scale() const { return weight_scale_; }
+    [[nodiscard]] const Vec3& eye_world() const { return eye_; }
+    [[nodiscard]] const Vec3& right_world() const { return right_; }
+    [[nodiscard]] const Vec3& up_world() const { return up_; }
+    [[nodiscard]] const Vec3& back_world() const { return back_; }
     /// All kernels are spheres in eye space and the camera is orthographic.
     [[nodiscard]] bool spheres() const { return spheres_; }
     [[nodiscard]] bool filtered() const { return filter_ == Filter::ewa; }
@@ -87,7 +91,9 @@ class EllipsoidView {
     /// The record of a kernel, anchored at a slice; precise for slices near it.
     [[nodiscard]] SectionRecord record(std::size_t i, const EyeKernel& kernel, std::int64_t anchor) const;
     /// How the kernel is drawn. sprite_px: largest radius of a point sprite.
-    [[nodiscard]] SectionGroup group(const EyeKernel& kernel, double sprite_px) const;
+    [[nodiscard]] SectionGroup group(std::size_t i, const Depths& depths, double sprite_px) const;
+    /// Of the slices first ... last, the one nearest to a depth: where a record is anchored.
+    [[nodiscard]] std::int64_t nearest_slice(double depth, std::int64_t first, std::int64_t last) const;
 
     /// Bounds on the screen of the part of the support between two depths, pixels from the optical axis, rows
     /// downwards. `unbounded` where it reaches through the eye.

@@ -14,6 +14,16 @@ flat in float falloff_px;  // -k log2(e) over the radius in pixels, squared
 #else
 flat in vec4 unit_of_px;   // columns of: pixels (times depth) -> plane of the unit sphere
 flat in vec4 heights;      // height there, step; step of the centre in the plane of the unit sphere
+#ifdef PRECISE_PLACES
+flat in vec4 axes;
+flat in vec4 step_and_rest; // step of the centre, and what float32 cut off it
+flat in vec4 axes_rest;
+flat in vec4 heights_rest;
+#ifdef PERSPECTIVE
+uniform double exact_depth;   // of the batch's first slice
+uniform double exact_spacing;
+#endif
+#endif
 uniform vec4 offset_front; // slab of each channel, counted from the batch's first one
 uniform vec4 offset_back;
 #ifdef PERSPECTIVE
@@ -46,6 +56,47 @@ out vec4 z_back;
 
 #ifndef SPRITE
 #include "lib/sections.glsl"
+
+#ifdef PRECISE_PLACES
+// In float64: along a needle of 1:100,000 the place of a section is known to no more than 6e-3 of its radius in float32.
+struct ExactPlace {
+    dvec2 place, step; // on the record's slice, and from slab to slab, in the plane of the unit sphere
+    double s, step_s;
+};
+
+ExactPlace exact_place() {
+    dvec2 u = dvec2(axes.xy) + dvec2(axes_rest.xy);
+    dvec2 v = dvec2(axes.zw) + dvec2(axes_rest.zw);
+    dvec2 step = dvec2(step_and_rest.xy) + dvec2(step_and_rest.zw);
+    dvec2 from = dvec2(gl_FragCoord.xy - place_at.xy) - (dvec2(place_at.zw) + dvec2(heights_rest.xy));
+    double uu = dot(u, u);
+    double vv = dot(v, v);
+    ExactPlace exact;
+    exact.place = dvec2(dot(u, from) / uu, dot(v, from) / vv);
+    exact.step = dvec2(dot(u, step) / uu, dot(v, step) / vv);
+    exact.s = double(heights.x) + double(heights_rest.z);
+    exact.step_s = double(heights.y) + double(heights_rest.w);
+#ifdef PERSPECTIVE
+    // The ray moves on as well: at the record's slice the place is that of the pixel times the depth there.
+    exact.step -= exact.place * exact_spacing;
+    exact.place *= exact_depth - double(amount.z) * exact_spacing;
+#endif
+    return exact;
+}
+
+Sections sections(ExactPlace exact, vec4 slab, vec4 depth) {
+    Sections r;
+    for (int c = 0; c < 4; ++c) {
+        double offset = double(amount.z) + double(slab[c]);
+        r.s[c] = float(exact.s - offset * exact.step_s);
+        r.ax[c] = float(exact.place.x - offset * exact.step.x);
+        r.ay[c] = float(exact.place.y - offset * exact.step.y);
+    }
+    r.depth = depth;
+    r.ray = vec2(-exact.step / exact.step_s);
+    return r;
+}
+#endif
 
 Sections sections(vec2 place, vec4 slab, vec4 depth) {
     vec4 offset = amount.z + slab;
@@ -102,7 +153,11 @@ void main() {
     vec4 back = max(section_back * bell - edge, 0.0);
 #endif
 #else
+#ifdef PRECISE_PLACES
+    ExactPlace place = exact_place();
+#else
     vec2 place = mat2(unit_of_px.xy, unit_of_px.zw) * from;
+#endif
 #ifdef COMPACT
     vec4 front = compact(place, amount.z + 1.5);
 #ifdef TWO_TARGETS

@@ -33,6 +33,15 @@ layout(location = ATTRIBUTE_RECORD_HEIGHTS) in vec4 record_heights; // the slice
 layout(location = ATTRIBUTE_RECORD_AXES) in vec4 record_axes;       // B u, B v
 layout(location = ATTRIBUTE_RECORD_STEP) in vec4 record_step;       // step of the centre, weight
 #endif
+#ifdef PRECISE_PLACES
+layout(location = ATTRIBUTE_REST_HEIGHTS) in vec4 rest_heights;     // parts of pixels, height, its step
+layout(location = ATTRIBUTE_REST_AXES) in vec4 rest_axes;
+layout(location = ATTRIBUTE_REST_STEP) in vec4 rest_step;
+flat out vec4 axes;
+flat out vec4 step_and_rest; // step of the centre, and what float32 cut off it
+flat out vec4 axes_rest;
+flat out vec4 heights_rest;
+#endif
 
 flat out vec4 place_at;     // centre on the record's slice: whole pixels, parts of pixels
 flat out vec3 amount;       // value, weight, slabs from the record's slice to the batch's first one
@@ -75,6 +84,12 @@ void main() {
     amount = vec3(record_heights.w, record_step.z, since);
     float step_s = record_heights.z;
     float height = record_heights.y;
+#ifdef PRECISE_PLACES
+    axes = record_axes;
+    axes_rest = rest_axes;
+    heights_rest = rest_heights;
+    step_and_rest = vec4(step, rest_step.xy);
+#endif
 
 #ifdef SPRITE
     vec4 front = height - (since + offset_front) * step_s;

@@ -62,7 +62,12 @@ void main() {
     dvec2 lean = on_screen(dvec2(dot(row_x, n), dot(row_y, n)));
 
     double depth = -center_eye.z;
-    double anchor = clamp(floor((depth - first_depth) / slice_spacing + 0.5), 0.0, last_slice);
+    double anchor_near = depth;
+#ifdef PERSPECTIVE
+    // Places on the screen grow without bound towards the eye: see EllipsoidView::anchor.
+    anchor_near = max(depth, 0.6 * min(depth + half_depth, first_depth + last_slice * slice_spacing));
+#endif
+    double anchor = clamp(floor((anchor_near - first_depth) / slice_spacing + 0.5), 0.0, last_slice);
     double anchor_depth = first_depth + anchor * slice_spacing;
     double s = (depth - anchor_depth) / half_depth;
     double step_s = slice_spacing / half_depth;

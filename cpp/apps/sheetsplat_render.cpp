@@ -1,5 +1,5 @@
-// sheetsplat_render: a raw or a generated volume becomes a picture. It uses the public headers alone, and shows how.
-// Exit codes: 0 done, 1 failed, 2 wrong usage.
+// sheetsplat_render: a raw or a generated volume, or generated ellipsoids, become a picture. It uses the public headers
+// alone, and shows how. Exit codes: 0 done, 1 failed, 2 wrong usage.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,6 +20,8 @@
 #include <vector>
 
 #include <CLI/CLI.hpp>
+#include <glm/geometric.hpp>
+#include <glm/gtc/quaternion.hpp>
 
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/error.hpp"
@@ -36,7 +38,7 @@ namespace ss = sheetsplat;
 constexpr double pi = 3.14159265358979323846;
 
 enum class SampleType { uint8, int16, uint16, float32, float64 };
-enum class Generated { ball, marschner_lobb };
+enum class Generated { ball, marschner_lobb, ellipsoids };
 
 struct Options {
     std::string raw;
@@ -44,6 +46,7 @@ struct Options {
     SampleType type = SampleType::uint8;
     std::optional<Generated> generated;
     std::size_t samples = 64;
+    std::size_t kernels = 3000;
     std::array<double, 3> spacing{1.0, 1.0, 1.0};
 
     std::vector<ss::TransferPoint> points;
@@ -176,7 +179,7 @@ double marschner_lobb(double x, double y, double z) {
     return (1.0 - std::sin(0.5 * pi * z) + alpha * (1.0 + radial)) / (2.0 * (1.0 + alpha));
 }
 
-std::shared_ptr<const ss::RegularField> generate(const Options& options) {
+std::shared_ptr<const ss::RegularField> generate_volume(const Options& options) {
     const std::size_t n = options.samples;
     std::vector<float> samples;
     samples.reserve(n * n * n);
@@ -197,8 +200,54 @@ std::shared_ptr<const ss::RegularField> generate(const Options& options) {
     return std::make_shared<const ss::RegularField>(std::move(samples), std::array<std::size_t, 3>{n, n, n}, field);
 }
 
+/// A point of the knot, a trefoil in a box of 6 x 6 x 2; turn: 0 to 2 pi.
+ss::Vec3 knot(double turn) {
+    const double out = 2.0 + std::cos(3.0 * turn);
+    return {out * std::cos(2.0 * turn), out * std::sin(2.0 * turn), std::sin(3.0 * turn)};
+}
+
+/// Ellipsoids three times as long as thick that fill a tube around a trefoil knot and lie along it, placed by a
+/// low-discrepancy sequence; values 0 to 1, twice along the knot. About 23 of them overlap at a point, so that the sum
+/// of their weights is above 1 inside of the tube.
+std::shared_ptr<const ss::EllipsoidField> generate_ellipsoids(const Options& options) {
+    constexpr double tube = 0.35;
+    constexpr double length = 31.9; // of the knot
+    constexpr double aspect = 3.0;
+    constexpr double overlaps = 23.0;
+    constexpr double step = 1e-4;
+    const auto count = static_cast<double>(options.kernels);
+    const double thickness = std::cbrt(overlaps * tube * tube * length / count * 0.75 / aspect);
+    const auto part = [](double value) { return value - std::floor(value); };
+    ss::EllipsoidArrays arrays;
+    for (std::size_t i = 0; i < options.kernels; ++i) {
+        const auto at = static_cast<double>(i) + 0.5;
+        // Powers of the inverse plastic number spread pairs evenly over a square (Roberts 2018).
+        const double across = tube * std::sqrt(part(at * 0.7548776662466927));
+        const double around = 2.0 * pi * part(at * 0.5698402909980532);
+        const double turn = 2.0 * pi * at / count;
+        const ss::Vec3 along = glm::normalize(knot(turn + step) - knot(turn - step));
+        const ss::Vec3 side = glm::normalize(glm::cross(along, ss::Vec3(0.0, 0.0, 1.0)));
+        const ss::Vec3 up = glm::cross(side, along);
+        arrays.centers.push_back(knot(turn) + across * (std::cos(around) * side + std::sin(around) * up));
+        arrays.scales.emplace_back(aspect * thickness, thickness, thickness);
+        arrays.rotations.push_back(glm::normalize(glm::quat_cast(ss::Mat3(along, up, glm::cross(along, up)))));
+        arrays.values.push_back(0.5 - 0.5 * std::cos(2.0 * turn));
+    }
+    return std::make_shared<const ss::EllipsoidField>(std::move(arrays));
+}
+
+std::shared_ptr<const ss::Field> make_field(const Options& options) {
+    if (!options.generated) {
+        return read_raw(options);
+    }
+    if (*options.generated == Generated::ellipsoids) {
+        return generate_ellipsoids(options);
+    }
+    return generate_volume(options);
+}
+
 /// The points that were given, or a ramp from transparent blue to orange over the limits.
-ss::TransferFunction make_transfer_function(const Options& options, const ss::RegularField& field) {
+ss::TransferFunction make_transfer_function(const Options& options, const ss::Field& field) {
     if (!options.points.empty()) {
         return ss::TransferFunction(options.points);
     }
@@ -214,7 +263,7 @@ ss::TransferFunction make_transfer_function(const Options& options, const ss::Re
 }
 
 /// Azimuth turns the viewer about the y axis, elevation lifts it; at 0, 0 the camera looks along -z.
-ss::Camera make_camera(const Options& options, const ss::RegularField& field) {
+ss::Camera make_camera(const Options& options, const ss::Field& field) {
     const double azimuth = options.azimuth * pi / 180.0;
     const double elevation = options.elevation * pi / 180.0;
     const ss::Vec3 direction{-std::sin(azimuth) * std::cos(elevation), -std::sin(elevation),
@@ -231,7 +280,7 @@ ss::Camera make_camera(const Options& options, const ss::RegularField& field) {
     return ss::Camera::perspective(whole.eye(), whole.target(), up, angle * 180.0 / pi);
 }
 
-ss::Scene make_scene(const Options& options, std::shared_ptr<const ss::RegularField> field) {
+ss::Scene make_scene(const Options& options, std::shared_ptr<const ss::Field> field) {
     ss::Scene scene{{field}, make_transfer_function(options, *field)};
     scene.mode = options.mode;
     scene.sampling = options.sampling;
@@ -259,7 +308,7 @@ bool ends_with(const std::string& text, const std::string& end) {
 }
 
 void run(const Options& options) {
-    const auto field = options.generated ? generate(options) : read_raw(options);
+    const auto field = make_field(options);
     const ss::Scene scene = make_scene(options, field);
     const ss::Camera camera = make_camera(options, *field);
     ss::RendererOptions renderer_options;
@@ -300,13 +349,20 @@ void declare(CLI::App& app, Options& options) {
         ->group("Volume");
     raw->needs(shape);
     shape->needs(raw);
-    auto* generated = app.add_option("--generate", options.generated, "ball | marschner-lobb")
-                          ->transform(one_of(std::vector<std::pair<std::string, Generated>>{
-                              {"ball", Generated::ball}, {"marschner-lobb", Generated::marschner_lobb}}))
-                          ->excludes(raw)
-                          ->group("Volume");
+    auto* generated =
+        app.add_option("--generate", options.generated, "ball | marschner-lobb | ellipsoids")
+            ->transform(
+                one_of(std::vector<std::pair<std::string, Generated>>{{"ball", Generated::ball},
+                                                                      {"marschner-lobb", Generated::marschner_lobb},
+                                                                      {"ellipsoids", Generated::ellipsoids}}))
+            ->excludes(raw)
+            ->group("Volume");
     app.add_option("--samples", options.samples, "of a generated volume, along each edge (64)")
         ->check(CLI::Range(2, 1024).description(""))
+        ->needs(generated)
+        ->group("Volume");
+    app.add_option("--kernels", options.kernels, "how many generated ellipsoids (3000)")
+        ->check(CLI::Range(1, 10'000'000).description(""))
         ->needs(generated)
         ->group("Volume");
     app.add_option("--spacing", options.spacing, "world units between samples, X Y Z (1 1 1)")->group("Volume");
@@ -335,7 +391,8 @@ void declare(CLI::App& app, Options& options) {
         ->transform(one_of(std::vector<std::pair<std::string, ss::Sampling>>{{"point", ss::Sampling::point},
                                                                              {"slab", ss::Sampling::slab}}))
         ->group("Classification");
-    app.add_option("--slice-spacing", options.slice_spacing, "world units between slices (the smallest spacing)")
+    app.add_option("--slice-spacing", options.slice_spacing,
+                   "world units between slices (the smallest spacing; of ellipsoids half their median thickness)")
         ->group("Classification");
     app.add_option("--opacity-stop", options.opacity_stop, "opacity at which a pixel is done; 1: never (0.98)")
         ->group("Classification");
@@ -374,10 +431,24 @@ void declare(CLI::App& app, Options& options) {
         ->group("Picture");
 }
 
+/// Throws CLI::ValidationError for options that say nothing of what is drawn.
+void refuse_unused(const CLI::App& app, const Options& options) {
+    const bool scattered = options.generated == Generated::ellipsoids;
+    for (const char* name : {"--samples", "--spacing"}) {
+        if (scattered && app.count(name) > 0) {
+            throw CLI::ValidationError(name, "ellipsoids have none; --kernels says how many there are");
+        }
+    }
+    if (!scattered && app.count("--kernels") > 0) {
+        throw CLI::ValidationError("--kernels", "it is for --generate ellipsoids alone");
+    }
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app("Renders a regular volume by splatting it into image-aligned sheets.", "sheetsplat_render");
+    CLI::App app("Renders a regular volume or scattered ellipsoids by splatting them into image-aligned sheets.",
+                 "sheetsplat_render");
     Options options;
     try {
         declare(app, options);
@@ -385,6 +456,7 @@ int main(int argc, char** argv) {
         if (options.raw.empty() && !options.generated) {
             throw CLI::RequiredError("--raw or --generate");
         }
+        refuse_unused(app, options);
     } catch (const CLI::ParseError& error) {
         return app.exit(error) == 0 ? 0 : 2;
     }

@@ -26,6 +26,18 @@
 #define UNIT_WEIGHT_Z_BACK 20
 #define UNIT_IMAGE_ERROR 21
 #define UNIT_RECORDS 0
+// Ellipsoids as the papers draw them, and gathered by pixels: in passes of their own.
+#define UNIT_KERNEL_ORDER 0
+#define UNIT_KERNEL_CENTER 1
+#define UNIT_KERNEL_SCALE 2
+#define UNIT_KERNEL_ROTATION 3
+#define UNIT_SLICED_START 0
+#define UNIT_SLICED_AXES 1
+#define UNIT_SLICED_STEP 2
+#define UNIT_GAUSSIAN 3
+#define UNIT_GATHER_LISTS 0
+#define UNIT_GATHER_ENTRIES 1
+#define UNIT_GATHER_RECORDS 2
 
 // Vertex attributes.
 #define ATTRIBUTE_SAMPLE 0
@@ -38,6 +50,10 @@
 #define ATTRIBUTE_RECORD_AXES 2
 #define ATTRIBUTE_RECORD_STEP 3
 #define ATTRIBUTE_RECORD_INDEX 0
+// What float32 cut off a record: three vec4.
+#define ATTRIBUTE_REST_HEIGHTS 4
+#define ATTRIBUTE_REST_AXES 5
+#define ATTRIBUTE_REST_STEP 6
 // Kernels on their way to records.
 #define ATTRIBUTE_KERNEL_CENTER 0
 #define ATTRIBUTE_KERNEL_AXIS_A 1
@@ -47,6 +63,9 @@
 
 // Cells of the table that finds a value's interval between transfer-function points.
 #define TRANSFER_CELLS 1024
+
+// Texels of a row where a texture is a list of kernels.
+#define KERNEL_COLUMNS 1024
 
 // Pixels of a tile's edge where tagging is by tiles.
 #define TILE_EDGE 32

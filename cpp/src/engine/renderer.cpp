@@ -507,7 +507,8 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
             traversals.push_back(
                 CellTraversal::of(views.back(), entry.grid, entry.reach.get(), entry.visible, layout, wider, wider,
                                   prepared.plan.packing == Packing::wide && !prepared.plan.fine_gradient,
-                                  sheet::largest_sprite(prepared.plan, state.sheets->capabilities())));
+                                  sheet::largest_sprite(prepared.plan, state.sheets->capabilities()),
+                                                   prepared.plan.precise_aspect));
             drawn += traversals.back().kernels();
             view_bytes += traversals.back().bytes();
             job.ellipsoids.push_back(

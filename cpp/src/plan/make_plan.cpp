@@ -21,9 +21,22 @@ constexpr double float16_bound = 1.0 / 510.0;
 /// Below this share of the reference length a pixel or a slice spacing loses gradients in differences of float32 sums.
 constexpr double fine_gradient_below = 1.0 / 8.0;
 constexpr std::size_t most_lights = 64;
+/// Sections in float32 are known to 6e-8 of the aspect; a picture of kernels of 1:100,000 was seen 1e-3 off at its
+/// worst pixels.
+constexpr double least_precise_aspect = 4096.0;
+constexpr double largest_plain_aspect = 32768.0;
 /// A record that serves all slices of a kernel knows its sections to 6e-8 of the aspect.
 constexpr double largest_resident_aspect = 1024.0;
 constexpr std::size_t most_resident_kernels = 1U << 20;
+/// Bilinear mixing is off by at most falloff / 2 over the square of a texture's cells: 4e-6.
+constexpr double largest_paper_falloff = 32.0;
+constexpr int paper_cells_at_8 = 1024;
+/// A quaternion in float32 turns a needle by 6e-8 of its length: at 1:1,000 the 99.9th percentile was seen at 1e-4.
+constexpr double largest_paper_aspect = 1024.0;
+/// Half a field's extent over its smallest semi-axis. Centres in float32 are known to 6e-8 of the former: seen were 4e-8
+/// times the quotient where they are moved in float64, 1.5e-7 where in float32.
+constexpr double largest_paper_extent = 2048.0;
+constexpr double largest_paper_extent_in_float32 = 512.0;
 /// Below this share of a semi-axis, squared, the filter changes nothing within any bound.
 constexpr double least_filtering = 1e-6;
 /// Beyond, the square of a distance in pixels leaves float32.
@@ -42,12 +55,30 @@ constexpr std::int64_t most_imprecise_slices = 1 << 17;
 /// to 0.76 of the time).
 constexpr std::int64_t soon_opaque_slices = 16;
 
-constexpr std::array<const char*, 21> forcible = {
-    "weight",           "gradient",      "specular",      "two_sided",       "opacity_correction",
-    "opacity_stop",     "elimination",   "culling",       "opacity_buffer",  "opacity_buffer_average",
-    "points",           "vertex_arrays", "four_channels", "fine_gradient",   "preshaded",
-    "general_sections", "empty_test",    "compensation",  "count_fragments", "bare_fill",
-    "resident_sections"};
+constexpr std::array<const char*, 24> forcible = {"weight",
+                                                  "gradient",
+                                                  "specular",
+                                                  "two_sided",
+                                                  "opacity_correction",
+                                                  "opacity_stop",
+                                                  "elimination",
+                                                  "culling",
+                                                  "opacity_buffer",
+                                                  "opacity_buffer_average",
+                                                  "points",
+                                                  "vertex_arrays",
+                                                  "four_channels",
+                                                  "fine_gradient",
+                                                  "preshaded",
+                                                  "general_sections",
+                                                  "empty_test",
+                                                  "compensation",
+                                                  "count_fragments",
+                                                  "bare_fill",
+                                                  "resident_sections",
+                                                  "precise_sections",
+                                                  "paper_slicing",
+                                                  "gather"};
 
 std::string number(double value) {
     std::ostringstream text;
@@ -129,6 +160,8 @@ bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t sl
     const double reach = -std::expm1(std::log1p(-a) * exponent * static_cast<double>(std::min(slices, view.slices)));
     return reach >= scene.opacity_stop;
 }
+
+bool tagging_by_depth(Tagging tagging) { return tagging == Tagging::depth_bounds || tagging == Tagging::depth_equal; }
 
 Tagging choose_tagging(const RendererOptions& options, const Capabilities& capabilities) {
     switch (options.tagging) {
@@ -212,6 +245,73 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                           " times that",
                       "subtract an offset from the values, use backend reference, or pass allow_inexact=True"});
     }
+}
+
+/// Why the ways of drawing ellipsoids that are kept for comparison cannot draw a scene; empty where they can.
+std::string unfit_for_comparison(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
+                                 const DrawPlan& plan, bool float64) {
+    if (!view.ellipsoids) {
+        return "a scene without scattered ellipsoids";
+    }
+    if (plan.projection == Projection::perspective) {
+        return "a perspective camera";
+    }
+    if (plan.sampling == Sampling::slab) {
+        return "slab sampling";
+    }
+    if (plan.filter) {
+        return "a filter";
+    }
+    if (plan.fine_gradient) {
+        return "effect fine_gradient, whose differences they do not draw";
+    }
+    if (view.most_ellipsoids > most_resident_kernels) {
+        return number(static_cast<double>(view.most_ellipsoids)) + " kernels in one field, of " +
+               number(static_cast<double>(most_resident_kernels)) + " at most";
+    }
+    const auto forced = [&](const char* name) {
+        const auto found = options.effects.find(name);
+        return found != options.effects.end() && found->second;
+    };
+    for (const char* other : {"bare_fill", "preshaded", "resident_sections"}) {
+        if (forced(other)) {
+            return std::string("effect ") + other + ", which draws in another way";
+        }
+    }
+    if (plan.paper_slicing) {
+        const double most = float64 ? largest_paper_extent : largest_paper_extent_in_float32;
+        for (const auto& field : scene.fields) {
+            const EllipsoidField* ellipsoids = as_ellipsoids(field.get());
+            if (ellipsoids == nullptr) {
+                continue;
+            }
+            if (field->kernel().falloff > largest_paper_falloff) {
+                return "a falloff of " + number(field->kernel().falloff) + ", where a texture of the Gaussian serves " +
+                       number(largest_paper_falloff) + " at most";
+            }
+            const Vec3 extent = ellipsoids->centres_world().extent();
+            const double half = 0.5 * std::max({extent.x, extent.y, extent.z});
+            if (half > most * ellipsoids->scale_range()[0] && !options.allow_inexact) {
+                return "a semi-axis of " + number(ellipsoids->scale_range()[0]) + " in a field that reaches " +
+                       number(half) + " from its centre, where float32 textures know centres for 1:" + number(most) +
+                       " at most";
+            }
+        }
+        if (view.largest_aspect > largest_paper_aspect && !options.allow_inexact) {
+            return "kernels of 1:" + number(view.largest_aspect) + ", where float32 textures know rotations for 1:" +
+                   number(largest_paper_aspect) + " at most";
+        }
+        return plan.gather                        ? "effect gather at once"
+               : options.packing == Packing::wide ? "packing wide"
+               : forced("four_channels")          ? "effect four_channels"
+                                                  : "";
+    }
+    const auto off = options.effects.find("four_channels");
+    return scene.fields.size() != 1                       ? "several fields"
+           : options.packing == Packing::paper            ? "packing paper"
+           : off != options.effects.end() && !off->second ? "slices one at a time (four_channels off)"
+           : tagging_by_depth(options.tagging)            ? "tags in the depth buffer, which splats leave"
+                                                          : "";
 }
 
 } // namespace
@@ -440,11 +540,63 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                      view.largest_splat_px < largest_separable_px;
     plan.vertex_arrays = effects.decide("vertex_arrays", true, "a batch is one draw call");
     plan.count_fragments = effects.decide("count_fragments", false, "a figure for benchmarks: not asked for");
-    const bool can_reside = view.ellipsoids && !plan.filter && capabilities->at_least(4, 1) &&
+    plan.paper_slicing =
+        effects.decide("paper_slicing", false, "the 2006 paper's slicing step by step, for comparison: not asked for");
+    plan.gather = effects.decide("gather", false,
+                                 "pixels that look for their kernels, for comparison with splatting: not asked for");
+    const bool compared = plan.paper_slicing || plan.gather;
+    if (compared) {
+        const std::string unfit = unfit_for_comparison(scene, view, options, plan, capabilities->at_least(4, 0));
+        if (!unfit.empty()) {
+            throw Unsupported(Complaint{
+                std::string("the plan cannot be made with effect ") + (plan.paper_slicing ? "paper_slicing" : "gather"),
+                unfit,
+                plan.paper_slicing ? "ellipsoids in orthographic view, point-sampled, unfiltered, packing paper"
+                                   : "one field of ellipsoids in orthographic view, point-sampled, unfiltered, "
+                                     "packing wide",
+                "drop it from effects="});
+        }
+    }
+    if (plan.gather && tagging_by_depth(plan.tagging)) {
+        plan.tagging = Tagging::tiles;
+    }
+    if (plan.paper_slicing) {
+        double falloff = 8.0;
+        for (const auto& field : scene.fields) {
+            falloff = as_ellipsoids(field.get()) != nullptr ? std::max(falloff, field->kernel().falloff) : falloff;
+        }
+        plan.packing = Packing::paper;
+        plan.gaussian_cells = static_cast<int>(std::ceil(paper_cells_at_8 * std::sqrt(falloff / 8.0)));
+        summary.error_budget.push_back(
+            {"the Gaussian as a texture of " + std::to_string(plan.gaussian_cells + 1) + " x " +
+                 std::to_string(plan.gaussian_cells + 1),
+             0.5 * falloff / (static_cast<double>(plan.gaussian_cells) * plan.gaussian_cells)});
+    }
+    const bool slender = view.largest_aspect > least_precise_aspect;
+    const bool exact_places = slender && capabilities->at_least(4, 0);
+    if (effects.decide("precise_sections", exact_places,
+                       !view.ellipsoids ? "no field holds ellipsoids"
+                       : !slender       ? "no ellipsoid is so slender that float32 would lose its sections"
+                       : exact_places
+                           ? "ellipsoids of more than 1:" + number(least_precise_aspect) + " are placed in float64"
+                           : "OpenGL " + capabilities->version + " has no float64",
+                       true) &&
+        exact_places) {
+        plan.precise_aspect = least_precise_aspect;
+    }
+    if (slender && !exact_places && view.largest_aspect > largest_plain_aspect && !options.allow_inexact) {
+        throw Unsupported(
+            Complaint{"the scene cannot be drawn within its error bound",
+                      "ellipsoids of 1:" + number(view.largest_aspect) + " on OpenGL " + capabilities->version,
+                      "OpenGL 4.0 for places in float64, or at most 1:" + number(largest_plain_aspect),
+                      "pass min_scale to the field, or use backend reference"});
+    }
+    const bool can_reside = !compared && view.ellipsoids && !plan.filter && capabilities->at_least(4, 1) &&
                             view.largest_aspect <= largest_resident_aspect &&
                             view.most_ellipsoids <= most_resident_kernels;
     const std::string why_resident =
         !view.ellipsoids                ? "no field holds ellipsoids"
+        : compared                      ? "kernels are drawn in another way, for comparison"
         : plan.filter                   ? "filtered kernels are sliced by the processor"
         : !capabilities->at_least(4, 1) ? "OpenGL " + capabilities->version + " has no float64 vertex programs"
         : view.largest_aspect > largest_resident_aspect
@@ -463,7 +615,9 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         throw Unsupported(Complaint{"the plan cannot be made", "bare_fill, which draws rectangles instead of kernels",
                                     "a picture", "drop bare_fill from effects=, or pass allow_inexact=True"});
     }
-    plan.four_channels = effects.decide("four_channels", true, "four slabs are splatted at a time");
+    plan.four_channels = effects.decide("four_channels", !plan.paper_slicing,
+                                        plan.paper_slicing ? "the paper splats one slab at a time"
+                                                           : "four slabs are splatted at a time");
     if (!plan.four_channels) {
         plan.packing = Packing::paper;
     }

@@ -6,6 +6,7 @@ namespace sheetsplat::sheet {
 
 Resources::Resources(const gl::Api& gl, const Capabilities& capabilities)
     : samples(gl, GL_ARRAY_BUFFER), boxes(gl, GL_ARRAY_BUFFER), records(gl, GL_ARRAY_BUFFER),
+      rests(gl, GL_ARRAY_BUFFER),
       rectangles(gl, GL_ARRAY_BUFFER), splat_array(gl), record_array(gl), rectangle_array(gl), gl_(&gl),
       precise_(capabilities.at_least(4, 0)) {}
 
@@ -28,6 +29,20 @@ SectionPass& Resources::section_pass() {
         section_pass_ = std::make_unique<SectionPass>(*gl_);
     }
     return *section_pass_;
+}
+
+PaperSlicing& Resources::paper_slicing() {
+    if (!paper_slicing_) {
+        paper_slicing_ = std::make_unique<PaperSlicing>(*gl_, precise_);
+    }
+    return *paper_slicing_;
+}
+
+Gather& Resources::gather() {
+    if (!gather_) {
+        gather_ = std::make_unique<Gather>(*gl_);
+    }
+    return *gather_;
 }
 
 const Targets& Resources::targets(const TargetShape& shape) {

@@ -8,8 +8,10 @@
 #include <vector>
 
 #include "classification.hpp"
+#include "gather.hpp"
 #include "gl/objects.hpp"
 #include "gl/program.hpp"
+#include "paper_slicing.hpp"
 #include "section_pass.hpp"
 #include "targets.hpp"
 
@@ -26,11 +28,17 @@ class Resources {
     /// Surfaces of this shape; those of another shape are given back first.
     const Targets& targets(const TargetShape& shape);
 
-    gl::Buffer samples, boxes, records, rectangles;
+    gl::Buffer samples, boxes, records, rests, rectangles;
     /// Made at its first use: it needs OpenGL 4.1.
     SectionPass& section_pass();
     /// Null where it was not used.
     [[nodiscard]] const SectionPass* sections() const { return section_pass_.get(); }
+    /// Made at their first use; null where they were not used.
+    PaperSlicing& paper_slicing();
+    Gather& gather();
+    [[nodiscard]] std::size_t comparison_bytes() const {
+        return (paper_slicing_ ? paper_slicing_->bytes() : 0) + (gather_ ? gather_->bytes() : 0);
+    }
 
     gl::VertexArray splat_array, record_array, rectangle_array;
 
@@ -40,6 +48,8 @@ class Resources {
     std::map<std::pair<std::string, gl::Defines>, gl::Program> programs_;
     std::unique_ptr<Targets> targets_;
     std::unique_ptr<SectionPass> section_pass_;
+    std::unique_ptr<PaperSlicing> paper_slicing_;
+    std::unique_ptr<Gather> gather_;
 };
 
 } // namespace sheetsplat::sheet

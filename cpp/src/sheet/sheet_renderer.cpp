@@ -134,9 +134,23 @@ void SheetRenderer::render(const Job& job, Image& image) {
             state_->resources->section_pass().slice(part.kernels, *part.view);
         }
     }
+    if (plan.paper_slicing) {
+        std::vector<const EllipsoidField*> fields;
+        for (const EllipsoidPart& part : job.ellipsoids) {
+            fields.push_back(part.kernels.get());
+        }
+        state_->resources->paper_slicing().keep(fields);
+        for (const EllipsoidPart& part : job.ellipsoids) {
+            state_->resources->paper_slicing().slice(*state_->resources, part.kernels, *part.view, *part.traversal);
+        }
+    }
+    if (plan.gather) {
+        state_->resources->gather().prepare(*job.ellipsoids.front().view, *job.ellipsoids.front().traversal);
+    }
     // Reading the last picture back waited for all of its drawing.
     state_->resources->samples.rewind();
     state_->resources->records.rewind();
+    state_->resources->rests.rewind();
     state_->resources->boxes.rewind();
     state_->resources->rectangles.rewind();
     std::size_t drawn = 0, dropped = 0, bytes = 0;
@@ -212,7 +226,8 @@ void SheetRenderer::render(const Job& job, Image& image) {
     }
     image.stats["tiles"] = static_cast<double>(tiles.size());
     const SectionPass* sections = state_->resources->sections();
-    image.stats["bytes_device"] = static_cast<double>(bytes + (sections != nullptr ? sections->bytes() : 0));
+    image.stats["bytes_device"] = static_cast<double>(bytes + (sections != nullptr ? sections->bytes() : 0) +
+                                                      state_->resources->comparison_bytes());
 }
 
 Seconds SheetRenderer::fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets,

@@ -75,14 +75,17 @@ gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const Sp
     gl::Defines defines{{"ELLIPSOID", on}};
     if (plan.sampling == Sampling::slab) {
         defines["SLAB"] = on;
-        defines["SLAB_NODES"] = group == SectionGroup::thin ? "4" : group == SectionGroup::medium ? "6" : "0";
+        const bool thin = group == SectionGroup::thin || group == SectionGroup::precise_thin;
+        const bool medium = group == SectionGroup::medium || group == SectionGroup::precise_medium;
+        defines["SLAB_NODES"] = thin ? "4" : medium ? "6" : "0";
         // Differences of means are integrated in pieces short enough for six nodes; a chord is at most 2 sqrt(k) widths
         // long.
-        defines["SLAB_PIECES"] = group == SectionGroup::thick ? "4" : "1";
+        defines["SLAB_PIECES"] = thin || medium ? "1" : "4";
     }
-    const std::array<std::pair<const char*, bool>, 11> switches{{
+    const std::array<std::pair<const char*, bool>, 12> switches{{
         {"BARE", plan.bare_fill},
         {"RESIDENT", plan.resident_sections},
+        {"PRECISE_PLACES", is_precise(group)},
         {"SPRITE", group == SectionGroup::sprite},
         {"COMPACT", group == SectionGroup::compact && !plan.fine_gradient && plan.packing == Packing::wide},
         {"PERSPECTIVE", plan.projection == Projection::perspective},

@@ -69,6 +69,7 @@ TileLoop::TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabi
     }
     for (const EllipsoidPart& part : job.ellipsoids) {
         walks_.emplace_back(*part.traversal);
+        active_.emplace_back(*part.traversal);
     }
     if (plan_.opacity_buffer) {
         const auto pixels =
@@ -142,7 +143,13 @@ void TileLoop::splat(std::int64_t pass) {
         splat_regular(part, pass, first_slab);
     }
     for (std::size_t part = 0; part < job_.ellipsoids.size(); ++part) {
-        splat_ellipsoids(part, pass, first_slab);
+        if (plan_.paper_slicing) {
+            splat_paper(part, pass);
+        } else if (plan_.gather) {
+            gather(part, pass);
+        } else {
+            splat_ellipsoids(part, pass, first_slab);
+        }
     }
     if (plan_.count_fragments) {
         fragments_.end();
@@ -258,10 +265,13 @@ void TileLoop::splat_ellipsoids(std::size_t part, std::int64_t pass, std::int64_
             }
             const EyeKernel kernel = view.kernel(entry.kernel);
             if (counts(EllipsoidView::pixels(view.bounds(kernel, front, behind), frame_, tile_, wider))) {
-                // Anchored where it is needed, a record keeps its digits: at the batch's slab nearest to the centre.
-                const std::int64_t anchor =
-                    view.nearest_slice(-kernel.center.z, first_slab, narrow ? last_narrow : last_slab);
-                records_[group].push_back(view.record(entry.kernel, kernel, anchor));
+                // Anchored where it is needed, a record keeps its digits.
+                const std::int64_t anchor = view.anchor(kernel, first_slab, narrow ? last_narrow : last_slab);
+                if (is_precise(static_cast<SectionGroup>(entry.group))) {
+                    records_[group].push_back(view.record(entry.kernel, kernel, anchor, &rests_[group].emplace_back()));
+                } else {
+                    records_[group].push_back(view.record(entry.kernel, kernel, anchor));
+                }
                 if (records_[group].size() == records_at_once) {
                     draw_group(part, group, pass, first_slab);
                 }
@@ -285,6 +295,67 @@ void TileLoop::draw_group(std::size_t part, std::size_t group, std::int64_t pass
     });
     records_[group].clear();
     indices_[group].clear();
+    rests_[group].clear();
+}
+
+template <class Visit>
+void TileLoop::for_each_active(std::size_t part, Visit&& visit) {
+    const auto& cells = job_.ellipsoids[part].traversal->cells();
+    for (const std::size_t number : active_[part].next()) {
+        const PixelBox box = EllipsoidView::pixels(cells[number].bounds, frame_, tile_, 0);
+        if (box.empty()) {
+            continue;
+        }
+        if (plan_.opacity_buffer && opacity_.hides(box)) {
+            dropped_ += cells[number].end - cells[number].begin;
+            continue;
+        }
+        if (plan_.tagging == Tagging::tiles) {
+            marks_.touch(box);
+        }
+        visit(number, box);
+    }
+}
+
+SlabPass TileLoop::slab_pass(std::int64_t pass) const {
+    SlabPass slabs;
+    slabs.first_slab = pass * steps_.stride;
+    slabs.axis_x = axis_x();
+    slabs.axis_y = axis_y();
+    slabs.target_width = tile_.target_width();
+    slabs.target_height = tile_.target_height();
+    slabs.tag = tags_by_depth() ? tag_of(tag_) : middle;
+    slabs.margin = sprite_margin(capabilities_);
+    return slabs;
+}
+
+void TileLoop::splat_paper(std::size_t part, std::int64_t pass) {
+    const EllipsoidPart& ellipsoids = job_.ellipsoids[part];
+    std::vector<std::size_t> cells;
+    for_each_active(part, [&](std::size_t number, const PixelBox&) { cells.push_back(number); });
+    drawn_ += resources_.paper_slicing().kernels_at(ellipsoids.view->field(), pass);
+    for_each_target(ellipsoids.field, false, [&](const SplatTarget& target) {
+        bind_target(target, pass);
+        resources_.paper_slicing().draw(resources_, plan_, *ellipsoids.view, *ellipsoids.traversal, cells, target,
+                                        slab_pass(pass));
+    });
+}
+
+void TileLoop::gather(std::size_t part, std::int64_t pass) {
+    PixelBox touched{tile_.target_width(), tile_.target_height(), 0, 0};
+    for_each_active(part, [&](std::size_t, const PixelBox& box) {
+        touched = {std::min(touched.x0, box.x0), std::min(touched.y0, box.y0), std::max(touched.x1, box.x1),
+                   std::max(touched.y1, box.y1)};
+    });
+    if (touched.empty()) {
+        return;
+    }
+    bind_target({-1, plan_.weight, true, false}, pass);
+    resources_.gather().use(resources_, plan_, *job_.ellipsoids[part].view, slab_pass(pass));
+    // What is written is finished: nothing adds to it.
+    gl_.Disable(GL_BLEND);
+    draw_rectangles({{static_cast<float>(touched.x0), static_cast<float>(touched.y0), static_cast<float>(touched.x1),
+                      static_cast<float>(touched.y1)}});
 }
 
 void TileLoop::set_offsets(const gl::Program& program, std::int64_t first_slab) const {
@@ -324,6 +395,10 @@ void TileLoop::draw_records(const EllipsoidView& view, std::size_t numbered, std
     // Half a pixel of a rectangle's edge that a pixel's centre lies on may be lost to rounding; differences between
     // neighbours reach a pixel further, along both axes.
     program.set("margin", f(sprite_margin(capabilities_) + (plan_.fine_gradient ? 1.5 : 0.0)));
+    if (is_precise(group)) {
+        program.set("exact_depth", frame_.depth_of(first_slab));
+        program.set("exact_spacing", frame_.slice_spacing);
+    }
     set_offsets(program, first_slab);
     int guard = 0;
     if (group == SectionGroup::sprite) {
@@ -364,8 +439,26 @@ void TileLoop::draw_records(const EllipsoidView& view, std::size_t numbered, std
         const std::size_t count = std::min(records_at_once, records - begin);
         std::memcpy(resources_.records.map_next(count * size), data + begin * size, count * size);
         resources_.records.unmap();
-        resources_.records.bind();
+        if (is_precise(group)) {
+            std::memcpy(resources_.rests.map_next(count * sizeof(SectionRest)), rests_[numbered].data() + begin,
+                        count * sizeof(SectionRest));
+            resources_.rests.unmap();
+        }
         draw(count, [&](std::size_t first) {
+            for (GLuint rest = 0; rest < 3; ++rest) {
+                if (!is_precise(group)) {
+                    gl_.DisableVertexAttribArray(ATTRIBUTE_REST_HEIGHTS + rest);
+                    continue;
+                }
+                resources_.rests.bind();
+                const std::size_t start =
+                    resources_.rests.offset() + first * sizeof(SectionRest) + rest * 4 * sizeof(float);
+                gl_.EnableVertexAttribArray(ATTRIBUTE_REST_HEIGHTS + rest);
+                gl_.VertexAttribPointer(ATTRIBUTE_REST_HEIGHTS + rest, 4, GL_FLOAT, GL_FALSE, sizeof(SectionRest),
+                                        reinterpret_cast<const void*>(start));
+                gl_.VertexAttribDivisor(ATTRIBUTE_REST_HEIGHTS + rest, 1);
+            }
+            resources_.records.bind();
             const std::size_t start = resources_.records.offset() + first * size;
             if (plan_.resident_sections) {
                 gl_.EnableVertexAttribArray(ATTRIBUTE_RECORD_INDEX);

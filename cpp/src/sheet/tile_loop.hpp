@@ -5,6 +5,7 @@
 #include <functional>
 #include <vector>
 
+#include "active_cells.hpp"
 #include "base/capabilities.hpp"
 #include "gl/fragment_counter.hpp"
 #include "opacity_buffer.hpp"
@@ -42,6 +43,13 @@ class TileLoop {
     void draw_group(std::size_t part, std::size_t group, std::int64_t pass, std::int64_t first_slab);
     void draw_records(const EllipsoidView& view, std::size_t numbered, std::size_t records, const SplatTarget& target,
                       std::int64_t pass, std::int64_t first_slab);
+    /// The two ways of drawing ellipsoids that are kept for comparison.
+    void splat_paper(std::size_t part, std::int64_t pass);
+    void gather(std::size_t part, std::int64_t pass);
+    /// Marks what the active cells of a part can touch; calls visit(cell, box) for those that can be seen.
+    template <class Visit>
+    void for_each_active(std::size_t part, Visit&& visit);
+    [[nodiscard]] SlabPass slab_pass(std::int64_t pass) const;
     void set_offsets(const gl::Program& program, std::int64_t first_slab) const;
     /// Binds the sheets that a field's splats go to.
     void bind_target(const SplatTarget& target, std::int64_t pass) const;
@@ -80,7 +88,9 @@ class TileLoop {
     TileMarks marks_;
     std::vector<VertexMaker> makers_;
     std::vector<CellWalk> walks_;
+    std::vector<ActiveCells> active_;
     std::array<std::vector<SectionRecord>, 2 * section_groups> records_; ///< wide ones, then narrow ones
+    std::array<std::vector<SectionRest>, 2 * section_groups> rests_;     ///< of the precise ones
     std::array<std::vector<std::uint32_t>, 2 * section_groups> indices_; ///< the same where sections are resident
     const Targets* targets_ = nullptr;
     int tags_limit_;

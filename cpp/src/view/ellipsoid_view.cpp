@@ -184,7 +184,8 @@ EllipsoidView::Span EllipsoidView::span(const Depths& depths, int wider) const {
             static_cast<std::int64_t>(std::min(last, static_cast<double>(frame_->slices - 1)))};
 }
 
-SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std::int64_t anchor) const {
+SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std::int64_t anchor,
+                                    SectionRest* rest) const {
     const Frame& frame = *frame_;
     const double depth = frame.depth_of(anchor);
     const double s = (-kernel.center.z - depth) / kernel.half_depth;
@@ -218,17 +219,32 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
     record.vy = f(v.y);
     record.step_x = f(step.x);
     record.step_y = f(step.y);
+    if (rest != nullptr) {
+        const auto left = [&](double value) { return f(value - static_cast<double>(f(value))); };
+        *rest = SectionRest{left(at.x - whole.x),
+                            left(at.y - whole.y),
+                            left(s),
+                            left(step_s),
+                            left(u.x),
+                            left(u.y),
+                            left(v.x),
+                            left(v.y),
+                            left(step.x),
+                            left(step.y),
+                            {0.0F, 0.0F}};
+    }
     record.weight = f(std::max(weight * kernel.amplitude * weight_scale_, least_weight));
     return record;
 }
 
-SectionGroup EllipsoidView::group(std::size_t i, const Depths& depths, double sprite_px) const {
+SectionGroup EllipsoidView::group(std::size_t i, const Depths& depths, double sprite_px, double precise_aspect) const {
     if (sampling_ == Sampling::point && spheres_ && depths.half / frame_->pixel <= sprite_px) {
         return SectionGroup::sprite;
     }
     const double step_s = frame_->slice_spacing / depths.half;
     const Vec3 axes = field_->semi_axes(i);
     double shortest = std::min({axes.x, axes.y, axes.z});
+    const bool precise = std::max({axes.x, axes.y, axes.z}) >= precise_aspect * shortest;
     double ray = 1.0;
     if (filter_ == Filter::ewa) {
         // A filtered kernel is no thinner than a slice distance in depth and a pixel across.
@@ -246,9 +262,17 @@ SectionGroup EllipsoidView::group(std::size_t i, const Depths& depths, double sp
                    depths.half / shortest;
         }
         const double width = std::sqrt(field_->kernel().falloff) * ray * step_s;
+        if (precise) {
+            return width < thin_slab     ? SectionGroup::precise_thin
+                   : width < medium_slab ? SectionGroup::precise_medium
+                                         : SectionGroup::precise_thick;
+        }
         return width < thin_slab     ? SectionGroup::thin
                : width < medium_slab ? SectionGroup::medium
                                      : SectionGroup::thick;
+    }
+    if (precise) {
+        return SectionGroup::precise_plain;
     }
     if (frame_->projection == Projection::orthographic) {
         // |w| ds / h, and the farthest that the middle of four slabs lies from the centre where it matters.
@@ -262,7 +286,13 @@ SectionGroup EllipsoidView::group(std::size_t i, const Depths& depths, double sp
     return SectionGroup::plain;
 }
 
-std::int64_t EllipsoidView::nearest_slice(double depth, std::int64_t first, std::int64_t last) const {
+std::int64_t EllipsoidView::anchor(const EyeKernel& kernel, std::int64_t first, std::int64_t last) const {
+    double depth = -kernel.center.z;
+    if (frame_->projection == Projection::perspective) {
+        // Places on the screen grow without bound towards the eye: taken there, they would cost all further sections
+        // their digits. 0.6 of the farthest is past the first of two slices, however close to the eye that one is.
+        depth = std::max(depth, 0.6 * std::min(depth + kernel.half_depth, frame_->depth_of(last)));
+    }
     return static_cast<std::int64_t>(std::clamp(std::round((depth - frame_->first_depth) * per_depth_),
                                                 static_cast<double>(first), static_cast<double>(last)));
 }

@@ -52,11 +52,22 @@ _ALL = (
     Bench(
         "table2005", "the fifteen rows of the 2005 paper's Table 1, with the paper's figures", f"{__name__}.table2005"
     ),
+    Bench("table2006", "the six rows of the 2006 paper's Table 1: scattered kernels", f"{__name__}.table2006"),
     Bench("ablation", "what each technique is worth: time and error with it and without it", f"{__name__}.ablation"),
     Bench("frame", "a shaded frame of 480,000 kernels against a bare fill test", f"{__name__}.frame"),
+    Bench(
+        "ellipsoids",
+        "35,000 ellipsoids that overlap 23 times, against bare fills; point against slab sampling",
+        f"{__name__}.ellipsoids",
+    ),
     Bench("import", "import time and first frame, in new processes", f"{__name__}.startup"),
     Bench("memory", "memory of the process for a 256^3 volume, in a new process", f"{__name__}.memory"),
     Bench("scaling", "how time grows with kernels and with pixels", f"{__name__}.scaling"),
+    Bench(
+        "scattered_scaling",
+        "how time and memory grow with scattered kernels, up to ten million",
+        f"{__name__}.scattered_scaling",
+    ),
 )
 
 #: Every benchmark by its name.

@@ -398,9 +398,9 @@ INSTANTIATE_TEST_SUITE_P(
                      scene, Camera::perspective({0.5, 0.5, 0.5}, {0.5, 0.6, 0.0}, {0, 1, 0}, 80.0)};
              },
              1e-4, 1e-3},
-        Case{"needles of 1:30,000",
+        Case{"needles of 1:100,000",
              [] {
-                 const auto needles = cloud(3000, 0.05, 3e4, 5, normalized(Normalization::none));
+                 const auto needles = cloud(3000, 0.05, 1e5, 5, normalized(Normalization::none));
                  auto [scene, camera] = seen(needles, persp, [](Scene& s) {
                      s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.0}, {0.3, {1.0, 0.8, 0.2}, 0.4}});
                  });

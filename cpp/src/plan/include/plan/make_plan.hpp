@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -56,6 +57,11 @@ struct DrawPlan {
     /// Ellipsoids are sliced by one pass over all of them on the device, where the sections stay; else by the
     /// processor, batch by batch.
     bool resident_sections = false;
+    bool paper_slicing = false; ///< ellipsoids are sliced and drawn step by step as in [NM06]
+    int gaussian_cells = 1024;  ///< of the texture of the Gaussian, along each axis
+    bool gather = false;        ///< each pixel looks for the ellipsoids that reach it
+    /// Longest over shortest semi-axis from which on an ellipsoid is placed in float64.
+    double precise_aspect = std::numeric_limits<double>::infinity();
     bool filter = false; ///< kernels are widened by pixel and slice distance
     bool gradient = false;
     bool specular = false;

@@ -35,7 +35,7 @@ class CellTraversal {
     /// OutOfMemory. 12 bytes a kernel.
     static CellTraversal of(const EllipsoidView& view, const SpatialGrid& grid, const ReachLists* reach,
                             const std::vector<std::uint8_t>& visible, BatchLayout layout, int wider_slices,
-                            int wider_px, bool may_narrow, double sprite_px);
+                            int wider_px, bool may_narrow, double sprite_px, double precise_aspect);
 
     [[nodiscard]] const std::vector<Cell>& cells() const { return cells_; }
     [[nodiscard]] const Entry* entries() const { return entries_.data(); }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 
 #include <glm/vec2.hpp>
 
@@ -47,16 +48,30 @@ struct SectionRecord {
 };
 static_assert(sizeof(SectionRecord) == 64, "shaders read records of four vec4");
 
+/// What float32 cut off the numbers of a record: 48 bytes.
+struct SectionRest {
+    float part_x, part_y, s, step_s;
+    float ux, uy, vx, vy;
+    float step_x, step_y;
+    float reserved[2];
+};
+static_assert(sizeof(SectionRest) == 48, "shaders read three vec4");
+
 /// How a kernel is drawn: kernels of one group share a program.
 enum class SectionGroup : std::uint8_t {
-    sprite,  ///< a sphere in orthographic view, small enough for a point: one Gaussian serves all its sections
-    compact, ///< slabs are close against the kernel: the exponents of four of them are a polynomial
-    plain,   ///< any point-sampled kernel
-    thin,    ///< slab sampling, slabs thin against the kernel: 4 nodes
-    medium,  ///< 6 nodes
-    thick,   ///< erf
+    sprite,        ///< a sphere in orthographic view, small enough for a point: one Gaussian serves all its sections
+    compact,       ///< slabs are close against the kernel: the exponents of four of them are a polynomial
+    plain,         ///< any point-sampled kernel
+    thin,          ///< slab sampling, slabs thin against the kernel: 4 nodes
+    medium,        ///< 6 nodes
+    thick,         ///< erf
+    precise_plain, ///< so long against its thickness that float32 would lose it: places are computed in float64
+    precise_thin,
+    precise_medium,
+    precise_thick,
 };
-constexpr std::size_t section_groups = 6;
+constexpr std::size_t section_groups = 10;
+[[nodiscard]] inline bool is_precise(SectionGroup group) { return group >= SectionGroup::precise_plain; }
 
 /// How the kernels of one field of ellipsoids look in a view. Nothing is owned.
 class EllipsoidView {
@@ -89,11 +104,15 @@ class EllipsoidView {
     };
     [[nodiscard]] Span span(const Depths& depths, int wider = 0) const;
     /// The record of a kernel, anchored at a slice; precise for slices near it.
-    [[nodiscard]] SectionRecord record(std::size_t i, const EyeKernel& kernel, std::int64_t anchor) const;
-    /// How the kernel is drawn. sprite_px: largest radius of a point sprite.
-    [[nodiscard]] SectionGroup group(std::size_t i, const Depths& depths, double sprite_px) const;
-    /// Of the slices first ... last, the one nearest to a depth: where a record is anchored.
-    [[nodiscard]] std::int64_t nearest_slice(double depth, std::int64_t first, std::int64_t last) const;
+    [[nodiscard]] SectionRecord record(std::size_t i, const EyeKernel& kernel, std::int64_t anchor,
+                                       SectionRest* rest = nullptr) const;
+    /// How the kernel is drawn. sprite_px: largest radius of a point sprite; precise_aspect: longest over shortest
+    /// semi-axis from which on places are computed in float64.
+    [[nodiscard]] SectionGroup group(std::size_t i, const Depths& depths, double sprite_px,
+                                     double precise_aspect = std::numeric_limits<double>::infinity()) const;
+    /// Of the slices first ... last, the one that a record for them is anchored at: nearest to the kernel's centre, and
+    /// in perspective not much nearer to the eye than the others.
+    [[nodiscard]] std::int64_t anchor(const EyeKernel& kernel, std::int64_t first, std::int64_t last) const;
 
     /// Bounds on the screen of the part of the support between two depths, pixels from the optical axis, rows
     /// downwards. `unbounded` where it reaches through the eye.

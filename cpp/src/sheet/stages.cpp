@@ -11,6 +11,16 @@ namespace {
 
 const std::string on = "1";
 
+/// Names of what is switched on become defines.
+template <std::size_t count>
+void define(const std::array<std::pair<const char*, bool>, count>& switches, gl::Defines& defines) {
+    for (const auto& [name, active] : switches) {
+        if (active) {
+            defines[name] = on;
+        }
+    }
+}
+
 } // namespace
 
 Steps make_steps(const DrawPlan& plan, const Frame& frame) {
@@ -63,11 +73,7 @@ gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const Spl
         {"WEIGHT", target.weight && !plan.fine_gradient},
         {"WEIGHT_ALONE", target.weights_alone},
     }};
-    for (const auto& [name, active] : switches) {
-        if (active) {
-            defines[name] = on;
-        }
-    }
+    define(switches, defines);
     return defines;
 }
 
@@ -96,11 +102,7 @@ gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const Sp
         {"WEIGHT", target.weight && !plan.fine_gradient},
         {"WEIGHT_ALONE", target.weights_alone},
     }};
-    for (const auto& [name, active] : switches) {
-        if (active) {
-            defines[name] = on;
-        }
-    }
+    define(switches, defines);
     return defines;
 }
 
@@ -154,11 +156,7 @@ gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
         {"COVERAGE", plan.coverage},
         {"COMPENSATED", plan.compensated},
     }};
-    for (const auto& [name, active] : switches) {
-        if (active) {
-            defines[name] = on;
-        }
-    }
+    define(switches, defines);
     if (plan.gradient) {
         defines["LIGHTS"] = std::to_string(lights);
     }

@@ -13,7 +13,11 @@ import pytest
 import sheetsplat as ss
 from sheetsplat.bench import BENCHES, Goal, Options, Report
 from sheetsplat.bench._measure import Judge, difference, orbit, time_frames
+from sheetsplat.bench.ellipsoids import _over, at_equal_time, ellipsoids, has_gather
+from sheetsplat.bench.scattered_scaling import exponent
 from sheetsplat.bench.table2005 import _PICTURES, threshold_for
+from sheetsplat.bench.table2006 import _PICTURES as _SCATTERED
+from sheetsplat.bench.table2006 import diagonals
 from sheetsplat.datasets import noisy_ball
 
 
@@ -160,3 +164,146 @@ def test_import_and_memory_run_in_new_processes(tmp_path: Path) -> None:
     memory = BENCHES["memory"].run(_options(tmp_path))
     assert memory.rows[0]["remark"].startswith("skipped")
     assert 10.0 < memory.rows[1]["before"] <= memory.rows[1]["resident"] < 2000.0
+
+
+def test_the_ellipsoids_are_what_the_benchmark_says() -> None:
+    field = ellipsoids(4000, 64.0)
+    axes = np.sort(field.scales, axis=1)
+    volumes = 4.0 / 3.0 * math.pi * axes.prod(axis=1)
+    assert volumes.sum() / 64.0**3 == pytest.approx(23.0, rel=1e-12)
+    aspects = axes[:, 2] / axes[:, 0]
+    assert aspects.max() <= 20.0 * (1 + 1e-12) and np.mean(aspects > 10.0) > 0.1 and np.mean(aspects < 2.0) > 0.1
+    # Half are long, half flat.
+    assert np.mean(axes[:, 1] > 0.9 * axes[:, 2]) == pytest.approx(0.5, abs=0.15)
+    assert (field.centers >= 0.0).all() and (field.centers <= 64.0).all()
+    # The same everywhere and every time.
+    again = ellipsoids(4000, 64.0)
+    assert np.array_equal(again.scales, field.scales) and np.array_equal(again.values, field.values)
+    assert field.centers[0] == pytest.approx(ellipsoids(4000, 1.0).centers[0] * 64.0)
+    assert not np.array_equal(ellipsoids(4000, 64.0, seed=1).scales, field.scales)
+    assert ellipsoids(4000, 64.0, shrunk=0.5).scales == pytest.approx(0.5 * field.scales)
+
+
+def test_the_supports_overlap_as_often_as_is_said() -> None:
+    # Farther from the faces than the longest semi-axis, so that no kernel is missing; over enough of the cube that the
+    # mean over the places there varies by some 3 %.
+    points = np.random.default_rng(3).uniform(32.0, 96.0, (2000, 3))
+    for shrunk, overlap in ((1.0, 23.0), (0.9, 23.0 * 0.9**3)):
+        field = ellipsoids(shrunk=shrunk)
+        # The profile is 1 - r^2 for so small a falloff, whose mean over a ball is 2/5: weights count supports.
+        flat = ss.EllipsoidField(field.centers, field.scales, field.rotations, field.values, falloff=1e-9)
+        assert flat.weight_at(points).mean() / 0.4 == pytest.approx(overlap, rel=0.1)
+
+
+def test_figures_at_equal_time_and_exponents() -> None:
+    # error = time^-2 is a straight line: found between the points, and beyond them.
+    line = [(time, time**-2.0) for time in (1.0, 2.0, 4.0, 8.0)]
+    for time in (1.0, 3.0, 8.0, 0.5, 20.0):
+        assert at_equal_time(line[::-1], time) == pytest.approx(time**-2.0)
+    assert at_equal_time([(1.0, 1.0), (2.0, 0.5), (4.0, 0.01)], 1.5) == pytest.approx(1.0 / 1.5)
+    assert math.isnan(at_equal_time([(1.0, 0.0), (2.0, 0.0)], 1.5))
+    assert math.isnan(at_equal_time(line[:1], 1.0))
+    assert _over([2.0, 9.0, 4.0], [1.0, 3.0, 4.0]) == 2.0
+    rows = [{"row": count, "time": 1e-3 * count**0.8} for count in (100, 1000, 50000)]
+    assert exponent(rows, "time") == pytest.approx(0.8)
+    assert math.isnan(exponent(rows[:1], "time"))
+
+
+def test_the_second_papers_table_is_whole() -> None:
+    assert list(_SCATTERED) == ["Blunt Fin", "Combust.", "Chess Pc.", "Monster", "Toy Car", "Toy Train"]
+    assert sum(picture.paper_fps for picture in _SCATTERED.values()) == pytest.approx(15.3)
+    # Sums over the printed column of points, thousands: all, and those that were not culled.
+    numbers = [re.findall(r"\d+", picture.paper_points) for picture in _SCATTERED.values()]
+    assert [sum(int(pair[n]) for pair in numbers) for n in (0, 1)] == [620, 445]
+
+
+def test_diagonals_are_in_parts_of_the_longest_edge() -> None:
+    from sheetsplat.fit import Kernels
+
+    centers = np.array([[0.0, 0.0, 0.0], [256.0, 10.0, 3.0]])
+    spheres = Kernels(centers, np.array([1.0, 4.0]), np.ones(2))
+    assert diagonals(spheres) == pytest.approx((math.sqrt(3.0), 4.0 * math.sqrt(3.0)))
+    boxes = Kernels(centers, np.array([[1.0, 2.0, 2.0], [2.0, 3.0, 6.0]]), np.ones(2))
+    assert diagonals(boxes) == pytest.approx((3.0, 7.0))
+
+
+def test_the_second_table_skips_what_is_not_there(tmp_path: Path) -> None:
+    rows = ("Combust.", "Monster", "Toy Train")
+    options = _options(tmp_path, rows=rows, size=(16, 16), pictures=tmp_path / "pictures")
+    combustor, monster, train = BENCHES["table2006"].run(options).rows
+    for missing, name in ((combustor, "combxyz.bin.gz"), (monster, "mesh_spot.obj")):
+        assert missing["remark"].startswith("skipped") and name in missing["remark"]
+        assert "SHEETSPLAT_DATA" in missing["remark"] and "fps" not in missing
+        assert missing["paper_fps"] > 0.0
+    assert train["rmse"] == 0.0 and train["fps"] > 0.0 and "stand-in" in train["source"]
+    assert train["points"] >= train["kernels_drawn"] > 500
+    # The longest edge is 128 slice distances, from whichever side it is seen.
+    assert 10 < train["slices"] < 300
+    # The reference counts no fragments.
+    assert "fragments" not in train
+    assert len(list((tmp_path / "pictures").iterdir())) == 2
+
+
+def test_the_second_table_reads_plot3d(tmp_path: Path) -> None:
+    # A block of 6 x 5 x 4 points, big-endian, without records; its density is x.
+    sizes = np.array([6, 5, 4], ">i4").tobytes()
+    places = np.stack(np.meshgrid(range(6), range(5), range(4), indexing="ij"), axis=-1)
+    flat = places.transpose(2, 1, 0, 3).reshape(-1, 3).astype(">f4")
+    flow = np.zeros((5, len(flat)), ">f4")
+    flow[0] = 1.0 + flat[:, 0]
+    (tmp_path / "combxyz.bin.gz").write_bytes(sizes + flat.T.tobytes())
+    (tmp_path / "combq.bin.gz").write_bytes(sizes + np.array([1, 0, 1, 0], ">f4").tobytes() + flow.tobytes())
+    report = BENCHES["table2006"].run(_options(tmp_path, rows=("Combust.",), size=(16, 16)))
+    assert report.rows[0]["points"] == 120 and report.rows[0]["rmse"] == 0.0
+    assert report.reached and "fit of the Combustor" in report.goals[0].name
+
+
+def test_ellipsoids_without_a_device(tmp_path: Path) -> None:
+    options = _options(tmp_path, size=(12, 12), scale=0.1, rows=("wide", "gather", "sampling"))
+    report = BENCHES["ellipsoids"].run(options)
+    by_name = {(row["row"], row.get("spacing")): row for row in report.rows}
+    assert by_name["wide", 1.0]["rmse"] == 0.0 and by_name["wide", 1.0]["wall_ms"] > 0.0
+    assert by_name["wide: bare fills", None]["remark"].startswith("not run")
+    if not has_gather(options):
+        assert "gather" in by_name["gather", None]["remark"]
+    # Both samplings come closer to the converged picture by more than the order 1.
+    for sampling in ("points", "slabs"):
+        errors = [by_name[f"composite: {sampling}", spacing]["rmse"] for spacing in (4.0, 2.0, 1.0, 0.5)]
+        assert errors[0] > 0.0 and errors[-1] < errors[0] / 16.0
+    # The line integral is exact by slabs, and is not by points.
+    for spacing in (4.0, 1.0):
+        assert by_name["xray: slabs", spacing]["rmse"] < 1e-9 < 1e-6 < by_name["xray: points", spacing]["rmse"]
+    # No figure to be reached is judged by fewer kernels than it is meant for.
+    assert not report.goals
+
+
+@pytest.mark.gl
+def test_ellipsoids_against_bare_fills(tmp_path: Path) -> None:
+    options = _options(tmp_path, size=(40, 40), backend="gl", rows=("wide", "paper"))
+    rows = {row["row"]: row for row in BENCHES["ellipsoids"].run(options).rows}
+    for packing in ("wide", "paper"):
+        row = rows[packing]
+        assert row["rmse"] < 1e-4 and row["over_bare"] > 0.0 and row["cpu_over_fill"] > 0.0
+        bare, fill = (
+            next(row for name, row in rows.items() if name.startswith(f"{packing}: {what}")) for what in ("own", "fill")
+        )
+        assert row["fragments"] == bare["fragments"] == fill["fragments"] > row["splats"] > 0
+    # One fragment holds twice as many slices in packing wide.
+    assert rows["paper"]["fragments"] > rows["wide"]["fragments"]
+
+
+def test_scattered_scaling_runs_in_new_processes(tmp_path: Path) -> None:
+    report = BENCHES["scattered_scaling"].run(_options(tmp_path, size=(24, 24), scale=0.05))
+    assert [row["row"] for row in report.rows] == [100, 125, 1250]
+    for row in report.rows:
+        # Six supports over every point of a cube of 128.
+        assert row["row"] * 4.0 / 3.0 * math.pi * row["radius"] ** 3 / 128.0**3 == pytest.approx(6.0)
+        assert row["per_kernel"] * row["row"] == pytest.approx(1e6 * row["resident"]) and row["cpu_ms"] > 0.0
+    assert report.rows[0]["slices"] < report.rows[2]["slices"]
+    assert not report.goals
+
+
+def test_the_list_names_every_benchmark() -> None:
+    assert {"table2006", "ellipsoids", "scattered_scaling"} <= set(BENCHES)
+    assert BENCHES["table2006"].rows == tuple(_SCATTERED)
+    assert "sampling" in BENCHES["ellipsoids"].rows and BENCHES["scattered_scaling"].rows == ()

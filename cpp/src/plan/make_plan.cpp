@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <sstream>
 #include <utility>
 
@@ -35,8 +36,8 @@ constexpr int paper_cells_at_8 = 1024;
 constexpr double largest_paper_aspect = 1024.0;
 /// One record serves all slices of a kernel: at 1:10,000 the 99.9th percentile was seen at 7e-5.
 constexpr double largest_gather_aspect = 16384.0;
-/// Half a field's extent over its smallest semi-axis. Centres in float32 are known to 6e-8 of the former: seen were 4e-8
-/// times the quotient where they are moved in float64, 1.5e-7 where in float32.
+/// Half a field's extent over its smallest semi-axis. Centres in float32 are known to 6e-8 of the former: seen were
+/// 4e-8 times the quotient where they are moved in float64, 1.5e-7 where in float32.
 constexpr double largest_paper_extent = 2048.0;
 constexpr double largest_paper_extent_in_float32 = 512.0;
 /// Below this share of a semi-axis, squared, the filter changes nothing within any bound.
@@ -48,6 +49,11 @@ constexpr double largest_splat_px = 1e12;
 constexpr double smallest_falloff = 0.05;
 /// Values over window, where quotients of sums are lit: at 30 the 99.9th percentile was seen at 7e-4, at 100 at 2e-3.
 constexpr double largest_lit_ratio = 40.0;
+/// What sums in a sheet may come to.
+constexpr double largest_float16 = 6e4;
+constexpr double largest_float32 = 1e36;
+/// Weights of 0 leave 1e-30 in the sheets, which tells what they reach from what is empty.
+constexpr double least_divisor = 1e-22;
 /// Share of a kernel's radius that its place on the screen may be off.
 constexpr double largest_place_error = 1e-3;
 /// Plain float32 sums over 28,000 slices were seen 2e-6 off, over 280,000 4e-5, over 1,750,000 6e-4.
@@ -88,6 +94,8 @@ std::string number(double value) {
     text << value;
     return text.str();
 }
+
+std::string kernels(std::size_t count) { return std::to_string(count) + (count == 1 ? " kernel" : " kernels"); }
 
 /// Collects effects with their reasons, and what the caller forced.
 class Effects {
@@ -132,11 +140,64 @@ class Effects {
     std::vector<std::string> dropped_;
 };
 
-double unit_of_values(const Scene& scene) {
+/// What the kernels of a field are worth in sums.
+struct Amounts {
+    double low = 0.0, high = 0.0; ///< of what a kernel stands for in rho: f where weights are divided out, else m f
+    double largest = 0.0;         ///< bound on its part of |rho|
+    double heaviest = 0.0;        ///< largest of |m f|
+    double most_weight = 0.0;     ///< largest m
+    double least_weight = std::numeric_limits<double>::infinity(); ///< smallest m above 0
+};
+
+/// overlap: kernels that overlap at a point, at least 1.
+Amounts amounts_of(const Field& field, double overlap) {
+    Amounts amounts;
+    const auto [low, high] = field.value_range();
+    amounts.low = low;
+    amounts.high = high;
+    amounts.largest = amounts.heaviest = std::max(std::abs(low), std::abs(high));
+    amounts.most_weight = amounts.least_weight = 1.0;
+    const EllipsoidField* ellipsoids = as_ellipsoids(&field);
+    const bool divided = field.normalization() == Normalization::threshold;
+    if (ellipsoids == nullptr || ellipsoids->size() == 0) {
+        return amounts;
+    }
+    if (ellipsoids->arrays().weights.empty()) {
+        amounts.largest *= divided ? std::min(1.0, overlap / std::max(field.w0(), 1.0)) : 1.0;
+        return amounts;
+    }
+    Amounts weighted;
+    weighted.low = std::numeric_limits<double>::infinity();
+    weighted.high = -weighted.low;
+    double alone = 0.0;
+    for (std::size_t i = 0; i < ellipsoids->size(); ++i) {
+        const double weight = ellipsoids->weight(i);
+        const double product = weight * ellipsoids->value(i);
+        weighted.low = std::min(weighted.low, product);
+        weighted.high = std::max(weighted.high, product);
+        weighted.most_weight = std::max(weighted.most_weight, weight);
+        if (weight > 0.0) {
+            weighted.least_weight = std::min(weighted.least_weight, weight);
+        }
+        // m f g / max(w0, W), where W is at least m g.
+        alone = std::max(alone, std::abs(product) / std::max(ellipsoids->w0(), weight));
+    }
+    weighted.heaviest = std::max(std::abs(weighted.low), std::abs(weighted.high));
+    // A mean is never larger than the largest value; where w0 divides, it is no larger than what overlaps adds up to.
+    weighted.largest = divided ? std::min(amounts.largest, overlap * alone) : weighted.heaviest;
+    if (divided) {
+        weighted.low = low;
+        weighted.high = high;
+    }
+    return weighted;
+}
+
+double overlap_of(const ViewFacts& view) { return std::max(usual_overlap, view.largest_overlap); }
+
+double unit_of_values(const Scene& scene, const ViewFacts& view) {
     double largest = 0.0;
     for (const auto& field : scene.fields) {
-        const auto [low, high] = field->value_range();
-        largest = std::max({largest, std::abs(low), std::abs(high)});
+        largest = std::max(largest, amounts_of(*field, overlap_of(view)).largest);
     }
     if (largest == 0.0) {
         largest = 1.0;
@@ -187,22 +248,20 @@ Tagging choose_tagging(const RendererOptions& options, const Capabilities& capab
 void check_precision(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
                      const Capabilities* capabilities, DrawPlan& plan) {
     const double unit = plan.value_unit;
-    double largest = 0.0;
+    const double overlap = overlap_of(view);
+    double largest = 0.0, spread = 0.0, sum = 0.0;
+    bool lost = false;
     for (const auto& field : scene.fields) {
-        const auto [low, high] = field->value_range();
-        largest = std::max({largest, std::abs(low), std::abs(high)});
+        const Amounts amounts = amounts_of(*field, overlap);
+        largest = std::max(largest, amounts.largest);
+        spread = std::max(spread, amounts.high - amounts.low);
+        sum = std::max({sum, overlap * amounts.heaviest / unit, overlap * amounts.most_weight});
+        lost = lost || (field->normalization() == Normalization::threshold && field->w0() < least_divisor &&
+                        amounts.least_weight < least_divisor);
     }
     // What a picture resolves: the transfer function's window, for an isosurface the spread of the values that it
     // passes through.
-    double resolved = unit;
-    if (plan.mode == Mode::isosurface) {
-        double spread = 0.0;
-        for (const auto& field : scene.fields) {
-            const auto [low, high] = field->value_range();
-            spread = std::max(spread, high - low);
-        }
-        resolved = spread > 0.0 ? spread : unit;
-    }
+    const double resolved = plan.mode == Mode::isosurface && spread > 0.0 ? spread : unit;
     const double ratio = largest / resolved;
     const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
     const double per_length = view.slice_spacing * view.largest_slant / view.reference_length;
@@ -210,17 +269,17 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                                  ? 1.0
                                  : std::max(1.0, scene.transfer_function.steepest() * unit * per_length);
 
-    const double sums = float32_epsilon * std::sqrt(std::max(usual_overlap, view.largest_overlap)) * ratio;
+    const double sums = float32_epsilon * std::sqrt(overlap) * ratio;
     double noise = sums;
     if (plan.precision == Precision::float16) {
         // Stores that cut off instead of rounding drift by half a step an overlap; rounding ones walk at random.
         const bool truncates = capabilities != nullptr && capabilities->software;
-        noise = ratio * (truncates ? usual_overlap * 0.5 / 1024.0 : std::sqrt(usual_overlap) / 4096.0);
+        noise = ratio * (truncates ? overlap * 0.5 / 1024.0 : std::sqrt(overlap) / 4096.0);
         if (plan.gradient) {
             noise *= 8.0;
         }
     } else if (plan.precision == Precision::uint8) {
-        noise = std::max(1.0, ratio) * usual_overlap * 0.5 / 255.0;
+        noise = std::max(1.0, ratio) * overlap * 0.5 / 255.0;
     }
     plan.summary.error_budget.push_back({std::string("sums in ") + to_string(plan.precision), noise * steepness});
     if (options.allow_inexact) {
@@ -233,9 +292,18 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "an estimated error of " + number(noise * steepness), "at most " + number(float16_bound),
                       "use precision float32, or pass allow_inexact=True"});
     }
+    const double largest_sum = plan.precision == Precision::float16 ? largest_float16 : largest_float32;
+    if (sum > largest_sum || lost) {
+        throw Unsupported(
+            Complaint{std::string("the picture cannot be made with ") + to_string(plan.precision) + " sheets",
+                      lost ? "a w0 and weights below " + number(least_divisor)
+                           : "sums of weights, or of weighted values over what is resolved, of up to " + number(sum),
+                      lost ? "a w0 or weights of at least that" : "at most " + number(largest_sum),
+                      "scale the weights and w0 by one factor, use backend reference, or pass allow_inexact=True"});
+    }
     // Errors of single slices partly cancel along a ray; what a steep ramp adds, it adds at few pixels.
     const double picture = 0.25 * sums * std::min(steepness, 4.0);
-    const bool lit_quotient = plan.gradient && plan.threshold;
+    const bool lit_quotient = plan.gradient && (plan.threshold || !plan.own_sheets.empty());
     if (plan.precision == Precision::float32 &&
         (picture > float32_bound || (lit_quotient && ratio > largest_lit_ratio))) {
         throw Unsupported(
@@ -300,8 +368,8 @@ std::string unfit_for_comparison(const Scene& scene, const ViewFacts& view, cons
             }
         }
         if (view.largest_aspect > largest_paper_aspect && !options.allow_inexact) {
-            return "kernels of 1:" + number(view.largest_aspect) + ", where float32 textures know rotations for 1:" +
-                   number(largest_paper_aspect) + " at most";
+            return "kernels of 1:" + number(view.largest_aspect) +
+                   ", where float32 textures know rotations for 1:" + number(largest_paper_aspect) + " at most";
         }
         return plan.gather                        ? "effect gather at once"
                : options.packing == Packing::wide ? "packing wide"
@@ -328,7 +396,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     plan.projection = projection;
     plan.sampling = scene.sampling;
     plan.mode = scene.mode;
-    plan.value_unit = unit_of_values(scene);
+    plan.value_unit = unit_of_values(scene, view);
     summary.backend = backend;
     summary.size = view.size;
     summary.slice_spacing = view.slice_spacing;
@@ -366,8 +434,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                   plan.empty_test;
     const bool unresolved = view.unresolved > 0;
     const bool filtering = scene.filter == Filter::ewa && view.largest_filtering > least_filtering;
-    const std::string small = number(static_cast<double>(view.unresolved)) +
-                              " kernels are smaller than a pixel or thinner than a slice distance";
+    const std::string small = kernels(view.unresolved) + (view.unresolved == 1 ? " is" : " are") +
+                              " smaller than a pixel or thinner than a slice distance";
     plan.filter = filtering;
     effects.state("ewa_filter", filtering,
                   filtering                     ? unresolved ? "asked for, and " + small
@@ -376,19 +444,29 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                   : unresolved
                       ? "not asked for, though " + small + ": filter=\"ewa\" would keep their mass"
                       : "not asked for, and no kernel is smaller than a pixel or thinner than a slice distance");
-    effects.state("scattered_kernels", view.ellipsoids,
-                  view.ellipsoids ? "a field holds ellipsoids: each is sliced by itself" : "all fields are lattices");
+    bool lattices = false;
+    bool spheres = false;
+    for (const auto& field : scene.fields) {
+        const EllipsoidField* ellipsoids = as_ellipsoids(field.get());
+        lattices = lattices || (ellipsoids == nullptr && !filtering);
+        spheres = spheres || (ellipsoids != nullptr && ellipsoids->size() > 0 && ellipsoids->isotropic() && !filtering);
+    }
+    effects.state("scattered_kernels", view.ellipsoids || filtering,
+                  view.ellipsoids ? "a field holds ellipsoids: each is sliced by itself"
+                  : filtering     ? "the filter turns the samples of lattices into ellipsoids of their own"
+                                  : "all fields are lattices");
     effects.state("slab_sampling", scene.sampling == Sampling::slab,
                   scene.sampling == Sampling::slab ? "asked for: slices are means over their slabs"
                                                    : "slices are points in depth");
     effects.state("perspective", projection == Projection::perspective,
                   projection == Projection::perspective ? "the camera is perspective" : "the camera is orthographic");
-    plan.general = effects.decide("general_sections", view.sheared || projection == Projection::perspective,
-                                  view.sheared ? "cross-sections lean: spacing is unequal and seen askew"
-                                  : projection == Projection::perspective
-                                      ? "cross-sections scale from slab to slab"
-                                      : "all sections of a kernel share one place on the screen",
-                                  true);
+    plan.general = effects.decide(
+        "general_sections", lattices && (view.sheared || projection == Projection::perspective),
+        !lattices                               ? "no lattice is drawn, and every ellipsoid has sections of its own"
+        : view.sheared                          ? "cross-sections lean: spacing is unequal and seen askew"
+        : projection == Projection::perspective ? "cross-sections scale from slab to slab"
+                                                : "all sections of a lattice's kernel share one place on the screen",
+        true);
 
     // Light.
     plan.gradient = effects.decide("gradient", lit,
@@ -535,11 +613,13 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     }
     const bool sprites = projection == Projection::orthographic &&
                          2.0 * view.largest_splat_px + 1.0 <= static_cast<double>(capabilities->max_point_size);
-    plan.points = effects.decide("points", sprites,
-                                 sprites ? "point sprites need one vertex a kernel"
-                                 : projection == Projection::perspective
-                                     ? "kernels differ in size: quads fit them"
-                                     : "kernels are larger than the largest point sprite: quads") &&
+    const bool round = spheres && plan.sampling == Sampling::point && !plan.fine_gradient;
+    plan.points = effects.decide("points", sprites && (lattices || round),
+                                 projection == Projection::perspective ? "kernels differ in size: quads fit them"
+                                 : !sprites ? "kernels are larger than the largest point sprite: quads"
+                                 : lattices ? "point sprites need one vertex a kernel"
+                                 : round    ? "spheres that are small enough are point sprites of one vertex each"
+                                            : "ellipsoids are drawn as rectangles along the axes of their sections") &&
                   sprites;
     plan.separable = !plan.general && plan.sampling == Sampling::point && !plan.fine_gradient &&
                      view.largest_splat_px < largest_separable_px;
@@ -600,14 +680,14 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                             view.largest_aspect <= largest_resident_aspect &&
                             view.most_ellipsoids <= most_resident_kernels;
     const std::string why_resident =
-        !view.ellipsoids                ? "no field holds ellipsoids"
+        plan.filter                     ? "filtered kernels are sliced by the processor"
+        : !view.ellipsoids              ? "no field holds ellipsoids"
         : compared                      ? "kernels are drawn in another way, for comparison"
-        : plan.filter                   ? "filtered kernels are sliced by the processor"
         : !capabilities->at_least(4, 1) ? "OpenGL " + capabilities->version + " has no float64 vertex programs"
         : view.largest_aspect > largest_resident_aspect
             ? "kernels of 1:" + number(view.largest_aspect) + " are sliced anew for each batch, to keep their digits"
-        : view.most_ellipsoids > most_resident_kernels ? number(static_cast<double>(view.most_ellipsoids)) +
-                                                             " kernels are sliced batch by batch, in bounded memory"
+        : view.most_ellipsoids > most_resident_kernels
+            ? kernels(view.most_ellipsoids) + " are sliced batch by batch, in bounded memory"
         : capabilities->software ? "a device in software slices no faster than the processor that it runs on"
                                  : "one pass on the device slices all kernels, and nothing is uploaded or read back";
     plan.resident_sections = effects.decide("resident_sections", can_reside && !capabilities->software, why_resident);
@@ -715,8 +795,11 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     const std::uint64_t texel = plan.precision == Precision::float32   ? 16
                                 : plan.precision == Precision::float16 ? 8
                                                                        : 4;
+    const auto own = static_cast<std::uint64_t>(
+        std::count_if(plan.own_sheets.begin(), plan.own_sheets.end(), [](int number) { return number >= 0; }));
     const std::uint64_t sheets =
-        (plan.packing == Packing::wide ? 3U : 2U) * (plan.weight ? 2U : 1U) * (plan.fine_gradient ? 4U : 1U);
+        (plan.packing == Packing::wide ? 3U : 2U) * (plan.weight ? 2U : 1U) * (plan.fine_gradient ? 4U : 1U) +
+        own * (plan.packing == Packing::wide ? 3U : 1U) * 2U;
     summary.memory = static_cast<std::uint64_t>(view.size.width + 2) *
                      static_cast<std::uint64_t>(view.size.height + 2) * (sheets * texel + 16 + 4 + 16);
     return plan;

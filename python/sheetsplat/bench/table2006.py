@@ -19,6 +19,8 @@ from sheetsplat import datasets, fit
 from sheetsplat.bench._measure import Judge, attempt, data_folder, device_of, orbit, renderer_for, time_frames
 from sheetsplat.bench._report import Goal, Options, Report, Row, environment
 
+# Of the solids' suggested opacities, which hide what is inside.
+_THINNER = 0.1
 # The longest edge of the kernels' centres is this many slice distances, as in a volume of 128^3.
 _UNITS = 128.0
 
@@ -110,7 +112,8 @@ def _solid(make: Callable[..., Any], kernels: int, source: str, *files: str) -> 
         _need(options, *files)
         with _data_at(data_folder(options)):
             made = make(max(500, round(kernels * options.scale**3)))
-        return _Loaded(made.kernels, list(made.suggested["points"]), source, made.suggested["direction"])
+        points = [(*point[:4], _THINNER * point[4]) for point in made.suggested["points"]]
+        return _Loaded(made.kernels, points, source, made.suggested["direction"])
 
     return loaded
 
@@ -192,7 +195,8 @@ def _row(name: str, picture: _Picture, options: Options, renderer: ss.Renderer) 
         "fps": 1.0 / timing.wall,
     }
     if options.pictures is not None:
-        options.keep(renderer.render(usual, cameras[0], size=options.size), name)
+        for scene, what in ((usual, ""), (own, " at its own distance")):
+            options.keep(renderer.render(scene, cameras[0], size=options.size), name + what)
     counting = renderer_for(options, effects={"count_fragments": True})
     counted = [counting.render(usual, camera, size=options.size).stats.get("fragments") for camera in cameras]
     if None not in counted:

@@ -198,8 +198,8 @@ TEST_P(Walks, DrawEveryKernelOnceInEverySlabThatItMeets) {
                                 const std::int64_t first = batch * layout.stride;
                                 EXPECT_LE(first, span.last) << "drawn after its last slab";
                                 EXPECT_GE(first + covered, span.first + 1) << "drawn before its first slab";
-                                for (std::int64_t slab = first;
-                                     slab < std::min(first + covered, stage.frame.slices); ++slab) {
+                                for (std::int64_t slab = first; slab < std::min(first + covered, stage.frame.slices);
+                                     ++slab) {
                                     ++times[static_cast<std::size_t>(slab)];
                                 }
                             }
@@ -391,8 +391,7 @@ TEST(CellTraversal, TakesTwelveBytesAKernel) {
     const std::vector<std::uint8_t> visible(stage.field->size(), 1);
     const Setting setting{Kind::even, Projection::orthographic, Sampling::point, {4, 8}, 0, false};
     const CellTraversal traversal = stage.traversal(setting, false, visible);
-    EXPECT_EQ(traversal.bytes(),
-              12 * traversal.kernels() + sizeof(CellTraversal::Cell) * traversal.cells().size());
+    EXPECT_EQ(traversal.bytes(), 12 * traversal.kernels() + sizeof(CellTraversal::Cell) * traversal.cells().size());
     EXPECT_EQ(traversal.again(), 2);
     EXPECT_EQ(stage.traversal({Kind::even, Projection::orthographic, Sampling::point, {1, 4}, 0, false}, false, visible)
                   .again(),

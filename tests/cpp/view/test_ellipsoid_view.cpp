@@ -100,9 +100,8 @@ TEST(SliceKernel, HasItsEdgeOnTheEllipsoid) {
             const double tolerance = 4e-15 * aspect;
             for (const double s : {-0.9, -0.2, 0.0, 0.5, 0.99}) {
                 for (double angle = 0.1; angle < 6.2; angle += 0.9) {
-                    const glm::dvec2 xy =
-                        s * kernel.lean +
-                        std::sqrt(1.0 - s * s) * (std::cos(angle) * kernel.axis_u + std::sin(angle) * kernel.axis_v);
+                    const glm::dvec2 xy = s * kernel.lean + std::sqrt(1.0 - s * s) * (std::cos(angle) * kernel.axis_u +
+                                                                                      std::sin(angle) * kernel.axis_v);
                     EXPECT_NEAR(unit_radius(rotation, axes, Vec3(xy, s * kernel.half_depth)), 1.0, tolerance);
                     EXPECT_GT(std::abs(unit_radius(rotation, axes, Vec3(1.001 * xy, s * kernel.half_depth)) - 1.0),
                               tolerance);
@@ -239,8 +238,7 @@ TEST(EllipsoidView, KernelsAreSlicedWhereTheyStand) {
 Mat3 squared(const EyeKernel& kernel) {
     const glm::dmat2 across = conic(kernel) + glm::outerProduct(kernel.lean, kernel.lean);
     const glm::dvec2 aside = kernel.half_depth * kernel.lean;
-    return Mat3(Vec3(across[0], aside.x), Vec3(across[1], aside.y),
-                Vec3(aside, kernel.half_depth * kernel.half_depth));
+    return Mat3(Vec3(across[0], aside.x), Vec3(across[1], aside.y), Vec3(aside, kernel.half_depth * kernel.half_depth));
 }
 
 TEST(EllipsoidView, FilterWidensByAPixelAndASliceDistance) {
@@ -283,8 +281,8 @@ TEST(EllipsoidView, FilterWidensByAPixelAndASliceDistance) {
 TEST(EllipsoidView, FilterLeavesHugeKernelsAndKeepsTheMassOfTinyOnes) {
     EllipsoidArrays arrays;
     Random random(5);
-    for (const Vec3 axes : {Vec3(1e-8), Vec3(1e-8, 2e-8, 3e-8), Vec3(1e-8, 1e-8, 1e-3), Vec3(1e6),
-                            Vec3(1e6, 2e6, 3e8), Vec3(1e-8, 1e8, 1.0), Vec3(1e-99), Vec3(1e99)}) {
+    for (const Vec3 axes : {Vec3(1e-8), Vec3(1e-8, 2e-8, 3e-8), Vec3(1e-8, 1e-8, 1e-3), Vec3(1e6), Vec3(1e6, 2e6, 3e8),
+                            Vec3(1e-8, 1e8, 1.0), Vec3(1e-99), Vec3(1e99)}) {
         arrays.centers.push_back(random.in_cube());
         arrays.scales.push_back(axes);
         arrays.rotations.push_back(test::random_rotation(random));
@@ -326,9 +324,9 @@ TEST(EllipsoidView, FilterLeavesHugeKernelsAndKeepsTheMassOfTinyOnes) {
     }
     for (const std::size_t i : {std::size_t{3}, std::size_t{4}}) {
         const EyeKernel kernel = view.kernel(i);
-        const EyeKernel bare = sliced(kernel.center, Mat3(glm::transpose(Mat3(
-                                                         camera.right_world(), camera.up_world(), camera.back_world()))) *
-                                                         field->shape(i));
+        const EyeKernel bare = sliced(
+            kernel.center,
+            Mat3(glm::transpose(Mat3(camera.right_world(), camera.up_world(), camera.back_world()))) * field->shape(i));
         EXPECT_NEAR(kernel.amplitude, 1.0, 1e-12);
         EXPECT_NEAR(kernel.half_depth / bare.half_depth, 1.0, 1e-12);
         EXPECT_LE(largest_entry(conic(kernel) - conic(bare)), 1e-11 * largest_entry(conic(bare)));
@@ -375,8 +373,8 @@ double distance(const Decoded& a, const Decoded& b, double scale) {
     const auto in_plane = [&](const glm::dvec2& px) {
         return std::hypot(glm::dot(px, b.u) / glm::dot(b.u, b.u), glm::dot(px, b.v) / glm::dot(b.v, b.v));
     };
-    return std::max({scale * in_plane(a.center - b.center), in_plane(a.u - b.u), in_plane(a.v - b.v),
-                     std::abs(a.s - b.s)});
+    return std::max(
+        {scale * in_plane(a.center - b.center), in_plane(a.u - b.u), in_plane(a.v - b.v), std::abs(a.s - b.s)});
 }
 
 struct Far {
@@ -394,10 +392,9 @@ TEST_P(Records, HoldTheSectionsOfABatch) {
         Random random(6);
         const double spacing = 0.05;
         const Vec3 target(0.3, -0.2, 0.1);
-        const Camera camera =
-            far.deep ? Camera::perspective(target + Vec3(3.0, 1.4, 2.2), target, Vec3(0.1, 1.0, 0.2),
-                                           2.0 * std::atan(0.5 * far.height) * 180.0 / pi, 0.01)
-                     : orthographic(far.height, target);
+        const Camera camera = far.deep ? Camera::perspective(target + Vec3(3.0, 1.4, 2.2), target, Vec3(0.1, 1.0, 0.2),
+                                                             2.0 * std::atan(0.5 * far.height) * 180.0 / pi, 0.01)
+                                       : orthographic(far.height, target);
         EllipsoidArrays arrays;
         for (int n = 0; n < 40; ++n) {
             arrays.centers.push_back(target + random.in_cube() +
@@ -415,7 +412,8 @@ TEST_P(Records, HoldTheSectionsOfABatch) {
             // Record by record for batches of eight slabs, and one for all.
             for (std::int64_t first = -4; first <= span.last; first = first < 0 ? span.first / 4 * 4 : first + 8) {
                 const std::int64_t begin = std::max<std::int64_t>(first, 0);
-                const std::int64_t last = first < 0 ? look.frame.slices - 1 : std::min(first + 7, look.frame.slices - 1);
+                const std::int64_t last =
+                    first < 0 ? look.frame.slices - 1 : std::min(first + 7, look.frame.slices - 1);
                 const SectionRecord record = look.view.record(i, kernel, look.view.anchor(kernel, begin, last));
                 EXPECT_GE(record.part_x, 0.0F);
                 EXPECT_LE(record.part_x, 1.0F);
@@ -488,8 +486,8 @@ TEST(EllipsoidView, RecordsHoldWhereTheEyeIsInsideTheKernel) {
                          ++slice) {
                         const double depth = frame.depth_of(slice);
                         closest = std::min(closest, depth);
-                        worst = std::max(worst, distance(decoded(record, frame, slice), exact(kernel, frame, slice),
-                                                         depth));
+                        worst = std::max(worst,
+                                         distance(decoded(record, frame, slice), exact(kernel, frame, slice), depth));
                     }
                 }
             }
@@ -601,9 +599,9 @@ TEST(EllipsoidView, BoundsHoldAllPixelsOfTheSupport) {
                         left = std::min(left, x);
                         right = std::max(right, x);
                         const double slack = 1e-9 * (1.0 + std::abs(x) + std::abs(y));
-                        const bool inside = bounds.unbounded ||
-                                            (x >= bounds.left - slack && x <= bounds.right + slack &&
-                                             y >= bounds.top - slack && y <= bounds.bottom + slack);
+                        const bool inside =
+                            bounds.unbounded || (x >= bounds.left - slack && x <= bounds.right + slack &&
+                                                 y >= bounds.top - slack && y <= bounds.bottom + slack);
                         EXPECT_TRUE(inside) << "kernel " << i << " at " << x << ", " << y;
                         // Target pixel of the tile.
                         const double tx = std::floor(x + 25.0 - tile.x + 1.0), ty = std::floor(y + 18.0 - tile.y + 1.0);
@@ -679,8 +677,7 @@ TEST(EllipsoidView, BoundsEndWhereTheSupportDoes) {
     EXPECT_TRUE(inside.view.support_bounds(0, 0.0, 1.0).unbounded);
     EXPECT_FALSE(inside.view.support_bounds(0, 0.1, 1.0).unbounded);
     const Tile tile{2, 1, 4, 5};
-    const PixelBox all =
-        EllipsoidView::pixels(inside.view.support_bounds(0, 0.0, 1.0), inside.frame, tile, 0);
+    const PixelBox all = EllipsoidView::pixels(inside.view.support_bounds(0, 0.0, 1.0), inside.frame, tile, 0);
     EXPECT_TRUE(all.x0 == 0 && all.y0 == 0 && all.x1 == tile.target_width() && all.y1 == tile.target_height());
 }
 
@@ -835,16 +832,15 @@ TEST(EllipsoidView, RecordsWithTheirRestsKeepNeedlesOfOneToAHundredThousand) {
             for (std::int64_t first = span.first / 4 * 4; first <= span.last; first += 8) {
                 const std::int64_t last = std::min(first + 7, look.frame.slices - 1);
                 SectionRest rest{};
-                const SectionRecord record =
-                    look.view.record(i, kernel, look.view.anchor(kernel, first, last), &rest);
+                const SectionRecord record = look.view.record(i, kernel, look.view.anchor(kernel, first, last), &rest);
                 for (std::int64_t slice = std::max(first, span.first); slice <= std::min(last, span.last); ++slice) {
                     const double scale = deep ? look.frame.depth_of(slice) : 1.0;
                     const Decoded wanted = exact(kernel, look.frame, slice);
                     Decoded got = decoded(record, look.frame, slice);
                     rough = std::max(rough, distance(got, wanted, scale));
                     const double since = static_cast<double>(slice) - static_cast<double>(record.first);
-                    got.center += glm::dvec2(rest.part_x, rest.part_y) +
-                                  since * glm::dvec2(rest.step_x, rest.step_y) / scale;
+                    got.center +=
+                        glm::dvec2(rest.part_x, rest.part_y) + since * glm::dvec2(rest.step_x, rest.step_y) / scale;
                     got.u += glm::dvec2(rest.ux, rest.uy);
                     got.v += glm::dvec2(rest.vx, rest.vy);
                     got.s += static_cast<double>(rest.s) - since * static_cast<double>(rest.step_s);

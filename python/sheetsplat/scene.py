@@ -162,7 +162,8 @@ class Scene:
         Classify the interval between slices instead of the slices.
     filter
         None, or "ewa": kernels are widened by a pixel across and a slice distance along the view and keep their mass,
-        so that those smaller than that neither flicker nor vanish. Conventions, section 10 (Effects beyond the papers).
+        so that those smaller than that do not vanish between pixels or slices; they flicker less, though somewhat
+        still: usage, EWA filter. Conventions, section 10 (Effects beyond the papers).
     background
         Red, green, blue to put behind the picture; transparent unless given.
 

@@ -29,7 +29,7 @@ _LONGEST = 24.0
 # Slice distances at which point and slab sampling are compared, and that of the picture that counts as converged.
 _SPACINGS = (8.0, 4.0, 2.0, 1.0, 0.5)
 _CONVERGED = 0.125
-# A frame of the gather that would take longer is not begun, s.
+# A frame of another way that would take longer is not begun, s.
 _PATIENCE = 60.0
 
 _COLUMNS = {
@@ -46,6 +46,11 @@ _COLUMNS = {
     "cpu_over_bare": "by cpu",
     "over_fill": "over fill test",
     "cpu_over_fill": "by cpu ",
+    "usual_ms": "usual ms",
+    "usual_cpu_ms": "cpu ms  ",
+    "over_usual": "over usual",
+    "cpu_over_usual": "by cpu  ",
+    "apart": "rmse to usual",
     "index_ms": "grid ms",
     "view_ms": "view ms",
     "vertices_ms": "records ms",
@@ -56,7 +61,7 @@ _COLUMNS = {
 }
 
 #: Names of the parts that can be run alone.
-ROWS = ("wide", "paper", "gather", "sampling")
+ROWS = ("wide", "paper", "ways", "sampling")
 
 
 def ellipsoids(
@@ -261,62 +266,64 @@ def _packing(
     return _Packing(rows, frame, first.stats, bared if counts else None, filled if counts else None)
 
 
-def has_gather(options: Options) -> bool:
-    """Return whether this version can evaluate kernels pixel by pixel, as a forced effect."""
+# Other ways to the same picture: [NM06] section 5.1, its section 4.1 to the letter, and slicing without the device.
+_WAYS: dict[str, Mapping[str, bool]] = {
+    "gather: pixels look for kernels": {"gather": True},
+    "slicing step by step, as the paper": {"paper_slicing": True},
+    "slicing by the processor": {"resident_sections": False},
+}
+
+
+def knows(effects: Mapping[str, bool], options: Options) -> bool:
+    """Return whether this version has the effects."""
     scene = _scene(ellipsoids(8, 4.0))
     try:
-        renderer_for(options, **_GATHER).plan(scene, _cameras(4.0, 1)[0], size=(8, 8))
+        renderer_for(options, effects=effects).plan(scene, _cameras(4.0, 1)[0], size=(8, 8))
     except ss.InvalidInput:
         return False
     except ss.Error:
-        pass
+        # It has them, and may or may not draw this scene so.
+        return True
     return True
 
 
-_GATHER: dict[str, Any] = {"effects": {"gather": True}, "allow_inexact": True}
-
-
-def _gathered(scene: ss.Scene, cameras: list[ss.Camera], options: Options, judge: Judge) -> list[Row]:
-    """Time the fragment-centric way ([NM06] section 5.1) and the splats side by side, in pictures of two sizes."""
-    splatting, gathering = renderer_for(options), renderer_for(options, **_GATHER)
+def _beside(
+    name: str, effects: Mapping[str, bool], scene: ss.Scene, cameras: list[ss.Camera], options: Options, judge: Judge
+) -> list[Row]:
+    """Time another way and the usual one side by side: all views in a small picture, the first in the full one."""
+    usual, other = renderer_for(options), renderer_for(options, effects=effects)
     small = (max(1, options.size[0] // 4), max(1, options.size[1] // 4))
     rows: list[Row] = []
     took = 0.0
-    for size in (small, options.size):
-        pixels = size[0] * size[1] / (small[0] * small[1])
-        if took * pixels * len(cameras) > _PATIENCE * 3:
-            cameras = cameras[:1]
-        if took * pixels > _PATIENCE:
-            remark = f"not run: about {took * pixels:.0f} s a frame"
-            rows.append({"row": "gather", "size": f"{size[0]}x{size[1]}", "remark": remark})
-            break
-        splatted, gathered = _Times(), _Times()
-        splatting.render(scene, cameras[0], size=size)
+    for size, seen in ((small, cameras), (options.size, cameras[:1])):
+        row: Row = {"row": name, "spacing": scene.slice_spacing, "size": f"{size[0]}x{size[1]}"}
+        rows.append(row)
+        more = took * size[0] * size[1] / (small[0] * small[1])
+        if more > _PATIENCE:
+            row["remark"] = f"not run: about {more:.0f} s a frame"
+            continue
+        these, those = _Times(), _Times()
+        usual.render(scene, seen[0], size=size)
         if size == small:
-            gathering.render(scene, cameras[0], size=size)
+            other.render(scene, seen[0], size=size)
         apart = 0.0
-        for camera in cameras:
-            one = splatted.frame(splatting, scene, camera, size)
-            other = gathered.frame(gathering, scene, camera, size)
-            apart = max(apart, difference(other, one)["rmse"])
-        took = gathered.wall
-        for name, renderer, times in (("splats", splatting, splatted), ("gather", gathering, gathered)):
-            row: Row = {
-                "row": name,
-                "spacing": scene.slice_spacing,
-                "size": f"{size[0]}x{size[1]}",
-                "kernels_drawn": round(times.median("kernels_drawn")),
-                "slices": round(times.median("slices")),
-                **times.row(),
-            }
-            if size == small:
-                row |= judge.error(renderer, scene, cameras[0])
-            if name == "gather":
-                row["remark"] = (
-                    f"{_over(gathered.walls, splatted.walls):.3g} times as long by the clock, "
-                    f"{_over(gathered.cpus, splatted.cpus):.3g} by cpu; pictures differ by rmse {apart:.1e}"
-                )
-            rows.append(row)
+        for camera in seen:
+            expected = those.frame(usual, scene, camera, size)
+            picture = these.frame(other, scene, camera, size)
+            apart = max(apart, difference(picture, expected)["rmse"])
+        took = these.wall
+        row |= {
+            "kernels_drawn": round(these.median("kernels_drawn")),
+            "slices": round(these.median("slices")),
+            **these.row(),
+            "usual_ms": 1000.0 * those.wall,
+            "usual_cpu_ms": 1000.0 * those.cpu,
+            "over_usual": _over(these.walls, those.walls),
+            "cpu_over_usual": _over(these.cpus, those.cpus),
+            "apart": apart,
+        }
+        if size == small:
+            row |= judge.error(other, scene, seen[0])
     return rows
 
 
@@ -423,7 +430,8 @@ def run(options: Options) -> Report:
         "square sprites of the same mean area in one draw, 4 targets of 4 floats.",
         "grid: made once, in the first frame. view: which kernels start in which slab, once a view. records: each "
         "kernel's section, made while the device draws; the row below shows it alone.",
-        "Errors are those of the first view against the float64 reference.",
+        "Errors are those of the first view against the float64 reference. usual ms: the usual way right beside another "
+        "one.",
     ]
     goals: list[Goal] = []
     for packing in ("wide", "paper"):
@@ -437,13 +445,15 @@ def run(options: Options) -> Report:
                 rows += measured.rows
                 if packing == "wide" and options.scale == 1.0:
                     goals += _goals(measured)
-    if options.wants("gather"):
-        if has_gather(options):
-            options.say("gather")
-            gathered, failed = _tried("gather", partial(_gathered, scene, cameras, options, judge))
-            rows += gathered or failed
-        elif "gather" in options.rows:
-            rows.append({"row": "gather", "remark": "not run: this version has no effect gather"})
+    small = Judge((max(1, options.size[0] // 4), max(1, options.size[1] // 4)), options.reference_seconds)
+    for name, effects in _WAYS.items():
+        if options.wants("ways"):
+            options.say(name)
+            if knows(effects, options):
+                found, failed = _tried(name, partial(_beside, name, effects, scene, cameras, options, small))
+                rows += found or failed
+            else:
+                rows.append({"row": name, "remark": f"not run: this version has no effect {next(iter(effects))}"})
     if options.wants("sampling"):
         compared, failed = _tried("sampling", partial(_sampling, options, edge, count))
         rows += failed

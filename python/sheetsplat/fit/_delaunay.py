@@ -308,7 +308,7 @@ def delaunay(
     falloff
         k of the kernel's profile.
     trim
-        For bare points: whether to leave out tetrahedra on the hull whose circumscribed sphere is more than three times
+        For bare points: whether to leave out tetrahedra on the hull whose circumscribed sphere is more than 3.5 times
         as large as usual at their corners: slivers between points of one face, and gaps that the hull spans but the
         data do not fill.
 

@@ -17,9 +17,16 @@ float gaussian(vec2 at) {
     vec2 t = min(abs(at), 1.0) * gaussian_cells;
     vec2 cell = min(floor(t), gaussian_cells - 1.0);
     vec2 share = t - cell;
+#ifdef GATHER
+    // The point where four texels meet: from the one at the lower left counter-clockwise, the last one first.
+    vec4 four = textureGather(gaussian_texture, (cell + 1.0) / (gaussian_cells + 1.0));
+    vec2 low = four.wz;
+    vec2 high = four.xy;
+#else
     ivec2 texel = ivec2(cell);
     vec2 low = vec2(texelFetch(gaussian_texture, texel, 0).r, texelFetch(gaussian_texture, texel + ivec2(1, 0), 0).r);
     vec2 high = vec2(texelFetch(gaussian_texture, texel + ivec2(0, 1), 0).r, texelFetch(gaussian_texture, texel + ivec2(1, 1), 0).r);
+#endif
     vec2 mixed = mix(low, high, share.y);
     return mix(mixed.x, mixed.y, share.x);
 }

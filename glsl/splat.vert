@@ -78,6 +78,8 @@ void main() {
     // The centre is its ray at a reference depth between the slices; the ray leaves it by `drift` per unit of depth.
     drift = to_unit * (kernel.xy - axis);
     float reference = clamp(sample_in.z * half_depth, 0.0, last_offset * slice_spacing);
+    float reached = min((sample_in.z + 1.0) * half_depth, last_offset * slice_spacing);
+    reference = max(reference, 0.6 * (first_depth + reached) - first_depth);
     vec4 away_front = offset_front * slice_spacing - reference;
     vec4 away_back = offset_back * slice_spacing - reference;
     shift_x_front += drift.x * away_front;

@@ -25,7 +25,8 @@ void register_device(py::module_& module) {
             }
             return py::make_tuple(seconds.wall, seconds.cpu);
         },
-        py::arg("kernels"), py::arg("diameter_px"), py::arg("width"), py::arg("height"), py::arg("targets") = 1, py::arg("repeats") = 5);
+        py::arg("kernels"), py::arg("diameter_px"), py::arg("width"), py::arg("height"), py::arg("targets") = 1,
+        py::arg("repeats") = 5);
 }
 
 } // namespace sheetsplat::bindings

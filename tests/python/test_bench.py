@@ -13,7 +13,7 @@ import pytest
 import sheetsplat as ss
 from sheetsplat.bench import BENCHES, Goal, Options, Report
 from sheetsplat.bench._measure import Judge, difference, orbit, time_frames
-from sheetsplat.bench.ellipsoids import _over, at_equal_time, ellipsoids, has_gather
+from sheetsplat.bench.ellipsoids import _WAYS, _over, at_equal_time, ellipsoids, knows
 from sheetsplat.bench.scattered_scaling import exponent
 from sheetsplat.bench.table2005 import _PICTURES, threshold_for
 from sheetsplat.bench.table2006 import _PICTURES as _SCATTERED
@@ -259,13 +259,11 @@ def test_the_second_table_reads_plot3d(tmp_path: Path) -> None:
 
 
 def test_ellipsoids_without_a_device(tmp_path: Path) -> None:
-    options = _options(tmp_path, size=(12, 12), scale=0.1, rows=("wide", "gather", "sampling"))
+    options = _options(tmp_path, size=(12, 12), scale=0.1, rows=("wide", "sampling"))
     report = BENCHES["ellipsoids"].run(options)
     by_name = {(row["row"], row.get("spacing")): row for row in report.rows}
     assert by_name["wide", 1.0]["rmse"] == 0.0 and by_name["wide", 1.0]["wall_ms"] > 0.0
     assert by_name["wide: bare fills", None]["remark"].startswith("not run")
-    if not has_gather(options):
-        assert "gather" in by_name["gather", None]["remark"]
     # Both samplings come closer to the converged picture by more than the order 1.
     for sampling in ("points", "slabs"):
         errors = [by_name[f"composite: {sampling}", spacing]["rmse"] for spacing in (4.0, 2.0, 1.0, 0.5)]
@@ -275,6 +273,24 @@ def test_ellipsoids_without_a_device(tmp_path: Path) -> None:
         assert by_name["xray: slabs", spacing]["rmse"] < 1e-9 < 1e-6 < by_name["xray: points", spacing]["rmse"]
     # No figure to be reached is judged by fewer kernels than it is meant for.
     assert not report.goals
+
+
+def test_effects_that_a_version_lacks_are_known(tmp_path: Path) -> None:
+    assert knows({"weight": True}, _options(tmp_path))
+    assert not knows({"no such effect": True}, _options(tmp_path))
+
+
+@pytest.mark.gl
+def test_other_ways_stand_beside_the_usual_one(tmp_path: Path) -> None:
+    options = _options(tmp_path, size=(32, 32), backend="gl", rows=("ways",))
+    rows = BENCHES["ellipsoids"].run(options).rows
+    assert {row["row"] for row in rows} == set(_WAYS)
+    for name, effects in _WAYS.items():
+        small, full = (row for row in rows if row["row"] == name)
+        assert (small["size"], full["size"]) == ("8x8", "32x32")
+        for row in (small, full):
+            assert row["wall_ms"] > 0.0 and row["over_usual"] > 0.0 and 0.0 <= row["apart"] < 1e-4, effects
+        assert small["error_size"] == "8x8" and small["rmse"] < 1e-4
 
 
 @pytest.mark.gl

@@ -504,11 +504,10 @@ Image Renderer::render(const Scene& scene, const Camera& camera, Size size, cons
             const GridEntry& entry = *grids[part];
             views.emplace_back(*entry.kernels, camera, prepared.frame, scene.sampling,
                                prepared.plan.filter ? Filter::ewa : Filter::none, prepared.plan.value_unit, 1.0);
-            traversals.push_back(
-                CellTraversal::of(views.back(), entry.grid, entry.reach.get(), entry.visible, layout, wider, wider,
-                                  prepared.plan.packing == Packing::wide && !prepared.plan.fine_gradient,
-                                  sheet::largest_sprite(prepared.plan, state.sheets->capabilities()),
-                                                   prepared.plan.precise_aspect));
+            traversals.push_back(CellTraversal::of(
+                views.back(), entry.grid, entry.reach.get(), entry.visible, layout, wider, wider,
+                prepared.plan.packing == Packing::wide && !prepared.plan.fine_gradient,
+                sheet::largest_sprite(prepared.plan, state.sheets->capabilities()), prepared.plan.precise_aspect));
             drawn += traversals.back().kernels();
             view_bytes += traversals.back().bytes();
             job.ellipsoids.push_back(

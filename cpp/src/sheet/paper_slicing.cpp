@@ -34,7 +34,7 @@ float f(double value) { return static_cast<float>(value); }
 
 } // namespace
 
-PaperSlicing::PaperSlicing(const gl::Api& gl, bool float64) : gl_(&gl), float64_(float64), no_attributes_(gl) {}
+PaperSlicing::PaperSlicing(const gl::Api& gl, bool opengl_4) : gl_(&gl), opengl_4_(opengl_4), no_attributes_(gl) {}
 
 PaperSlicing::Entry& PaperSlicing::entry_of(const std::shared_ptr<const EllipsoidField>& kernels) {
     for (const auto& entry : entries_) {
@@ -124,18 +124,18 @@ void PaperSlicing::slice(Resources& resources, const std::shared_ptr<const Ellip
     entry.order.upload(GL_RED_INTEGER, GL_UNSIGNED_INT, order.data());
 
     // The field's centre in pixels from the optical axis, rows downwards, and in slices. In float32 starts are counted
-    // from whole ones there, so that no place loses digits to where the camera is; in float64 they lose none to where the
-    // field's centre is.
+    // from whole ones there, so that no place loses digits to where the camera is; in float64 they lose none to where
+    // the field's centre is.
     const Vec3 from_eye = kernels->centres_world().centre() - view.eye_world();
     const double x = glm::dot(from_eye, view.right_world()) / frame.pixel;
     const double y = -glm::dot(from_eye, view.up_world()) / frame.pixel;
     const double at = (-glm::dot(from_eye, view.back_world()) - frame.first_depth) / frame.slice_spacing;
-    entry.whole_x = float64_ ? 0.0 : std::floor(x);
-    entry.whole_y = float64_ ? 0.0 : std::floor(y);
+    entry.whole_x = opengl_4_ ? 0.0 : std::floor(x);
+    entry.whole_y = opengl_4_ ? 0.0 : std::floor(y);
     entry.whole_slice = std::floor(at);
 
     gl::Defines defines;
-    if (float64_) {
+    if (opengl_4_) {
         defines["FLOAT64"] = "1";
     }
     const gl::Program& program =
@@ -150,14 +150,14 @@ void PaperSlicing::slice(Resources& resources, const std::shared_ptr<const Ellip
     bind("scale_texture", entry.scale, UNIT_KERNEL_SCALE);
     bind("rotation_texture", entry.rotation, UNIT_KERNEL_ROTATION);
     const auto set = [&](const char* name, const Vec3& v) {
-        if (float64_) {
+        if (opengl_4_) {
             program.set(name, v.x, v.y, v.z);
         } else {
             program.set(name, f(v.x), f(v.y), f(v.z));
         }
     };
     const auto set_one = [&](const char* name, double number) {
-        float64_ ? program.set(name, number) : program.set(name, f(number));
+        opengl_4_ ? program.set(name, number) : program.set(name, f(number));
     };
     set("right", view.right_world());
     set("up", view.up_world());
@@ -212,6 +212,9 @@ void PaperSlicing::draw(Resources& resources, const DrawPlan& plan, const Ellips
     gl::Defines defines;
     if (target.weight) {
         defines["WEIGHT"] = "1";
+    }
+    if (opengl_4_) {
+        defines["GATHER"] = "1";
     }
     const gl::Program& program =
         resources.program("paper_splat.vert", "paper_splat.frag", defines, splat_outputs(plan, target));

@@ -27,8 +27,9 @@ class Resources;
 /// a view. Made and destroyed with the context current.
 class PaperSlicing {
   public:
-    /// float64: the device has OpenGL 4.0, so that kernels are sliced in float64; what is kept of them is float32.
-    PaperSlicing(const gl::Api& gl, bool float64);
+    /// opengl_4: the device has OpenGL 4.0. Then kernels are sliced in float64, though what is kept of them is float32,
+    /// and four texels are fetched at once.
+    PaperSlicing(const gl::Api& gl, bool opengl_4);
 
     /// Uploads what is new of a field and slices its kernels for a view. `kernels` owns the view's field.
     void slice(Resources& resources, const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
@@ -61,7 +62,7 @@ class PaperSlicing {
     const gl::Texture& table(double falloff, int cells);
 
     const gl::Api* gl_;
-    bool float64_;
+    bool opengl_4_;
     std::vector<std::unique_ptr<Entry>> entries_;
     gl::VertexArray no_attributes_;
     std::map<double, gl::Texture> tables_; ///< by falloff

@@ -6,9 +6,8 @@ namespace sheetsplat::sheet {
 
 Resources::Resources(const gl::Api& gl, const Capabilities& capabilities)
     : samples(gl, GL_ARRAY_BUFFER), boxes(gl, GL_ARRAY_BUFFER), records(gl, GL_ARRAY_BUFFER),
-      rests(gl, GL_ARRAY_BUFFER),
-      rectangles(gl, GL_ARRAY_BUFFER), splat_array(gl), record_array(gl), rectangle_array(gl), gl_(&gl),
-      precise_(capabilities.at_least(4, 0)) {}
+      rests(gl, GL_ARRAY_BUFFER), rectangles(gl, GL_ARRAY_BUFFER), splat_array(gl), record_array(gl),
+      rectangle_array(gl), gl_(&gl), precise_(capabilities.at_least(4, 0)) {}
 
 const gl::Program& Resources::program(const std::string& vertex, const std::string& fragment,
                                       const gl::Defines& defines, const std::vector<std::string>& outputs) {

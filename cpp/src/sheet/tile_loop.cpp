@@ -556,6 +556,7 @@ void TileLoop::draw_kernels(const gl::Program& program, const FieldView& view, c
     set_offsets(program, first_slab);
     if (perspective) {
         program.set("half_depth", f(view.half_depth));
+        program.set("first_depth", f(frame_.depth_of(first_slab)));
         program.set("last_offset", f(job_.layout.covered - 1));
     }
 

@@ -30,8 +30,7 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& grid, const ReachLists* reach,
                                 const std::vector<std::uint8_t>& visible, BatchLayout layout, int wider_slices,
-                                int wider_px, bool may_narrow, double sprite_px,
-                                double precise_aspect) {
+                                int wider_px, bool may_narrow, double sprite_px, double precise_aspect) {
     CellTraversal result;
     result.again_ = layout.covered / layout.stride;
     const Frame& frame = view.frame();
@@ -77,7 +76,8 @@ CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& gr
             const std::int64_t last = span.last / layout.stride;
             const bool narrow = may_narrow && layout.covered > layout.stride && first == last;
             const Entry entry{*id, static_cast<std::int32_t>(first), static_cast<std::uint32_t>(last) & 0xFFFFFFU,
-                              narrow ? 1U : 0U, static_cast<std::uint32_t>(view.group(*id, depths, sprite_px, precise_aspect)) & 0x7FU};
+                              narrow ? 1U : 0U,
+                              static_cast<std::uint32_t>(view.group(*id, depths, sprite_px, precise_aspect)) & 0x7FU};
             found.push_back({entry, start});
             ++count[start + 1];
             Cell& cell = cells[start];

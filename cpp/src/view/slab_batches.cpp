@@ -9,6 +9,9 @@ namespace sheetsplat {
 
 namespace {
 
+/// Of the depth that a kernel reaches in a batch; glsl/splat.vert has it too.
+constexpr double nearest_reference = 0.6;
+
 /// First and last slice that a kernel at a depth meets; first > last where it meets none.
 class SliceSpan {
   public:
@@ -144,9 +147,11 @@ VertexMaker::Placed VertexMaker::place(const Vec3& eye, double value, double fir
         top = y - half_y_;
         bottom = y + half_y_;
     } else {
-        // The centre's ray is taken where the kernel is sliced, so that a kernel beside or behind the eye has one too.
-        const double reference =
-            std::clamp(depth, first_depth, first_depth + (layout_.covered - 1) * frame_->slice_spacing);
+        // The centre's ray is taken where the kernel is sliced, so that a kernel beside or behind the eye has one too;
+        // but not so close to the eye that its place on the screen would run off with its digits.
+        const double last_slice = first_depth + (layout_.covered - 1) * frame_->slice_spacing;
+        const double reference = std::max(std::clamp(depth, first_depth, last_slice),
+                                          nearest_reference * std::min(depth + view.half_depth, last_slice));
         x = eye.x / (reference * frame_->pixel) + origin_x_;
         y = origin_y_ - eye.y / (reference * frame_->pixel);
         const double nearest = std::max(depth - view.half_depth, first_depth - view.slab_half);

@@ -202,7 +202,7 @@ def sph(
         if not mass.any():
             raise complain(f"{_WHAT}: masses cannot be used", "masses that are all 0", "at least one above 0")
         density = _above(scalars(_WHAT, densities, "densities", count), "densities")
-        with np.errstate(over="ignore", under="ignore"):
+        with np.errstate(all="ignore"):
             weights = chosen.amplitude * mass / density / scaled**3
         wrong = ~np.isfinite(weights)
         if wrong.any():

@@ -121,7 +121,15 @@ TEST_P(RandomFields, AreTheReferencesPicture) {
     const Image judge = by_reference(scene, askew(), trial.size);
     for (const std::string& mode : modes) {
         Renderer renderer(with(mode));
-        const Image picture = renderer.render(scene, askew(), trial.size);
+        Image picture;
+        try {
+            picture = renderer.render(scene, askew(), trial.size);
+        } catch (const Unsupported& error) {
+            // OpenGL before 4.0 slices in float32.
+            EXPECT_NE(std::string(error.what()).find("1:512 at most"), std::string::npos) << error.what();
+            EXPECT_GE(trial.aspect, 1000.0);
+            continue;
+        }
         const Difference difference = between(picture, judge, mode + " " + trial.name);
         EXPECT_LT(difference.rmse, 2e-5);
         EXPECT_LT(difference.p99_9, 2e-4);

@@ -30,6 +30,8 @@ from sheetsplat.transfer import TransferFunction
 
 if TYPE_CHECKING:
     from sheetsplat import datasets as datasets
+    from sheetsplat import fit as fit
+    from sheetsplat import io as io
     from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
 
 __all__ = [
@@ -54,6 +56,7 @@ __all__ = [
     "__version__",
     "datasets",
     "fit",
+    "io",
     "devices",
     "open",
     "render",
@@ -66,6 +69,7 @@ logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
 _LATE = {
     "datasets": ("sheetsplat.datasets", None),
     "fit": ("sheetsplat.fit", None),
+    "io": ("sheetsplat.io", None),
     "resample_to_bcc": ("sheetsplat.bcc", "resample_to_bcc"),
 }
 

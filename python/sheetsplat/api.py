@@ -241,6 +241,11 @@ def compose_scene(
         if look is not None and mode == "composite" and options.get("slice_spacing") is None:
             options["slice_spacing"] = look.slice_spacing
         transfer_function = TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacities, limits)
+    scattered = [one for one in fields if isinstance(one, EllipsoidField) and one.size]
+    if mode == "isosurface" and scattered and options.get("slice_spacing") is None:
+        # A crossing is found between two slices by a straight line, which two slices in a kernel's thickness do not
+        # give; what the opacities mean does not change.
+        options["slice_spacing"] = min(one.default_slice_spacing for one in fields if one.size) / 4
     if lights is None:
         lights = (HEAD_LIGHT,) if shading and mode in ("composite", "isosurface") else ()
     return Scene(
@@ -306,11 +311,32 @@ def compose_camera(
     azimuth: float | None = None,
     elevation: float | None = None,
     zoom: float = 1.0,
+    target: Vector | None = None,
     projection: Kind = "orthographic",
     fov_y: float = 30.0,
     margin: float = 1.05,
 ) -> Camera:
-    """Return a camera that shows all of a field or a scene in a picture of any shape, turned and zoomed."""
+    """Return a camera that shows all of a field or a scene in a picture of any shape, turned, zoomed and centred."""
+    if target is not None:
+        middle = np.asarray(triple("render: target", target))
+        if not np.all(np.isfinite(middle)):
+            raise complain("render: target cannot be used", f"{tuple(middle.tolist())}", "three finite numbers")
+        camera = compose_camera(
+            thing,
+            size,
+            direction=direction,
+            up=up,
+            azimuth=azimuth,
+            elevation=elevation,
+            zoom=zoom,
+            projection=projection,
+            fov_y=fov_y,
+            margin=margin,
+        )
+        eye = middle + (np.asarray(camera.eye) - np.asarray(camera.target))
+        if projection == "perspective":
+            return Camera.perspective(eye, middle, camera.up, fov_y=camera.fov_y, near=camera.near)
+        return Camera.orthographic(eye, middle, camera.up, height=camera.height)
     # Without a kernel there is no box, and the picture is empty from anywhere.
     bounds: Bounds = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)) if _is_empty(thing) else bounds_of(thing)
     view = axis_or_vector("render: direction", (0.0, 0.0, -1.0) if direction is None else direction)
@@ -440,6 +466,7 @@ def render(
     azimuth: float | None = None,
     elevation: float | None = None,
     zoom: float = 1.0,
+    target: Vector | None = None,
     projection: Kind = "orthographic",
     fov_y: float = 30.0,
     margin: float = 1.05,
@@ -506,6 +533,8 @@ def render(
         where `direction` is given.
     zoom
         Enlargement.
+    target
+        World point in the middle of the picture; the middle of the field unless given.
     projection, fov_y, margin
         As for `Camera.fit`: "orthographic" or "perspective", vertical angle in degrees, margin around the field.
     renderer
@@ -590,6 +619,7 @@ def render(
             azimuth=azimuth,
             elevation=elevation,
             zoom=zoom,
+            target=target,
             projection=projection,
             fov_y=fov_y,
             margin=margin,

@@ -392,6 +392,9 @@ class EllipsoidField(Field):
             raise _no_rows("values")
         places = _rows("centers", centers, "(N, 3) world positions", (3,))
         count = len(places)
+        if isinstance(scales, int | float) and not isinstance(scales, bool):
+            # One radius for all.
+            scales = np.full(len(places), float(scales))
         sizes = _rows("scales", scales, "(N, 3) or (N,) semi-axes", (3,), ())
         turns = None
         if rotations is not None:

@@ -286,9 +286,9 @@ def test_other_ways_stand_beside_the_usual_one(tmp_path: Path) -> None:
     rows = BENCHES["ellipsoids"].run(options).rows
     assert {row["row"] for row in rows} == set(_WAYS)
     for name, effects in _WAYS.items():
-        small, full = (row for row in rows if row["row"] == name)
-        assert (small["size"], full["size"]) == ("8x8", "32x32")
-        for row in (small, full):
+        small, larger = (row for row in rows if row["row"] == name)
+        assert (small["size"], larger["size"]) == ("8x8", "16x16")
+        for row in (small, larger):
             assert row["wall_ms"] > 0.0 and row["over_usual"] > 0.0 and 0.0 <= row["apart"] < 1e-4, effects
         assert small["error_size"] == "8x8" and small["rmse"] < 1e-4
 

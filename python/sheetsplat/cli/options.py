@@ -407,6 +407,9 @@ view_options: list[Callable[[Any], Any]] = [
     click.option("--elevation", type=Real(), help="Degrees towards up.  [default: 20, with --direction 0]"),
     click.option("--zoom", type=Real(above=0.0), default=1.0, show_default=True, help="Enlargement."),
     click.option(
+        "--target", type=Numbers("X,Y,Z", 3), help="World point in the middle of the picture.  [default: of the field]"
+    ),
+    click.option(
         "--projection", type=click.Choice(["orthographic", "perspective"]), default="orthographic", show_default=True
     ),
     click.option(
@@ -446,7 +449,7 @@ def scene_options(function: Function) -> Function:
 
 _LOOK = ("cmap", "opacity", "clim", "shading", "background", "mode", "iso_value", "slice_spacing", "sampling")
 _LOOK_TOO = ("reference_length", "opacity_stop", "preintegration", "filter")
-_VIEW = ("direction", "up", "azimuth", "elevation", "zoom", "projection", "fov_y", "margin")
+_VIEW = ("direction", "up", "azimuth", "elevation", "zoom", "target", "projection", "fov_y", "margin")
 _RENDERER = ("backend", "device", "precision", "tagging", "packing", "allow_inexact")
 _FIELD = (
     *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "nan", "dtype", "offset", "name"),

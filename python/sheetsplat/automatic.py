@@ -24,6 +24,9 @@ _RAMP_POWER = 1.5
 _RAMP_POINTS = 9
 # Places at which scattered fields are looked at.
 _PLACES = 16_384
+# Where thousands of kernels reach each place, fewer do: so many at least, and so many summands all told.
+_FEW_PLACES = 256
+_SUMMANDS = 1e8
 # Volumes are some hundred slices deep, and their opacities are meant for that; the slices of scattered data may be
 # many more.
 _USUAL_SLICES = 300.0
@@ -96,7 +99,7 @@ def choose(fields: Sequence[Field]) -> Look:
     if not isinstance(field, EllipsoidField):
         raise TypeError(f"automatic.choose: {type(field).__name__}")
     places = places_in(field)
-    look = _wide_enough(choose_for(field.at(places)), field)
+    look = _wide_enough(choose_for(field.at(places_in(field, _affordable(field)))), field)
     spacing = min(one.default_slice_spacing for one in fields if one.size) if places.size else 1.0
     usual = _usual_spacing(places, spacing)
     share = min(1.0, spacing / usual)
@@ -141,6 +144,15 @@ def _usual_spacing(places: NDArray[np.float64], spacing: float) -> float:
         return spacing
     low, high = np.percentile(places, (_OUTLIERS, 100.0 - _OUTLIERS), axis=0)
     return math.hypot(*(high - low).tolist()) / _USUAL_SLICES or spacing
+
+
+def _affordable(field: EllipsoidField) -> int:
+    """Return at how many places the scalar can be asked for: fewer where very many kernels reach each of them."""
+    few = places_in(field, _FEW_PLACES)
+    heaviest = field.weight_range[1]
+    # A kernel adds its weight to W at most, and a tenth of it on the average.
+    crowd = 10.0 * float(np.median(field.weight_at(few))) / heaviest if few.size and heaviest > 0 else 0.0
+    return int(min(_PLACES, max(_FEW_PLACES, _SUMMANDS / max(crowd, 1.0))))
 
 
 def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64]:

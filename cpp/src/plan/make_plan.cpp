@@ -149,8 +149,18 @@ struct Amounts {
     double least_weight = std::numeric_limits<double>::infinity(); ///< smallest m above 0
 };
 
-/// overlap: kernels that overlap at a point, at least 1.
-Amounts amounts_of(const Field& field, double overlap) {
+double overlap_of(const ViewFacts& view) { return std::max(usual_overlap, view.largest_overlap); }
+
+/// What a filter leaves of a kernel's height, at most: its mass in a kernel of a pixel's and a slice distance's size.
+double filtered_height(const Scene& scene, const ViewFacts& view, const Vec3& axes) {
+    if (scene.filter == Filter::none) {
+        return 1.0;
+    }
+    return std::min(1.0, axes.x / view.smallest_pixel * (axes.y / view.smallest_pixel) * (axes.z / view.slice_spacing));
+}
+
+Amounts amounts_of(const Field& field, const Scene& scene, const ViewFacts& view) {
+    const double overlap = overlap_of(view);
     Amounts amounts;
     const auto [low, high] = field.value_range();
     amounts.low = low;
@@ -171,7 +181,7 @@ Amounts amounts_of(const Field& field, double overlap) {
     weighted.high = -weighted.low;
     double alone = 0.0;
     for (std::size_t i = 0; i < ellipsoids->size(); ++i) {
-        const double weight = ellipsoids->weight(i);
+        const double weight = ellipsoids->weight(i) * filtered_height(scene, view, ellipsoids->semi_axes(i));
         const double product = weight * ellipsoids->value(i);
         weighted.low = std::min(weighted.low, product);
         weighted.high = std::max(weighted.high, product);
@@ -192,12 +202,10 @@ Amounts amounts_of(const Field& field, double overlap) {
     return weighted;
 }
 
-double overlap_of(const ViewFacts& view) { return std::max(usual_overlap, view.largest_overlap); }
-
 double unit_of_values(const Scene& scene, const ViewFacts& view) {
     double largest = 0.0;
     for (const auto& field : scene.fields) {
-        largest = std::max(largest, amounts_of(*field, overlap_of(view)).largest);
+        largest = std::max(largest, amounts_of(*field, scene, view).largest);
     }
     if (largest == 0.0) {
         largest = 1.0;
@@ -252,7 +260,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     double largest = 0.0, spread = 0.0, sum = 0.0;
     bool lost = false;
     for (const auto& field : scene.fields) {
-        const Amounts amounts = amounts_of(*field, overlap);
+        const Amounts amounts = amounts_of(*field, scene, view);
         largest = std::max(largest, amounts.largest);
         spread = std::max(spread, amounts.high - amounts.low);
         sum = std::max({sum, overlap * amounts.heaviest / unit, overlap * amounts.most_weight});

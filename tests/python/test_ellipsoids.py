@@ -304,7 +304,7 @@ def test_numbers_that_are_not_finite_are_refused_with_their_index(name, index, n
         ({**GOOD, "values": []}, "5 centers and 0 values"),
         ({**GOOD, "centers": np.zeros((5, 2))}, r"shape \(5, 2\).*\(N, 3\)"),
         ({**GOOD, "centers": np.zeros(3)}, r"shape \(3,\)"),
-        ({**GOOD, "scales": 1.0}, r"shape \(\)"),
+        ({**GOOD, "scales": True}, r"scales"),
         ({**GOOD, "scales": np.ones((5, 1))}, r"shape \(5, 1\)"),
         ({**GOOD, "values": np.ones((5, 1))}, r"shape \(5, 1\)"),
         ({**GOOD, "rotations": np.ones((5, 9))}, r"shape \(5, 9\).*quaternions"),

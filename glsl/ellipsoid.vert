@@ -144,11 +144,14 @@ void main() {
     vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
     vec2 from = along_u * mix(edge_u.x, edge_u.y, corner.x) + along_v * mix(edge_v.x, edge_v.y, corner.y);
     vec2 at = place_at.xy + (place_at.zw + from);
+    // From so far off, float32 cannot tell the corners of the window apart: the rectangle is all of it.
+    bool far_off = max(abs(place_at.x), abs(place_at.y)) > 1048576.0;
 #ifdef PERSPECTIVE
-    if (through_eye) {
+    far_off = far_off || through_eye;
+#endif
+    if (far_off) {
         at = mix(vec2(-1.0), target_size + 1.0, corner);
     }
-#endif
     gl_Position = vec4(at / target_size * 2.0 - 1.0, tag, 1.0);
 #endif
 }

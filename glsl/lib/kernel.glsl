@@ -37,10 +37,9 @@ vec4 kernel_mean(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy) {
     vec4 cv = s * wx + ax;
     vec4 apart2 = (cn * cn + cu * cu + cv * cv) / speed2;
     vec4 half_chord = sqrt(max(1.0 - apart2, 0.0)) / speed;
-    vec4 low = max(vec4(-slab_half), nearest - half_chord);
-    vec4 high = max(min(vec4(slab_half), nearest + half_chord), low);
-    vec4 from = low - nearest;
-    vec4 to = high - nearest;
+    // Counted from the nearest point: a chord that is short beside the slab keeps its digits.
+    vec4 from = max(vec4(-slab_half) - nearest, -half_chord);
+    vec4 to = max(min(vec4(slab_half) - nearest, half_chord), from);
 #if SLAB_NODES > 0
     // Thin slabs: an erf difference would cancel.
     vec4 middle = 0.5 * (from + to);
@@ -67,7 +66,7 @@ vec4 kernel_mean(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy) {
     vec4 bell = exp2(-falloff_log2 * apart2) * 0.886226925452758 / root;
     vec4 sum = bell * (error_function(root * to) - error_function(root * from)) - edge * (to - from);
     // A cap too thin for the difference still is a support that is met: it must not look empty.
-    return max(sum, mix(vec4(0.0), vec4(1e-20), greaterThan(high, low))) / (2.0 * slab_half);
+    return max(sum, mix(vec4(0.0), vec4(1e-20), greaterThan(to, from))) / (2.0 * slab_half);
 #endif
 }
 #endif

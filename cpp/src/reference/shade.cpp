@@ -37,7 +37,7 @@ Shader::Shader(const Scene& scene, const Camera& camera)
 }
 
 Vec3 Shader::normal(const Vec3& gradient) const {
-    const double length = glm::length(gradient);
+    const double length = std::hypot(gradient.x, gradient.y, gradient.z);
     if (length == 0.0) {
         return Vec3(0.0);
     }

@@ -68,7 +68,7 @@ ExactPlace exact_place() {
     dvec2 u = dvec2(axes.xy) + dvec2(axes_rest.xy);
     dvec2 v = dvec2(axes.zw) + dvec2(axes_rest.zw);
     dvec2 step = dvec2(step_and_rest.xy) + dvec2(step_and_rest.zw);
-    dvec2 from = dvec2(gl_FragCoord.xy - place_at.xy) - (dvec2(place_at.zw) + dvec2(heights_rest.xy));
+    dvec2 from = dvec2(gl_FragCoord.xy) - dvec2(place_at.xy) - (dvec2(place_at.zw) + dvec2(heights_rest.xy));
     double uu = dot(u, u);
     double vv = dot(v, v);
     ExactPlace exact;

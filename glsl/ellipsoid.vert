@@ -87,7 +87,8 @@ void main() {
 #ifdef PRECISE_PLACES
     axes = record_axes;
     axes_rest = rest_axes;
-    heights_rest = rest_heights;
+    // Whole pixels beyond 2^24 leave no room for the axis: what the sum lost is part of the parts.
+    heights_rest = vec4(vec2(dvec2(rest_heights.xy) + (dvec2(record_place.xy) + dvec2(axis) - dvec2(place_at.xy))), rest_heights.zw);
     step_and_rest = vec4(step, rest_step.xy);
 #endif
 

@@ -77,8 +77,9 @@ void main() {
     at /= anchor_depth;
     step -= at * slice_spacing;
 #endif
-    dvec2 whole = floor(at);
-    record_place = vec4(vec2(whole), vec2(at - whole));
+    // Beyond 2^24 float32 has no room for all whole pixels: what it leaves is part of the parts.
+    vec2 whole = vec2(floor(at));
+    record_place = vec4(whole, vec2(at - dvec2(whole)));
     // A weight of 0 still reaches: what it leaves in the sheets tells a point that is 0 from one that is empty.
     record_heights = vec4(float(anchor), float(s), float(step_s), float(amount.x * amount.y * value_scale));
     record_axes = vec4(vec2(on_screen(a)), vec2(on_screen(b)));

@@ -22,6 +22,25 @@ if(NOT TARGET glm::glm)
   target_include_directories(glm::glm SYSTEM INTERFACE ${GLM_INCLUDE_DIR})
 endif()
 
+# Highway's headers alone: its library is not there for static linking everywhere, and only its run-time choice of the
+# instruction set lives in it (cpp/src/simd/instruction_set.cpp has ours).
+find_path(HIGHWAY_INCLUDE_DIR hwy/highway.h)
+if(NOT HIGHWAY_INCLUDE_DIR)
+  sheetsplat_missing("Highway" "its headers (hwy/highway.h), for the vector code of backend cpu" "libhwy-dev")
+endif()
+add_library(sheetsplat_highway INTERFACE)
+target_include_directories(sheetsplat_highway SYSTEM INTERFACE ${HIGHWAY_INCLUDE_DIR})
+# Four sets on x86: those between them differ in instructions that are not used here, and each costs time to compile.
+target_compile_definitions(sheetsplat_highway INTERFACE
+  "HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_AVX3_DL)")
+if(SHEETSPLAT_SANITIZE)
+  # Debug checks of the headers call into the library.
+  find_library(HIGHWAY_LIBRARY hwy)
+  if(HIGHWAY_LIBRARY)
+    target_link_libraries(sheetsplat_highway INTERFACE ${HIGHWAY_LIBRARY})
+  endif()
+endif()
+
 if(SHEETSPLAT_BUILD_APPS)
   find_package(CLI11 QUIET)
   if(NOT TARGET CLI11::CLI11)

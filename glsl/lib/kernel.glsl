@@ -100,7 +100,7 @@ void chord(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, out vec4 low, out vec4 hi
     high = clamp(nearest + half_chord, low, vec4(slab_half));
 }
 
-// Integral of g along a ray from a to b, inside the support.
+// Integral of g along a ray from a to b, inside the support: by quadrature, or where that is too long for its nodes by erf.
 vec4 alone(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, vec4 a, vec4 b) {
     const float node[3] = float[3](0.2386191860831969, 0.6612093864662645, 0.9324695142031521);
     const float share[3] = float[3](0.4679139345726910, 0.3607615730481386, 0.1713244923791704);
@@ -115,7 +115,15 @@ vec4 alone(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy, vec4 a, vec4 b) {
         vec4 far = middle + node[n] * reach;
         sum += share[n] * (kernel_at(s - near, ax + wx * near, ay + wy * near) + kernel_at(s - far, ax + wx * far, ay + wy * far));
     }
-    return sum * reach;
+    vec4 speed2 = 1.0 + wx * wx + wy * wy;
+    vec4 nearest = (s - ax * wx - ay * wy) / speed2;
+    vec4 cn = ax * wy - ay * wx;
+    vec4 cu = -ay - s * wy;
+    vec4 cv = s * wx + ax;
+    vec4 root = falloff_root * sqrt(speed2);
+    vec4 bell = exp2(-falloff_log2 * (cn * cn + cu * cu + cv * cv) / speed2) * 0.886226925452758 / root;
+    vec4 closed = bell * (error_function(root * (b - nearest)) - error_function(root * (a - nearest))) - 2.0 * edge * reach;
+    return mix(sum * reach, max(closed, 0.0), greaterThan(root * reach, vec4(0.75)));
 }
 
 // The same for means over slabs, by quadrature where both rays are inside the support, in pieces short enough for its nodes, and of

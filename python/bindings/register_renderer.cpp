@@ -129,20 +129,39 @@ class LockedRenderer {
 
     std::shared_ptr<Image> render(const Scene& scene, const Camera& camera, std::array<int, 2> size, bool coverage,
                                   bool depth, const py::object& progress) {
+        return draw(progress, [&](const Progress& watch) {
+            return renderer_.render(scene, camera, {size[0], size[1]}, {coverage, depth}, watch);
+        });
+    }
+
+    std::unique_ptr<Stages> begin_stages(const Scene& scene, const Camera& camera, std::array<int, 2> size,
+                                         bool coverage, bool depth, double first_seconds) {
+        refuse_reentry();
+        const Released release;
+        const Hold hold(*this);
+        return std::make_unique<Stages>(renderer_, scene, camera, Size{size[0], size[1]}, Outputs{coverage, depth},
+                                        first_seconds);
+    }
+
+    std::shared_ptr<Image> next_stage(Stages& stages, const py::object& progress) {
+        return draw(progress, [&](const Progress& watch) { return stages.next(watch); });
+    }
+
+  private:
+    template <class Make>
+    std::shared_ptr<Image> draw(const py::object& progress, Make&& make) {
         refuse_reentry();
         Watch watch(progress);
         try {
             const Released release;
             const Hold hold(*this);
-            return std::make_shared<Image>(renderer_.render(scene, camera, {size[0], size[1]}, {coverage, depth},
-                                                            [&watch](double share) { return watch(share); }));
+            return std::make_shared<Image>(make([&watch](double share) { return watch(share); }));
         } catch (const Cancelled&) {
             watch.rethrow();
             throw;
         }
     }
 
-  private:
     class Hold {
       public:
         explicit Hold(LockedRenderer& owner) : owner_(owner), lock_(owner.mutex_) {
@@ -173,7 +192,7 @@ class LockedRenderer {
 std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::optional<int> device,
                                               const std::string& precision, const std::string& tagging,
                                               const std::string& packing, const std::map<std::string, bool>& effects,
-                                              bool allow_inexact, int tile_size, int tags_per_clear) {
+                                              bool allow_inexact, int tile_size, int tags_per_clear, int threads) {
     RendererOptions options;
     options.backend = from_name("backend", backend, backends);
     options.device = device;
@@ -184,6 +203,7 @@ std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::o
     options.allow_inexact = allow_inexact;
     options.tile_size = tile_size;
     options.tags_per_clear = tags_per_clear;
+    options.threads = threads;
     const Released release;
     return std::make_unique<LockedRenderer>(options);
 }
@@ -191,14 +211,18 @@ std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::o
 } // namespace
 
 void register_renderer(py::module_& module) {
+    py::class_<Stages>(module, "Stages").def_property_readonly("done", &Stages::done);
     py::class_<LockedRenderer>(module, "Renderer")
         .def(py::init(&make_renderer), py::kw_only(), py::arg("backend"), py::arg("device"), py::arg("precision"),
              py::arg("tagging"), py::arg("packing"), py::arg("effects"), py::arg("allow_inexact"), py::arg("tile_size"),
-             py::arg("tags_per_clear"))
+             py::arg("tags_per_clear"), py::arg("threads"))
         .def("plan", &LockedRenderer::plan, py::arg("scene"), py::arg("camera"), py::kw_only(), py::arg("size"),
              py::arg("coverage"), py::arg("depth"))
         .def("render", &LockedRenderer::render, py::arg("scene"), py::arg("camera"), py::kw_only(), py::arg("size"),
-             py::arg("coverage"), py::arg("depth"), py::arg("progress"));
+             py::arg("coverage"), py::arg("depth"), py::arg("progress"))
+        .def("begin_stages", &LockedRenderer::begin_stages, py::arg("scene"), py::arg("camera"), py::kw_only(),
+             py::arg("size"), py::arg("coverage"), py::arg("depth"), py::arg("first_seconds"), py::keep_alive<0, 1>())
+        .def("next_stage", &LockedRenderer::next_stage, py::arg("stages"), py::kw_only(), py::arg("progress"));
 }
 
 } // namespace sheetsplat::bindings

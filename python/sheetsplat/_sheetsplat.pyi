@@ -217,6 +217,10 @@ class Image:
 
 def compare(picture: NDArray[np.float32], reference: NDArray[np.float32], channels: int) -> dict[str, float]: ...
 
+class Stages:
+    @property
+    def done(self) -> bool: ...
+
 class Renderer:
     def __init__(
         self,
@@ -230,6 +234,7 @@ class Renderer:
         allow_inexact: bool,
         tile_size: int,
         tags_per_clear: int,
+        threads: int,
     ) -> None: ...
     def plan(
         self, scene: Scene, camera: Camera, *, size: tuple[int, int], coverage: bool, depth: bool
@@ -244,6 +249,17 @@ class Renderer:
         depth: bool,
         progress: Callable[[float], object] | None,
     ) -> Image: ...
+    def begin_stages(
+        self,
+        scene: Scene,
+        camera: Camera,
+        *,
+        size: tuple[int, int],
+        coverage: bool,
+        depth: bool,
+        first_seconds: float,
+    ) -> Stages: ...
+    def next_stage(self, stages: Stages, *, progress: Callable[[float], object] | None) -> Image: ...
 
 class DeviceReport:
     @property

@@ -478,6 +478,7 @@ def render(
     packing: Packing = "auto",
     effects: Mapping[str, bool] | None = None,
     allow_inexact: bool = False,
+    threads: int | None = None,
     outputs: Iterable[Output] = (),
     progress: Progress | None = None,
     spacing: Vector | None = None,
@@ -539,7 +540,7 @@ def render(
         As for `Camera.fit`: "orthographic" or "perspective", vertical angle in degrees, margin around the field.
     renderer
         Takes the place of the options that follow.
-    backend, device, precision, tagging, packing, effects, allow_inexact
+    backend, device, precision, tagging, packing, effects, allow_inexact, threads
         As for `Renderer`.
     outputs, progress
         As for `Renderer.render`.
@@ -633,5 +634,6 @@ def render(
             packing=packing,
             effects=effects,
             allow_inexact=allow_inexact,
+            threads=threads,
         )
     return renderer.render(scene, camera, size=(width, height), outputs=outputs, progress=progress)

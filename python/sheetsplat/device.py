@@ -15,7 +15,7 @@ class Device:
     Attributes
     ----------
     backend
-        "gl" or "reference".
+        "gl", "cpu" or "reference".
     platform
         "egl", "surfaceless" or "osmesa" for OpenGL, else empty.
     available

@@ -5,18 +5,18 @@ from __future__ import annotations
 import logging
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Literal
 
 from sheetsplat import _sheetsplat, advice
-from sheetsplat._checks import choice, image_size, instance, names, shown, truth, whole
+from sheetsplat._checks import choice, image_size, instance, names, number, shown, truth, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import complain
 from sheetsplat.image import Image
 from sheetsplat.plan import RenderPlan
 from sheetsplat.scene import Scene
 
-Backend = Literal["auto", "gl", "reference"]
+Backend = Literal["auto", "gl", "cpu", "reference"]
 Precision = Literal["auto", "uint8", "float16", "float32", "float64"]
 Tagging = Literal["auto", "depth_bounds", "depth_equal", "tiles", "off"]
 Packing = Literal["auto", "paper", "wide"]
@@ -25,11 +25,12 @@ Output = Literal["coverage", "depth"]
 Progress = Callable[[float], object]
 
 _log = logging.getLogger("sheetsplat")
-BACKENDS = ("auto", "gl", "reference")
+BACKENDS = ("auto", "gl", "cpu", "reference")
 PRECISIONS = ("auto", "uint8", "float16", "float32", "float64")
 TAGGINGS = ("auto", "depth_bounds", "depth_equal", "tiles", "off")
 PACKINGS = ("auto", "paper", "wide")
 OUTPUTS = ("coverage", "depth")
+MOST_THREADS = 1024
 
 
 def _chosen_backend(backend: str) -> str:
@@ -51,6 +52,18 @@ def _count(what: str, value: object) -> int:
     return result
 
 
+def _threads(threads: object) -> int:
+    result = whole("Renderer: threads", threads)
+    if not 1 <= result <= MOST_THREADS:
+        raise complain(
+            "Renderer: threads cannot be used",
+            str(result),
+            f"a whole number from 1 to {MOST_THREADS}",
+            "leave it out for as many as the process may run on",
+        )
+    return result
+
+
 class Renderer:
     """Keeps a device and what it prepared between pictures.
 
@@ -59,12 +72,15 @@ class Renderer:
     Parameters
     ----------
     backend
-        "auto" (the environment variable SHEETSPLAT_BACKEND, else the fastest that is here), "gl" or "reference".
+        "auto", "gl" (OpenGL), "cpu" (vector instructions of the processor) or "reference". "auto" is what the
+        environment variable SHEETSPLAT_BACKEND says, else "gl" on graphics hardware and "cpu" where there is none;
+        what the one does not support, the other is tried for.
     device
         Number of the EGL device; the environment variable SHEETSPLAT_EGL_DEVICE, else the first that works, unless
         given.
     precision
-        Numbers of the sheet buffers: "auto", "uint8", "float16", "float32" or "float64", of what the backend has.
+        Numbers of the sheet buffers: "auto", "uint8", "float16", "float32" or "float64", of what the backend has
+        ("gl": up to 32 bits; "cpu": 32 or 64).
     tagging
         How empty space is skipped: "auto", "depth_bounds", "depth_equal", "tiles" or "off".
     packing
@@ -77,6 +93,8 @@ class Renderer:
         Largest edge of an image tile in pixels; what the device can do unless given.
     tags_per_clear
         Depth tags before the depth buffer is cleared; what its resolution allows unless given.
+    threads
+        Of backend "cpu"; as many as the process may run on at once unless given. Pictures do not depend on them.
 
     The device itself is looked for at the first plan or picture.
 
@@ -100,6 +118,7 @@ class Renderer:
         allow_inexact: bool = False,
         tile_size: int | None = None,
         tags_per_clear: int | None = None,
+        threads: int | None = None,
     ) -> None:
         forced: dict[str, bool] = {}
         if effects is not None:
@@ -117,6 +136,7 @@ class Renderer:
             allow_inexact=truth("Renderer: allow_inexact", allow_inexact),
             tile_size=0 if tile_size is None else _count("Renderer: tile_size", tile_size),
             tags_per_clear=0 if tags_per_clear is None else _count("Renderer: tags_per_clear", tags_per_clear),
+            threads=0 if threads is None else _threads(threads),
         )
 
     def __repr__(self) -> str:
@@ -195,11 +215,7 @@ class Renderer:
         Cancelled
             Where `progress` returned False.
         """
-        instance("Renderer: scene", scene, Scene)
-        instance("Renderer: camera", camera, Camera)
-        if progress is not None and not callable(progress):
-            raise complain("Renderer: progress cannot be used", shown(progress), "a function of one number, or None")
-        wanted = _outputs(outputs)
+        wanted = self._asked(scene, camera, outputs, progress)
         began = time.perf_counter()
         native = self._native.render(
             scene._native,
@@ -209,6 +225,68 @@ class Renderer:
             depth="depth" in wanted,
             progress=progress,
         )
+        return self._told(native, scene, began)
+
+    def progressive(
+        self,
+        scene: Scene,
+        camera: Camera,
+        size: tuple[int, int] = (400, 400),
+        outputs: Iterable[Output] = (),
+        progress: Progress | None = None,
+        *,
+        first_seconds: float = 0.05,
+    ) -> Iterator[Image]:
+        """Return an iterator over stages of the picture: coarse ones first, each twice as fine as the one before.
+
+        Coarse stages have fewer pixels, which are interpolated to the full size, and larger slice distances. The last
+        stage is what `render` returns. Of the ``stats`` of each, ``estimated_rmse`` is its estimated distance from the
+        last one (for the last one: what its plan expects), and ``stage`` counts from 1 to ``stages``. Where the
+        iterator is closed, or just left, nothing more is drawn.
+
+        Parameters
+        ----------
+        scene, camera, size, outputs
+            As for `render`.
+        progress
+            As for `render`, for each stage: its share runs from 0 to 1 again.
+        first_seconds
+            How long the first stage may take: an aim. Where all of the picture is expected to take no longer, it is the
+            only stage.
+
+        Raises
+        ------
+        InvalidInput
+            Also where `first_seconds` is not above 0.
+        DeviceUnavailable, Unsupported, OutOfMemory, Cancelled
+            As `render`.
+        """
+        wanted = self._asked(scene, camera, outputs, progress)
+        seconds = number("Renderer: first_seconds", first_seconds)
+        stages = self._native.begin_stages(
+            scene._native,
+            camera._native,
+            size=image_size(size),
+            coverage="coverage" in wanted,
+            depth="depth" in wanted,
+            first_seconds=seconds,
+        )
+        return self._stages(stages, scene, progress)
+
+    def _stages(self, stages: _sheetsplat.Stages, scene: Scene, progress: Progress | None) -> Iterator[Image]:
+        while not stages.done:
+            began = time.perf_counter()
+            native = self._native.next_stage(stages, progress=progress)
+            yield self._told(native, scene, began)
+
+    def _asked(self, scene: object, camera: object, outputs: object, progress: object) -> tuple[str, ...]:
+        instance("Renderer: scene", scene, Scene)
+        instance("Renderer: camera", camera, Camera)
+        if progress is not None and not callable(progress):
+            raise complain("Renderer: progress cannot be used", shown(progress), "a function of one number, or None")
+        return _outputs(outputs)
+
+    def _told(self, native: _sheetsplat.Image, scene: Scene, began: float) -> Image:
         image = Image._of(native)
         width, height = image.size
         plan = image.plan

@@ -34,16 +34,20 @@ def main() -> int:
     )
     parser.add_argument("names", nargs="*", default=list(BENCHES), help="benchmarks; all unless given")
     parser.add_argument("--size", type=_size, default=(400, 400), help="WxH of the timed pictures")
-    parser.add_argument("--views", type=int, default=5, help="views of an orbit that are timed")
-    parser.add_argument("--backend", default="auto", help="auto, gl or reference")
+    parser.add_argument(
+        "--views", type=int, default=5, help="views of an orbit that are timed; cpu: rounds of its six views"
+    )
+    parser.add_argument("--backend", default="auto", help="auto, cpu, gl or reference")
     parser.add_argument("--data", type=Path, help="folder of the measured volumes")
     parser.add_argument(
         "--reference-seconds", type=float, default=10.0, help="about how long one reference picture may take"
     )
-    parser.add_argument("--rows", nargs="+", default=(), help="rows (table2005) or techniques (ablation) to run")
+    parser.add_argument(
+        "--rows", nargs="+", default=(), help="rows or techniques to run, as sheetsplat bench --list has them"
+    )
     parser.add_argument("--scale", type=float, default=1.0, help="share of the usual edge of generated volumes")
     parser.add_argument("--output", type=Path, help="folder for NAME.txt and NAME.json")
-    parser.add_argument("--pictures", type=Path, help="folder for the pictures of table2005 and ablation")
+    parser.add_argument("--pictures", type=Path, help="folder for the pictures of table2005, ablation and cpu")
     parser.add_argument("--check", action="store_true", help="end with code 1 where a figure was missed")
     arguments = parser.parse_args()
     unknown = [name for name in arguments.names if name not in BENCHES]

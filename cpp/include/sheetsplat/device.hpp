@@ -9,7 +9,7 @@ namespace sheetsplat {
 
 /// One backend or one way to an OpenGL context, tried here.
 struct DeviceReport {
-    std::string backend;  ///< "reference" or "gl"
+    std::string backend;  ///< "reference", "cpu" or "gl"
     std::string platform; ///< "" or "egl" | "surfaceless" | "osmesa"
     bool available = false;
     std::string description;              ///< renderer and version where available, else why not and what to do

@@ -194,6 +194,8 @@ class EllipsoidField final : public Field {
     }
     /// M = R S: its columns are the semi-axes as vectors in the world.
     [[nodiscard]] Mat3 shape(std::size_t i) const;
+    /// The same for one kernel.
+    [[nodiscard]] std::array<double, 2> reach_along(std::size_t i, const Vec3& from, const Vec3& direction) const;
     /// Half the extents of the support along the world's axes: lengths of M's rows.
     [[nodiscard]] Vec3 extent(std::size_t i) const;
     /// Smallest and largest weight; 1, 1 for a field without kernels.

@@ -24,6 +24,7 @@ struct RendererOptions {
     bool allow_inexact = false;            ///< lets settings through that cannot keep the error bound
     int tile_size = 0;                     ///< largest edge of an image tile in pixels; 0: what the device can do
     int tags_per_clear = 0; ///< depth tags before the depth buffer is cleared; 0: what its resolution allows
+    int threads = 0;        ///< of backend cpu, at most 1024; 0: as many as the process may run on at once
 };
 
 /// Called between slices with the share that is done, 0 to 1. Returning false stops the rendering (Cancelled).
@@ -33,6 +34,9 @@ struct Outputs {
     bool coverage = false; ///< sum of W_n ds s
     bool depth = false;    ///< depth at which opacity first reaches one half
 };
+
+/// Called with each stage of a picture. Returning false ends it there.
+using OnStage = std::function<bool(const Image& picture, bool last)>;
 
 /// Keeps a device and the caches between frames. One thread at a time; several renderers may live side by side.
 class Renderer {
@@ -47,6 +51,36 @@ class Renderer {
     /// The picture. Throws InvalidInput, Unsupported, OutOfMemory, DeviceUnavailable, Cancelled.
     [[nodiscard]] Image render(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs = {},
                                const Progress& progress = {});
+
+    /// The same in stages, as Stages makes them. False where on_stage ended it before the last one.
+    bool render_progressive(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
+                            const OnStage& on_stage, const Progress& progress = {});
+
+  private:
+    friend class Stages;
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+/// One picture in stages: coarse ones of fewer pixels and larger slice distances, brought to full size by bilinear
+/// interpolation, each twice as fine as the one before; the last one is what Renderer::render makes. Of the stats,
+/// estimated_rmse is the distance from the last picture (section 8) that follows from how much the last two stages
+/// differ, for the last one what its plan expects; stage counts from 1 to stages. The renderer must outlive this, and
+/// may draw other pictures in between.
+class Stages {
+  public:
+    /// first_seconds: how long the first stage may take, an aim; where all of the picture is expected to take no
+    /// longer, it is the only stage. Throws what Renderer::plan throws; InvalidInput where it is not above 0.
+    Stages(Renderer& renderer, const Scene& scene, const Camera& camera, Size size, const Outputs& outputs = {},
+           double first_seconds = 0.05);
+    ~Stages();
+    Stages(Stages&&) noexcept;
+    Stages& operator=(Stages&&) noexcept;
+
+    /// True after the last stage.
+    [[nodiscard]] bool done() const;
+    /// The next stage. Throws what Renderer::render throws; InvalidInput once all are done.
+    [[nodiscard]] Image next(const Progress& progress = {});
 
   private:
     struct State;

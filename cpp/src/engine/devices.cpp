@@ -2,6 +2,7 @@
 
 #include "sheet/sheet_renderer.hpp"
 #include "sheetsplat/error.hpp"
+#include "simd/cpu_renderer.hpp"
 
 namespace sheetsplat {
 
@@ -12,6 +13,14 @@ std::vector<DeviceReport> devices() {
     reference.available = true;
     reference.description = "float64 on one thread: the judge of the others";
     reports.push_back(reference);
+    DeviceReport processor;
+    processor.backend = "cpu";
+    processor.available = true;
+    const int threads = simd::usable_threads();
+    processor.description =
+        simd::instruction_set() + ", " + std::to_string(threads) + (threads == 1 ? " thread" : " threads");
+    processor.extensions = simd::instruction_sets();
+    reports.push_back(processor);
     for (DeviceReport& report : sheet::survey()) {
         reports.push_back(std::move(report));
     }

@@ -267,11 +267,16 @@ Vec3 EllipsoidField::extent(std::size_t i) const {
 std::array<double, 2> EllipsoidField::reach_along(const Vec3& from, const Vec3& direction) const {
     std::array<double, 2> reach{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
     for (std::size_t i = 0; i < size(); ++i) {
-        const double at = glm::dot(arrays_.centers[i] - from, direction);
-        const double half = arrays_.scales.empty() ? arrays_.radii[i] : glm::length(direction * shape(i));
-        reach = {std::min(reach[0], at - half), std::max(reach[1], at + half)};
+        const std::array<double, 2> own = reach_along(i, from, direction);
+        reach = {std::min(reach[0], own[0]), std::max(reach[1], own[1])};
     }
     return reach;
+}
+
+std::array<double, 2> EllipsoidField::reach_along(std::size_t i, const Vec3& from, const Vec3& direction) const {
+    const double at = glm::dot(arrays_.centers[i] - from, direction);
+    const double half = arrays_.scales.empty() ? arrays_.radii[i] : glm::length(direction * shape(i));
+    return {at - half, at + half};
 }
 
 std::size_t EllipsoidField::memory() const {

@@ -7,25 +7,26 @@
 #include <sstream>
 #include <utility>
 
+#include "effects.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
 
 namespace {
 
-constexpr double float32_epsilon = 6e-8;
 /// Kernels that overlap at a point of a lattice at radius 2: 4/3 pi 2^3.
 constexpr double usual_overlap = 33.5;
 /// IMAGE FORMATION section 9.
-constexpr double float32_bound = 1e-4;
 constexpr double float16_bound = 1.0 / 510.0;
-/// Below this share of the reference length a pixel or a slice spacing loses gradients in differences of float32 sums.
-constexpr double fine_gradient_below = 1.0 / 8.0;
 constexpr std::size_t most_lights = 64;
 /// Sections in float32 are known to 6e-8 of the aspect; a picture of kernels of 1:100,000 was seen 1e-3 off at its
 /// worst pixels.
 constexpr double least_precise_aspect = 4096.0;
 constexpr double largest_plain_aspect = 32768.0;
+/// float32 knows places to 6e-8 of a pixel: kernels smaller than this are placed in float64.
+constexpr double least_plain_px = 1e-2;
+/// Where there is no float64: at 1e-5 the 99.9th percentile was seen at 1e-2.
+constexpr double smallest_plain_px = 1e-4;
 /// A record that serves all slices of a kernel knows its sections to 6e-8 of the aspect.
 constexpr double largest_resident_aspect = 1024.0;
 constexpr std::size_t most_resident_kernels = 1U << 20;
@@ -42,22 +43,26 @@ constexpr double largest_paper_extent = 2048.0;
 constexpr double largest_paper_extent_in_float32 = 512.0;
 /// Below this share of a semi-axis, squared, the filter changes nothing within any bound.
 constexpr double least_filtering = 1e-6;
+/// Kernels of one size at one place, where quotients of sums are lit, times the values over the window and the
+/// reference length over the distance of samples: their errors add up. At 3,300 the 99.9th percentile was seen at 9e-4.
+constexpr double most_alike_lit = 1000.0;
+/// Differences that are splatted lose more: at 2,000 kernels 1.9e-2.
+constexpr double fine_alike_factor = 10.0;
+/// A few always are.
+constexpr double least_alike = 64.0;
+/// The same in the dark: at 100,000 the 99.9th percentile was seen at 8e-4.
+constexpr double most_alike_unlit = 1e5;
+/// Kernels at a point, where quotients are lit: at 100,000 the 99.9th percentile was seen at 3e-4, at 500,000 at 1.3e-3.
+constexpr double densest_lit = 2e5;
+/// Places that textures and pixels that look for kernels know in float32; seen at 1e8 to be right, at 1e9 1e-2 off.
+constexpr double largest_compared_px = 1e7;
 /// Beyond, the square of a distance in pixels leaves float32.
 constexpr double largest_separable_px = 1e6;
-constexpr double largest_splat_px = 1e12;
-/// exp(-k r^2) - exp(-k) is known to 1e-7 / k of itself.
-constexpr double smallest_falloff = 0.05;
-/// Values over window, where quotients of sums are lit: at 30 the 99.9th percentile was seen at 7e-4, at 100 at 2e-3.
-constexpr double largest_lit_ratio = 40.0;
 /// What sums in a sheet may come to.
 constexpr double largest_float16 = 6e4;
 constexpr double largest_float32 = 1e36;
-/// Weights of 0 leave 1e-30 in the sheets, which tells what they reach from what is empty.
-constexpr double least_divisor = 1e-22;
 /// Share of a kernel's radius that its place on the screen may be off.
 constexpr double largest_place_error = 1e-3;
-/// Plain float32 sums over 28,000 slices were seen 2e-6 off, over 280,000 4e-5, over 1,750,000 6e-4.
-constexpr std::int64_t most_plain_slices = 1 << 14;
 constexpr std::int64_t most_imprecise_slices = 1 << 17;
 /// On a rasteriser in software, elimination pays where pixels can become opaque within so many slices (measured: 0.65
 /// to 0.76 of the time).
@@ -88,6 +93,8 @@ constexpr std::array<const char*, 24> forcible = {"weight",
                                                   "paper_slicing",
                                                   "gather"};
 
+} // namespace
+
 std::string number(double value) {
     std::ostringstream text;
     text.precision(4);
@@ -97,48 +104,48 @@ std::string number(double value) {
 
 std::string kernels(std::size_t count) { return std::to_string(count) + (count == 1 ? " kernel" : " kernels"); }
 
-/// Collects effects with their reasons, and what the caller forced.
-class Effects {
-  public:
-    Effects(const std::map<std::string, bool>& forced, std::vector<Effect>& list) : forced_(forced), list_(list) {
-        for (const auto& [name, on] : forced) {
-            if (std::find(forcible.begin(), forcible.end(), name) == forcible.end()) {
-                std::string names;
-                for (const char* known : forcible) {
-                    names += names.empty() ? known : std::string(", ") + known;
-                }
-                throw InvalidInput(Complaint{"the effects cannot be forced", "the name \"" + name + "\"",
-                                             "one of " + names, "correct effects="});
+Effects::Effects(const std::map<std::string, bool>& forced, std::vector<Effect>& list) : forced_(forced), list_(list) {
+    for (const auto& [name, on] : forced) {
+        if (std::find(forcible.begin(), forcible.end(), name) == forcible.end()) {
+            std::string names;
+            for (const char* known : forcible) {
+                names += names.empty() ? known : std::string(", ") + known;
             }
+            throw InvalidInput(Complaint{"the effects cannot be forced", "the name \"" + name + "\"",
+                                         "one of " + names, "correct effects="});
         }
     }
+}
 
-    /// An effect that follows from the scene. `needed`: turning it off would make a wrong picture.
-    bool decide(const char* name, bool on, const std::string& reason, bool needed = false) {
-        const auto found = forced_.find(name);
-        if (found == forced_.end()) {
-            list_.push_back({name, on, reason, false});
-            return on;
-        }
-        if (needed && on && !found->second) {
-            dropped_.push_back(name);
-        }
-        list_.push_back({name, found->second,
-                         std::string(found->second ? "forced on" : "forced off") + "; the scene says " +
-                             (on ? "on" : "off") + ": " + reason,
-                         true});
-        return found->second;
+bool Effects::decide(const char* name, bool on, const std::string& reason, bool needed) {
+    const auto found = forced_.find(name);
+    if (found == forced_.end()) {
+        list_.push_back({name, on, reason, false});
+        return on;
     }
+    if (needed && on && !found->second) {
+        dropped_.push_back(name);
+    }
+    list_.push_back(
+        {name, found->second,
+         std::string(found->second ? "forced on" : "forced off") + "; the scene says " + (on ? "on" : "off") + ": " + reason,
+         true});
+    return found->second;
+}
 
-    void state(const char* name, bool on, const std::string& reason) { list_.push_back({name, on, reason, false}); }
+void Effects::refuse_dropped() const {
+    if (dropped_.empty()) {
+        return;
+    }
+    std::string names;
+    for (const std::string& name : dropped_) {
+        names += names.empty() ? name : ", " + name;
+    }
+    throw Unsupported(Complaint{"the plan cannot be made", "effects forced off that the scene calls for: " + names,
+                                "a picture within its error bound", "leave them to the plan, or pass allow_inexact=True"});
+}
 
-    [[nodiscard]] const std::vector<std::string>& dropped() const { return dropped_; }
-
-  private:
-    const std::map<std::string, bool>& forced_;
-    std::vector<Effect>& list_;
-    std::vector<std::string> dropped_;
-};
+namespace {
 
 /// What the kernels of a field are worth in sums.
 struct Amounts {
@@ -159,6 +166,26 @@ double filtered_height(const Scene& scene, const ViewFacts& view, const Vec3& ax
     return std::min(1.0, axes.x / view.smallest_pixel * (axes.y / view.smallest_pixel) * (axes.z / view.slice_spacing));
 }
 
+template <class Height>
+WeightFacts survey_weights(const EllipsoidField& field, Height&& height) {
+    WeightFacts facts;
+    facts.low = std::numeric_limits<double>::infinity();
+    facts.high = -facts.low;
+    for (std::size_t i = 0; i < field.size(); ++i) {
+        const double weight = field.weight(i) * height(field.semi_axes(i));
+        const double product = weight * field.value(i);
+        facts.low = std::min(facts.low, product);
+        facts.high = std::max(facts.high, product);
+        facts.most = std::max(facts.most, weight);
+        if (weight > 0.0) {
+            facts.least = std::min(facts.least, weight);
+        }
+        // m f g / max(w0, W), where W is at least m g.
+        facts.alone = std::max(facts.alone, std::abs(product) / std::max(field.w0(), weight));
+    }
+    return facts;
+}
+
 Amounts amounts_of(const Field& field, const Scene& scene, const ViewFacts& view) {
     const double overlap = overlap_of(view);
     Amounts amounts;
@@ -176,25 +203,19 @@ Amounts amounts_of(const Field& field, const Scene& scene, const ViewFacts& view
         amounts.largest *= divided ? std::min(1.0, overlap / std::max(field.w0(), 1.0)) : 1.0;
         return amounts;
     }
+    const auto known = view.weights.find(&field);
+    const WeightFacts weights =
+        scene.filter == Filter::none && known != view.weights.end()
+            ? known->second
+            : survey_weights(*ellipsoids, [&](const Vec3& axes) { return filtered_height(scene, view, axes); });
     Amounts weighted;
-    weighted.low = std::numeric_limits<double>::infinity();
-    weighted.high = -weighted.low;
-    double alone = 0.0;
-    for (std::size_t i = 0; i < ellipsoids->size(); ++i) {
-        const double weight = ellipsoids->weight(i) * filtered_height(scene, view, ellipsoids->semi_axes(i));
-        const double product = weight * ellipsoids->value(i);
-        weighted.low = std::min(weighted.low, product);
-        weighted.high = std::max(weighted.high, product);
-        weighted.most_weight = std::max(weighted.most_weight, weight);
-        if (weight > 0.0) {
-            weighted.least_weight = std::min(weighted.least_weight, weight);
-        }
-        // m f g / max(w0, W), where W is at least m g.
-        alone = std::max(alone, std::abs(product) / std::max(ellipsoids->w0(), weight));
-    }
+    weighted.low = weights.low;
+    weighted.high = weights.high;
+    weighted.most_weight = weights.most;
+    weighted.least_weight = weights.least;
     weighted.heaviest = std::max(std::abs(weighted.low), std::abs(weighted.high));
     // A mean is never larger than the largest value; where w0 divides, it is no larger than what overlaps adds up to.
-    weighted.largest = divided ? std::min(amounts.largest, overlap * alone) : weighted.heaviest;
+    weighted.largest = divided ? std::min(amounts.largest, overlap * weights.alone) : weighted.heaviest;
     if (divided) {
         weighted.low = low;
         weighted.high = high;
@@ -253,29 +274,88 @@ Tagging choose_tagging(const RendererOptions& options, const Capabilities& capab
     }
 }
 
-void check_precision(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
-                     const Capabilities* capabilities, DrawPlan& plan) {
+} // namespace
+
+WeightFacts survey_weights(const EllipsoidField& field) {
+    return survey_weights(field, [](const Vec3&) { return 1.0; });
+}
+
+SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& plan) {
     const double unit = plan.value_unit;
-    const double overlap = overlap_of(view);
-    double largest = 0.0, spread = 0.0, sum = 0.0;
-    bool lost = false;
+    SumFacts facts;
+    facts.overlap = overlap_of(view);
+    facts.least_scale = std::numeric_limits<double>::infinity();
+    double spread = 0.0;
     for (const auto& field : scene.fields) {
         const Amounts amounts = amounts_of(*field, scene, view);
-        largest = std::max(largest, amounts.largest);
+        facts.largest = std::max(facts.largest, amounts.largest);
         spread = std::max(spread, amounts.high - amounts.low);
-        sum = std::max({sum, overlap * amounts.heaviest / unit, overlap * amounts.most_weight});
-        lost = lost || (field->normalization() == Normalization::threshold && field->w0() < least_divisor &&
-                        amounts.least_weight < least_divisor);
+        facts.sum =
+            std::max({facts.sum, facts.overlap * amounts.heaviest / unit, facts.overlap * amounts.most_weight});
+        if (field->normalization() == Normalization::threshold) {
+            facts.least_scale = std::min(facts.least_scale, std::max(field->w0(), amounts.least_weight));
+        }
     }
-    // What a picture resolves: the transfer function's window, for an isosurface the spread of the values that it
-    // passes through.
-    const double resolved = plan.mode == Mode::isosurface && spread > 0.0 ? spread : unit;
-    const double ratio = largest / resolved;
+    facts.resolved = plan.mode == Mode::isosurface && spread > 0.0 ? spread : unit;
+    facts.ratio = facts.largest / facts.resolved;
     const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
     const double per_length = view.slice_spacing * view.largest_slant / view.reference_length;
-    const double steepness = scalar || plan.mode == Mode::isosurface
-                                 ? 1.0
-                                 : std::max(1.0, scene.transfer_function.steepest() * unit * per_length);
+    facts.steepness = scalar || plan.mode == Mode::isosurface
+                          ? 1.0
+                          : std::max(1.0, scene.transfer_function.steepest() * unit * per_length);
+    return facts;
+}
+
+void divide_apart(const Scene& scene, const Outputs& outputs, Effects& effects, DrawPlan& plan) {
+    // Quotients add up only once each is taken.
+    if (scene.fields.size() > 1 && plan.threshold) {
+        int next = 0;
+        for (const auto& field : scene.fields) {
+            plan.own_sheets.push_back(field->normalization() == Normalization::threshold ? next++ : -1);
+        }
+        plan.threshold = false;
+        plan.weight = outputs.coverage || plan.empty_test;
+    }
+    effects.state("separate_normalization", !plan.own_sheets.empty(),
+                  !plan.own_sheets.empty() ? "fields are divided by their own weight sums before they are added"
+                                           : "one division, or none, serves the whole scene");
+}
+
+bool lights_quotients(const DrawPlan& plan) { return plan.gradient && (plan.threshold || !plan.own_sheets.empty()); }
+
+namespace {
+
+/// Sums of many equal numbers drift, where those of different ones walk at random.
+void check_crowds(const ViewFacts& view, const DrawPlan& plan, bool lit_quotient, double ratio) {
+    const double times = std::max(1.0, ratio);
+    double most = most_alike_unlit / times;
+    if (lit_quotient) {
+        const double nearest = std::min(view.smallest_pixel, view.slice_spacing);
+        most = most_alike_lit / times / std::max(1.0, view.reference_length / nearest) /
+               (plan.fine_gradient ? fine_alike_factor : 1.0);
+    }
+    most = std::max(most, least_alike);
+    const char* next = lit_quotient ? "make one kernel of them, of their weights' sum and the mean of their values, leave "
+                                      "out the lights, use backend reference, or pass allow_inexact=True"
+                                    : "make one kernel of them, use backend reference, or pass allow_inexact=True";
+    const char* failed = "the picture cannot be made within its error bound in 32-bit sheets";
+    if (view.most_alike > most) {
+        throw Unsupported(Complaint{failed, "about " + number(view.most_alike) + " ellipsoids of one size at one place",
+                                    "at most " + number(std::floor(most)) + (lit_quotient ? " where they are lit" : ""),
+                                    next});
+    }
+    if (lit_quotient && view.densest_overlap * times > densest_lit) {
+        throw Unsupported(Complaint{failed, "about " + number(view.densest_overlap) + " ellipsoids at a point",
+                                    "at most " + number(densest_lit / times) + " where they are lit",
+                                    "use fewer or smaller ellipsoids, leave out the lights, use backend reference, or "
+                                    "pass allow_inexact=True"});
+    }
+}
+
+void check_precision(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
+                     const Capabilities* capabilities, DrawPlan& plan) {
+    const auto [overlap, largest, resolved, ratio, sum, steepness, least_scale] = sum_facts(scene, view, plan);
+    const bool lost = least_scale < least_divisor;
 
     const double sums = float32_epsilon * std::sqrt(overlap) * ratio;
     double noise = sums;
@@ -311,17 +391,28 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     }
     // Errors of single slices partly cancel along a ray; what a steep ramp adds, it adds at few pixels.
     const double picture = 0.25 * sums * std::min(steepness, 4.0);
-    const bool lit_quotient = plan.gradient && (plan.threshold || !plan.own_sheets.empty());
+    const bool lit_quotient = lights_quotients(plan);
+    const double most_times = 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0);
     if (plan.precision == Precision::float32 &&
         (picture > float32_bound || (lit_quotient && ratio > largest_lit_ratio))) {
         throw Unsupported(
             Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
                       "values up to " + number(largest) + " where " + number(resolved) + " is resolved",
-                      "values of at most " +
-                          number(lit_quotient ? largest_lit_ratio
-                                              : 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0)) +
+                      "values of at most " + number(lit_quotient ? std::min(largest_lit_ratio, most_times) : most_times) +
                           " times that",
                       "subtract an offset from the values, use backend reference, or pass allow_inexact=True"});
+    }
+    check_crowds(view, plan, lit_quotient, ratio);
+    const double measure = plan.mode == Mode::xray ? view.slice_spacing : 1.0;
+    const double seen = plan.mode == Mode::xray || plan.mode == Mode::mip ? std::max(1.0, measure * view.thin_peak) : resolved;
+    if (plan.sampling == Sampling::slab && !plan.filter &&
+        measure * view.thin_loss / seen * std::min(steepness, 4.0) > thick_slab) {
+        throw Unsupported(
+            Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
+                      "slabs of " + number(view.slice_spacing) +
+                          ", in which float32 loses the place of ellipsoids that are so much thinner",
+                      "slabs of at most " + number(thick_slab) + " times the half-depth of ellipsoids that show",
+                      "use a smaller slice_spacing, filter=\"ewa\", backend reference, or pass allow_inexact=True"});
     }
 }
 
@@ -342,6 +433,16 @@ std::string unfit_for_comparison(const Scene& scene, const ViewFacts& view, cons
     }
     if (plan.fine_gradient) {
         return "effect fine_gradient, whose differences they do not draw";
+    }
+    if (view.smallest_px < least_plain_px && !options.allow_inexact) {
+        return "kernels of " + number(view.smallest_px) + " pixels, of " + number(least_plain_px) + " at least";
+    }
+    for (const auto& field : scene.fields) {
+        const EllipsoidField* ellipsoids = as_ellipsoids(field.get());
+        const double largest_px = ellipsoids != nullptr ? ellipsoids->scale_range()[1] / view.smallest_pixel : 0.0;
+        if (largest_px > largest_compared_px && !options.allow_inexact) {
+            return "kernels of " + number(largest_px) + " pixels, of " + number(largest_compared_px) + " at most";
+        }
     }
     if (view.most_ellipsoids > most_resident_kernels) {
         return number(static_cast<double>(view.most_ellipsoids)) + " kernels in one field, of " +
@@ -415,10 +516,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
     const bool lit = !scene.lights.empty() && !scalar;
     bool threshold = false;
-    bool linear = true;
     for (const auto& field : scene.fields) {
         threshold = threshold || field->normalization() == Normalization::threshold;
-        linear = linear && field->normalization() != Normalization::threshold;
     }
 
     // Classification and what it needs.
@@ -505,7 +604,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     const bool fine = lit &&
                       std::min(view.smallest_pixel, view.slice_spacing) < fine_gradient_below * view.reference_length &&
                       backend != Backend::reference;
-    plan.fine_gradient = effects.decide("fine_gradient", fine,
+    plan.fine_gradient = backend != Backend::cpu &&
+                         effects.decide("fine_gradient", fine,
                                         fine ? "a pixel or the slice spacing is so small that differences of sums "
                                                "would lose the gradient: differences are splatted"
                                              : "differences of neighbouring sums keep enough digits",
@@ -556,27 +656,20 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         return plan;
     }
 
-    // Quotients add up only once each is taken.
-    if (scene.fields.size() > 1 && !linear) {
-        int next = 0;
-        for (const auto& field : scene.fields) {
-            plan.own_sheets.push_back(field->normalization() == Normalization::threshold ? next++ : -1);
-        }
-        plan.threshold = false;
-        if (plan.fine_gradient) {
-            throw Unsupported(Complaint{
-                "the scene cannot be drawn with backend gl",
-                "a lit close-up of several fields of which one has normalization threshold, whose pixels or slices "
-                "are closer than an eighth of the reference length",
-                "such a close-up of one field, or of fields with normalization none or lattice",
-                "use a larger slice_spacing or reference_length, or backend reference"});
-        }
-        plan.weight = outputs.coverage || plan.empty_test;
+    if (backend == Backend::cpu) {
+        plan_cpu(scene, view, options, outputs, effects, plan);
+        return plan;
     }
-    effects.state("separate_normalization", !plan.own_sheets.empty(),
-                  !plan.own_sheets.empty() ? "fields are divided by their own weight sums before they are added"
-                                           : "one division, or none, serves the whole scene");
 
+    divide_apart(scene, outputs, effects, plan);
+    if (plan.fine_gradient && !plan.own_sheets.empty()) {
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn with backend gl",
+            "a lit close-up of several fields of which one has normalization threshold, whose pixels or slices "
+            "are closer than an eighth of the reference length",
+            "such a close-up of one field, or of fields with normalization none or lattice",
+            "use a larger slice_spacing or reference_length, or backend reference"});
+    }
     // Differences of values and of weights of two sheets at once would take more texture units than every device has.
     const bool crowded = plan.fine_gradient && plan.threshold;
     plan.packing = options.packing == Packing::automatic ? crowded ? Packing::paper : Packing::wide : options.packing;
@@ -666,10 +759,13 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
              0.5 * falloff / (static_cast<double>(plan.gaussian_cells) * plan.gaussian_cells)});
     }
     const bool slender = view.largest_aspect > least_precise_aspect;
-    const bool exact_places = slender && capabilities->at_least(4, 0);
+    const bool tiny = !plan.filter && view.smallest_px < least_plain_px;
+    const bool exact_places = (slender || tiny) && capabilities->at_least(4, 0);
     if (effects.decide("precise_sections", exact_places,
                        !view.ellipsoids ? "no field holds ellipsoids"
-                       : !slender       ? "no ellipsoid is so slender that float32 would lose its sections"
+                       : !slender && !tiny ? "no ellipsoid is so slender that float32 would lose its sections"
+                       : exact_places && tiny
+                           ? "ellipsoids of less than " + number(least_plain_px) + " pixels are placed in float64"
                        : exact_places
                            ? "ellipsoids of more than 1:" + number(least_precise_aspect) + " are placed in float64"
                            : "OpenGL " + capabilities->version + " has no float64",
@@ -684,7 +780,14 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                       "OpenGL 4.0 for places in float64, or at most 1:" + number(largest_plain_aspect),
                       "pass min_scale to the field, or use backend reference"});
     }
-    const bool can_reside = !compared && view.ellipsoids && !plan.filter && capabilities->at_least(4, 1) &&
+    if (tiny && !exact_places && view.smallest_px < smallest_plain_px && !options.allow_inexact) {
+        throw Unsupported(Complaint{"the scene cannot be drawn within its error bound",
+                                    "ellipsoids of " + number(view.smallest_px) + " pixels on OpenGL " +
+                                        capabilities->version,
+                                    "OpenGL 4.0 for places in float64, or at least " + number(smallest_plain_px),
+                                    "pass min_scale to the field, use filter=\"ewa\", or backend reference"});
+    }
+    const bool can_reside = !compared && view.ellipsoids && !plan.filter && !tiny && capabilities->at_least(4, 1) &&
                             view.largest_aspect <= largest_resident_aspect &&
                             view.most_ellipsoids <= most_resident_kernels;
     const std::string why_resident =
@@ -692,6 +795,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         : !view.ellipsoids              ? "no field holds ellipsoids"
         : compared                      ? "kernels are drawn in another way, for comparison"
         : !capabilities->at_least(4, 1) ? "OpenGL " + capabilities->version + " has no float64 vertex programs"
+        : tiny ? "kernels of less than " + number(least_plain_px) + " pixels are sliced anew for each batch, to keep "
+                 "their digits"
         : view.largest_aspect > largest_resident_aspect
             ? "kernels of 1:" + number(view.largest_aspect) + " are sliced anew for each batch, to keep their digits"
         : view.most_ellipsoids > most_resident_kernels
@@ -765,14 +870,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                     std::to_string(scene.lights.size()) + " lights", "at most 64",
                                     "use fewer lights, or backend reference"});
     }
-    if (!effects.dropped().empty() && !options.allow_inexact) {
-        std::string names;
-        for (const std::string& name : effects.dropped()) {
-            names += names.empty() ? name : ", " + name;
-        }
-        throw Unsupported(Complaint{"the plan cannot be made", "effects forced off that the scene calls for: " + names,
-                                    "a picture within its error bound",
-                                    "leave them to the plan, or pass allow_inexact=True"});
+    if (!options.allow_inexact) {
+        effects.refuse_dropped();
     }
     if (view.largest_splat_px > largest_splat_px && !options.allow_inexact) {
         throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include <glm/geometric.hpp>
+#include <glm/vec2.hpp>
 
 namespace sheetsplat {
 
@@ -199,7 +200,8 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
         at /= depth;
         step -= at * frame.slice_spacing;
     }
-    const glm::dvec2 whole = glm::floor(at);
+    // Beyond 2^24 float32 has no room for all whole pixels: what it leaves is part of the parts.
+    const glm::dvec2 whole = glm::dvec2(glm::vec2(glm::floor(at)));
     const glm::dvec2 u = screen(kernel.axis_u);
     const glm::dvec2 v = screen(kernel.axis_v);
     const auto f = [](double value) { return static_cast<float>(value); };
@@ -238,13 +240,16 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
 }
 
 SectionGroup EllipsoidView::group(std::size_t i, const Depths& depths, double sprite_px, double precise_aspect) const {
-    if (sampling_ == Sampling::point && spheres_ && depths.half / frame_->pixel <= sprite_px) {
+    const Vec3 axes = field_->semi_axes(i);
+    double shortest = std::min({axes.x, axes.y, axes.z});
+    const double pixel =
+        frame_->projection == Projection::perspective ? frame_->pixel * std::abs(depths.center) : frame_->pixel;
+    const bool tiny = std::isfinite(precise_aspect) && filter_ == Filter::none && shortest < least_plain_px * pixel;
+    if (sampling_ == Sampling::point && spheres_ && !tiny && depths.half / frame_->pixel <= sprite_px) {
         return SectionGroup::sprite;
     }
     const double step_s = frame_->slice_spacing / depths.half;
-    const Vec3 axes = field_->semi_axes(i);
-    double shortest = std::min({axes.x, axes.y, axes.z});
-    const bool precise = std::max({axes.x, axes.y, axes.z}) >= precise_aspect * shortest;
+    const bool precise = tiny || std::max({axes.x, axes.y, axes.z}) >= precise_aspect * shortest;
     double ray = 1.0;
     if (filter_ == Filter::ewa) {
         // A filtered kernel is no thinner than a slice distance in depth and a pixel across.
@@ -352,6 +357,15 @@ PixelBox EllipsoidView::pixels(const ScreenBounds& bounds, const Frame& frame, c
     box.y0 = pixel(bounds.top + axis_y - wider_px - 0.5, tile.target_height());
     box.x1 = right < 0.0 ? 0 : pixel(right + 1.5, tile.target_width());
     box.y1 = bottom < 0.0 ? 0 : pixel(bottom + 1.5, tile.target_height());
+    // What lies between the centres of pixels as a whole is never seen.
+    const auto between = [](double lower, double upper) {
+        const double rounding = 1e-9 * std::max(1.0, std::max(std::abs(lower), std::abs(upper)));
+        return upper - lower < 1.0 &&
+               std::ceil(lower - 0.5 - rounding) > std::floor(upper - 0.5 + rounding);
+    };
+    if (between(bounds.left + axis_x - wider_px, right) || between(bounds.top + axis_y - wider_px, bottom)) {
+        return {0, 0, 0, 0};
+    }
     return box;
 }
 
@@ -362,34 +376,6 @@ Vec3 EllipsoidView::first_point_world(std::size_t i) const {
     const Mat3 m = field_->shape(i);
     const Vec3 row = back_ * m;
     return field_->center(i) + m * (row / glm::length(row));
-}
-
-EllipsoidFacts survey_ellipsoids(const EllipsoidField& field, const Camera& camera, const Frame& frame,
-                                 Sampling sampling) {
-    EllipsoidFacts facts;
-    const EllipsoidView view(field, camera, frame, sampling, Filter::none, 1.0, 1.0);
-    const bool perspective = frame.projection == Projection::perspective;
-    const Vec3 box = field.supports_world().extent();
-    double filled = 0.0;
-    for (std::size_t i = 0; i < field.size(); ++i) {
-        const EllipsoidView::Depths depths = view.depths(i);
-        const EllipsoidView::Span span = view.span(depths);
-        if (span.first <= span.last) {
-            facts.longest_span = std::max(facts.longest_span, span.last - span.first + 1);
-        }
-        const Vec3 axes = field.semi_axes(i);
-        const double shortest = std::min({axes.x, axes.y, axes.z});
-        const double longest = std::max({axes.x, axes.y, axes.z});
-        facts.largest_aspect = std::max(facts.largest_aspect, longest / shortest);
-        filled += (axes.x / box.x) * (axes.y / box.y) * (axes.z / box.z);
-        const double pixel = perspective ? frame.pixel * std::abs(depths.center) : frame.pixel;
-        const double coarse = std::max(pixel, frame.slice_spacing);
-        // A section spans the kernel both ways: below half a pixel or slice distance of radius it may fall between two.
-        facts.unresolved += 2.0 * shortest < coarse ? 1 : 0;
-        facts.largest_change = std::max(facts.largest_change, coarse * coarse / (shortest * shortest));
-    }
-    facts.mean_overlap = 4.0 / 3.0 * 3.14159265358979323846 * filled;
-    return facts;
 }
 
 } // namespace sheetsplat

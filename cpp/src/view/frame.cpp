@@ -31,7 +31,7 @@ double Frame::largest_pixel() const {
                : pixel * std::max(depth_of(std::max<std::int64_t>(slices, 1) - 1), 0.0);
 }
 
-Frame make_frame(const Scene& scene, const Camera& camera, Size size) {
+Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reach& reach) {
     if (size.width < 1 || size.height < 1) {
         throw InvalidInput(
             Complaint{"the picture cannot be made",
@@ -58,7 +58,8 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size) {
             continue;
         }
         // Depth runs against the eye's z.
-        const auto [behind, ahead] = field->reach_along(camera.eye(), camera.back_world());
+        const auto [behind, ahead] = reach ? reach(*field, camera.eye(), camera.back_world())
+                                           : field->reach_along(camera.eye(), camera.back_world());
         // A filter makes kernels up to a slice distance deeper.
         const double more = scene.filter == Filter::ewa ? scene.slice_distance() : 0.0;
         const double low = -ahead - more, high = -behind + more;

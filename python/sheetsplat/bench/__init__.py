@@ -60,6 +60,11 @@ _ALL = (
         "35,000 ellipsoids that overlap 23 times, against bare fills; point against slab sampling",
         f"{__name__}.ellipsoids",
     ),
+    Bench(
+        "cpu",
+        "the processor's backend beside VTK on six scenes; what its work costs and how it grows",
+        f"{__name__}.cpu",
+    ),
     Bench("import", "import time and first frame, in new processes", f"{__name__}.startup"),
     Bench("memory", "memory of the process for a 256^3 volume, in a new process", f"{__name__}.memory"),
     Bench("scaling", "how time grows with kernels and with pixels", f"{__name__}.scaling"),

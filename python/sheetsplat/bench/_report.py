@@ -99,20 +99,23 @@ class Goal:
     value
         The figure.
     bound
-        The largest that is wanted.
+        The largest that is wanted, or the smallest.
     unit
         Of both.
+    least
+        The bound is the smallest figure that is wanted.
     """
 
     name: str
     value: float
     bound: float
     unit: str = ""
+    least: bool = False
 
     @property
     def reached(self) -> bool:
-        """Whether the figure is at most the bound."""
-        return self.value <= self.bound
+        """Whether the figure keeps to the bound; one that is not a number does not."""
+        return self.value >= self.bound if self.least else self.value <= self.bound
 
 
 @dataclass(frozen=True)
@@ -168,8 +171,9 @@ class Report:
             lines.append("")
             for goal in self.goals:
                 mark = "reached" if goal.reached else "MISSED"
+                side = "at least" if goal.least else "at most"
                 lines.append(
-                    f"{mark}: {goal.name} {_text(goal.value)}, at most {_text(goal.bound)} {goal.unit}".rstrip()
+                    f"{mark}: {goal.name} {_text(goal.value)}, {side} {_text(goal.bound)} {goal.unit}".rstrip()
                 )
         if self.notes:
             lines += ["", *self.notes]
@@ -190,6 +194,7 @@ class Report:
                     "value": _plain(goal.value),
                     "bound": goal.bound,
                     "unit": goal.unit,
+                    "least": goal.least,
                     "reached": goal.reached,
                 }
                 for goal in self.goals

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.core import ParameterSource
 
-from sheetsplat.renderer import BACKENDS, PACKINGS, PRECISIONS, TAGGINGS
+from sheetsplat.renderer import BACKENDS, MOST_THREADS, PACKINGS, PRECISIONS, TAGGINGS
 
 # Generic for type checkers from click 8.4 on, and never at run time before.
 if TYPE_CHECKING:
@@ -436,6 +436,11 @@ renderer_options: list[Callable[[Any], Any]] = [
         metavar="NAME=on|off",
         help='Force an effect of the plan; may be repeated. Usage, "Words of the plan", lists them.',
     ),
+    click.option(
+        "--threads",
+        type=click.IntRange(min=1, max=MOST_THREADS),
+        help='Of backend "cpu"; as many as the process may run on unless given.',
+    ),
     click.option("--allow-inexact", is_flag=True, help="Let settings through that cannot keep the error bound."),
 ]
 
@@ -450,7 +455,7 @@ def scene_options(function: Function) -> Function:
 _LOOK = ("cmap", "opacity", "clim", "shading", "background", "mode", "iso_value", "slice_spacing", "sampling")
 _LOOK_TOO = ("reference_length", "opacity_stop", "preintegration", "filter")
 _VIEW = ("direction", "up", "azimuth", "elevation", "zoom", "target", "projection", "fov_y", "margin")
-_RENDERER = ("backend", "device", "precision", "tagging", "packing", "allow_inexact")
+_RENDERER = ("backend", "device", "precision", "tagging", "packing", "threads", "allow_inexact")
 _FIELD = (
     *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "nan", "dtype", "offset", "name"),
     *("grid", "scalar", "particles", "support", "fit", "neighbors", "min_scale", "log"),

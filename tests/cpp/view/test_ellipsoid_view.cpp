@@ -13,6 +13,7 @@
 
 #include "index/ellipsoid_fields.hpp"
 #include "support/quadric_slice.hpp"
+#include "view/ellipsoid_survey.hpp"
 #include "view/ellipsoid_view.hpp"
 
 namespace sheetsplat {
@@ -919,25 +920,32 @@ TEST(EllipsoidFacts, CountWhatAPlanAsksFor) {
     const auto field = field_of(std::move(arrays));
     const Camera camera = Camera::orthographic(Vec3(0.0, 0.0, 5.0), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 4.0);
     const Look look(field, camera, {80, 80}, 0.1); // pixels of 0.05
-    const EllipsoidFacts facts = survey_ellipsoids(*field, camera, look.frame, Sampling::point);
+    const auto survey = [](const EllipsoidField& of, const Camera& seen_by, const Frame& frame) {
+        return survey_ellipsoids(of, survey_kernels(of), seen_by, frame);
+    };
+    const EllipsoidFacts facts = survey(*field, camera, look.frame);
     EXPECT_NEAR(facts.largest_aspect, 50.0, 1e-12);
-    EXPECT_EQ(facts.longest_span, 10);
     EXPECT_EQ(facts.unresolved, 2U) << "the disc is thinner than a pixel, the last one than a slice distance";
     EXPECT_NEAR(facts.largest_change, 100.0, 1e-9);
+    EXPECT_NEAR(facts.smallest_px, 0.2, 1e-12);
     const Box box = field->supports_world();
     const Vec3 edge = box.extent();
     const double volume = 4.0 / 3.0 * pi * (0.125 + 0.015625 + 0.0025 + 0.00008);
     EXPECT_NEAR(facts.mean_overlap, volume / (edge.x * edge.y * edge.z), 1e-12);
-    EXPECT_EQ(survey_ellipsoids(*field, camera, look.frame, Sampling::slab).longest_span, 11);
     // In perspective a pixel grows with depth.
     const Camera deep = Camera::perspective(Vec3(0.0, 0.0, 50.0), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 10.0);
     const Look far(field, deep, {80, 80}, 0.001);
-    EXPECT_EQ(survey_ellipsoids(*field, deep, far.frame, Sampling::point).unresolved, 2U)
-        << "pixels of 0.11: the disc and the last one";
+    const EllipsoidFacts seen_deep = survey(*field, deep, far.frame);
+    EXPECT_EQ(seen_deep.unresolved, 2U) << "pixels of 0.11: the disc and the last one";
+    EXPECT_NEAR(seen_deep.smallest_px, 0.01 / (50.0 * far.frame.pixel), 1e-12) << "the disc's own depth";
+    // Where bounds tell, no kernel is looked at: a picture in which all are resolved, and one in which none is.
+    const Look close(field, camera, {8000, 8000}, 0.001);
+    EXPECT_EQ(survey(*field, camera, close.frame).unresolved, 0U);
+    const Look coarse(field, camera, {2, 2}, 0.001);
+    EXPECT_EQ(survey(*field, camera, coarse.frame).unresolved, 4U);
     const auto empty = field_of(EllipsoidArrays{});
-    const EllipsoidFacts nothing = survey_ellipsoids(*empty, camera, look.frame, Sampling::point);
+    const EllipsoidFacts nothing = survey(*empty, camera, look.frame);
     EXPECT_EQ(nothing.unresolved, 0U);
-    EXPECT_EQ(nothing.longest_span, 0);
     EXPECT_EQ(nothing.mean_overlap, 0.0);
 }
 

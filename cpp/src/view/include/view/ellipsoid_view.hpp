@@ -16,6 +16,9 @@
 
 namespace sheetsplat {
 
+/// float32 knows places to 6e-8 of a pixel: kernels smaller than this are placed in float64.
+constexpr double least_plain_px = 1e-2;
+
 /// One kernel in eye space. With n = B^T e_z / h the direction of slicing in the unit sphere, h = |B^T e_z|, and u, v
 /// completing n to a basis such that B u and B v are orthogonal on the screen, the section at height s along n is the
 /// ellipse around (center + s B n) with semi-axes sqrt(1 - s^2) B u and sqrt(1 - s^2) B v. World units.
@@ -147,16 +150,5 @@ class EllipsoidView {
     double per_depth_ = 1.0;
     bool spheres_ = false;
 };
-
-/// What a plan needs to know of a field of ellipsoids in a view.
-struct EllipsoidFacts {
-    double largest_aspect = 1.0;   ///< longest over shortest semi-axis of one kernel
-    std::int64_t longest_span = 0; ///< most slices that one kernel meets
-    double mean_overlap = 0.0;     ///< kernels that overlap at a point, on the average over the box of all supports
-    std::size_t unresolved = 0;    ///< kernels smaller than a pixel or thinner than a slice distance
-    double largest_change = 0.0;   ///< largest share by which the filter changes a semi-axis, squared
-};
-EllipsoidFacts survey_ellipsoids(const EllipsoidField& field, const Camera& camera, const Frame& frame,
-                                 Sampling sampling);
 
 } // namespace sheetsplat

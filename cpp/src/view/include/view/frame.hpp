@@ -3,7 +3,9 @@
 // inverse of a covariance).
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include <glm/mat2x2.hpp>
@@ -35,8 +37,11 @@ struct Frame {
     [[nodiscard]] double largest_pixel() const;
 };
 
+/// How far a field reaches along a direction of unit length: Field::reach_along, or a faster way to the same numbers.
+using Reach = std::function<std::array<double, 2>(const Field& field, const Vec3& from, const Vec3& direction)>;
+
 /// Throws InvalidInput for sizes below 1 and for more than 10^7 slices.
-Frame make_frame(const Scene& scene, const Camera& camera, Size size);
+Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reach& reach = {});
 
 /// How the kernels of one regular field look in a view. All kernels share one shape, so this is all there is to slice
 /// them: with B = V M (columns: semi-axes in eye space), half_depth h = |B^T e_z|, n = B^T e_z / h and u, v completing

@@ -1,0 +1,256 @@
+#include "field_index.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <glm/geometric.hpp>
+
+#include "base/memory.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+/// Above, lists of the cells that kernels reach into would take more memory than the kernels.
+constexpr std::size_t most_start_cells = 1U << 20;
+
+bool same(const std::vector<TransferPoint>& a, const std::vector<TransferPoint>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const TransferPoint& x, const TransferPoint& y) {
+        return x.value == y.value && x.color == y.color && x.opacity == y.opacity;
+    });
+}
+
+bool same_function(const std::vector<TransferPoint>& points, const TransferFunction* other) {
+    return other == nullptr ? points.empty() : same(points, other->points());
+}
+
+std::vector<TransferPoint> points_of(const TransferFunction* function) {
+    return function != nullptr ? function->points() : std::vector<TransferPoint>{};
+}
+
+/// A longer reach than was asked for draws more than needed, which is never wrong; twice as long would be a waste.
+bool reaches(double kept, double asked) { return kept == asked || (kept >= asked && kept <= 2.0 * asked); }
+
+/// Where a somewhat longer reach is asked for than before, a longer one still, so that a camera that moves on in the
+/// same direction needs no further look.
+double ahead(double kept, double asked) { return kept < asked && asked < 2.0 * kept ? 1.25 * asked : asked; }
+
+bool same_runs(const VisibleRuns& a, const VisibleRuns& b) {
+    if (a.rows() != b.rows() || a.samples() != b.samples()) {
+        return false;
+    }
+    for (std::size_t row = 0; row < a.rows(); ++row) {
+        if (!std::equal(a.begin(row), a.end(row), b.begin(row), b.end(row),
+                        [](const Run& x, const Run& y) { return x.begin == y.begin && x.end == y.end; })) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/// The kernels of a lattice, one by one, for what makes each of them different.
+std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
+    EllipsoidArrays arrays;
+    const auto [nk, nj, ni] = field.shape();
+    const Vec3 axes = field.semi_axes_world();
+    const bool spheres = axes.x == axes.y && axes.y == axes.z;
+    require_memory(checked_product(field.size(), spheres ? 40 : 56, "a lattice's kernels, one by one"),
+                   "a lattice's kernels, one by one", "drop the filter, or use a smaller volume");
+    arrays.centers.reserve(field.size());
+    arrays.values.reserve(field.size());
+    for (std::size_t k = 0; k < nk; ++k) {
+        for (std::size_t j = 0; j < nj; ++j) {
+            for (std::size_t i = 0; i < ni; ++i) {
+                const double value = field.value(i, j, k);
+                if (!std::isnan(value)) {
+                    arrays.centers.push_back(field.position(i, j, k));
+                    arrays.values.push_back(value);
+                }
+            }
+        }
+    }
+    if (spheres) {
+        arrays.radii.assign(field.size(), axes.x);
+    } else {
+        arrays.scales.assign(field.size(), axes);
+    }
+    EllipsoidFieldOptions options;
+    options.normalization = field.normalization();
+    options.w0 = field.w0();
+    options.falloff = field.kernel().falloff;
+    if (options.normalization == Normalization::lattice) {
+        options.cell_volume = field.kernel().unit_mass() * axes.x * axes.y * axes.z / field.lattice_constant();
+    }
+    return std::make_shared<const EllipsoidField>(std::move(arrays), options);
+}
+
+/// Slices beyond its own that a slice's colour depends on: slabs average over a spacing of depth, crossings and
+/// intervals reach one further; where both hold, their sum.
+int slices_beyond(const DrawPlan& plan) {
+    return (plan.sampling == Sampling::slab ? 1 : 0) + (plan.mode == Mode::isosurface || plan.preintegration ? 1 : 0);
+}
+
+const TransferFunction* asked_function(const Scene& scene, const DrawPlan& plan) {
+    return plan.mode == Mode::xray || plan.mode == Mode::mip ? nullptr : &scene.transfer_function;
+}
+
+template <class Entry>
+void keep_fields(std::vector<std::unique_ptr<Entry>>& entries, const Scene& scene) {
+    entries.erase(std::remove_if(entries.begin(), entries.end(),
+                                 [&](const std::unique_ptr<Entry>& entry) {
+                                     return std::find(scene.fields.begin(), scene.fields.end(), entry->field) ==
+                                            scene.fields.end();
+                                 }),
+                  entries.end());
+}
+
+} // namespace
+
+bool RunsEntry::answers(const VisibilityQuery& other) const {
+    return same_function(points, other.transfer_function) && query.weights_matter == other.weights_matter &&
+           reaches(query.stencil_world, other.stencil_world) && query.cull == other.cull &&
+           query.isosurface == other.isosurface && query.iso_value == other.iso_value && query.alone == other.alone &&
+           reaches(query.slice_spacing, other.slice_spacing);
+}
+
+bool GridEntry::answers(const EllipsoidVisibility& other) const {
+    return judged && same_function(points, other.transfer_function) && query.weights_matter == other.weights_matter &&
+           query.cull == other.cull && query.isosurface == other.isosurface && query.iso_value == other.iso_value &&
+           query.alone == other.alone && reaches(query.reach_world, other.reach_world);
+}
+
+const RunsEntry& FieldIndex::runs_of(const std::shared_ptr<const Field>& field, const Scene& scene,
+                                     const DrawPlan& plan, const Frame& frame, double slant) {
+    VisibilityQuery query;
+    query.transfer_function = asked_function(scene, plan);
+    query.weights_matter = plan.weight || !plan.culling;
+    // Coverage needs every kernel; elsewhere one whose value is 0 adds nothing where weights do not count.
+    query.cull = plan.culling && !plan.coverage;
+    query.stencil_world = plan.gradient ? std::max(frame.largest_pixel(), frame.slice_spacing * slant) : 0.0;
+    query.isosurface = plan.mode == Mode::isosurface;
+    query.iso_value = scene.iso_value.value_or(0.0);
+    query.alone = scene.fields.size() == 1;
+    query.slice_spacing = slices_beyond(plan) * frame.slice_spacing * slant;
+
+    const auto found = std::find_if(runs_.begin(), runs_.end(),
+                                    [&](const std::unique_ptr<RunsEntry>& entry) { return entry->field == field; });
+    if (found != runs_.end() && (*found)->answers(query)) {
+        return **found;
+    }
+    auto made = std::make_unique<RunsEntry>();
+    made->field = field;
+    made->points = points_of(query.transfer_function);
+    if (found != runs_.end()) {
+        query.stencil_world = ahead((*found)->query.stencil_world, query.stencil_world);
+        query.slice_spacing = ahead((*found)->query.slice_spacing, query.slice_spacing);
+    }
+    made->runs = VisibleRuns::of(*as_regular(field.get()), query);
+    made->query = query;
+    made->query.transfer_function = nullptr;
+    made->version = ++versions_;
+    // One index a field is kept: that of the last scene.
+    if (found == runs_.end()) {
+        runs_.push_back(std::move(made));
+        return *runs_.back();
+    }
+    if (same_runs((*found)->runs, made->runs)) {
+        made->version = (*found)->version;
+        made->runs = std::move((*found)->runs);
+    }
+    *found = std::move(made);
+    return **found;
+}
+
+GridEntry* FieldIndex::find_grid(const Field* field) const {
+    for (const auto& entry : grids_) {
+        if (entry->field.get() == field) {
+            return entry.get();
+        }
+    }
+    return nullptr;
+}
+
+const GridEntry& FieldIndex::grid_of(const std::shared_ptr<const Field>& field, const Scene& scene,
+                                     const DrawPlan& plan, const Frame& frame, double slant) {
+    GridEntry* entry = find_grid(field.get());
+    if (entry == nullptr) {
+        auto made = std::make_unique<GridEntry>();
+        made->field = field;
+        made->kernels = field->kind() == FieldKind::ellipsoid ? std::static_pointer_cast<const EllipsoidField>(field)
+                                                              : scattered(*as_regular(field.get()));
+        made->grid = SpatialGrid::of(*made->kernels);
+        grids_.push_back(std::move(made));
+        entry = grids_.back().get();
+    }
+    if (plan.summary.backend == Backend::gl && !entry->reach && entry->kernels->size() <= most_start_cells) {
+        entry->reach = std::make_unique<ReachLists>(ReachLists::of(*entry->kernels, entry->grid));
+    }
+    EllipsoidVisibility query;
+    query.transfer_function = asked_function(scene, plan);
+    query.weights_matter = plan.weight || !plan.culling;
+    // A filter makes kernels as large as a pixel is at their own depth, which has no bound behind the eye.
+    query.cull = plan.culling && !plan.coverage && !(plan.filter && frame.cut_by_near);
+    query.isosurface = plan.mode == Mode::isosurface;
+    query.iso_value = scene.iso_value.value_or(0.0);
+    query.alone = scene.fields.size() == 1;
+    query.reach_world = slices_beyond(plan) * frame.slice_spacing * slant;
+    if (plan.gradient) {
+        query.reach_world += std::max(frame.largest_pixel(), frame.slice_spacing * slant);
+    }
+    if (plan.filter) {
+        // Twice what it widens a support by, in any direction, at depths a little beyond the last slice too.
+        query.reach_world += 4.0 * (2.0 * frame.largest_pixel() + frame.slice_spacing);
+    }
+    if (entry->answers(query)) {
+        return *entry;
+    }
+    if (entry->judged) {
+        query.reach_world = ahead(entry->query.reach_world, query.reach_world);
+    }
+    std::vector<std::uint8_t> visible = visible_kernels(*entry->kernels, entry->grid, query);
+    if (!entry->judged || visible != entry->visible) {
+        entry->visible = std::move(visible);
+        entry->visible_count =
+            static_cast<std::size_t>(std::count(entry->visible.begin(), entry->visible.end(), std::uint8_t{1}));
+        entry->version = ++versions_;
+    }
+    entry->judged = true;
+    entry->points = points_of(query.transfer_function);
+    entry->query = query;
+    entry->query.transfer_function = nullptr;
+    return *entry;
+}
+
+std::array<double, 2> FieldIndex::reach_along(const Field& field, const Vec3& from, const Vec3& direction) const {
+    const GridEntry* entry = find_grid(&field);
+    const EllipsoidField* kernels = as_ellipsoids(&field);
+    if (entry == nullptr || kernels == nullptr) {
+        return field.reach_along(from, direction);
+    }
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    // Rounding of a box's bounds must not hide the kernel that reaches farthest.
+    const Box all = kernels->supports_world();
+    const double rounding = 1e-12 * (glm::length(all.extent()) + glm::length(all.centre() - from));
+    std::array<double, 2> reach{infinity, -infinity};
+    for (std::size_t cell = 0; cell < entry->grid.cells(); ++cell) {
+        const Box& box = entry->grid.home_supports(cell);
+        const double middle = glm::dot(box.centre() - from, direction);
+        const double half = 0.5 * glm::dot(box.extent(), glm::abs(direction)) + rounding;
+        if (middle - half >= reach[0] && middle + half <= reach[1]) {
+            continue;
+        }
+        for (const std::uint32_t* i = entry->grid.home_begin(cell); i != entry->grid.home_end(cell); ++i) {
+            const std::array<double, 2> own = kernels->reach_along(*i, from, direction);
+            reach = {std::min(reach[0], own[0]), std::max(reach[1], own[1])};
+        }
+    }
+    return reach;
+}
+
+void FieldIndex::forget_others(const Scene& scene) {
+    keep_fields(runs_, scene);
+    keep_fields(grids_, scene);
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,271 @@
+// Pictures in stages. Coarse stages see the same view through larger pixels, whose grid is centred on the picture's and
+// reaches a little beyond it, so that interpolation has neighbours everywhere.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "renderer_state.hpp"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+constexpr double pi = 3.14159265358979323846;
+constexpr int coarsest = 32;
+/// Above, slices would miss the smallest kernels of a field: in default slice distances, which are half of these.
+constexpr double largest_spacing = 2.0;
+/// Slice distances grow with pixels beyond this factor: below it, slices are as close as in the last picture.
+constexpr double pixels_before_slices = 4.0;
+/// Order in the size of pixels by which pictures approach the last one, where only two of them are known: between that
+/// of smooth pictures (2) and that of pictures with edges (1/2 in root mean square).
+constexpr double usual_order = 1.2;
+constexpr double lowest_order = 0.5;
+constexpr double highest_order = 2.0;
+
+/// Pixels and slices of a stage, in those of the last picture.
+struct Step {
+    int pixels = 1;
+    double spacing = 1.0;
+};
+
+/// A picture on the grid of a step.
+struct Coarse {
+    Step step;
+    Image image;
+};
+
+Size size_of(Size full, const Step& step) {
+    const auto cover = [&](int pixels) { return step.pixels == 1 ? pixels : (pixels - 1) / step.pixels + 2; };
+    return {cover(full.width), cover(full.height)};
+}
+
+/// The camera that sees `size` pixels, each `step.pixels` times as wide as those of the full picture.
+Camera camera_of(const Camera& full, Size full_size, Size size, const Step& step) {
+    const double taller = static_cast<double>(size.height) * step.pixels / full_size.height;
+    if (full.projection() == Projection::orthographic) {
+        return Camera::orthographic(full.eye(), full.target(), full.up(), full.height() * taller);
+    }
+    const double angle = 2.0 * std::atan(full.half_height() * taller) * 180.0 / pi;
+    return Camera::perspective(full.eye(), full.target(), full.up(), angle, full.near());
+}
+
+/// One axis of a bilinear interpolation: for each pixel the two neighbours and the weight of the second.
+struct Neighbours {
+    std::size_t first, second;
+    float weight;
+};
+
+std::vector<Neighbours> neighbours(int from, int from_step, int to, int to_step) {
+    std::vector<Neighbours> result;
+    result.reserve(static_cast<std::size_t>(to));
+    for (int i = 0; i < to; ++i) {
+        const double middle = (i + 0.5 - 0.5 * to) * to_step / from_step + 0.5 * from - 0.5;
+        const double at = std::clamp(middle, 0.0, static_cast<double>(from - 1));
+        const double first = std::floor(at);
+        const auto index = static_cast<std::size_t>(first);
+        result.push_back(
+            {index, std::min(index + 1, static_cast<std::size_t>(from - 1)), static_cast<float>(at - first)});
+    }
+    return result;
+}
+
+struct Grid {
+    Size size{};
+    int step = 1;
+};
+
+/// depths: where a neighbour is infinite, the nearest one counts alone.
+std::vector<float> interpolated(const std::vector<float>& from, std::size_t channels, const Grid& grid, const Grid& to,
+                                bool depths = false) {
+    if (from.empty()) {
+        return {};
+    }
+    const std::vector<Neighbours> columns = neighbours(grid.size.width, grid.step, to.size.width, to.step);
+    const std::vector<Neighbours> rows = neighbours(grid.size.height, grid.step, to.size.height, to.step);
+    const std::size_t stride = static_cast<std::size_t>(grid.size.width) * channels;
+    std::vector<float> result;
+    result.reserve(rows.size() * columns.size() * channels);
+    for (const Neighbours& row : rows) {
+        const float* upper = from.data() + row.first * stride;
+        const float* lower = from.data() + row.second * stride;
+        for (const Neighbours& column : columns) {
+            for (std::size_t c = 0; c < channels; ++c) {
+                const std::size_t left = column.first * channels + c, right = column.second * channels + c;
+                if (depths && !(std::isfinite(upper[left]) && std::isfinite(upper[right]) &&
+                                std::isfinite(lower[left]) && std::isfinite(lower[right]))) {
+                    const float* near = row.weight < 0.5F ? upper : lower;
+                    result.push_back(near[column.weight < 0.5F ? left : right]);
+                    continue;
+                }
+                const float above = upper[left] + column.weight * (upper[right] - upper[left]);
+                const float below = lower[left] + column.weight * (lower[right] - lower[left]);
+                result.push_back(above + row.weight * (below - above));
+            }
+        }
+    }
+    return result;
+}
+
+const std::vector<float>& channels_of(const Image& image) { return image.rgba.empty() ? image.scalar : image.rgba; }
+std::size_t channel_count(const Image& image) { return image.rgba.empty() ? 1 : 4; }
+
+/// Distance of two stages, on the grid of the finer one, as section 8 measures it.
+double distance(const Coarse& coarse, const Coarse& fine, Size full) {
+    const Grid from{size_of(full, coarse.step), coarse.step.pixels};
+    const Grid to{size_of(full, fine.step), fine.step.pixels};
+    const std::vector<float> a = interpolated(channels_of(coarse.image), channel_count(coarse.image), from, to);
+    return compare(a, channels_of(fine.image), static_cast<int>(channel_count(fine.image))).rmse;
+}
+
+/// Where differences between stages shrink by the order p, what is left of them between `fine` and the last picture.
+double left_over(double difference, const Step& coarse, const Step& fine, double order) {
+    const auto power = [&](const Step& step) { return std::pow(static_cast<double>(step.pixels), order); };
+    return difference * (power(fine) - 1.0) / (power(coarse) - power(fine));
+}
+
+double spacing_of(int pixels, double most) {
+    return std::clamp(pixels / pixels_before_slices, 1.0, std::max(1.0, most));
+}
+
+double expected_error(const RenderPlan& plan) {
+    double squares = 0.0;
+    for (const ErrorShare& share : plan.error_budget) {
+        squares += share.rmse * share.rmse;
+    }
+    return std::sqrt(squares);
+}
+
+} // namespace
+
+struct Stages::State {
+    Renderer::State* renderer;
+    Scene scene;
+    Camera camera;
+    Size size;
+    Outputs outputs;
+    Frame frame;               ///< of the last picture
+    std::vector<Step> steps;   ///< of all stages, coarse ones first
+    std::optional<Step> ahead; ///< drawn before the first stage, to compare it with
+    std::size_t next = 0;
+    std::optional<Coarse> before;
+    double difference = 0.0; ///< between the last two; 0: not known yet
+
+    void choose_steps(double first_seconds) {
+        const Prepared prepared = renderer->prepare({scene, camera, size, outputs, {}});
+        frame = prepared.frame;
+        const Backend backend = prepared.plan.summary.backend;
+        const double most_spacing = largest_spacing * scene.default_slice_spacing() / frame.slice_spacing;
+        const auto seconds = [&](int pixels) {
+            return renderer->pace(backend) *
+                   expected_seconds(prepared.work, pixels, spacing_of(pixels, most_spacing), renderer->threads());
+        };
+        const int largest = std::max(size.width, size.height);
+        int first = 1;
+        if (seconds(1) > first_seconds) {
+            first = 2;
+            while (first < coarsest && 4 * first < largest && seconds(first) + seconds(2 * first) > first_seconds) {
+                first *= 2;
+            }
+            ahead = Step{2 * first, spacing_of(2 * first, most_spacing)};
+        }
+        for (int pixels = first; pixels >= 1; pixels /= 2) {
+            steps.push_back({pixels, pixels == 1 ? 1.0 : spacing_of(pixels, most_spacing)});
+        }
+    }
+
+    Coarse draw(const Step& step, const Progress& progress) {
+        const Size coarse_size = size_of(size, step);
+        const Camera coarse_camera = camera_of(camera, size, coarse_size, step);
+        Scene coarse_scene = scene;
+        coarse_scene.reference_length = frame.reference_length;
+        coarse_scene.slice_spacing = frame.slice_spacing * step.spacing;
+        return {step, renderer->render({coarse_scene, coarse_camera, coarse_size, outputs, progress}, &frame)};
+    }
+
+    [[nodiscard]] double order_of(double newer) const {
+        return difference > 0.0 && newer > 0.0 ? std::clamp(std::log2(difference / newer), lowest_order, highest_order)
+                                               : usual_order;
+    }
+
+    Image shown(const Coarse& stage, double error) const {
+        const Grid from{stage.image.size, stage.step.pixels};
+        const Grid to{size, 1};
+        Image image;
+        image.size = size;
+        image.rgba = interpolated(stage.image.rgba, 4, from, to);
+        image.scalar = interpolated(stage.image.scalar, 1, from, to);
+        image.coverage = interpolated(stage.image.coverage, 1, from, to);
+        image.depth = interpolated(stage.image.depth, 1, from, to, true);
+        image.plan = stage.image.plan;
+        image.stats = stage.image.stats;
+        image.stats["estimated_rmse"] = error;
+        return image;
+    }
+
+    Image coarse_stage(const Step& step, const Progress& progress) {
+        if (!before && ahead) {
+            before = draw(*ahead, progress);
+        }
+        Coarse stage = draw(step, progress);
+        const double newer = distance(*before, stage, size);
+        const double order = order_of(newer);
+        Image image = shown(stage, left_over(newer, before->step, step, order));
+        difference = newer;
+        before = std::move(stage);
+        return image;
+    }
+};
+
+Stages::Stages(Renderer& renderer, const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
+               double first_seconds)
+    : state_(new State{
+          renderer.state_.get(), scene, camera, size, outputs, Frame{}, {}, std::nullopt, 0, std::nullopt, 0.0}) {
+    if (!(first_seconds > 0.0)) {
+        throw InvalidInput(Complaint{"the picture cannot be made in stages",
+                                     "first_seconds = " + std::to_string(first_seconds), "more than 0",
+                                     "leave it out for 0.05"});
+    }
+    state_->choose_steps(first_seconds);
+}
+Stages::~Stages() = default;
+Stages::Stages(Stages&&) noexcept = default;
+Stages& Stages::operator=(Stages&&) noexcept = default;
+
+bool Stages::done() const { return state_->next >= state_->steps.size(); }
+
+Image Stages::next(const Progress& progress) {
+    if (done()) {
+        throw InvalidInput(Complaint{"there is no further stage", "all of them were made", "done() to be asked before",
+                                     "begin new stages"});
+    }
+    State& state = *state_;
+    const bool last = state.next + 1 == state.steps.size();
+    Image image;
+    if (last) {
+        image = state.renderer->render({state.scene, state.camera, state.size, state.outputs, progress});
+        image.stats["estimated_rmse"] = expected_error(*image.plan);
+    } else {
+        image = state.coarse_stage(state.steps[state.next], progress);
+    }
+    ++state.next;
+    image.stats["stage"] = static_cast<double>(state.next);
+    image.stats["stages"] = static_cast<double>(state.steps.size());
+    return image;
+}
+
+bool Renderer::render_progressive(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
+                                  const OnStage& on_stage, const Progress& progress) {
+    Stages stages(*this, scene, camera, size, outputs);
+    while (!stages.done()) {
+        const Image image = stages.next(progress);
+        if (!on_stage(image, stages.done()) && !stages.done()) {
+            return false;
+        }
+    }
+    return true;
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,23 @@
+// What a picture costs, before it is drawn.
+#pragma once
+
+#include "plan/make_plan.hpp"
+#include "sheetsplat/scene.hpp"
+
+namespace sheetsplat {
+
+/// Counts that a picture's time grows with.
+struct Work {
+    double kernels = 0.0;
+    double slices_each = 0.0; ///< that a kernel meets, on the average
+    double splats = 0.0;      ///< pixels of all sections
+    double pixels = 0.0;      ///< times slices
+};
+
+/// All kernels count, drawn or not.
+Work work_of(const Scene& scene, const ViewFacts& view);
+
+/// Seconds of the same view with pixels and slice distances so many times larger, on one of today's processors.
+double expected_seconds(const Work& work, double larger_pixels, double larger_spacing, int threads);
+
+} // namespace sheetsplat

@@ -1,0 +1,217 @@
+// The plan of backend cpu: no ways of drawing to choose from, and float64 where float32 would not keep its bound.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "effects.hpp"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+constexpr double float64_epsilon = 1.2e-16;
+/// Sections of slender ellipsoids are known to epsilon times the aspect.
+constexpr double largest_float32_aspect = 512.0;
+/// Places are counted from the corner of an image tile: float32 knows them to some 4e-6 pixels.
+constexpr double least_float32_px = 0.05;
+/// Beyond, a quotient of sums that is lit loses digits to the many kernels that it is made of.
+constexpr double largest_lit_overlap = 1000.0;
+/// Slab distance over half depth, above which differences of erf lose what a thin kernel adds.
+constexpr double thickest_float32_slab = 100.0;
+/// Distances on the screen in pixels whose squares float32 resolves beside a pixel's.
+constexpr double largest_float32_px = 1e6;
+constexpr double largest_float32_sum = 1e30;
+constexpr double largest_float64_sum = 1e250;
+constexpr double smallest_float64_falloff = 1e-8;
+/// Quotients that are lit lose epsilon times this: the same share of the digits in both precisions.
+constexpr double largest_float64_lit_ratio = largest_lit_ratio * (float32_epsilon / float64_epsilon);
+
+constexpr std::array<const char*, 15> of_gl = {"points",
+                                               "vertex_arrays",
+                                               "four_channels",
+                                               "fine_gradient",
+                                               "preshaded",
+                                               "resident_sections",
+                                               "precise_sections",
+                                               "paper_slicing",
+                                               "gather",
+                                               "bare_fill",
+                                               "count_fragments",
+                                               "opacity_buffer",
+                                               "opacity_buffer_average",
+                                               "elimination",
+                                               "compensation"};
+
+void refuse_ways_of_gl(const RendererOptions& options) {
+    for (const char* name : of_gl) {
+        const auto found = options.effects.find(name);
+        if (found != options.effects.end() && found->second) {
+            throw Unsupported(Complaint{"the plan cannot be made",
+                                        std::string("effect ") + name + " forced on with backend cpu",
+                                        "effects of the picture: this one is a way of drawing on OpenGL",
+                                        "choose backend gl, or drop it from effects="});
+        }
+    }
+    if (options.tagging != Tagging::automatic && options.tagging != Tagging::tiles) {
+        throw Unsupported(Complaint{"the plan cannot be made",
+                                    std::string("tagging ") + to_string(options.tagging) + " with backend cpu",
+                                    "auto or tiles, the one way in which it skips empty space",
+                                    "choose backend gl, or leave tagging to the plan"});
+    }
+    if (options.packing == Packing::paper) {
+        throw Unsupported(Complaint{"the plan cannot be made", "packing paper with backend cpu",
+                                    "auto or wide: slices are not packed into colour channels",
+                                    "choose backend gl, or leave packing to the plan"});
+    }
+    if (options.precision == Precision::float16 || options.precision == Precision::uint8) {
+        throw Unsupported(Complaint{"the plan cannot be made",
+                                    std::string("precision ") + to_string(options.precision) + " with backend cpu",
+                                    "auto, float32 or float64", "choose backend gl for lower precision"});
+    }
+}
+
+/// Error of a picture that sums add, root mean square. Errors of single slices partly cancel along a ray; what a steep
+/// ramp adds, it adds at few pixels.
+double picture_error(const SumFacts& sums, double epsilon) {
+    return 0.25 * epsilon * std::sqrt(sums.overlap) * sums.ratio * std::min(sums.steepness, 4.0);
+}
+
+/// Why float32 would not keep its bound; empty where it does.
+std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
+    const std::string ell = number(view.reference_length) + " (the reference length)";
+    if (view.kernels == 0 || view.slices == 0) {
+        return "";
+    }
+    if (plan.gradient &&
+        std::min(view.smallest_pixel, view.slice_spacing) < fine_gradient_below * view.reference_length) {
+        return "a pixel of " + number(view.smallest_pixel) + " or a slice distance of " + number(view.slice_spacing) +
+               " is below an eighth of " + ell + ": differences of float32 sums would lose the gradient";
+    }
+    if (plan.mode == Mode::composite && view.slices > most_plain_slices) {
+        return std::to_string(view.slices) + " slices would let float32 sums drift";
+    }
+    if (view.largest_aspect > largest_float32_aspect) {
+        return "float32 would lose sections of ellipsoids of 1:" + number(view.largest_aspect);
+    }
+    if (!plan.filter && view.smallest_radius_px < least_float32_px) {
+        return "float32 would lose the places of kernels of " + number(view.smallest_radius_px) + " pixels";
+    }
+    if (view.largest_splat_px > largest_float32_px) {
+        return "float32 would lose distances in kernels of " + number(view.largest_splat_px) + " pixels";
+    }
+    if (scene.sampling == Sampling::slab && !plan.filter && view.thickest_slab > thickest_float32_slab) {
+        return "a slab is " + number(view.thickest_slab) + " times as thick as half a kernel";
+    }
+    if (view.smallest_falloff < smallest_falloff) {
+        return "float32 would lose the profile of a falloff of " + number(view.smallest_falloff);
+    }
+    if (sums.sum > largest_float32_sum) {
+        return "sums reach " + number(sums.sum);
+    }
+    if (picture_error(sums, float32_epsilon) > float32_bound) {
+        return "values reach " + number(sums.largest) + " where " + number(sums.resolved) + " is resolved";
+    }
+    if (lights_quotients(plan) && sums.ratio > largest_lit_ratio) {
+        return "quotients that reach " + number(sums.largest) + " are lit where " + number(sums.resolved) +
+               " is resolved";
+    }
+    if (lights_quotients(plan) && sums.overlap > largest_lit_overlap) {
+        return "quotients of " + number(sums.overlap) + " kernels at a point are lit";
+    }
+    return "";
+}
+
+void refuse_beyond_float64(const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
+    const auto refuse = [](const std::string& found, const std::string& wanted, const std::string& next) {
+        throw Unsupported(Complaint{"the scene cannot be drawn within its error bound with backend cpu", found, wanted,
+                                    next + ", use backend reference, or pass allow_inexact=True"});
+    };
+    if (view.kernels == 0 || view.slices == 0) {
+        return;
+    }
+    if (view.largest_splat_px > largest_splat_px) {
+        refuse("kernels of " + number(view.largest_splat_px) + " pixels", "at most " + number(largest_splat_px),
+               "magnify less");
+    }
+    if (view.smallest_falloff < smallest_float64_falloff) {
+        refuse("a falloff of " + number(view.smallest_falloff) + ", whose differences float64 cannot resolve",
+               "at least " + number(smallest_float64_falloff), "use a larger falloff");
+    }
+    if (sums.least_scale < least_divisor) {
+        refuse("a w0 and weights below " + number(least_divisor), "a w0 or weights of at least that",
+               "scale the weights and w0 by one factor");
+    }
+    if (sums.sum > largest_float64_sum) {
+        refuse("sums of weights, or of weighted values over what is resolved, of up to " + number(sums.sum),
+               "at most " + number(largest_float64_sum), "scale the values or the weights");
+    }
+    const bool lit = lights_quotients(plan) && sums.ratio > largest_float64_lit_ratio;
+    const double error = picture_error(sums, float64_epsilon);
+    if (lit || error > float32_bound) {
+        refuse("values up to " + number(sums.largest) + " where " + number(sums.resolved) + " is resolved",
+               "values of at most " + number(lit ? largest_float64_lit_ratio : sums.ratio * float32_bound / error) +
+                   " times that",
+               "subtract an offset from the values");
+    }
+}
+
+std::uint64_t memory_of(const ViewFacts& view, const DrawPlan& plan) {
+    const std::uint64_t pixels =
+        static_cast<std::uint64_t>(view.size.width) * static_cast<std::uint64_t>(view.size.height);
+    // A flag a kernel, and its place in the lists of one or two tiles.
+    constexpr std::uint64_t kernel_bytes = 24;
+    const std::uint64_t channels = 4U + (plan.coverage ? 1U : 0U) + (plan.depth ? 1U : 0U);
+    return pixels * channels * sizeof(float) + view.kernels * kernel_bytes;
+}
+
+} // namespace
+
+void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
+              Effects& effects, DrawPlan& plan) {
+    refuse_ways_of_gl(options);
+    divide_apart(scene, outputs, effects, plan);
+    plan.culling = effects.decide("culling", true, "kernels that cannot matter are not drawn");
+    plan.points = plan.vertex_arrays = plan.four_channels = false;
+    plan.separable = false;
+    plan.slab_nodes = view.widest_slab < 0.6 ? 4 : view.widest_slab < 1.5 ? 6 : 0;
+    plan.packing = Packing::wide;
+    plan.tagging = Tagging::tiles;
+    const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
+    effects.state("background", scene.background.has_value() && !scalar,
+                  scene.background ? "a background was given" : "no background was given");
+    effects.state("coverage", plan.coverage, plan.coverage ? "asked for" : "not asked for");
+    effects.state("depth", outputs.depth, outputs.depth ? "asked for" : "not asked for");
+
+    const SumFacts sums = sum_facts(scene, view, plan);
+    const std::string why = why_float64(scene, view, plan, sums);
+    const bool asked = options.precision == Precision::float64;
+    const bool kept = options.precision == Precision::float32;
+    plan.precision = asked || (!kept && !why.empty()) ? Precision::float64 : Precision::float32;
+    effects.state("float64", plan.precision == Precision::float64,
+                  asked          ? "precision float64 was asked for"
+                  : !why.empty() ? why
+                                 : "float32 keeps the error bound");
+    if (!options.allow_inexact) {
+        effects.refuse_dropped();
+        refuse_beyond_float64(view, plan, sums);
+        if (kept && !why.empty()) {
+            throw Unsupported(Complaint{"the picture cannot be made within its error bound with precision float32", why,
+                                        "precision auto or float64",
+                                        "leave precision to the plan, or pass allow_inexact=True"});
+        }
+    }
+
+    const double epsilon = plan.precision == Precision::float64 ? float64_epsilon : float32_epsilon;
+    RenderPlan& summary = plan.summary;
+    summary.error_budget.push_back({std::string("sums in ") + to_string(plan.precision),
+                                    epsilon * std::sqrt(sums.overlap) * sums.ratio * sums.steepness});
+    summary.error_budget.push_back({"pictures in float32", float32_epsilon});
+    summary.precision = plan.precision;
+    summary.packing = plan.packing;
+    summary.tagging = plan.tagging;
+    summary.device = "processor";
+    summary.memory = memory_of(view, plan);
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,65 @@
+// Kernels as one tile meets them. In the unit sphere of a kernel, turned so that its first coordinate alone changes
+// along a row of pixels, a point of slice n has the coordinates
+//     q1 = x X + y Y1 + a1,   q2 = y Y2 + a2,   q3 = s,       r^2 = q1^2 + q2^2 + q3^2,
+// with (x, y) the pixel in the tile's sheets. a1, a2 and s change by d1, d2 and ds from slice to slice; in perspective X,
+// Y1 and Y2 are those of depth 1 times the slice's depth. So each row is a one-dimensional Gaussian of a width that is
+// the same for all rows, whose coordinates cancel nowhere, however slender the ellipsoid is: the QR factorisation of
+// [NM06]'s equations 8 to 19 in place of their quadratic form.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <glm/vec2.hpp>
+
+#include "simd/tile.hpp"
+
+namespace sheetsplat::simd {
+
+/// How q depends on pixel and slice. Orthographic: per pixel; perspective: per pixel and unit of depth.
+template <class T>
+struct RowShape {
+    T X = 0, Y1 = 0, Y2 = 0;
+    T d1 = 0, d2 = 0, ds = 0;
+};
+
+/// One kernel: where it is on its first slice here, and what it adds.
+template <class T>
+struct Section {
+    T a1 = 0, a2 = 0, s = 0;               ///< at slice `first`
+    T value = 0, weight = 0;               ///< with gain and scales
+    std::int32_t first = 0, last = -1;     ///< slices that it meets
+    std::int16_t x0 = 0, y0 = 0, x1 = 0, y1 = 0; ///< pixels of the tile's sheets that it can touch: x0 <= x < x1
+};
+
+/// The kernels of one field in one tile, by their first slices.
+template <class T>
+struct TileKernels {
+    std::vector<Section<T>> sections;
+    std::vector<RowShape<T>> shapes; ///< one for all, or as many as there are sections
+    // Room for the sort.
+    std::vector<Section<T>> unsorted;
+    std::vector<RowShape<T>> unsorted_shapes;
+    std::vector<std::uint32_t> places;
+    std::int32_t first = 0, last = -1; ///< slices that some kernel meets
+    std::size_t counted = 0;           ///< kernels that no other tile counts
+
+    void clear() {
+        sections.clear();
+        shapes.clear();
+        unsorted.clear();
+        unsorted_shapes.clear();
+        first = 0;
+        last = -1;
+        counted = 0;
+    }
+    /// Moves `unsorted` to `sections` in the order of first slices; equal ones keep their order.
+    void sort();
+    [[nodiscard]] std::size_t bytes() const {
+        return (sections.capacity() + unsorted.capacity()) * sizeof(Section<T>) +
+               (shapes.capacity() + unsorted_shapes.capacity()) * sizeof(RowShape<T>) +
+               places.capacity() * sizeof(std::uint32_t);
+    }
+};
+
+} // namespace sheetsplat::simd

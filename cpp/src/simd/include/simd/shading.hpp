@@ -1,0 +1,110 @@
+// Everything that turns finished slices into a picture, made once a frame in the number format of the sheets: the
+// transfer function, lights, material, scales. Source: IMAGE FORMATION sections 4 to 7.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "plan/make_plan.hpp"
+#include "sheetsplat/camera.hpp"
+#include "sheetsplat/scene.hpp"
+#include "view/frame.hpp"
+
+namespace sheetsplat::simd {
+
+/// The transfer function over rho in the sheets' unit, as stretches over which colour and opacity are linear, stretches
+/// of no width left out: exact, steps not smeared, of two points at one value the later one holds from there on. The
+/// first stretch holds with its first looks for all smaller values too, the last one for all larger ones.
+template <class T>
+struct TransferTable {
+    /// Stretches that fit registers, one a lane.
+    static constexpr int most_in_lanes = 16;
+    /// Numbers of one stretch: from, to, opacity, its slope | red, slope, green, slope | blue, slope, 0, 0.
+    static constexpr int record = 12;
+    static constexpr int numbers = 10;
+
+    int stretches = 0;
+    std::vector<T> records;
+    /// By number of `record`, then by stretch: the same for up to most_in_lanes stretches.
+    alignas(64) T lanes[numbers][most_in_lanes] = {};
+    /// Where to look among many: record of the stretch that the smallest values of a cell are in. The cell of a
+    /// value, put between first and last, is (value - first) * cells_per_unit, rounded down and not above last_cell.
+    std::vector<std::int32_t> cells;
+    T first = T(0), last = T(0), cells_per_unit = T(0), last_cell = T(0);
+    /// Opacity is 0 where rho <= below and where rho >= above.
+    T below = T(0), above = T(0);
+};
+
+/// A stretch of the transfer function for means over ramps: opacity is at most 1 - 2^-24 and linear.
+template <class T>
+struct RampStretch {
+    T from = T(0), to = T(0);
+    T per_width = T(0); ///< 1 / (to - from); 0 where everything is constant
+    T opacity = T(0), opacity_step = T(0);
+    T clearness = T(0), clearness_step = T(0); ///< 1 - opacity, with its own digits
+    T color[3] = {}, color_step[3] = {};
+};
+
+/// A directional light, with what the material makes of it.
+template <class T>
+struct ShadingLight {
+    T direction[3] = {}; ///< eye space, unit length, towards the light
+    T diffuse[3] = {};   ///< colour times diffuse coefficient
+    T specular[3] = {};  ///< colour times specular coefficient
+};
+
+/// What shade_slab reads. Lengths of gradients are in reference lengths.
+template <class T>
+struct Shading {
+    Mode mode = Mode::composite;
+    bool perspective = false;
+    bool preintegration = false;
+    bool empty_test = false;
+    bool lit = false;
+    bool specular = false;
+    bool two_sided = false;
+    bool gray = false; ///< all lights are
+    bool correct = false; ///< a slice is not one reference length thick everywhere
+
+    T exponent = T(1); ///< slice spacing over reference length
+    /// Pixels end at this opacity; isosurface: anything between 0 and 1.
+    T stop = T(1);
+    /// The picture's scalars in world units: xray: world value times world length that 1 in a sheet adds; mip: world
+    /// value that 1 in a sheet stands for.
+    T scalar_step = T(1);
+    T coverage_step = T(1); ///< slice spacing, world units
+
+    TransferTable<T> transfer;
+    std::vector<RampStretch<T>> ramps; ///< preintegration only; from the smallest number to the largest
+
+    T iso_value = T(0);
+    T iso_color[3] = {};
+
+    std::vector<ShadingLight<T>> lights;
+    T ambient = T(1);
+    T shininess = T(1);
+    /// Components of the gradient are differences of rho times these; in perspective that across is divided by the
+    /// depth. In float64: a slab's own scale is put in before they are rounded.
+    double gradient_across = 0.0, gradient_along = 0.0;
+    double weakest_gradient = 0.0; ///< g0
+
+    double first_depth = 0.0, slice_spacing = 1.0; ///< world units
+    /// Perspective: slope of the ray of pixel (i, j) is ((i - axis_x) pixel, (axis_y - j) pixel).
+    double axis_x = 0.0, axis_y = 0.0, pixel = 0.0;
+};
+
+template <class T>
+Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan);
+
+extern template Shading<float> make_shading<float>(const Scene&, const Camera&, const Frame&, const DrawPlan&);
+extern template Shading<double> make_shading<double>(const Scene&, const Camera&, const Frame&, const DrawPlan&);
+
+/// For tests: the transfer function alone. value_unit: the amount of rho that sheets call 1.
+template <class T>
+TransferTable<T> make_transfer_table(const TransferFunction& function, double value_unit);
+
+extern template TransferTable<float> make_transfer_table<float>(const TransferFunction&, double);
+extern template TransferTable<double> make_transfer_table<double>(const TransferFunction&, double);
+
+} // namespace sheetsplat::simd

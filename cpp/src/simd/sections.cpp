@@ -1,0 +1,62 @@
+#include "simd/sections.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+namespace sheetsplat::simd {
+
+template <class T>
+void TileKernels<T>::sort() {
+    const std::size_t count = unsorted.size();
+    sections.resize(count);
+    const bool own_shapes = unsorted_shapes.size() == count && count != 0;
+    if (own_shapes) {
+        shapes.resize(count);
+    }
+    if (count == 0) {
+        first = 0;
+        last = -1;
+        return;
+    }
+    first = unsorted.front().first;
+    last = unsorted.front().last;
+    std::int32_t latest = first;
+    for (const Section<T>& section : unsorted) {
+        first = std::min(first, section.first);
+        latest = std::max(latest, section.first);
+        last = std::max(last, section.last);
+    }
+    const std::size_t starts = static_cast<std::size_t>(latest - first) + 1;
+    const auto put = [&](std::size_t to, std::size_t from) {
+        sections[to] = unsorted[from];
+        if (own_shapes) {
+            shapes[to] = unsorted_shapes[from];
+        }
+    };
+    if (starts > 4 * count + 1024) {
+        // Few kernels over very many slices: a count a slice would cost more than comparing.
+        places.resize(count);
+        std::iota(places.begin(), places.end(), 0U);
+        std::stable_sort(places.begin(), places.end(),
+                         [&](std::uint32_t a, std::uint32_t b) { return unsorted[a].first < unsorted[b].first; });
+        for (std::size_t to = 0; to < count; ++to) {
+            put(to, places[to]);
+        }
+        return;
+    }
+    places.assign(starts + 1, 0);
+    for (const Section<T>& section : unsorted) {
+        ++places[static_cast<std::size_t>(section.first - first) + 1];
+    }
+    for (std::size_t start = 0; start < starts; ++start) {
+        places[start + 1] += places[start];
+    }
+    for (std::size_t from = 0; from < count; ++from) {
+        put(places[static_cast<std::size_t>(unsorted[from].first - first)]++, from);
+    }
+}
+
+template struct TileKernels<float>;
+template struct TileKernels<double>;
+
+} // namespace sheetsplat::simd

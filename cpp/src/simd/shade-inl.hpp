@@ -1,0 +1,793 @@
+// Classifies, shades and composites one finished slice, or the interval behind it, over the pixels of a tile.
+// Source: IMAGE FORMATION sections 4 to 7; [EKE01] for intervals.
+
+#if defined(SHEETSPLAT_SIMD_SHADE_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_SIMD_SHADE_INL
+#undef SHEETSPLAT_SIMD_SHADE_INL
+#else
+#define SHEETSPLAT_SIMD_SHADE_INL
+#endif
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <type_traits>
+
+#include "hwy/highway.h"
+#include "math-inl.hpp"
+#include "simd/shading.hpp"
+#include "simd/tile.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::simd::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+template <class D>
+struct Color {
+    hn::Vec<D> red, green, blue;
+};
+
+// Transfer function ------------------------------------------------------------------------------------------------
+
+/// Looks of one vector of values by a table that lies in the lanes of registers: as many stretches as lanes at most.
+template <class D>
+class TableInLanes {
+    using T = hn::TFromD<D>;
+    using V = hn::Vec<D>;
+    using DI = hn::RebindToSigned<D>;
+    using TI = hn::TFromD<DI>;
+
+  public:
+    explicit TableInLanes(const TransferTable<T>& table) : table_(table) {}
+
+    struct Place {
+        decltype(hn::IndicesFromVec(D(), hn::Zero(DI()))) stretch;
+        V beyond; ///< how far beyond the stretch's start
+    };
+
+    /// Opacity per reference length.
+    HWY_INLINE V opacity(D d, V rho, Place& place) const {
+        const DI di;
+        auto stretch = hn::Zero(di);
+        for (int n = 1; n < table_.stretches; ++n) {
+            const auto there = hn::Ge(rho, hn::Set(d, table_.lanes[0][n]));
+            stretch = hn::IfThenElse(hn::RebindMask(di, there), hn::Set(di, static_cast<TI>(n)), stretch);
+        }
+        place.stretch = hn::IndicesFromVec(d, stretch);
+        place.beyond = hn::Max(hn::Sub(rho, look_up(d, 0, place)), hn::Zero(d));
+        return hn::Min(hn::Max(linear(d, 2, place), hn::Zero(d)), hn::Set(d, T(1)));
+    }
+    HWY_INLINE Color<D> color(D d, const Place& place) const {
+        return {linear(d, 4, place), linear(d, 6, place), linear(d, 8, place)};
+    }
+
+  private:
+    HWY_INLINE V look_up(D d, int number, const Place& place) const {
+        return hn::TableLookupLanes(hn::LoadU(d, table_.lanes[number]), place.stretch);
+    }
+    HWY_INLINE V linear(D d, int number, const Place& place) const {
+        return hn::MulAdd(place.beyond, look_up(d, number + 1, place), look_up(d, number, place));
+    }
+
+    const TransferTable<T>& table_;
+};
+
+/// A register whose blocks of 16 bytes come from where `offsets` of the first lane of each block says.
+template <class D, class T = hn::TFromD<D>>
+HWY_INLINE hn::Vec<D> load_blocks(D d, const T* table, const std::int32_t* offsets) {
+#if HWY_TARGET == HWY_SCALAR
+    return hn::Load(d, table + offsets[0]);
+#else
+    if constexpr (hn::MaxLanes(D()) * sizeof(T) <= 16) {
+        return hn::LoadU(d, table + offsets[0]);
+    } else {
+        const hn::Half<D> half;
+        return hn::Combine(d, load_blocks(half, table, offsets + hn::MaxLanes(D()) / 2),
+                           load_blocks(half, table, offsets));
+    }
+#endif
+}
+
+/// Four consecutive numbers of each lane's record.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void load_four(D d, const T* table, const std::int32_t* offsets, V& a, V& b, V& c, V& e) {
+#if HWY_TARGET == HWY_SCALAR
+    a = load_blocks(d, table, offsets);
+    b = load_blocks(d, table + 1, offsets);
+    c = load_blocks(d, table + 2, offsets);
+    e = load_blocks(d, table + 3, offsets);
+#else
+    const V first = load_blocks(d, table, offsets), second = load_blocks(d, table, offsets + 1);
+    if constexpr (sizeof(T) == 8) {
+        a = hn::InterleaveLower(d, first, second);
+        b = hn::InterleaveUpper(d, first, second);
+        const V first_on = load_blocks(d, table + 2, offsets), second_on = load_blocks(d, table + 2, offsets + 1);
+        c = hn::InterleaveLower(d, first_on, second_on);
+        e = hn::InterleaveUpper(d, first_on, second_on);
+    } else {
+        const hn::RepartitionToWide<hn::RebindToUnsigned<D>> wide;
+        const V third = load_blocks(d, table, offsets + 2), fourth = load_blocks(d, table, offsets + 3);
+        const auto low = hn::BitCast(wide, hn::InterleaveLower(d, first, second));
+        const auto low_on = hn::BitCast(wide, hn::InterleaveLower(d, third, fourth));
+        const auto high = hn::BitCast(wide, hn::InterleaveUpper(d, first, second));
+        const auto high_on = hn::BitCast(wide, hn::InterleaveUpper(d, third, fourth));
+        a = hn::BitCast(d, hn::InterleaveLower(wide, low, low_on));
+        b = hn::BitCast(d, hn::InterleaveUpper(wide, low, low_on));
+        c = hn::BitCast(d, hn::InterleaveLower(wide, high, high_on));
+        e = hn::BitCast(d, hn::InterleaveUpper(wide, high, high_on));
+    }
+#endif
+}
+
+/// Looks of one vector of values by records in memory, found through cells.
+template <class D>
+class TableInMemory {
+    using T = hn::TFromD<D>;
+    using V = hn::Vec<D>;
+
+  public:
+    explicit TableInMemory(const TransferTable<T>& table) : table_(table) {}
+
+    struct Place {
+        HWY_ALIGN std::int32_t record[hn::MaxLanes(D())];
+        V beyond;
+    };
+
+    HWY_INLINE V opacity(D d, V rho, Place& place) const {
+        const hn::Rebind<std::int32_t, D> di;
+        constexpr std::size_t lanes = hn::MaxLanes(D());
+        const V inside = hn::Min(hn::Max(rho, hn::Set(d, table_.first)), hn::Set(d, table_.last));
+        const V cell = hn::Min(hn::Mul(hn::Sub(inside, hn::Set(d, table_.first)), hn::Set(d, table_.cells_per_unit)),
+                               hn::Set(d, table_.last_cell));
+        HWY_ALIGN std::int32_t cells[lanes];
+        if constexpr (sizeof(T) == 4) {
+            hn::StoreU(hn::ConvertTo(di, cell), di, cells);
+        } else {
+            hn::StoreU(hn::DemoteTo(di, cell), di, cells);
+        }
+        const std::int32_t* records = table_.cells.data();
+        for (std::size_t lane = 0; lane < lanes; ++lane) {
+            place.record[lane] = records[cells[lane]];
+        }
+        V from, to, opacity, slope;
+        load_four(d, table_.records.data(), place.record, from, to, opacity, slope);
+        if (HWY_UNLIKELY(!hn::AllFalse(d, hn::Ge(rho, to)))) {
+            go_on(d, rho, place);
+            load_four(d, table_.records.data(), place.record, from, to, opacity, slope);
+        }
+        place.beyond = hn::Max(hn::Sub(rho, from), hn::Zero(d));
+        return hn::Min(hn::Max(hn::MulAdd(place.beyond, slope, opacity), hn::Zero(d)), hn::Set(d, T(1)));
+    }
+    HWY_INLINE Color<D> color(D d, const Place& place) const {
+        V red, red_slope, green, green_slope, blue, blue_slope, none, none_slope;
+        load_four(d, table_.records.data() + 4, place.record, red, red_slope, green, green_slope);
+        load_four(d, table_.records.data() + 8, place.record, blue, blue_slope, none, none_slope);
+        return {hn::MulAdd(place.beyond, red_slope, red), hn::MulAdd(place.beyond, green_slope, green),
+                hn::MulAdd(place.beyond, blue_slope, blue)};
+    }
+
+  private:
+    /// Points may lie inside a cell: onwards to the stretch that a value is in.
+    HWY_NOINLINE void go_on(D d, V rho, Place& place) const {
+        constexpr std::size_t lanes = hn::MaxLanes(D());
+        HWY_ALIGN T values[lanes];
+        hn::StoreU(rho, d, values);
+        for (std::size_t lane = 0; lane < lanes; ++lane) {
+            const T* record = table_.records.data() + place.record[lane];
+            while (values[lane] >= record[1]) {
+                record += TransferTable<T>::record;
+            }
+            place.record[lane] = static_cast<std::int32_t>(record - table_.records.data());
+        }
+    }
+
+    const TransferTable<T>& table_;
+};
+
+/// 1 - (1 - a)^exponent, a from 0 to 1.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V opacity_over(D d, V a, V exponent) {
+    const V one = hn::Set(d, hn::TFromD<D>(1));
+    const auto below_one = hn::Lt(a, one);
+    const V alpha = veil(d, hn::Mul(exponent, absorption(d, hn::IfThenElseZero(below_one, a))));
+    return hn::IfThenElse(below_one, alpha, one);
+}
+
+// Ramps between slices ----------------------------------------------------------------------------------------------
+
+/// Gauss-Legendre nodes on [0, 1], of each pair the smaller one, exact enough for logarithms over a factor of two: the
+/// error falls as 5.8 to the power -2 nodes.
+template <class T>
+struct RampNodes;
+template <>
+struct RampNodes<float> {
+    static constexpr int pairs = 2;
+    static constexpr float place[] = {0.3300094782F, 0.06943184420F};
+    static constexpr float share[] = {0.3260725774F, 0.1739274226F};
+};
+template <>
+struct RampNodes<double> {
+    static constexpr int pairs = 5;
+    static constexpr double place[] = {0.425562830509184395, 0.283302302935376405, 0.160295215850487797,
+                                       0.0674683166555077446, 0.0130467357414141399};
+    static constexpr double share[] = {0.147762112357376435, 0.134633359654998178, 0.109543181257991022,
+                                       0.0747256745752902966, 0.0333356721543440688};
+};
+
+/// Means of the absorption -ln(1 - a) and of its product with the share of the way.
+template <class D>
+struct Moments {
+    hn::Vec<D> plain, weighted;
+};
+
+/// Over a way on which opacity is linear; clear: 1 - opacity, with its own digits.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE Moments<D> moments(D d, V opacity_from, V opacity_to, V clear_from, V clear_to) {
+    using T = hn::TFromD<D>;
+    using Nodes = RampNodes<T>;
+    const V one = hn::Set(d, T(1));
+    const V opacity_step = hn::Sub(opacity_to, opacity_from);
+    const V clear_step = hn::Sub(clear_to, clear_from);
+    const auto at = [&](V x) {
+        const V opacity = hn::MulAdd(opacity_step, x, opacity_from);
+        // Small opacities and small rests of transparency each have digits that the other has lost.
+        const auto thin = hn::Lt(opacity, hn::Set(d, T(0.25)));
+        const V left = hn::IfThenElse(thin, hn::Sub(one, opacity), hn::MulAdd(clear_step, x, clear_from));
+        const V lost = hn::IfThenElseZero(thin, hn::Sub(hn::Sub(one, left), opacity));
+        return hn::Neg(ln_with_rest(d, left, lost));
+    };
+    V plain = hn::Zero(d), weighted = hn::Zero(d);
+    for (int pair = 0; pair < Nodes::pairs; ++pair) {
+        const V place = hn::Set(d, Nodes::place[pair]);
+        const V there = hn::Sub(one, place);
+        const V near = at(place), far = at(there);
+        const V share = hn::Set(d, Nodes::share[pair]);
+        plain = hn::MulAdd(share, hn::Add(near, far), plain);
+        weighted = hn::MulAdd(share, hn::MulAdd(there, far, hn::Mul(place, near)), weighted);
+    }
+    const V least = hn::Min(clear_from, clear_to), most = hn::Max(clear_from, clear_to);
+    const auto bent = hn::Gt(most, hn::Add(least, least));
+    if (!hn::AllFalse(d, bent)) {
+        // The logarithm bends too much for a quadrature; its own integrals do not cancel here.
+        const V step = hn::IfThenElse(bent, clear_step, one);
+        const V from = hn::Mul(clear_from, ln(d, clear_from)), to = hn::Mul(clear_to, ln(d, clear_to));
+        const V half = hn::Set(d, T(0.5)), quarter = hn::Set(d, T(0.25));
+        const V over = hn::Sub(to, from);
+        const V first = hn::Sub(hn::Div(over, step), one);
+        const V squares = hn::Mul(hn::Sub(clear_to, clear_from), hn::Add(clear_to, clear_from));
+        V second = hn::Mul(half, hn::NegMulAdd(clear_from, from, hn::Mul(clear_to, to)));
+        second = hn::NegMulAdd(quarter, squares, second);
+        second = hn::Div(hn::NegMulAdd(clear_from, hn::Sub(over, step), second), hn::Mul(step, step));
+        plain = hn::IfThenElse(bent, hn::Neg(first), plain);
+        weighted = hn::IfThenElse(bent, hn::Neg(second), weighted);
+    }
+    return {plain, weighted};
+}
+
+/// Mean absorption per reference length over the linear ramp between two values, and the colour that goes with it.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_NOINLINE V ramp_absorption(D d, const Shading<T>& shading, V rho_from, V rho_to, hn::Mask<D> wanted,
+                               Color<D>& color) {
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+    const V low = hn::Min(rho_from, rho_to), high = hn::Max(rho_from, rho_to);
+    const V span = hn::Sub(high, low);
+    // Where the reciprocal would overflow the ramp is as good as one value.
+    const auto flat = hn::Lt(span, hn::Set(d, std::numeric_limits<T>::min() * T(16)));
+    const V per_span = hn::Div(one, hn::IfThenElse(flat, one, span));
+    constexpr T largest = std::numeric_limits<T>::max();
+    const T lowest = hn::GetLane(hn::MinOfLanes(d, hn::IfThenElse(wanted, low, hn::Set(d, largest))));
+    const T highest = hn::GetLane(hn::MaxOfLanes(d, hn::IfThenElse(wanted, high, hn::Set(d, -largest))));
+
+    const auto& ramps = shading.ramps;
+    auto stretch = std::upper_bound(ramps.begin() + 1, ramps.end(), lowest,
+                                    [](T value, const RampStretch<T>& r) { return value < r.from; }) -
+                   1;
+    V total = zero;
+    color = {zero, zero, zero};
+    for (; stretch != ramps.end() && stretch->from <= highest; ++stretch) {
+        if (stretch->opacity == T(0) && stretch->opacity_step == T(0)) {
+            continue;
+        }
+        const V from = hn::Set(d, stretch->from), to = hn::Set(d, stretch->to);
+        const V begin = hn::Min(hn::Max(low, from), to), end = hn::Max(hn::Min(high, to), from);
+        const auto inside = hn::And(hn::Ge(low, from), hn::Lt(low, to));
+        V share = hn::IfThenElse(flat, hn::IfThenElseZero(inside, one), hn::Mul(hn::Sub(end, begin), per_span));
+        share = hn::IfThenElseZero(wanted, share);
+        if (hn::AllFalse(d, hn::Gt(share, zero))) {
+            continue;
+        }
+        // The outermost stretches reach to the largest numbers: differences from there would not be finite.
+        V at_begin = zero, at_end = zero;
+        if (stretch->per_width != T(0)) {
+            const V per_width = hn::Set(d, stretch->per_width);
+            at_begin = hn::Min(hn::Mul(hn::Sub(begin, from), per_width), one);
+            at_end = hn::Min(hn::Mul(hn::Sub(end, from), per_width), one);
+        }
+        const auto linear = [&](T start, T step, V x) {
+            return hn::MulAdd(hn::Set(d, step), x, hn::Set(d, start));
+        };
+        // Rounding must not make an opacity of 1 - 2^-24 one of 1, nor one of 0 less.
+        const auto opacity = [&](V x) { return hn::Max(linear(stretch->opacity, stretch->opacity_step, x), zero); };
+        const auto clearness = [&](V x) {
+            return hn::Max(linear(stretch->clearness, stretch->clearness_step, x), hn::Set(d, T(0x1p-25)));
+        };
+        const Moments<D> mean =
+            moments(d, opacity(at_begin), opacity(at_end), clearness(at_begin), clearness(at_end));
+        total = hn::MulAdd(share, mean.plain, total);
+        const auto add = [&](int channel, V sum) {
+            const V first = linear(stretch->color[channel], stretch->color_step[channel], at_begin);
+            const V last = linear(stretch->color[channel], stretch->color_step[channel], at_end);
+            return hn::MulAdd(share,
+                              hn::MulAdd(first, mean.plain, hn::Mul(hn::Sub(last, first), mean.weighted)), sum);
+        };
+        color = {add(0, color.red), add(1, color.green), add(2, color.blue)};
+    }
+    const V per_total = hn::IfThenElse(hn::Gt(total, zero), total, one);
+    color = {hn::Div(color.red, per_total), hn::Div(color.green, per_total), hn::Div(color.blue, per_total)};
+    return total;
+}
+
+// Light ---------------------------------------------------------------------------------------------------------------
+
+/// What a slab's gradients are scaled with, so that their squares stay within the number format.
+template <class T>
+struct GradientScale {
+    T across[2] = {T(0), T(0)}; ///< slices n and n + 1
+    T along = T(0);
+    T weakest = T(0);
+
+    GradientScale(const Shading<T>& shading, std::int64_t n) {
+        double scale[2];
+        for (int ahead = 0; ahead < 2; ++ahead) {
+            const double depth = shading.first_depth + static_cast<double>(n + ahead) * shading.slice_spacing;
+            // At and behind the eye there are no slices: differences are 0 there.
+            scale[ahead] = !shading.perspective ? shading.gradient_across
+                           : depth > 0.0        ? shading.gradient_across / depth
+                                                : 0.0;
+        }
+        const double largest = std::max({scale[0], scale[1], shading.gradient_along});
+        const double unit = largest > 0.0 ? 1.0 / largest : 1.0;
+        across[0] = static_cast<T>(scale[0] * unit);
+        across[1] = static_cast<T>(scale[1] * unit);
+        along = static_cast<T>(shading.gradient_along * unit);
+        weakest = static_cast<T>(std::clamp(shading.weakest_gradient * unit,
+                                            static_cast<double>(std::numeric_limits<T>::min()), 1e30));
+    }
+};
+
+/// The pixel's ray: slopes and their secant; in orthographic views 0 and 1.
+template <class D>
+struct Ray {
+    hn::Vec<D> x, y, slant;
+};
+
+/// Minus the gradient.
+template <class D>
+struct Normal {
+    hn::Vec<D> x, y, z;
+};
+
+/// Minus the gradient at pixels of the slice `here`; pointers to the first pixel.
+template <bool perspective, class D, class T = hn::TFromD<D>>
+HWY_INLINE Normal<D> against_gradient(D d, const T* before, const T* here, const T* after, std::ptrdiff_t stride,
+                                      T across_scale, T along_scale, const Ray<D>& ray) {
+    const auto across = hn::Set(d, across_scale);
+    const auto x = hn::Mul(hn::Sub(hn::LoadU(d, here - 1), hn::LoadU(d, here + 1)), across);
+    const auto y = hn::Mul(hn::Sub(hn::LoadU(d, here + stride), hn::LoadU(d, here - stride)), across);
+    const auto z = hn::Mul(hn::Sub(hn::LoadU(d, after), hn::LoadU(d, before)), hn::Set(d, along_scale));
+    if constexpr (perspective) {
+        return {x, y, hn::MulAdd(ray.x, x, hn::MulAdd(ray.y, y, z))};
+    } else {
+        return {x, y, z};
+    }
+}
+
+/// Phong. weakest: g0 in the unit of the gradient, above 0. Lanes outside of `wanted` may come out as anything finite.
+template <bool perspective, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE Color<D> shade(D d, const Shading<T>& shading, const Color<D>& color, const Normal<D>& against, T weakest,
+                          const Ray<D>& ray, hn::Mask<D> wanted) {
+    const V zero = hn::Zero(d);
+    const V size = hn::Sqrt(hn::MulAdd(against.x, against.x, hn::MulAdd(against.y, against.y,
+                                                                        hn::Mul(against.z, against.z))));
+    const V per_size = hn::Div(hn::Set(d, T(1)), hn::Max(size, hn::Set(d, weakest)));
+    const Normal<D> normal{hn::Mul(against.x, per_size), hn::Mul(against.y, per_size), hn::Mul(against.z, per_size)};
+    V to_viewer = normal.z, per_slant = zero;
+    if constexpr (perspective) {
+        if (shading.specular) {
+            per_slant = hn::Div(hn::Set(d, T(1)), ray.slant);
+            to_viewer = hn::Mul(
+                hn::NegMulAdd(normal.x, ray.x, hn::NegMulAdd(normal.y, ray.y, normal.z)), per_slant);
+        }
+    }
+    const V ambient = hn::Set(d, shading.ambient);
+    Color<D> matt{ambient, ambient, ambient};
+    Color<D> shine{zero, zero, zero};
+    for (const ShadingLight<T>& light : shading.lights) {
+        const V x = hn::Set(d, light.direction[0]), y = hn::Set(d, light.direction[1]),
+                z = hn::Set(d, light.direction[2]);
+        const V towards = hn::MulAdd(normal.x, x, hn::MulAdd(normal.y, y, hn::Mul(normal.z, z)));
+        const V facing = shading.two_sided ? hn::Abs(towards) : hn::Max(towards, zero);
+        matt.red = hn::MulAdd(facing, hn::Set(d, light.diffuse[0]), matt.red);
+        if (!shading.gray) {
+            matt.green = hn::MulAdd(facing, hn::Set(d, light.diffuse[1]), matt.green);
+            matt.blue = hn::MulAdd(facing, hn::Set(d, light.diffuse[2]), matt.blue);
+        }
+        if (!shading.specular) {
+            continue;
+        }
+        // (2 f N' - L) V with N' turned along with f is 2 (N L) (N V) - L V on either side.
+        V light_to_viewer = z;
+        if constexpr (perspective) {
+            light_to_viewer = hn::Mul(hn::NegMulAdd(x, ray.x, hn::NegMulAdd(y, ray.y, z)), per_slant);
+        }
+        const V mirrored = hn::MulSub(hn::Add(towards, towards), to_viewer, light_to_viewer);
+        const bool even = shading.shininess == T(0);
+        const auto seen = even ? hn::And(wanted, hn::Gt(facing, zero))
+                               : hn::And(wanted, hn::And(hn::Gt(facing, zero), hn::Gt(mirrored, zero)));
+        if (hn::AllFalse(d, seen)) {
+            continue;
+        }
+        V highlight = facing;
+        if (!even) {
+            const V base = hn::IfThenElseZero(seen, hn::Min(mirrored, hn::Set(d, T(1))));
+            highlight = hn::Mul(facing, pow_below_one(d, base, hn::Set(d, shading.shininess)));
+        }
+        shine.red = hn::MulAdd(highlight, hn::Set(d, light.specular[0]), shine.red);
+        if (!shading.gray) {
+            shine.green = hn::MulAdd(highlight, hn::Set(d, light.specular[1]), shine.green);
+            shine.blue = hn::MulAdd(highlight, hn::Set(d, light.specular[2]), shine.blue);
+        }
+    }
+    if (shading.gray) {
+        matt.green = matt.blue = matt.red;
+        shine.green = shine.blue = shine.red;
+    }
+    return {hn::MulAdd(color.red, matt.red, shine.red), hn::MulAdd(color.green, matt.green, shine.green),
+            hn::MulAdd(color.blue, matt.blue, shine.blue)};
+}
+
+// Rows ----------------------------------------------------------------------------------------------------------------
+
+/// One call of shade_slab.
+template <class T>
+class SlabShader {
+    using D = hn::CappedTag<T, TileShape::padding>;
+    using V = hn::Vec<D>;
+    using M = hn::Mask<D>;
+
+  public:
+    SlabShader(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
+               TilePicture<T>& picture)
+        : shading_(shading), shape_(shape), window_(window), picture_(picture) {}
+
+    HWY_INLINE void run() const {
+        if (window_.rect.empty()) {
+            return;
+        }
+        if (picture_.coverage != nullptr && window_.n >= 0) {
+            add_coverage();
+        }
+        switch (shading_.mode) {
+        case Mode::xray:
+            add_scalar();
+            return;
+        case Mode::mip:
+            raise_scalar();
+            return;
+        case Mode::isosurface:
+            shading_.perspective ? find_crossings<true>() : find_crossings<false>();
+            return;
+        case Mode::composite:
+            break;
+        }
+        if (shading_.preintegration) {
+            shading_.perspective ? add_intervals<true>() : add_intervals<false>();
+        } else if (shading_.transfer.stretches <= static_cast<int>(hn::MaxLanes(D()))) {
+            add_slices_by<TableInLanes<D>>();
+        } else {
+            add_slices_by<TableInMemory<D>>();
+        }
+    }
+
+  private:
+    static constexpr int lanes = static_cast<int>(hn::MaxLanes(D()));
+
+    template <class Table>
+    HWY_INLINE void add_slices_by() const {
+        if (shading_.lit) {
+            shading_.perspective ? add_slices<Table, true, true>() : add_slices<Table, true, false>();
+        } else {
+            shading_.perspective ? add_slices<Table, false, true>() : add_slices<Table, false, false>();
+        }
+    }
+
+    /// Element of a sheet and of a plane at the start of a row.
+    [[nodiscard]] std::ptrdiff_t in_sheet(int y) const {
+        return static_cast<std::ptrdiff_t>(y + 1) * shape_.stride + 1;
+    }
+    [[nodiscard]] std::ptrdiff_t in_plane(int y) const { return static_cast<std::ptrdiff_t>(y) * shape_.stride; }
+
+    /// Planes are read and written in whole cache lines.
+    [[nodiscard]] int first_column() const { return window_.rect.x0 / lanes * lanes; }
+    /// Lanes that are inside of the rectangle: right of it sheets have borders and paddings.
+    HWY_INLINE M inside(D d, M mask, int x) const {
+        const int skipped = window_.rect.x0 - x, left = window_.rect.x1 - x;
+        if (HWY_UNLIKELY(skipped > 0)) {
+            mask = hn::AndNot(hn::FirstN(d, static_cast<std::size_t>(skipped)), mask);
+        }
+        if (left < lanes) {
+            mask = hn::And(mask, hn::FirstN(d, static_cast<std::size_t>(left)));
+        }
+        return mask;
+    }
+
+    HWY_INLINE Ray<D> ray(D d, int x, int y) const {
+        const V pixel = hn::Set(d, static_cast<T>(shading_.pixel));
+        const V column = hn::Iota(d, static_cast<T>(shape_.x + x - shading_.axis_x));
+        const V over = hn::Mul(column, pixel);
+        const V up = hn::Set(d, static_cast<T>((shading_.axis_y - (shape_.y + y)) * shading_.pixel));
+        return {over, up, hn::Sqrt(hn::MulAdd(over, over, hn::MulAdd(up, up, hn::Set(d, T(1)))))};
+    }
+    template <bool perspective>
+    HWY_INLINE Ray<D> ray_if(D d, int x, int y) const {
+        if constexpr (perspective) {
+            return ray(d, x, y);
+        } else {
+            return {hn::Zero(d), hn::Zero(d), hn::Set(d, T(1))};
+        }
+    }
+
+    /// Puts alpha > 0, 0 outside of `visible`, behind what a plane holds; counts the pixels that end.
+    HWY_INLINE void put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha, const Color<D>& color) const {
+        const V share = hn::Mul(hn::Sub(hn::Set(d, T(1)), so_far), alpha);
+        const V opacity = hn::Add(so_far, share);
+        const auto add = [&](T* plane, V channel) {
+            hn::StoreU(hn::MulAdd(share, channel, hn::LoadU(d, plane + at)), d, plane + at);
+        };
+        add(picture_.red, color.red);
+        add(picture_.green, color.green);
+        add(picture_.blue, color.blue);
+        hn::StoreU(opacity, d, picture_.alpha + at);
+        if (picture_.depth != nullptr) {
+            const V half = hn::Set(d, T(0.5));
+            const auto reached = hn::And(visible, hn::And(hn::Lt(so_far, half), hn::Ge(opacity, half)));
+            const double depth = shading_.first_depth + static_cast<double>(window_.n) * shading_.slice_spacing;
+            hn::StoreU(
+                hn::IfThenElse(reached, hn::Set(d, static_cast<T>(depth)), hn::LoadU(d, picture_.depth + at)), d,
+                picture_.depth + at);
+        }
+        end_pixels(d, y, hn::And(visible, hn::Ge(opacity, hn::Set(d, shading_.stop))));
+    }
+    HWY_INLINE void end_pixels(D d, int y, M ended) const {
+        if (!hn::AllFalse(d, ended)) {
+            const int count = static_cast<int>(hn::CountTrue(d, ended));
+            picture_.row_alive[y] -= count;
+            picture_.alive -= count;
+        }
+    }
+
+    template <class Table, bool lit, bool perspective>
+    HWY_NOINLINE void add_slices() const {
+        const D d;
+        const Table table(shading_.transfer);
+        const GradientScale<T> scale(shading_, window_.n);
+        const V zero = hn::Zero(d);
+        const V below = hn::Set(d, shading_.transfer.below), above = hn::Set(d, shading_.transfer.above);
+        const V stop = hn::Set(d, shading_.stop);
+        const V exponent = hn::Set(d, shading_.exponent);
+        const Rect& rect = window_.rect;
+        for (int y = rect.y0; y < rect.y1; ++y) {
+            if (picture_.row_alive[y] == 0) {
+                continue;
+            }
+            const T* row = window_.rho[1] + in_sheet(y);
+            for (int x = first_column(); x < rect.x1; x += lanes) {
+                const V rho = hn::LoadU(d, row + x);
+                M visible = hn::And(hn::Gt(rho, below), hn::Lt(rho, above));
+                if (hn::AllFalse(d, visible)) {
+                    continue;
+                }
+                const std::ptrdiff_t at = in_plane(y) + x;
+                const V so_far = hn::LoadU(d, picture_.alpha + at);
+                visible = inside(d, hn::And(visible, hn::Lt(so_far, stop)), x);
+                if (shading_.empty_test) {
+                    visible = hn::And(visible, hn::Ne(hn::LoadU(d, window_.weight[0] + in_sheet(y) + x), zero));
+                }
+                if (hn::AllFalse(d, visible)) {
+                    continue;
+                }
+                typename Table::Place place;
+                const Ray<D> ray = ray_if<perspective>(d, x, y);
+                V alpha = hn::IfThenElseZero(visible, table.opacity(d, rho, place));
+                if (shading_.correct) {
+                    alpha = opacity_over(d, alpha, perspective ? hn::Mul(exponent, ray.slant) : exponent);
+                }
+                visible = hn::Gt(alpha, zero);
+                if (hn::AllFalse(d, visible)) {
+                    continue;
+                }
+                Color<D> color = table.color(d, place);
+                if constexpr (lit) {
+                    const Normal<D> against = against_gradient<perspective>(
+                        d, window_.rho[0] + in_sheet(y) + x, row + x, window_.rho[2] + in_sheet(y) + x, shape_.stride,
+                        scale.across[0], scale.along, ray);
+                    color = shade<perspective>(d, shading_, color, against, scale.weakest, ray, visible);
+                }
+                put_behind(d, at, y, visible, so_far, alpha, color);
+            }
+        }
+    }
+
+    /// Minus the gradient a share of the way from slice n to slice n + 1.
+    template <bool perspective>
+    HWY_INLINE Normal<D> between_slices(D d, std::ptrdiff_t at, const GradientScale<T>& scale, const Ray<D>& ray,
+                                        V share) const {
+        const auto of = [&](int ahead) {
+            return against_gradient<perspective>(d, window_.rho[ahead] + at, window_.rho[ahead + 1] + at,
+                                                 window_.rho[ahead + 2] + at, shape_.stride, scale.across[ahead],
+                                                 scale.along, ray);
+        };
+        const Normal<D> front = of(0), back = of(1);
+        const auto mix = [&](V from, V to) { return hn::MulAdd(share, hn::Sub(to, from), from); };
+        return {mix(front.x, back.x), mix(front.y, back.y), mix(front.z, back.z)};
+    }
+
+    template <bool perspective>
+    HWY_NOINLINE void add_intervals() const {
+        const D d;
+        const GradientScale<T> scale(shading_, window_.n);
+        const V zero = hn::Zero(d);
+        const V below = hn::Set(d, shading_.transfer.below), above = hn::Set(d, shading_.transfer.above);
+        const V stop = hn::Set(d, shading_.stop);
+        const V exponent = hn::Set(d, shading_.exponent);
+        const Rect& rect = window_.rect;
+        for (int y = rect.y0; y < rect.y1; ++y) {
+            if (picture_.row_alive[y] == 0) {
+                continue;
+            }
+            for (int x = first_column(); x < rect.x1; x += lanes) {
+                const std::ptrdiff_t in_sheets = in_sheet(y) + x;
+                const V front = hn::LoadU(d, window_.rho[1] + in_sheets);
+                const V back = hn::LoadU(d, window_.rho[2] + in_sheets);
+                M visible = hn::And(hn::Gt(hn::Max(front, back), below), hn::Lt(hn::Min(front, back), above));
+                if (hn::AllFalse(d, visible)) {
+                    continue;
+                }
+                const std::ptrdiff_t at = in_plane(y) + x;
+                const V so_far = hn::LoadU(d, picture_.alpha + at);
+                visible = inside(d, hn::And(visible, hn::Lt(so_far, stop)), x);
+                if (shading_.empty_test) {
+                    visible = hn::And(visible, hn::Or(hn::Ne(hn::LoadU(d, window_.weight[0] + in_sheets), zero),
+                                                      hn::Ne(hn::LoadU(d, window_.weight[1] + in_sheets), zero)));
+                }
+                if (hn::AllFalse(d, visible)) {
+                    continue;
+                }
+                const Ray<D> ray = ray_if<perspective>(d, x, y);
+                Color<D> color;
+                const V mean = ramp_absorption(d, shading_, front, back, visible, color);
+                const V alpha =
+                    veil(d, hn::Mul(perspective ? hn::Mul(exponent, ray.slant) : exponent, mean));
+                visible = hn::Gt(alpha, zero);
+                if (hn::AllFalse(d, visible)) {
+                    continue;
+                }
+                if (shading_.lit) {
+                    const Normal<D> against =
+                        between_slices<perspective>(d, in_sheets, scale, ray, hn::Set(d, T(0.5)));
+                    color = shade<perspective>(d, shading_, color, against, scale.weakest, ray, visible);
+                }
+                put_behind(d, at, y, visible, so_far, alpha, color);
+            }
+        }
+    }
+
+    template <bool perspective>
+    HWY_NOINLINE void find_crossings() const {
+        const D d;
+        const GradientScale<T> scale(shading_, window_.n);
+        const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+        const V iso = hn::Set(d, shading_.iso_value);
+        const V stop = hn::Set(d, shading_.stop);
+        const double depth = shading_.first_depth + static_cast<double>(window_.n) * shading_.slice_spacing;
+        const Rect& rect = window_.rect;
+        for (int y = rect.y0; y < rect.y1; ++y) {
+            if (picture_.row_alive[y] == 0) {
+                continue;
+            }
+            for (int x = first_column(); x < rect.x1; x += lanes) {
+                const std::ptrdiff_t in_sheets = in_sheet(y) + x;
+                const V front = hn::LoadU(d, window_.rho[1] + in_sheets);
+                const V back = hn::LoadU(d, window_.rho[2] + in_sheets);
+                M found = hn::Xor(hn::Lt(front, iso), hn::Lt(back, iso));
+                if (hn::AllFalse(d, found)) {
+                    continue;
+                }
+                const std::ptrdiff_t at = in_plane(y) + x;
+                const V so_far = hn::LoadU(d, picture_.alpha + at);
+                found = inside(d, hn::And(found, hn::Lt(so_far, stop)), x);
+                if (hn::AllFalse(d, found)) {
+                    continue;
+                }
+                const V step = hn::IfThenElse(found, hn::Sub(back, front), one);
+                const V way = hn::IfThenElseZero(found, hn::Sub(iso, front));
+                const V share = hn::Min(hn::Max(hn::Div(way, step), zero), one);
+                Color<D> color{hn::Set(d, shading_.iso_color[0]), hn::Set(d, shading_.iso_color[1]),
+                               hn::Set(d, shading_.iso_color[2])};
+                if (shading_.lit) {
+                    const Ray<D> ray = ray_if<perspective>(d, x, y);
+                    const Normal<D> against = between_slices<perspective>(d, in_sheets, scale, ray, share);
+                    color = shade<perspective>(d, shading_, color, against, scale.weakest, ray, found);
+                }
+                const auto put = [&](T* plane, V value) {
+                    hn::StoreU(hn::IfThenElse(found, value, hn::LoadU(d, plane + at)), d, plane + at);
+                };
+                put(picture_.red, color.red);
+                put(picture_.green, color.green);
+                put(picture_.blue, color.blue);
+                put(picture_.alpha, one);
+                if (picture_.depth != nullptr) {
+                    put(picture_.depth, hn::MulAdd(share, hn::Set(d, static_cast<T>(shading_.slice_spacing)),
+                                                   hn::Set(d, static_cast<T>(depth))));
+                }
+                end_pixels(d, y, found);
+            }
+        }
+    }
+
+    /// Adds a sheet, times a step along the pixel's ray, to a plane.
+    HWY_INLINE void add_sheet(const T* sheet, T step, T* plane) const {
+        const D d;
+        const Rect& rect = window_.rect;
+        for (int y = rect.y0; y < rect.y1; ++y) {
+            for (int x = first_column(); x < rect.x1; x += lanes) {
+                const V value = hn::LoadU(d, sheet + in_sheet(y) + x);
+                if (hn::AllTrue(d, hn::Eq(value, hn::Zero(d)))) {
+                    continue;
+                }
+                V length = hn::Set(d, step);
+                if (shading_.perspective) {
+                    length = hn::Mul(length, ray(d, x, y).slant);
+                }
+                T* to = plane + in_plane(y) + x;
+                hn::StoreU(hn::MulAdd(value, length, hn::LoadU(d, to)), d, to);
+            }
+        }
+    }
+    HWY_NOINLINE void add_scalar() const { add_sheet(window_.rho[1], shading_.scalar_step, picture_.scalar); }
+    HWY_NOINLINE void add_coverage() const { add_sheet(window_.weight[0], shading_.coverage_step, picture_.coverage); }
+
+    HWY_NOINLINE void raise_scalar() const {
+        const D d;
+        const V step = hn::Set(d, shading_.scalar_step);
+        const Rect& rect = window_.rect;
+        for (int y = rect.y0; y < rect.y1; ++y) {
+            for (int x = first_column(); x < rect.x1; x += lanes) {
+                T* to = picture_.scalar + in_plane(y) + x;
+                const V value = hn::Mul(hn::LoadU(d, window_.rho[1] + in_sheet(y) + x), step);
+                hn::StoreU(hn::Max(hn::LoadU(d, to), value), d, to);
+            }
+        }
+    }
+
+    const Shading<T>& shading_;
+    const TileShape& shape_;
+    const SlabWindow<T>& window_;
+    TilePicture<T>& picture_;
+};
+
+/// Adds slice n, or with preintegration and isosurfaces the interval from slice n to n + 1, to the picture of a tile.
+/// Scalars and coverage come out in world units. All planes and sheets must hold numbers, paddings too (planes:
+/// start them with 0, depth with infinity).
+template <class T>
+HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
+                           TilePicture<T>& picture) {
+    SlabShader<T>(shading, shape, window, picture).run();
+}
+
+} // namespace sheetsplat::simd::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_SIMD_SHADE_INL

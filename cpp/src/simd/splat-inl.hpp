@@ -1,0 +1,509 @@
+// Adds kernels to sheets: vectors of pixels of one row. Source: IMAGE FORMATION sections 2 and 3; [NM05] section 4.2,
+// [NM06] section 4.1, with the factors of simd/sections.hpp.
+
+#if defined(SHEETSPLAT_SIMD_SPLAT_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_SIMD_SPLAT_INL
+#undef SHEETSPLAT_SIMD_SPLAT_INL
+#else
+#define SHEETSPLAT_SIMD_SPLAT_INL
+#endif
+
+#include <algorithm>
+#include <cmath>
+#include <type_traits>
+
+#include "hwy/highway.h"
+#include "math-inl.hpp"
+#include "simd/tile_task.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::simd::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// Most pixels along an edge of a tile's sheets, rounded up to whole vectors.
+constexpr int most_edge = 160;
+
+/// Gauss-Legendre nodes on [-1, 1], one of each pair.
+template <class T>
+struct Nodes4 {
+    static constexpr int pairs = 2;
+    static constexpr T node[2] = {T(0.33998104358485626), T(0.86113631159405258)};
+    static constexpr T share[2] = {T(0.65214515486254614), T(0.34785484513745386)};
+};
+template <class T>
+struct Nodes6 {
+    static constexpr int pairs = 3;
+    static constexpr T node[3] = {T(0.23861918608319691), T(0.66120938646626451), T(0.93246951420315203)};
+    static constexpr T share[3] = {T(0.46791393457269104), T(0.36076157304813861), T(0.17132449237917036)};
+};
+
+/// The sheets of one slice that a part adds to.
+template <class T>
+struct Target {
+    T* value;
+    T* weight; ///< null: not summed
+    int stride;
+};
+
+/// A pixel's place as a number that fits an int whatever it was.
+template <class T>
+HWY_INLINE int whole(T at, int low, int high) {
+    return static_cast<int>(std::min(std::max(at, static_cast<T>(low)), static_cast<T>(high)));
+}
+
+/// Adds t = max(0, bell - edge) times value (and weight) to a vector of pixels.
+template <bool with_weight, class D, class V = hn::Vec<D>>
+HWY_INLINE void add_bell(D d, V bell_less_edge, V value, V weight, hn::TFromD<D>* values, hn::TFromD<D>* weights) {
+    const V t = hn::Max(bell_less_edge, hn::Zero(d));
+    hn::StoreU(hn::MulAdd(value, t, hn::LoadU(d, values)), d, values);
+    if constexpr (with_weight) {
+        hn::StoreU(hn::MulAdd(weight, t, hn::LoadU(d, weights)), d, weights);
+    }
+}
+
+/// exp2(-falloff (at + i step)^2) for i = 0 ... count - 1, whole vectors.
+template <class T>
+HWY_INLINE void bells(T falloff_log2, T at, T step, int count, T* out) {
+    const hn::CappedTag<T, 16> d;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto scale = hn::Set(d, -falloff_log2);
+    const auto steps = hn::Set(d, step);
+    for (int i = 0; i < count; i += lanes) {
+        const auto place = hn::MulAdd(steps, hn::Iota(d, static_cast<T>(i)), hn::Set(d, at));
+        hn::StoreU(exp2_nonpositive(d, hn::Mul(scale, hn::Mul(place, place))), d, out + i);
+    }
+}
+
+/// Where vectors start so that none straddles a line of the cache, which costs several times as much: at x0 or a little
+/// before it. Rows of sheets start at whole lines.
+template <class T>
+HWY_INLINE int start_of(int x0, int x1, int lanes) {
+    constexpr int line = 64 / static_cast<int>(sizeof(T));
+    const int in_line = x0 & (line - 1);
+    if (x1 - x0 <= lanes && in_line + (x1 - x0) <= line) {
+        return std::min(x0, x0 - in_line + line - lanes);
+    }
+    return x0 & ~(lanes - 1);
+}
+
+/// Rows of `slices` sections whose Gaussian is a product of one along x, which starts at pixel x0, one along y and one
+/// along depth. The sections' sheets are written side by side, so that one loop serves all of them.
+template <bool with_weight, int slices, class D, class T = hn::TFromD<D>>
+HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z, T edge_t,
+                               T value_t, T weight_t, int x0, int x1, int y0, int y1) {
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto edge = hn::Set(d, edge_t);
+    const auto value = hn::Set(d, value_t);
+    const auto weight = hn::Set(d, weight_t);
+    const int stride = to[0].stride;
+    // Copies, since the compiler must think that sheets might hold these.
+    T* values[slices];
+    T* weights[slices];
+    T z[slices];
+    for (int slice = 0; slice < slices; ++slice) {
+        values[slice] = to[slice].value;
+        weights[slice] = to[slice].weight;
+        z[slice] = bell_z[slice];
+    }
+    // Column by column of vectors, whose Gaussian along x stays in a register.
+    for (int x = x0; x < x1; x += lanes) {
+        const auto bell = hn::LoadU(d, bell_x + (x - x0));
+        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * stride + x;
+        for (int y = 0; y < y1 - y0; ++y, at += stride) {
+            const auto here = hn::Mul(bell, hn::Set(d, bell_y[y]));
+            for (int slice = 0; slice < slices; ++slice) {
+                add_bell<with_weight>(d, hn::MulSub(here, hn::Set(d, z[slice]), edge), value, weight,
+                                      values[slice] + at, with_weight ? weights[slice] + at : nullptr);
+            }
+        }
+    }
+}
+
+/// Adds slices `from` ... `past - 1` of one kernel. sheets(slice): where to. touch(slice, rect): what was added to, in
+/// pixels of the sheets. live: where anything can still be seen.
+template <class T, class Sheets, class Touch>
+class Splatter {
+  public:
+    Splatter(const LoopSetup<T>& setup, const PartProfile<T>& profile, const Sheets& sheets, const Touch& touch)
+        : setup_(setup), profile_(profile), sheets_(sheets), touch_(touch) {}
+
+    /// Returns how many sections were drawn.
+    HWY_INLINE int draw(const Section<T>& section, const RowShape<T>& shape, std::int32_t from, std::int32_t past,
+                        const Rect& live) const {
+        const Rect box{std::max<int>(section.x0, live.x0), std::max<int>(section.y0, live.y0),
+                       std::min<int>(section.x1, live.x1), std::min<int>(section.y1, live.y1)};
+        if (box.empty()) {
+            return 0;
+        }
+        if (setup_.slab) {
+            return profile_.weight_channel >= 0 ? slabs<true>(section, shape, from, past, box)
+                                                : slabs<false>(section, shape, from, past, box);
+        }
+        const bool upright = shape.Y1 == T(0) && shape.d1 == T(0) && shape.d2 == T(0) && !setup_.perspective;
+        if (profile_.weight_channel >= 0) {
+            return upright ? spheres<true>(section, shape, from, past, box)
+                           : ellipses<true>(section, shape, from, past, box);
+        }
+        return upright ? spheres<false>(section, shape, from, past, box)
+                       : ellipses<false>(section, shape, from, past, box);
+    }
+
+  private:
+    /// One Gaussian along each of x, y and depth serves all sections of a kernel.
+    template <bool with_weight>
+    HWY_INLINE int spheres(const Section<T>& section, const RowShape<T>& shape, std::int32_t from, std::int32_t past,
+                           const Rect& box) const {
+        HWY_ALIGN T bell_x[most_edge];
+        HWY_ALIGN T bell_y[most_edge];
+        HWY_ALIGN T bell_z[covered_slices + 16];
+        const T k = profile_.falloff_log2;
+        // The narrowest vectors that hold a row: wider ones cost more where they are made of two halves.
+        const hn::CappedTag<T, 4> narrow;
+        const hn::CappedTag<T, 8> middling;
+        const hn::CappedTag<T, 16> wide;
+        const int width = box.x1 - box.x0;
+        const int size = width <= 4 ? 0 : width <= 24 ? 1 : 2;
+        const int lanes = static_cast<int>(size == 0   ? hn::Lanes(narrow)
+                                           : size == 1 ? hn::Lanes(middling)
+                                                       : hn::Lanes(wide));
+        const int start = start_of<T>(box.x0, box.x1, lanes);
+        bells(k, static_cast<T>(section.a1 + shape.X * static_cast<T>(start)), shape.X, box.x1 - start, bell_x);
+        bells(k, static_cast<T>(section.a2 + shape.Y2 * static_cast<T>(box.y0)), shape.Y2, box.y1 - box.y0, bell_y);
+        const T s_from = section.s + static_cast<T>(from - section.first) * shape.ds;
+        bells(k, s_from, shape.ds, past - from, bell_z);
+        Target<T> to[covered_slices];
+        const int count = past - from;
+        for (int slice = 0; slice < count; ++slice) {
+            to[slice] = sheets_(from + slice);
+            touch_(from + slice, box);
+        }
+        const auto rows = [&](auto d) {
+            for (int slice = 0; slice < count;) {
+                const auto add = [&](auto together) {
+                    separable_rows<with_weight, together.value>(d, to + slice, bell_x, bell_y, bell_z + slice,
+                                                                profile_.edge, section.value, section.weight, start,
+                                                                box.x1, box.y0, box.y1);
+                    slice += together.value;
+                };
+                switch (std::min(count - slice, 5)) {
+                case 1:
+                    add(std::integral_constant<int, 1>());
+                    break;
+                case 2:
+                    add(std::integral_constant<int, 2>());
+                    break;
+                case 3:
+                    add(std::integral_constant<int, 3>());
+                    break;
+                case 4:
+                    add(std::integral_constant<int, 4>());
+                    break;
+                default:
+                    add(std::integral_constant<int, 5>());
+                }
+            }
+        };
+        if (size == 0) {
+            rows(narrow);
+        } else if (size == 1) {
+            rows(middling);
+        } else {
+            rows(wide);
+        }
+        return count;
+    }
+
+    /// Each section by itself: an ellipse that leans. Columns of pixels, a vector wide, are walked along y, where one
+    /// Gaussian follows from the one before by two multiplications, g(y + 1) = g(y) h(y), h(y + 1) = h(y) q; walks start
+    /// where the column is brightest, and anew every few rows, so that errors do not grow. Where the ellipse is so thin
+    /// that a vector spans powers of two beyond the format, rows are evaluated one by one.
+    template <bool with_weight>
+    HWY_INLINE int ellipses(const Section<T>& section, const RowShape<T>& shape, std::int32_t from, std::int32_t past,
+                            const Rect& box) const {
+        int drawn = 0;
+        for (std::int32_t n = from; n < past; ++n) {
+            const T along = static_cast<T>(n - section.first);
+            const T scale = setup_.perspective ? depth_of(n) : T(1);
+            Ellipse e;
+            e.X = shape.X * scale;
+            e.Y1 = shape.Y1 * scale;
+            e.Y2 = shape.Y2 * scale;
+            e.a1 = section.a1 + along * shape.d1;
+            e.a2 = section.a2 + along * shape.d2;
+            const T s = section.s + along * shape.ds;
+            const T rest = T(1) - s * s;
+            if (!(rest > T(0))) {
+                continue;
+            }
+            e.s2 = s * s;
+            const T root = std::sqrt(rest);
+            const T per_Y2 = T(1) / e.Y2, per_X = T(1) / e.X;
+            const T middle_y = -e.a2 * per_Y2, reach_y = root * std::abs(per_Y2);
+            const int y0 = whole(std::ceil(middle_y - reach_y), box.y0, box.y1);
+            const int y1 = whole(std::floor(middle_y + reach_y) + T(1), box.y0, box.y1);
+            if (y0 >= y1) {
+                continue;
+            }
+            // The length of the images of a step along y, and what lies across: [X Y1; 0 Y2] the other way round.
+            const T steep = std::sqrt(e.Y1 * e.Y1 + e.Y2 * e.Y2);
+            const T per_steep = T(1) / steep;
+            const T middle_x = -(e.a1 + e.Y1 * middle_y) * per_X;
+            const T reach_x = root * steep * std::abs(per_Y2) * per_X;
+            const int x0 = whole(std::ceil(middle_x - reach_x), box.x0, box.x1);
+            const int x1 = whole(std::floor(middle_x + reach_x) + T(1), box.x0, box.x1);
+            if (x0 >= x1) {
+                continue;
+            }
+            const Target<T> to = sheets_(n);
+            const hn::CappedTag<T, 8> d;
+            const T across = T(1) + static_cast<T>(hn::Lanes(d) - 1) * e.X;
+            if (profile_.falloff_log2 * (across * across + T(1)) < deepest()) {
+                e.middle_x = middle_x;
+                e.middle_y = middle_y;
+                e.rest = rest;
+                e.per_steep = per_steep;
+                // Rows move by this from column to column along the ridge.
+                e.ridge = -e.X * e.Y1 * per_steep * per_steep;
+                const T width = e.X * std::abs(e.Y2) * per_steep;
+                e.per_width2 = width * width;
+                // Where along x the ellipse's first and last rows are.
+                e.tip = std::abs(e.Y1 * per_Y2 * per_X) * root;
+                walk<with_weight>(d, to, e, section, x0, x1, y0, y1);
+            } else {
+                rows<with_weight>(d, to, e, rest, per_X, section, x0, x1, y0, y1);
+            }
+            touch_(n, Rect{x0, y0, x1, y1});
+            ++drawn;
+        }
+        return drawn;
+    }
+
+    struct Ellipse {
+        T X, Y1, Y2, a1, a2, s2;
+        T middle_x, middle_y, rest, per_steep, ridge, per_width2, tip;
+    };
+
+    /// Powers of two that a vector may span before its least lanes vanish: less than the format has, by what a walk adds.
+    static constexpr T deepest() { return sizeof(T) == 4 ? T(118) : T(1000); }
+    /// Rows of a walk: errors grow with the square, to some 50 roundings.
+    static constexpr int walked_rows = sizeof(T) == 4 ? 12 : 24;
+
+    template <bool with_weight, class D>
+    HWY_INLINE void walk(D d, const Target<T>& to, const Ellipse& e, const Section<T>& section, int x0, int x1, int y0,
+                         int y1) const {
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const T k = profile_.falloff_log2;
+        const T second = -T(2) * k * (e.Y1 * e.Y1 + e.Y2 * e.Y2);
+        const auto q = exp2_nonpositive(d, hn::Set(d, second));
+        const auto value = hn::Set(d, section.value), weight = hn::Set(d, section.weight);
+        const auto edge = hn::Set(d, profile_.edge);
+        const auto minus_k = hn::Set(d, -k);
+        for (int x = start_of<T>(x0, x1, lanes); x < x1; x += lanes) {
+            // Rows of the ellipse in these columns: between its ends at the first and last one, and its tip where that
+            // lies between.
+            const T low = static_cast<T>(std::max(x, x0)) - e.middle_x;
+            const T high = static_cast<T>(std::min(x + lanes, x1) - 1) - e.middle_x;
+            const T half_low = std::sqrt(std::max(e.rest - low * low * e.per_width2, T(0))) * e.per_steep;
+            const T half_high = std::sqrt(std::max(e.rest - high * high * e.per_width2, T(0))) * e.per_steep;
+            const T at_low = e.middle_y + e.ridge * low, at_high = e.middle_y + e.ridge * high;
+            T top = std::min(at_low - half_low, at_high - half_high);
+            T bottom = std::max(at_low + half_low, at_high + half_high);
+            const T top_tip = e.ridge > T(0) ? -e.tip : e.tip;
+            if (low <= top_tip && top_tip <= high) {
+                top = static_cast<T>(y0);
+            }
+            if (low <= -top_tip && -top_tip <= high) {
+                bottom = static_cast<T>(y1);
+            }
+            // (A row more on each side: what is computed in T ends on either side of a pixel.)
+            const int first = whole(std::floor(top), y0, y1), past = whole(std::ceil(bottom) + T(1), y0, y1);
+            if (first >= past) {
+                continue;
+            }
+            const int ridge = whole(T(0.5) * (at_low + at_high), first, past - 1);
+            const auto columns = hn::MulAdd(hn::Set(d, e.X), hn::Iota(d, static_cast<T>(x)), hn::Set(d, e.a1));
+            const auto go = [&](int begin, int end, int step) {
+                for (int y = begin; y != end;) {
+                    const int rows_left = (end - y) * step;
+                    const int stop = rows_left > walked_rows ? y + walked_rows * step : end;
+                    const T row = static_cast<T>(y);
+                    const auto q1 = hn::Add(columns, hn::Set(d, e.Y1 * row));
+                    const T q2 = e.Y2 * row + e.a2;
+                    const T y1_step = e.Y1 * static_cast<T>(step), y2_step = e.Y2 * static_cast<T>(step);
+                    const auto r2 = hn::MulAdd(q1, q1, hn::Set(d, q2 * q2 + e.s2));
+                    auto g = exp2_nonpositive(d, hn::Mul(minus_k, r2));
+                    // r^2 one row on less r^2 here.
+                    const auto change = hn::MulAdd(hn::Set(d, T(2) * y1_step), q1,
+                                                   hn::Set(d, y1_step * y1_step + y2_step * (T(2) * q2 + y2_step)));
+                    auto h = exp2_any(d, hn::Mul(minus_k, change));
+                    T* values = to.value + static_cast<std::ptrdiff_t>(y) * to.stride + x;
+                    T* weights = with_weight ? to.weight + static_cast<std::ptrdiff_t>(y) * to.stride + x : nullptr;
+                    const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(to.stride) * step;
+                    for (; y != stop; y += step) {
+                        add_bell<with_weight>(d, hn::Sub(g, edge), value, weight, values, weights);
+                        g = hn::Mul(g, h);
+                        h = hn::Mul(h, q);
+                        values += stride;
+                        if constexpr (with_weight) {
+                            weights += stride;
+                        }
+                    }
+                }
+            };
+            go(ridge, past, 1);
+            go(ridge - 1, first - 1, -1);
+        }
+    }
+
+    /// 2^x for the walks' x: what is beyond the format's largest is not needed, since it meets a 0.
+    template <class D, class V>
+    HWY_INLINE V exp2_any(D d, V x) const {
+        const V limit = hn::Set(d, deepest());
+        const V up = exp2_nonpositive(d, hn::Max(hn::Min(x, hn::Zero(d)), hn::Neg(limit)));
+        const V down = exp2_nonpositive(d, hn::Neg(hn::Min(hn::Max(x, hn::Zero(d)), limit)));
+        return hn::Div(up, down);
+    }
+
+    template <bool with_weight, class D>
+    HWY_INLINE void rows(D d, const Target<T>& to, const Ellipse& e, T rest, T per_X, const Section<T>& section, int x0,
+                         int x1, int y0, int y1) const {
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const auto scale = hn::Set(d, -profile_.falloff_log2);
+        const auto edge = hn::Set(d, profile_.edge);
+        const auto value = hn::Set(d, section.value), weight = hn::Set(d, section.weight);
+        for (int y = y0; y < y1; ++y) {
+            const T q2 = e.Y2 * static_cast<T>(y) + e.a2;
+            const T inside = rest - q2 * q2;
+            if (!(inside > T(0))) {
+                continue;
+            }
+            const T b = e.Y1 * static_cast<T>(y) + e.a1;
+            const T half = std::sqrt(inside) * per_X, centre = -b * per_X;
+            const int left = whole(std::ceil(centre - half), x0, x1);
+            const int right = whole(std::floor(centre + half) + T(1), x0, x1);
+            const auto height = hn::Set(d, q2 * q2 + e.s2);
+            const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * to.stride;
+            for (int x = left; x < right; x += lanes) {
+                const auto q1 = hn::MulAdd(hn::Set(d, e.X), hn::Iota(d, static_cast<T>(x)), hn::Set(d, b));
+                const auto bell = exp2_nonpositive(d, hn::Mul(scale, hn::MulAdd(q1, q1, height)));
+                add_bell<with_weight>(d, hn::Sub(bell, edge), value, weight, to.value + at + x,
+                                      with_weight ? to.weight + at + x : nullptr);
+            }
+        }
+    }
+
+    /// Means over slabs along the rays of the pixels: closed form over the chord where it is long against the Gaussian,
+    /// quadrature where the difference of two erf would cancel.
+    template <bool with_weight>
+    HWY_INLINE int slabs(const Section<T>& section, const RowShape<T>& shape, std::int32_t from, std::int32_t past,
+                         const Rect& box) const {
+        const hn::CappedTag<T, 16> d;
+        using V = hn::Vec<decltype(d)>;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const V zero = hn::Zero(d), one = hn::Set(d, T(1)), half_slab = hn::Set(d, T(0.5));
+        const V k = hn::Set(d, -profile_.falloff_log2), edge = hn::Set(d, profile_.edge);
+        const V root_k = hn::Set(d, profile_.root_falloff);
+        const V value = hn::Set(d, section.value), weight = hn::Set(d, section.weight);
+        const V w3 = hn::Set(d, shape.ds);
+        int drawn = 0;
+        for (std::int32_t n = from; n < past; ++n) {
+            const T along = static_cast<T>(n - section.first);
+            const T t = setup_.perspective ? depth_of(n) : T(1);
+            const T X = shape.X * t, Y1 = shape.Y1 * t, Y2 = shape.Y2 * t;
+            // Along a pixel's ray q changes by w from slice to slice; in perspective rays part.
+            const T spread = setup_.perspective ? static_cast<T>(setup_.slice_spacing) : T(0);
+            const T a1 = section.a1 + along * shape.d1, a2 = section.a2 + along * shape.d2;
+            const V q3 = hn::Set(d, section.s + along * shape.ds);
+            const Target<T> to = sheets_(n);
+            bool any = false;
+            for (int y = box.y0; y < box.y1; ++y) {
+                const T row = static_cast<T>(y);
+                const V q2 = hn::Set(d, Y2 * row + a2), b = hn::Set(d, Y1 * row + a1);
+                const V w2 = hn::Set(d, spread * shape.Y2 * row + shape.d2);
+                const V w1_row = hn::Set(d, spread * shape.Y1 * row + shape.d1);
+                const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * to.stride;
+                for (int x = box.x0; x < box.x1; x += lanes) {
+                    const V column = hn::Iota(d, static_cast<T>(x));
+                    const V q1 = hn::MulAdd(hn::Set(d, X), column, b);
+                    const V w1 = hn::MulAdd(hn::Set(d, spread * shape.X), column, w1_row);
+                    // The ray's nearest approach to the centre, by the cross product: nothing cancels there.
+                    const V c1 = hn::MulSub(q2, w3, hn::Mul(q3, w2));
+                    const V c2 = hn::MulSub(q3, w1, hn::Mul(q1, w3));
+                    const V c3 = hn::MulSub(q1, w2, hn::Mul(q2, w1));
+                    const V speed2 = hn::MulAdd(w1, w1, hn::MulAdd(w2, w2, hn::Mul(w3, w3)));
+                    const V per_speed2 = hn::Div(one, speed2);
+                    const V p2 = hn::Mul(hn::MulAdd(c1, c1, hn::MulAdd(c2, c2, hn::Mul(c3, c3))), per_speed2);
+                    const V nearest =
+                        hn::Neg(hn::Mul(hn::MulAdd(q1, w1, hn::MulAdd(q2, w2, hn::Mul(q3, w3))), per_speed2));
+                    const V half_chord = hn::Sqrt(hn::Mul(hn::Max(hn::Sub(one, p2), zero), per_speed2));
+                    const V low = hn::Min(hn::Max(hn::Sub(nearest, half_chord), hn::Neg(half_slab)), half_slab);
+                    const V high = hn::Min(hn::Max(hn::Add(nearest, half_chord), low), half_slab);
+                    const V length = hn::Sub(high, low);
+                    if (hn::AllTrue(d, hn::Le(length, zero))) {
+                        continue;
+                    }
+                    any = true;
+                    const V rate = hn::Mul(root_k, hn::Sqrt(speed2)); // Gaussian's own lengths per slab
+                    const V widest = hn::Mul(rate, length);
+                    const V beside = exp2_nonpositive(d, hn::Mul(k, p2));
+                    V mean;
+                    if (hn::AllTrue(d, hn::Lt(widest, hn::Set(d, thin())))) {
+                        mean = quadrature<Nodes6<T>>(d, low, high, nearest, hn::Mul(k, speed2), beside);
+                    } else {
+                        mean = closed_form(d, low, high, nearest, rate, beside);
+                    }
+                    const V rest = hn::Sub(mean, hn::Mul(edge, length));
+                    add_bell<with_weight>(d, rest, value, weight, to.value + at + x,
+                                          with_weight ? to.weight + at + x : nullptr);
+                }
+            }
+            if (any) {
+                touch_(n, box);
+                ++drawn;
+            }
+        }
+        return drawn;
+    }
+
+    /// Below this many of the Gaussian's own lengths a slab is integrated by quadrature: six nodes are exact there to
+    /// the rounding of T (the remainder of 6-point Gauss-Legendre at a length of 1.4 is 1e-8, at 0.25 4e-17).
+    static constexpr T thin() { return sizeof(T) == 4 ? T(1.4) : T(0.25); }
+
+    template <class Nodes, class D, class V>
+    HWY_INLINE V quadrature(D d, V low, V high, V nearest, V scale, V beside) const {
+        const V half = hn::Mul(hn::Sub(high, low), hn::Set(d, T(0.5)));
+        const V middle = hn::Sub(hn::Mul(hn::Add(high, low), hn::Set(d, T(0.5))), nearest);
+        V sum = hn::Zero(d);
+        for (int n = 0; n < Nodes::pairs; ++n) {
+            const V off = hn::Mul(half, hn::Set(d, Nodes::node[n]));
+            const V a = hn::Sub(middle, off), b = hn::Add(middle, off);
+            const V bells = hn::Add(exp2_nonpositive(d, hn::Mul(scale, hn::Mul(a, a))),
+                                    exp2_nonpositive(d, hn::Mul(scale, hn::Mul(b, b))));
+            sum = hn::MulAdd(hn::Set(d, Nodes::share[n]), bells, sum);
+        }
+        return hn::Mul(hn::Mul(sum, half), beside);
+    }
+
+    template <class D, class V>
+    HWY_INLINE V closed_form(D d, V low, V high, V nearest, V rate, V beside) const {
+        const V a = erf(d, hn::Mul(rate, hn::Sub(low, nearest)));
+        const V b = erf(d, hn::Mul(rate, hn::Sub(high, nearest)));
+        const V half_root_pi = hn::Set(d, T(0.88622692545275801));
+        return hn::Mul(hn::Mul(beside, half_root_pi), hn::Div(hn::Sub(b, a), rate));
+    }
+
+    HWY_INLINE T depth_of(std::int32_t n) const {
+        return static_cast<T>(setup_.first_depth + static_cast<double>(n) * setup_.slice_spacing);
+    }
+
+    const LoopSetup<T>& setup_;
+    const PartProfile<T>& profile_;
+    const Sheets& sheets_;
+    const Touch& touch_;
+};
+
+} // namespace sheetsplat::simd::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,269 @@
+// One tile, front to back: kernels are added to the sheets of the slices that they meet, finished slices are divided by
+// their weights, classified, shaded and composited. Source: [NM05] figure 5, with a ring of sheets in the cache in place
+// of sheet and copy buffers.
+
+#if defined(SHEETSPLAT_SIMD_TILE_LOOP_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_SIMD_TILE_LOOP_INL
+#undef SHEETSPLAT_SIMD_TILE_LOOP_INL
+#else
+#define SHEETSPLAT_SIMD_TILE_LOOP_INL
+#endif
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+
+#include "hwy/highway.h"
+#include "shade-inl.hpp"
+#include "simd/tile_task.hpp"
+#include "splat-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::simd::HWY_NAMESPACE {
+
+template <class T>
+class TileLoop {
+  public:
+    TileLoop(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch)
+        : setup_(setup), shape_(shape), scratch_(scratch), elements_(shape.sheet_elements()),
+          live_{0, 0, shape.width + 2, shape.height + 2} {}
+
+    void run(const std::function<bool()>& between) {
+        std::int64_t n = next_start();
+        if (n == none) {
+            return;
+        }
+        const std::int64_t lag = setup_.intervals ? 2 : 1;
+        while (true) {
+            splat(n);
+            if (Slot* slot = find(n)) {
+                divide(*slot);
+            }
+            shade(n - lag);
+            release(n - lag - 1);
+            if (!between() || (setup_.stops && scratch_.planes.alive == 0)) {
+                break;
+            }
+            ++n;
+            if (n > last_touched_ + lag) {
+                // Nothing is on its way: on to the next slice that something reaches.
+                for (std::int64_t old = n - lag - 2; old < n; ++old) {
+                    release(old);
+                }
+                n = next_start();
+                if (n == none) {
+                    break;
+                }
+            }
+        }
+        // What is left in the ring would be found by the next tile.
+        for (Slot& slot : slots_) {
+            clear(slot);
+        }
+        for (auto& again : scratch_.again) {
+            again.clear();
+        }
+    }
+
+  private:
+    static constexpr std::int64_t none = std::numeric_limits<std::int64_t>::max();
+
+    struct Slot {
+        std::int64_t slice = -1; ///< -1: free
+        Rect touched;            ///< pixels of the sheets
+    };
+
+    [[nodiscard]] static std::size_t index_of(std::int64_t n) { return static_cast<std::size_t>(n) % ring_slots; }
+
+    [[nodiscard]] Slot* find(std::int64_t n) {
+        if (n < 0) {
+            return nullptr;
+        }
+        Slot& slot = slots_[index_of(n)];
+        return slot.slice == n ? &slot : nullptr;
+    }
+
+    [[nodiscard]] T* plane(std::int64_t n, int channel) const {
+        const std::size_t number = index_of(n) * static_cast<std::size_t>(setup_.channels) + static_cast<std::size_t>(channel);
+        return scratch_.ring.data() + number * elements_;
+    }
+
+    [[nodiscard]] std::int64_t next_start() const {
+        std::int64_t next = none;
+        for (std::size_t part = 0; part < scratch_.kernels.size(); ++part) {
+            const auto& sections = scratch_.kernels[part].sections;
+            if (next_[part] < sections.size()) {
+                next = std::min<std::int64_t>(next, sections[next_[part]].first);
+            }
+        }
+        return next;
+    }
+
+    void splat(std::int64_t n) {
+        auto& again = scratch_.again[static_cast<std::size_t>(n) % covered_slices];
+        // The list of this slice becomes that of slice n + covered_slices: what is drawn again is taken out first.
+        const std::size_t waiting = again.size();
+        for (std::size_t part = 0; part < scratch_.kernels.size(); ++part) {
+            const PartProfile<T>& profile = setup_.parts[part];
+            const TileKernels<T>& kernels = scratch_.kernels[part];
+            const auto sheets = [&](std::int32_t slice) {
+                return Target<T>{plane(slice, profile.value_channel),
+                                 profile.weight_channel >= 0 ? plane(slice, profile.weight_channel) : nullptr,
+                                 shape_.stride};
+            };
+            const auto touch = [&](std::int32_t slice, const Rect& rect) {
+                Slot& slot = slots_[index_of(slice)];
+                slot.slice = slice;
+                slot.touched.add(rect);
+                last_touched_ = std::max<std::int64_t>(last_touched_, slice);
+            };
+            const Splatter splatter(setup_, profile, sheets, touch);
+            const auto draw = [&](std::uint32_t number) {
+                const Section<T>& section = kernels.sections[number];
+                const RowShape<T>& row_shape = kernels.shapes[kernels.shapes.size() == 1 ? 0 : number];
+                const std::int64_t past = std::min<std::int64_t>(section.last + std::int64_t{1}, n + covered_slices);
+                drawn_ += static_cast<std::uint64_t>(splatter.draw(section, row_shape, static_cast<std::int32_t>(n),
+                                                                   static_cast<std::int32_t>(past), live_));
+                if (past <= section.last) {
+                    again.push_back({static_cast<std::uint32_t>(part), number});
+                    last_touched_ = std::max(last_touched_, past);
+                }
+            };
+            for (std::size_t entry = 0; entry < waiting; ++entry) {
+                if (again[entry].part == part) {
+                    draw(again[entry].section);
+                }
+            }
+            std::size_t& next = next_[part];
+            while (next < kernels.sections.size() && kernels.sections[next].first <= n) {
+                draw(static_cast<std::uint32_t>(next++));
+            }
+        }
+        again.erase(again.begin(), again.begin() + static_cast<std::ptrdiff_t>(waiting));
+        scratch_.sections_drawn += drawn_;
+        drawn_ = 0;
+    }
+
+    /// rho of a slice, in the place of the sums of the fields that share sheets; W of all in its own channel.
+    void divide(const Slot& slot) {
+        const hn::CappedTag<T, 16> d;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        if (!setup_.threshold && setup_.own.empty()) {
+            return;
+        }
+        const Rect& rect = slot.touched;
+        for (int y = rect.y0; y < rect.y1; ++y) {
+            const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * shape_.stride;
+            T* rho = plane(slot.slice, 0) + at;
+            T* weight = setup_.weight_channel >= 0 ? plane(slot.slice, setup_.weight_channel) + at : nullptr;
+            for (int x = rect.x0; x < rect.x1; x += lanes) {
+                auto sum = hn::LoadU(d, rho + x);
+                if (setup_.threshold) {
+                    sum = hn::Div(sum, hn::Max(hn::Set(d, setup_.w0), hn::LoadU(d, weight + x)));
+                }
+                for (const OwnSheets<T>& own : setup_.own) {
+                    const auto own_weight = hn::LoadU(d, plane(slot.slice, own.weight_channel) + at + x);
+                    sum = hn::Add(sum, hn::Div(hn::LoadU(d, plane(slot.slice, own.value_channel) + at + x),
+                                               hn::Max(hn::Set(d, own.w0), own_weight)));
+                    if (setup_.keep_weight) {
+                        hn::StoreU(hn::Add(hn::LoadU(d, weight + x), own_weight), d, weight + x);
+                    }
+                }
+                hn::StoreU(sum, d, rho + x);
+            }
+        }
+    }
+
+    void shade(std::int64_t n) {
+        const Slot* here = find(n);
+        const Slot* after = setup_.intervals ? find(n + 1) : nullptr;
+        if (here == nullptr && after == nullptr) {
+            return;
+        }
+        SlabWindow<T> window;
+        window.n = n;
+        Rect rect;
+        if (here != nullptr) {
+            rect.add(here->touched);
+        }
+        if (after != nullptr) {
+            rect.add(after->touched);
+        }
+        window.rect = Rect{std::max(rect.x0 - 1, 0), std::max(rect.y0 - 1, 0), std::min(rect.x1 - 1, shape_.width),
+                           std::min(rect.y1 - 1, shape_.height)};
+        if (window.rect.empty()) {
+            return;
+        }
+        for (int around = 0; around < (setup_.intervals ? 4 : 3); ++around) {
+            const std::int64_t slice = n - 1 + around;
+            window.rho[around] = find(slice) != nullptr ? plane(slice, 0) : scratch_.zeros.data();
+        }
+        if (setup_.keep_weight) {
+            window.weight[0] = here != nullptr ? plane(n, setup_.weight_channel) : scratch_.zeros.data();
+            window.weight[1] = after != nullptr ? plane(n + 1, setup_.weight_channel) : scratch_.zeros.data();
+        }
+        const int alive = scratch_.planes.alive;
+        shade_slab(*setup_.shading, shape_, window, scratch_.planes);
+        if (setup_.stops && scratch_.planes.alive != alive) {
+            shrink();
+        }
+    }
+
+    /// Rows of the sheets that some pixel still looks at, for itself or for its gradient.
+    void shrink() {
+        const int* rows = scratch_.planes.row_alive;
+        int first = 0, past = shape_.height;
+        while (first < past && rows[first] == 0) {
+            ++first;
+        }
+        while (past > first && rows[past - 1] == 0) {
+            --past;
+        }
+        live_.y0 = first;
+        live_.y1 = past + 2;
+    }
+
+    void release(std::int64_t n) {
+        if (Slot* slot = find(n)) {
+            clear(*slot);
+        }
+    }
+
+    void clear(Slot& slot) {
+        if (slot.slice < 0) {
+            return;
+        }
+        // Vectors run over both ends of what was touched, and rounding may have left something there.
+        const int first = slot.touched.x0 & ~(TileShape::padding - 1);
+        const int past = std::min(slot.touched.x1 + TileShape::padding, shape_.stride);
+        for (int channel = 0; channel < setup_.channels; ++channel) {
+            T* sheet = plane(slot.slice, channel);
+            for (int y = slot.touched.y0; y < slot.touched.y1; ++y) {
+                T* row = sheet + static_cast<std::ptrdiff_t>(y) * shape_.stride;
+                std::fill(row + first, row + past, T(0));
+            }
+        }
+        slot = Slot{};
+    }
+
+    const LoopSetup<T>& setup_;
+    const TileShape& shape_;
+    TileScratch<T>& scratch_;
+    std::size_t elements_;
+    Rect live_;
+    Slot slots_[ring_slots];
+    std::vector<std::size_t> next_ = std::vector<std::size_t>(scratch_.kernels.size(), 0);
+    std::int64_t last_touched_ = -1;
+    std::uint64_t drawn_ = 0;
+};
+
+template <class T>
+void run_tile(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch,
+              const std::function<bool()>& between) {
+    TileLoop<T>(setup, shape, scratch).run(between);
+}
+
+} // namespace sheetsplat::simd::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -171,7 +171,7 @@ def color(what: str, value: object) -> Triple:
 
 def image_size(value: object) -> tuple[int, int]:
     """Return (width, height) in pixels, or InvalidInput."""
-    wanted = "two whole numbers of pixels, (width, height), each at least 1"
+    wanted = "two whole numbers of pixels, (width, height), each from 1 to 2147483647"
     try:
         parts = list(itertools.islice(value, 3))  # type: ignore[call-overload]
         if any(isinstance(part, bool | np.bool_) for part in parts):

@@ -237,7 +237,7 @@ class Renderer:
         *,
         first_seconds: float = 0.05,
     ) -> Iterator[Image]:
-        """Return an iterator over stages of the picture: coarse ones first, each twice as fine as the one before.
+        """Return an iterator over stages of the picture: coarse ones first, each at least twice as fine.
 
         Coarse stages have fewer pixels, which are interpolated to the full size, and larger slice distances. The last
         stage is what `render` returns. Of the ``stats`` of each, ``estimated_rmse`` is its estimated distance from the

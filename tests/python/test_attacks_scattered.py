@@ -348,3 +348,201 @@ def test_spoiled_files_are_fields_or_clear_errors(name: str, tmp_path: Path) -> 
             else:
                 assert np.isfinite(field.bounds).all()
     assert refused > 20
+
+
+PIXELS = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=SIZE[1])
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("length_px", [1e8, 1e10, 1e12])
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+def test_lit_needles_of_any_length(length_px: float, sampling: Any) -> None:
+    """Float32 knows the places of their centres to a hundred pixels and more, in a picture that is wide beside."""
+    rng = np.random.default_rng(17)
+    length, width, turns = length_px, length_px / 5_000, rng.uniform(0, 2 * np.pi, 6)
+    along = np.stack([np.cos(turns), np.sin(turns), np.zeros(6)], -1)
+    across = np.stack([-np.sin(turns), np.cos(turns), np.zeros(6)], -1)
+    places = -along * length * rng.uniform(0.1, 0.8, (6, 1)) + across * rng.uniform(-100, 100, (6, 1))
+    turned = np.stack([np.cos(turns / 2), np.zeros(6), np.zeros(6), np.sin(turns / 2)], -1)
+    field = ss.EllipsoidField(places, np.tile((length, width, width), (6, 1)), turned, rng.random(6), w0=0.3)
+    scene = scene_of(field, sampling=sampling, slice_spacing=width / 3)
+    camera = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=30)
+    image = ss.Renderer("gl").render(scene, camera, size=(1000, 30))
+    rmse, p99_9 = off_by(image, ss.Renderer("reference").render(scene, camera, size=(1000, 30)))
+    assert rmse <= FLOAT32[0] and p99_9 <= FLOAT32[1], (rmse, p99_9)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("radius_px", [1e16, 1e20, 1e60])
+@pytest.mark.parametrize("camera", [PIXELS, ss.Camera.perspective((0, 0, 24), (0, 0, 0), (0, 1, 0), fov_y=53)])
+def test_absurd_sizes_are_refused(radius_px: float, camera: ss.Camera) -> None:
+    field = ss.EllipsoidField(np.zeros((2, 3)), np.full((2, 3), 2 * radius_px), values=[0.1, 0.2])
+    scene = scene_of(field, slice_spacing=radius_px)
+    with pytest.raises(ss.Unsupported, match="pixels.*; wanted at most 1e"):
+        ss.Renderer("gl").render(scene, camera, size=SIZE)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("effect", ["paper_slicing", "gather"])
+def test_ways_for_comparison_have_a_largest_size(effect: str) -> None:
+    for radius in (1e6, 1e9):
+        rng = np.random.default_rng(18)
+        places = radius * rng.uniform(-0.5, 0.5, (10, 3))
+        axes = np.tile((radius, radius / 2, radius / 1.5), (10, 1))
+        field = ss.EllipsoidField(places, axes, scattered.quaternions(rng, 10), rng.random(10), w0=0.5)
+        renderer = ss.Renderer("gl", effects={effect: True})
+        scene = scene_of(field, lit=False, slice_spacing=radius / 5)
+        if radius == 1e6:
+            assert_like_reference(renderer, scene, PIXELS, FLOAT32_HARD)
+        else:
+            with pytest.raises(ss.Unsupported, match=r"kernels of 1e\+09 pixels, of 1e\+07 at most"):
+                renderer.render(scene, PIXELS, size=SIZE)
+
+
+def crowd(count: int, spread: float = 0.0, **options: Any) -> ss.EllipsoidField:
+    rng = np.random.default_rng(19)
+    places = 0.1 + spread * rng.normal(size=(count, 3))
+    return ss.EllipsoidField(places, np.full(count, 0.5), values=rng.random(count), **options)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("lit", [False, True])
+@pytest.mark.parametrize("count", [100, 400, 3_000, 150_000])
+def test_crowds_of_equal_kernels(lit: bool, count: int) -> None:
+    """Sums of equal numbers drift in float32, and lights show it."""
+    scene = scene_of(crowd(count), lit=lit, slice_spacing=0.25)
+    camera = camera_of(scattered.parallel())
+    if count > (400 if lit else 100_000):
+        with pytest.raises(ss.Unsupported, match="ellipsoids of one size at one place; wanted at most"):
+            ss.Renderer("gl").render(scene, camera, size=SIZE)
+    else:
+        assert_like_reference(ss.Renderer("gl"), scene, camera, FLOAT32_HARD)
+
+
+@pytest.mark.gl
+def test_crowds_of_different_kernels() -> None:
+    """As many kernels as above, which are not alike: their errors cancel."""
+    scene = scene_of(crowd(10_000, 0.01), slice_spacing=0.25)
+    assert_like_reference(ss.Renderer("gl"), scene, camera_of(scattered.parallel()), FLOAT32_HARD)
+    dense = scene_of(crowd(400_000, 0.01), slice_spacing=0.25)
+    with pytest.raises(ss.Unsupported, match="ellipsoids at a point; wanted at most"):
+        ss.Renderer("gl").render(dense, camera_of(scattered.parallel()), size=SIZE)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("camera", [scattered.parallel(), scattered.central(distance=40, fov_y=5)], ids=["out", "deep"])
+@pytest.mark.parametrize("thickness", [1e2, 1e4, 1e8])
+def test_slabs_far_thicker_than_kernels(camera: dict[str, Any], thickness: float) -> None:
+    """Float32 loses where in them a leaning kernel lies; a sphere does not lean."""
+    leaning = field_of(20, w0=0.5)
+    scene = scene_of(leaning, sampling="slab", mode="xray", slice_spacing=thickness)
+    if thickness > 1e3:
+        with pytest.raises(ss.Unsupported, match="float32 loses the place of ellipsoids"):
+            ss.Renderer("gl").render(scene, camera_of(camera), size=SIZE)
+    else:
+        assert_like_reference(ss.Renderer("gl"), scene, camera_of(camera))
+    if "height" in camera:
+        round_ = ss.EllipsoidField(leaning.centers, np.full(60, 0.3), values=leaning.values, w0=0.5)
+        scene = scene_of(round_, sampling="slab", mode="xray", slice_spacing=thickness)
+        assert_like_reference(ss.Renderer("gl"), scene, camera_of(camera))
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("share", [1e-3, 1e-5])
+def test_heavy_kernels_far_thinner_than_slabs(share: float) -> None:
+    """On the centres of pixels, and of weights that make up for what a slab's mean leaves of them."""
+    rng = np.random.default_rng(21)
+    size = share * 0.25
+    places = np.stack([rng.integers(0, 30, 40) - 14.5, rng.integers(0, 24, 40) - 11.5, rng.uniform(-4, 4, 40)], -1) / 6
+    places[:, :2] += rng.uniform(-0.3, 0.3, (40, 2)) * size
+    axes = np.tile((size, size / 2, size / 1.4), (40, 1))
+    turns = scattered.quaternions(rng, 40)
+    field = ss.EllipsoidField(places, axes, turns, rng.random(40), weights=np.full(40, 1 / share), w0=0.3)
+    camera = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=4.0)
+    scene = scene_of(field, lit=False, sampling="slab", slice_spacing=0.25)
+    if share < 1e-4:
+        with pytest.raises(ss.Unsupported, match="float32 loses the place of ellipsoids"):
+            ss.Renderer("gl").render(scene, camera, size=SIZE)
+    else:
+        assert_like_reference(ss.Renderer("gl"), scene, camera, FLOAT32_HARD)
+
+
+@pytest.mark.gl
+def test_an_error_names_the_limit_that_applies() -> None:
+    """Of two limits, the smaller: a picture at the larger one would be refused again."""
+    rng = np.random.default_rng(22)
+    field = ss.EllipsoidField(rng.uniform(-1, 1, (60_000, 3)), np.full(60_000, 0.9), values=45 * rng.random(60_000))
+    with pytest.raises(ss.Unsupported, match="values up to 4.* wanted values of at most") as found:
+        ss.Renderer("gl").render(scene_of(field, reference_length=1 / 24), camera_of(scattered.parallel()), size=SIZE)
+    assert 20 < float(str(found.value).split("at most ")[1].split(" ")[0]) < 40
+
+
+@pytest.mark.parametrize("unit", [1e-300, 1e-160, 1e160, 1e300])
+def test_the_reference_shades_values_of_any_unit(unit: float) -> None:
+    """Squares of such gradients leave float64."""
+    values = np.random.default_rng(10).random(60)
+    pictures = []
+    for factor in (1.0, unit):
+        points = [(value * factor, *rest) for value, *rest in scattered.GENTLE]
+        scene = scene_of(field_of(10, values=values * factor, w0=0.5), points=points)
+        pictures.append(ss.Renderer("reference").render(scene, camera_of(scattered.parallel()), size=SIZE))
+    assert off_by(*pictures)[0] < 1e-9
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("radius_px", [1e-3, 1e-5, 1e-7, 1e-9])
+@pytest.mark.parametrize("flat", [False, True])
+def test_kernels_far_smaller_than_a_pixel_on_the_centres_of_pixels(radius_px: float, flat: bool) -> None:
+    """As on data at regular places, seen straight: float32 knows such a place to less than the kernel's size."""
+    rng = np.random.default_rng(15)
+    width, height = SIZE
+    pixel = 4.0 / height
+    columns, rows = rng.integers(0, width, 40), rng.integers(0, height, 40)
+    places = np.stack([columns + 0.5 - width / 2, height / 2 - rows - 0.5, np.zeros(40)], -1) * pixel
+    places += rng.uniform(-0.4, 0.4, (40, 3)) * radius_px * pixel
+    places[:, 2] = np.where(rng.random(40) < 0.5, 0.5, -0.5)
+    sizes = np.full(40, radius_px * pixel)
+    scales = np.stack([sizes, 0.8 * sizes, 0.9 * sizes], -1) if flat else sizes
+    field = ss.EllipsoidField(places, scales, values=rng.uniform(0.5, 1, 40), w0=0.3)
+    camera = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=4.0)
+    scene = scene_of(field, lit=False, slice_spacing=1.0)
+    assert np.asarray(ss.Renderer("reference").render(scene, camera, size=SIZE)).max() > 0.2
+    assert_like_reference(ss.Renderer("gl"), scene, camera, FLOAT32_HARD)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("radius_px", [1e7, 1e9, 1e12])
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+def test_leaning_kernels_of_millions_of_pixels(radius_px: float, sampling: Any) -> None:
+    """Their sections' centres lie farther off than float32 counts pixels."""
+    rng = np.random.default_rng(16)
+    radius = radius_px * 4.0 / SIZE[1]
+    turns = scattered.quaternions(rng, 10)
+    field = ss.EllipsoidField(
+        rng.uniform(-0.5, 0.5, (10, 3)), radius * np.tile((1, 0.5, 0.7), (10, 1)), turns, 0.3 * rng.random(10), w0=0.5
+    )
+    scene = scene_of(field, sampling=sampling, slice_spacing=radius / 5)
+    camera = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=4.0)
+    assert np.asarray(ss.Renderer("reference").render(scene, camera, size=SIZE)).max() > 0.02
+    assert_like_reference(ss.Renderer("gl"), scene, camera, FLOAT32_HARD)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("camera", [scattered.parallel(), scattered.central()], ids=["parallel", "central"])
+@pytest.mark.parametrize("forced", [False, True])
+def test_gradients_of_slabs_where_neighbouring_rays_meet_different_kernels(
+    camera: dict[str, Any], forced: bool
+) -> None:
+    """Flat kernels thinner than a pixel: of two neighbouring rays often one alone goes through."""
+    length = 1 / 6 if forced else 1.0
+    scene = scene_of(field_of(5, 50, 2.0, 300.0, w0=0.2), sampling="slab", reference_length=length)
+    effects = {"fine_gradient": True} if forced else {}
+    assert_like_reference(ss.Renderer("gl", effects=effects), scene, camera_of(camera))
+
+
+def test_the_size_of_a_picture_has_a_largest_number() -> None:
+    for size in ((2**31, 1), (1, 2**40)):
+        with pytest.raises(ss.InvalidInput, match="each from 1 to 2147483647"):
+            ss.Renderer("reference").render(scene_of(field_of(23)), camera_of(scattered.parallel()), size=size)
+    with pytest.raises(ss.OutOfMemory, match="1000000 x 1000000 pixels"):
+        ss.Renderer("reference").render(scene_of(field_of(23)), camera_of(scattered.parallel()), size=(10**6, 10**6))

@@ -136,7 +136,7 @@ def test_vtk_shows_the_same_scene() -> None:
     other = ss.Renderer(backend="reference").render(case.scene(), case.cameras()[3], size=size).rgba
     try:
         with Vtk() as vtk:
-            look = Look(case.points, case.distance, case.distance, case.scene().material, size, 1)
+            look = Look(case.points, case.unit, case.distance, case.scene().material, size, 1)
             for caster in ("cpu", "gpu"):
                 vtk.show(caster, volume, look)  # type: ignore[arg-type]
                 shot = vtk.frame(caster, camera, picture=True)  # type: ignore[arg-type]

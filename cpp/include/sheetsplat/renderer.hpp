@@ -63,10 +63,10 @@ class Renderer {
 };
 
 /// One picture in stages: coarse ones of fewer pixels and larger slice distances, brought to full size by bilinear
-/// interpolation, each twice as fine as the one before; the last one is what Renderer::render makes. Of the stats,
-/// estimated_rmse is the distance from the last picture (section 8) that follows from how much the last two stages
-/// differ, for the last one what its plan expects; stage counts from 1 to stages. The renderer must outlive this, and
-/// may draw other pictures in between.
+/// interpolation, each at least twice as fine as the one before; the last one is what Renderer::render makes. Of the
+/// stats, estimated_rmse is the distance from the last picture (section 8) that follows from how much the last two
+/// stages differ, for the last one what its plan expects; stage counts from 1 to stages. The renderer must outlive
+/// this, and may draw other pictures in between.
 class Stages {
   public:
     /// first_seconds: how long the first stage may take, an aim; where all of the picture is expected to take no

@@ -19,6 +19,9 @@ constexpr int coarsest = 32;
 constexpr double largest_spacing = 2.0;
 /// Slice distances grow with pixels beyond this factor: below it, slices are as close as in the last picture.
 constexpr double pixels_before_slices = 4.0;
+/// A stage that takes a larger share of the last one's time is left out: where many small kernels take the time, fewer
+/// pixels save little of it.
+constexpr double worth_a_stage = 0.5;
 /// Order in the size of pixels by which pictures approach the last one, where only two of them are known: between that
 /// of smooth pictures (2) and that of pictures with edges (1/2 in root mean square).
 constexpr double usual_order = 1.2;
@@ -171,9 +174,12 @@ struct Stages::State {
             }
             ahead = Step{2 * first, spacing_of(2 * first, most_spacing)};
         }
-        for (int pixels = first; pixels >= 1; pixels /= 2) {
-            steps.push_back({pixels, pixels == 1 ? 1.0 : spacing_of(pixels, most_spacing)});
+        for (int pixels = first; pixels > 1; pixels /= 2) {
+            if (pixels == first || seconds(pixels) <= worth_a_stage * seconds(1)) {
+                steps.push_back({pixels, spacing_of(pixels, most_spacing)});
+            }
         }
+        steps.push_back({1, 1.0});
     }
 
     Coarse draw(const Step& step, const Progress& progress) {

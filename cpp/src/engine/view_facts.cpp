@@ -41,9 +41,13 @@ void add_facts(const EllipsoidField& field, const FieldFacts::Entry& known, cons
     facts.smallest_px = std::min(facts.smallest_px, own.smallest_px);
     facts.smallest_radius_px = std::min(facts.smallest_radius_px, own.smallest_px);
     facts.thickest_slab = std::max(facts.thickest_slab, frame.slice_spacing / known.kernels.thinnest);
+    if (frame.slices > 0) {
+        facts.largest_radius_px = std::max(facts.largest_radius_px, field.scale_range()[1] / frame.smallest_pixel());
+    }
     facts.most_ellipsoids = std::max(facts.most_ellipsoids, field.size());
     facts.largest_filtering = std::max(facts.largest_filtering, own.largest_change);
     facts.largest_overlap = std::max(facts.largest_overlap, own.mean_overlap);
+    facts.largest_px = std::max(facts.largest_px, field.scale_range()[1] / frame.pixel);
     facts.densest_overlap = std::max(facts.densest_overlap, known.kernels.crowd.overlap);
     facts.most_alike = std::max(facts.most_alike, known.kernels.crowd.alike);
     if (scene.sampling == Sampling::slab && scene.filter == Filter::none) {

@@ -10,6 +10,7 @@ namespace sheetsplat {
 struct Work {
     double kernels = 0.0;
     double slices_each = 0.0; ///< that a kernel meets, on the average
+    double radius_px = 0.0;   ///< of a kernel, on the average
     double splats = 0.0;      ///< pixels of all sections
     double pixels = 0.0;      ///< times slices
 };

@@ -56,6 +56,8 @@ constexpr double most_alike_unlit = 1e5;
 constexpr double densest_lit = 2e5;
 /// Places that textures and pixels that look for kernels know in float32; seen at 1e8 to be right, at 1e9 1e-2 off.
 constexpr double largest_compared_px = 1e7;
+/// Seen at 1e15 to be right; at 1e21 their squares leave float32.
+constexpr double largest_deep_px = 1e15;
 /// Beyond, the square of a distance in pixels leaves float32.
 constexpr double largest_separable_px = 1e6;
 /// What sums in a sheet may come to.
@@ -434,15 +436,12 @@ std::string unfit_for_comparison(const Scene& scene, const ViewFacts& view, cons
     if (plan.fine_gradient) {
         return "effect fine_gradient, whose differences they do not draw";
     }
-    if (view.smallest_px < least_plain_px && !options.allow_inexact) {
-        return "kernels of " + number(view.smallest_px) + " pixels, of " + number(least_plain_px) + " at least";
-    }
-    for (const auto& field : scene.fields) {
-        const EllipsoidField* ellipsoids = as_ellipsoids(field.get());
-        const double largest_px = ellipsoids != nullptr ? ellipsoids->scale_range()[1] / view.smallest_pixel : 0.0;
-        if (largest_px > largest_compared_px && !options.allow_inexact) {
-            return "kernels of " + number(largest_px) + " pixels, of " + number(largest_compared_px) + " at most";
-        }
+    const std::string tiny =
+        view.smallest_px < least_plain_px && !options.allow_inexact
+            ? "kernels of " + number(view.smallest_px) + " pixels, of " + number(least_plain_px) + " at least"
+            : "";
+    if (view.largest_px > largest_compared_px && !options.allow_inexact) {
+        return "kernels of " + number(view.largest_px) + " pixels, of " + number(largest_compared_px) + " at most";
     }
     if (view.most_ellipsoids > most_resident_kernels) {
         return number(static_cast<double>(view.most_ellipsoids)) + " kernels in one field, of " +
@@ -480,7 +479,8 @@ std::string unfit_for_comparison(const Scene& scene, const ViewFacts& view, cons
             return "kernels of 1:" + number(view.largest_aspect) +
                    ", where float32 textures know rotations for 1:" + number(largest_paper_aspect) + " at most";
         }
-        return plan.gather                        ? "effect gather at once"
+        return !tiny.empty()                      ? tiny
+               : plan.gather                      ? "effect gather at once"
                : options.packing == Packing::wide ? "packing wide"
                : forced("four_channels")          ? "effect four_channels"
                                                   : "";
@@ -489,7 +489,8 @@ std::string unfit_for_comparison(const Scene& scene, const ViewFacts& view, cons
         return "kernels of 1:" + number(view.largest_aspect) + ", of 1:" + number(largest_gather_aspect) + " at most";
     }
     const auto off = options.effects.find("four_channels");
-    return scene.fields.size() != 1                       ? "several fields"
+    return !tiny.empty()                                  ? tiny
+           : scene.fields.size() != 1                     ? "several fields"
            : options.packing == Packing::paper            ? "packing paper"
            : off != options.effects.end() && !off->second ? "slices one at a time (four_channels off)"
            : tagging_by_depth(options.tagging)            ? "tags in the depth buffer, which splats leave"
@@ -872,6 +873,15 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     }
     if (!options.allow_inexact) {
         effects.refuse_dropped();
+    }
+    const bool deep = projection == Projection::perspective;
+    if (view.slices > 0 && view.largest_px > (deep ? largest_deep_px : largest_splat_px) && !options.allow_inexact) {
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
+                                    "ellipsoids of " + number(view.largest_px) + " pixels" +
+                                        (deep ? " at a distance of one unit of length" : ""),
+                                    "at most " + number(deep ? largest_deep_px : largest_splat_px),
+                                    deep ? "use a larger unit of length, or backend reference"
+                                         : "magnify less, or use backend reference"});
     }
     if (view.largest_splat_px > largest_splat_px && !options.allow_inexact) {
         throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",

@@ -77,6 +77,8 @@ double picture_error(const SumFacts& sums, double epsilon) {
     return 0.25 * epsilon * std::sqrt(sums.overlap) * sums.ratio * std::min(sums.steepness, 4.0);
 }
 
+double largest_radius_px(const ViewFacts& view) { return std::max(view.largest_splat_px, view.largest_radius_px); }
+
 /// Why float32 would not keep its bound; empty where it does.
 std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
     const std::string ell = number(view.reference_length) + " (the reference length)";
@@ -97,8 +99,8 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     if (!plan.filter && view.smallest_radius_px < least_float32_px) {
         return "float32 would lose the places of kernels of " + number(view.smallest_radius_px) + " pixels";
     }
-    if (view.largest_splat_px > largest_float32_px) {
-        return "float32 would lose distances in kernels of " + number(view.largest_splat_px) + " pixels";
+    if (largest_radius_px(view) > largest_float32_px) {
+        return "float32 would lose distances in kernels of " + number(largest_radius_px(view)) + " pixels";
     }
     if (scene.sampling == Sampling::slab && !plan.filter && view.thickest_slab > thickest_float32_slab) {
         return "a slab is " + number(view.thickest_slab) + " times as thick as half a kernel";
@@ -116,8 +118,9 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "quotients that reach " + number(sums.largest) + " are lit where " + number(sums.resolved) +
                " is resolved";
     }
-    if (lights_quotients(plan) && sums.overlap > largest_lit_overlap) {
-        return "quotients of " + number(sums.overlap) + " kernels at a point are lit";
+    const double crowd = std::max(sums.overlap, view.densest_overlap);
+    if (lights_quotients(plan) && crowd > largest_lit_overlap) {
+        return "quotients of " + number(crowd) + " kernels at a point are lit";
     }
     return "";
 }
@@ -130,9 +133,10 @@ void refuse_beyond_float64(const ViewFacts& view, const DrawPlan& plan, const Su
     if (view.kernels == 0 || view.slices == 0) {
         return;
     }
-    if (view.largest_splat_px > largest_splat_px) {
-        refuse("kernels of " + number(view.largest_splat_px) + " pixels", "at most " + number(largest_splat_px),
-               "magnify less");
+    const bool deep = plan.projection == Projection::perspective;
+    const double radius_px = deep ? view.largest_splat_px : largest_radius_px(view);
+    if (radius_px > largest_splat_px) {
+        refuse("kernels of " + number(radius_px) + " pixels", "at most " + number(largest_splat_px), "magnify less");
     }
     if (view.smallest_falloff < smallest_float64_falloff) {
         refuse("a falloff of " + number(view.smallest_falloff) + ", whose differences float64 cannot resolve",

@@ -25,7 +25,7 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
 
 constexpr double log2_e = 1.4426950408889634;
 /// Edge of a tile: two channels of the ring stay in a second-level cache of half a megabyte.
-constexpr int usual_tile = 64;
+constexpr int usual_tile = 62;
 /// splat-inl.hpp keeps rows of so many pixels.
 constexpr int largest_tile = 126;
 /// Tiles a thread, at least, as long as they are not tiny: the last ones are then a small part of the whole.
@@ -303,7 +303,7 @@ struct CpuRenderer::State {
     }
 
     template <class T>
-    void draw(const Job& job, const TileLayout& layout, TileFunction<T> function, Image& image) {
+    void draw(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, Image& image) {
         const auto start = Clock::now();
         const Size size = job.frame->size;
         const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan);
@@ -341,7 +341,7 @@ struct CpuRenderer::State {
                     }
                     return !pool->failed();
                 };
-                draw_tile(job, setup, shape, tile, function, room, between, image, size);
+                draw_tile(job, setup, shape, tile, functions, room, between, image, size);
                 finished.fetch_add(1, std::memory_order_relaxed);
             },
             report);
@@ -362,7 +362,7 @@ struct CpuRenderer::State {
 
     template <class T>
     void draw_tile(const Job& job, const LoopSetup<T>& setup, const TileShape& shape, std::size_t tile,
-                   TileFunction<T> function, TileScratch<T>& room, const std::function<bool()>& between, Image& image,
+                   const TileFunctions<T>& functions, TileScratch<T>& room, const std::function<bool()>& between, Image& image,
                    Size size) const {
         const std::size_t parts = job.regular.size() + job.ellipsoids.size();
         if (room.kernels.size() != parts) {
@@ -372,15 +372,15 @@ struct CpuRenderer::State {
         bool any = false;
         for (std::size_t lattice = 0; lattice < job.regular.size(); ++lattice, ++part) {
             const Buckets<RowPart>& rows = sorted->lattices[lattice].parts;
-            feed_rows(*job.regular[lattice].view, *job.regular[lattice].runs, *job.frame, job.plan->sampling,
-                      rows.begin(tile), rows.end(tile), shape, room.kernels[part]);
+            functions.feed_rows(*job.regular[lattice].view, *job.regular[lattice].runs, *job.frame, job.plan->sampling,
+                                rows.begin(tile), rows.end(tile), shape, room.kernels[part]);
             any = any || !room.kernels[part].sections.empty();
             room.kernels_drawn += room.kernels[part].counted;
         }
         for (std::size_t field = 0; field < job.ellipsoids.size(); ++field, ++part) {
             const Buckets<std::uint32_t>& kernels = sorted->scattered[field].indices;
-            feed_kernels(*job.ellipsoids[field].view, job.plan->sampling, kernels.begin(tile), kernels.end(tile), shape,
-                         room.kernels[part]);
+            functions.feed_kernels(*job.ellipsoids[field].view, kernels.begin(tile), kernels.end(tile), shape,
+                                   room.kernels[part]);
             any = any || !room.kernels[part].sections.empty();
             room.kernels_drawn += room.kernels[part].counted;
         }
@@ -393,7 +393,7 @@ struct CpuRenderer::State {
                 room.ring.assign(wanted, T(0));
                 room.zeros.assign(elements, T(0));
             }
-            function(setup, shape, room, between);
+            functions.run(setup, shape, room, between);
         }
         copy_picture(shape, room.planes, image, size);
     }
@@ -430,9 +430,9 @@ void CpuRenderer::render(const Job& job, Image& image) {
         state.sort(job, layout, edge, image);
         const InstructionSet set = chosen_instruction_set();
         if (job.plan->precision == Precision::float64) {
-            state.draw<double>(job, layout, tile_function_double(set), image);
+            state.draw<double>(job, layout, *tile_functions_double(set), image);
         } else {
-            state.draw<float>(job, layout, tile_function_float(set), image);
+            state.draw<float>(job, layout, *tile_functions_float(set), image);
         }
     } catch (const std::bad_alloc&) {
         state.forget();

@@ -40,7 +40,7 @@ bool runs_here(InstructionSet set) {
 constexpr InstructionSet all_sets[] = {InstructionSet::avx512, InstructionSet::avx2, InstructionSet::sse4,
                                        InstructionSet::neon, InstructionSet::baseline};
 
-bool usable(InstructionSet set) { return tile_function_float(set) != nullptr && runs_here(set); }
+bool usable(InstructionSet set) { return tile_functions_float(set) != nullptr && runs_here(set); }
 
 InstructionSet best() {
     for (const InstructionSet set : all_sets) {

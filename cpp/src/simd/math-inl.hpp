@@ -40,7 +40,7 @@ struct MathOf<float> {
     static constexpr float ln2_low = -2.12194440e-4F;
     static constexpr float erf_end = 4.0F; ///< from here on erf is 1 within 1.6e-8
     /// (2^x - 1) / x, |x| <= 1/2
-    static constexpr float exp2[] = {0.693147188F,   0.2402265076F,  0.05550357114F,
+    static constexpr float exp2[] = {0.693147188F,    0.2402265076F,   0.05550357114F,
                                      0.009618082557F, 0.001339086336F, 0.0001545316295F};
     /// (exp(x) - 1 - x) / x^2, |x| <= ln(2) / 2
     static constexpr float expm1[] = {0.5F, 0.1666657699F, 0.04166655462F, 0.008363179053F, 0.001392618359F};
@@ -63,25 +63,25 @@ struct MathOf<double> {
     static constexpr double ln2_high = 6.93147180369123816490e-01;
     static constexpr double ln2_low = 1.90821492927058770002e-10;
     static constexpr double erf_end = 6.0;
-    static constexpr double exp2[] = {
-        0.693147180559945309,   0.240226506959100982,    0.0555041086648215943,   0.00961812910760688853,
-        0.00133335581464169353, 0.000154035304417360502, 1.52527338298361184e-5,  1.32154425879216897e-6,
-        1.01780624458457735e-7, 7.0725859492692237e-9,   4.45496059818651839e-10};
-    static constexpr double expm1[] = {
-        0.500000000000000102,    0.166666666666666675,    0.0416666666666241279,  0.00833333333333006183,
-        0.00138888889172137169,  0.000198412698630536169, 2.48015212959543751e-5, 2.75572684599970648e-6,
-        2.76200884454097482e-7,  2.51003854955103191e-8};
+    static constexpr double exp2[] = {0.693147180559945309,   0.240226506959100982,   0.0555041086648215943,
+                                      0.00961812910760688853, 0.00133335581464169353, 0.000154035304417360502,
+                                      1.52527338298361184e-5, 1.32154425879216897e-6, 1.01780624458457735e-7,
+                                      7.0725859492692237e-9,  4.45496059818651839e-10};
+    static constexpr double expm1[] = {0.500000000000000102,   0.166666666666666675,   0.0416666666666241279,
+                                       0.00833333333333006183, 0.00138888889172137169, 0.000198412698630536169,
+                                       2.48015212959543751e-5, 2.75572684599970648e-6, 2.76200884454097482e-7,
+                                       2.51003854955103191e-8};
     static constexpr double atanh[] = {0.333333333333333485, 0.199999999999494453, 0.142857143131269188,
                                        0.111111055446897481, 0.090914462162684356, 0.0766580586102750394,
                                        0.0730890357670866248};
     /// -ln(erfc(x)) / x in x / 3 - 1, 0 <= x <= 6
-    static constexpr double erf[] = {
-        3.57345434732779146,     2.73029934170256327,      0.141883314689045172,   -0.0751762944832977395,
-        0.0386368589345269837,   -0.0187358451674272681,   0.00826861642065441372, -0.0030720398395606229,
-        0.000745132126798357342, 0.0000738054499785657447, -0.000657891220418988372, 0.000101309251750490036,
-        0.000629463999678105917, 0.00302405817850911497,   0.00316786112333852272, -0.000845557075737153412,
-        -0.00730676366013096675, -0.0102102517714379076,   -0.00744018604877918077, -0.00295735037826131269,
-        -0.000500410729926246033};
+    static constexpr double erf[] = {3.57345434732779146,      2.73029934170256327,      0.141883314689045172,
+                                     -0.0751762944832977395,   0.0386368589345269837,    -0.0187358451674272681,
+                                     0.00826861642065441372,   -0.0030720398395606229,   0.000745132126798357342,
+                                     0.0000738054499785657447, -0.000657891220418988372, 0.000101309251750490036,
+                                     0.000629463999678105917,  0.00302405817850911497,   0.00316786112333852272,
+                                     -0.000845557075737153412, -0.00730676366013096675,  -0.0102102517714379076,
+                                     -0.00744018604877918077,  -0.00295735037826131269,  -0.000500410729926246033};
 };
 
 /// Horner's scheme, constant term first.
@@ -106,8 +106,7 @@ HWY_INLINE Rounded<D> rounded(D d, V x) {
     using Math = MathOf<hn::TFromD<D>>;
     const V magic = hn::Set(d, Math::round_magic);
     const V moved = hn::Add(x, magic);
-    return {hn::Sub(moved, magic),
-            hn::ShiftLeft<Math::fraction_bits>(hn::BitCast(hn::RebindToSigned<D>(), moved))};
+    return {hn::Sub(moved, magic), hn::ShiftLeft<Math::fraction_bits>(hn::BitCast(hn::RebindToSigned<D>(), moved))};
 }
 
 /// 2^x for x <= 0; 0 where x < -126 (double: -1022). Relative error 2 u.
@@ -132,8 +131,8 @@ HWY_INLINE V veil(D d, V x) {
     const hn::RebindToSigned<D> di;
     const V kept = hn::Neg(hn::Min(x, hn::Set(d, Math::all_gone)));
     const Rounded<D> n = rounded(d, hn::Mul(kept, hn::Set(d, T(1.4426950408889634))));
-    const V rest = hn::NegMulAdd(n.whole, hn::Set(d, Math::ln2_low),
-                                 hn::NegMulAdd(n.whole, hn::Set(d, Math::ln2_high), kept));
+    const V rest =
+        hn::NegMulAdd(n.whole, hn::Set(d, Math::ln2_low), hn::NegMulAdd(n.whole, hn::Set(d, Math::ln2_high), kept));
     const V beyond_one = hn::MulAdd(hn::Mul(rest, rest), polynomial(d, rest, Math::expm1), rest);
     const V one = hn::Set(d, T(1));
     const V power = hn::BitCast(d, hn::Add(hn::BitCast(di, one), n.shifted));
@@ -187,7 +186,8 @@ HWY_INLINE V pow_below_one(D d, V base, V exponent) {
                               exp2_nonpositive(d, hn::Min(hn::Mul(exponent, log2), hn::Zero(d))));
 }
 
-/// erf(x) for any finite x. Absolute error 1.2e-7 (double: 4e-16); relative error 1.5e-6 (double: 1.5e-14), for x -> 0 too.
+/// erf(x) for any finite x. Absolute error 1.2e-7 (double: 4e-16); relative error 1.5e-6 (double: 1.5e-14), for x -> 0
+/// too.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE V erf(D d, V x) {
     using T = hn::TFromD<D>;

@@ -9,26 +9,26 @@ template <class T>
 void TileKernels<T>::sort() {
     const std::size_t count = unsorted.size();
     sections.resize(count);
-    const bool own_shapes = unsorted_shapes.size() == count && count != 0;
+    if (count == 0) {
+        return;
+    }
+    const bool own_extras = unsorted_extras.size() == count, own_shapes = unsorted_shapes.size() == count;
+    if (own_extras) {
+        extras.resize(count);
+    }
     if (own_shapes) {
         shapes.resize(count);
     }
-    if (count == 0) {
-        first = 0;
-        last = -1;
-        return;
-    }
-    first = unsorted.front().first;
-    last = unsorted.front().last;
-    std::int32_t latest = first;
-    for (const Section<T>& section : unsorted) {
-        first = std::min(first, section.first);
-        latest = std::max(latest, section.first);
-        last = std::max(last, section.last);
-    }
-    const std::size_t starts = static_cast<std::size_t>(latest - first) + 1;
+    const auto [least, most] =
+        std::minmax_element(unsorted.begin(), unsorted.end(),
+                            [](const Section<T>& a, const Section<T>& b) { return a.first < b.first; });
+    const std::int32_t first = least->first;
+    const std::size_t starts = static_cast<std::size_t>(most->first - first) + 1;
     const auto put = [&](std::size_t to, std::size_t from) {
         sections[to] = unsorted[from];
+        if (own_extras) {
+            extras[to] = unsorted_extras[from];
+        }
         if (own_shapes) {
             shapes[to] = unsorted_shapes[from];
         }

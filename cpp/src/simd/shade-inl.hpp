@@ -121,6 +121,45 @@ HWY_INLINE void load_four(D d, const T* table, const std::int32_t* offsets, V& a
 #endif
 }
 
+/// Records of one vector of values, one a lane.
+template <class D>
+struct LaneRecords {
+    HWY_ALIGN std::int32_t at[hn::MaxLanes(D())];
+};
+
+/// Where to begin to look: at or before the stretch that each value is in.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void look_in_cells(D d, const Cells<T>& cells, V rho, LaneRecords<D>& records) {
+    const hn::Rebind<std::int32_t, D> di;
+    constexpr std::size_t lanes = hn::MaxLanes(D());
+    const V inside = hn::Min(hn::Max(rho, hn::Set(d, cells.first)), hn::Set(d, cells.last));
+    const V cell = hn::Min(hn::Mul(hn::Sub(inside, hn::Set(d, cells.first)), hn::Set(d, cells.per_unit)),
+                           hn::Set(d, cells.last_cell));
+    HWY_ALIGN std::int32_t numbers[lanes];
+    if constexpr (sizeof(T) == 4) {
+        hn::StoreU(hn::ConvertTo(di, cell), di, numbers);
+    } else {
+        hn::StoreU(hn::DemoteTo(di, cell), di, numbers);
+    }
+    for (std::size_t lane = 0; lane < lanes; ++lane) {
+        records.at[lane] = cells.records[static_cast<std::size_t>(numbers[lane])];
+    }
+}
+
+/// Points may lie inside a cell: onwards to the stretch that a value is in. The second number of a record of `size`
+/// is where its stretch ends.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_NOINLINE void go_on(D d, const T* table, std::int32_t size, V rho, LaneRecords<D>& records) {
+    constexpr std::size_t lanes = hn::MaxLanes(D());
+    HWY_ALIGN T values[lanes];
+    hn::StoreU(rho, d, values);
+    for (std::size_t lane = 0; lane < lanes; ++lane) {
+        while (values[lane] >= table[records.at[lane] + 1]) {
+            records.at[lane] += size;
+        }
+    }
+}
+
 /// Looks of one vector of values by records in memory, found through cells.
 template <class D>
 class TableInMemory {
@@ -131,58 +170,31 @@ class TableInMemory {
     explicit TableInMemory(const TransferTable<T>& table) : table_(table) {}
 
     struct Place {
-        HWY_ALIGN std::int32_t record[hn::MaxLanes(D())];
+        LaneRecords<D> records;
         V beyond;
     };
 
     HWY_INLINE V opacity(D d, V rho, Place& place) const {
-        const hn::Rebind<std::int32_t, D> di;
-        constexpr std::size_t lanes = hn::MaxLanes(D());
-        const V inside = hn::Min(hn::Max(rho, hn::Set(d, table_.first)), hn::Set(d, table_.last));
-        const V cell = hn::Min(hn::Mul(hn::Sub(inside, hn::Set(d, table_.first)), hn::Set(d, table_.cells_per_unit)),
-                               hn::Set(d, table_.last_cell));
-        HWY_ALIGN std::int32_t cells[lanes];
-        if constexpr (sizeof(T) == 4) {
-            hn::StoreU(hn::ConvertTo(di, cell), di, cells);
-        } else {
-            hn::StoreU(hn::DemoteTo(di, cell), di, cells);
-        }
-        const std::int32_t* records = table_.cells.data();
-        for (std::size_t lane = 0; lane < lanes; ++lane) {
-            place.record[lane] = records[cells[lane]];
-        }
+        const T* records = table_.records.data();
+        look_in_cells(d, table_.cells, rho, place.records);
         V from, to, opacity, slope;
-        load_four(d, table_.records.data(), place.record, from, to, opacity, slope);
+        load_four(d, records, place.records.at, from, to, opacity, slope);
         if (HWY_UNLIKELY(!hn::AllFalse(d, hn::Ge(rho, to)))) {
-            go_on(d, rho, place);
-            load_four(d, table_.records.data(), place.record, from, to, opacity, slope);
+            go_on(d, records, TransferTable<T>::record, rho, place.records);
+            load_four(d, records, place.records.at, from, to, opacity, slope);
         }
         place.beyond = hn::Max(hn::Sub(rho, from), hn::Zero(d));
         return hn::Min(hn::Max(hn::MulAdd(place.beyond, slope, opacity), hn::Zero(d)), hn::Set(d, T(1)));
     }
     HWY_INLINE Color<D> color(D d, const Place& place) const {
         V red, red_slope, green, green_slope, blue, blue_slope, none, none_slope;
-        load_four(d, table_.records.data() + 4, place.record, red, red_slope, green, green_slope);
-        load_four(d, table_.records.data() + 8, place.record, blue, blue_slope, none, none_slope);
+        load_four(d, table_.records.data() + 4, place.records.at, red, red_slope, green, green_slope);
+        load_four(d, table_.records.data() + 8, place.records.at, blue, blue_slope, none, none_slope);
         return {hn::MulAdd(place.beyond, red_slope, red), hn::MulAdd(place.beyond, green_slope, green),
                 hn::MulAdd(place.beyond, blue_slope, blue)};
     }
 
   private:
-    /// Points may lie inside a cell: onwards to the stretch that a value is in.
-    HWY_NOINLINE void go_on(D d, V rho, Place& place) const {
-        constexpr std::size_t lanes = hn::MaxLanes(D());
-        HWY_ALIGN T values[lanes];
-        hn::StoreU(rho, d, values);
-        for (std::size_t lane = 0; lane < lanes; ++lane) {
-            const T* record = table_.records.data() + place.record[lane];
-            while (values[lane] >= record[1]) {
-                record += TransferTable<T>::record;
-            }
-            place.record[lane] = static_cast<std::int32_t>(record - table_.records.data());
-        }
-    }
-
     const TransferTable<T>& table_;
 };
 
@@ -266,67 +278,156 @@ HWY_INLINE Moments<D> moments(D d, V opacity_from, V opacity_to, V clear_from, V
     return {plain, weighted};
 }
 
+/// Mean absorption per reference length over a linear ramp, and its product with the colour.
+template <class D>
+struct RampSum {
+    hn::Vec<D> absorption;
+    Color<D> color;
+};
+
+/// A stretch's numbers, one vector each: the same in all lanes, or each lane's own.
+template <class D>
+struct RampNumbers {
+    hn::Vec<D> from, to, per_width, opacity, opacity_step, clearness, clearness_step;
+    Color<D> color, color_step;
+};
+
+/// Adds what a ramp has from `begin` to `end`, both inside of the stretch, times its share.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void add_part(D d, const RampNumbers<D>& s, V begin, V end, V share, RampSum<D>& sum) {
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+    // The outermost stretches reach to the largest numbers: differences from there are large, not infinite.
+    const V at_begin = hn::Min(hn::Mul(hn::Sub(begin, s.from), s.per_width), one);
+    const V at_end = hn::Min(hn::Mul(hn::Sub(end, s.from), s.per_width), one);
+    // Rounding must not make an opacity of 1 - 2^-24 one of 1, nor one of 0 less.
+    const auto opacity = [&](V x) { return hn::Max(hn::MulAdd(s.opacity_step, x, s.opacity), zero); };
+    const auto clearness = [&](V x) {
+        return hn::Max(hn::MulAdd(s.clearness_step, x, s.clearness), hn::Set(d, T(0x1p-25)));
+    };
+    const Moments<D> mean = moments(d, opacity(at_begin), opacity(at_end), clearness(at_begin), clearness(at_end));
+    sum.absorption = hn::MulAdd(share, mean.plain, sum.absorption);
+    const auto add = [&](V color, V step, V& to) {
+        const V first = hn::MulAdd(step, at_begin, color), last = hn::MulAdd(step, at_end, color);
+        to = hn::MulAdd(share, hn::MulAdd(first, mean.plain, hn::Mul(hn::Sub(last, first), mean.weighted)), to);
+    };
+    add(s.color.red, s.color_step.red, sum.color.red);
+    add(s.color.green, s.color_step.green, sum.color.green);
+    add(s.color.blue, s.color_step.blue, sum.color.blue);
+}
+
+/// A vector of ramps from `low` to `high`; flat: as good as one value.
+template <class D>
+struct Ramps {
+    hn::Vec<D> low, high, per_span;
+    hn::Mask<D> flat, wanted;
+};
+
+/// Stretch by stretch, where there are few.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_NOINLINE void walk_stretches(D d, const RampTable<T>& table, const Ramps<D>& ramps, RampSum<D>& sum) {
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+    constexpr T largest = std::numeric_limits<T>::max();
+    const T lowest = hn::GetLane(hn::MinOfLanes(d, hn::IfThenElse(ramps.wanted, ramps.low, hn::Set(d, largest))));
+    const T highest = hn::GetLane(hn::MaxOfLanes(d, hn::IfThenElse(ramps.wanted, ramps.high, hn::Set(d, -largest))));
+    for (const RampStretch<T>& s : table.stretches) {
+        if (s.to < lowest || s.from > highest || (s.opacity == T(0) && s.opacity_step == T(0))) {
+            continue;
+        }
+        const V from = hn::Set(d, s.from), to = hn::Set(d, s.to);
+        const V begin = hn::Min(hn::Max(ramps.low, from), to), end = hn::Max(hn::Min(ramps.high, to), from);
+        const auto inside = hn::And(hn::Ge(ramps.low, from), hn::Lt(ramps.low, to));
+        V share =
+            hn::IfThenElse(ramps.flat, hn::IfThenElseZero(inside, one), hn::Mul(hn::Sub(end, begin), ramps.per_span));
+        share = hn::IfThenElseZero(ramps.wanted, share);
+        if (hn::AllFalse(d, hn::Gt(share, zero))) {
+            continue;
+        }
+        add_part(
+            d,
+            RampNumbers<D>{from,
+                           to,
+                           hn::Set(d, s.per_width),
+                           hn::Set(d, s.opacity),
+                           hn::Set(d, s.opacity_step),
+                           hn::Set(d, s.clearness),
+                           hn::Set(d, s.clearness_step),
+                           {hn::Set(d, s.color[0]), hn::Set(d, s.color[1]), hn::Set(d, s.color[2])},
+                           {hn::Set(d, s.color_step[0]), hn::Set(d, s.color_step[1]), hn::Set(d, s.color_step[2])}},
+            begin, end, share, sum);
+    }
+}
+
+/// The first and the last stretch of each ramp, and by integrals what lies between them.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_NOINLINE void add_ends(D d, const RampTable<T>& table, const Ramps<D>& ramps, RampSum<D>& sum) {
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+    const T* numbers = table.records.data();
+    const auto find = [&](V rho, LaneRecords<D>& records, RampNumbers<D>& s) {
+        look_in_cells(d, table.cells, rho, records);
+        V none;
+        load_four(d, numbers, records.at, s.from, s.to, s.per_width, none);
+        if (!hn::AllFalse(d, hn::Ge(rho, s.to))) {
+            go_on(d, numbers, RampTable<T>::record, rho, records);
+            load_four(d, numbers, records.at, s.from, s.to, s.per_width, none);
+        }
+        load_four(d, numbers + 4, records.at, s.opacity, s.opacity_step, s.clearness, s.clearness_step);
+        load_four(d, numbers + 8, records.at, s.color.red, s.color_step.red, s.color.green, s.color_step.green);
+        load_four(d, numbers + 12, records.at, s.color.blue, s.color_step.blue, none, none);
+    };
+    LaneRecords<D> first_records, last_records;
+    RampNumbers<D> first, last;
+    find(ramps.low, first_records, first);
+    const auto longer = hn::AndNot(ramps.flat, hn::And(ramps.wanted, hn::Ge(ramps.high, first.to)));
+    const V end = hn::Min(ramps.high, first.to);
+    const V share = hn::IfThenElse(ramps.flat, one, hn::Mul(hn::Sub(end, ramps.low), ramps.per_span));
+    add_part(d, first, ramps.low, end, hn::IfThenElseZero(ramps.wanted, share), sum);
+    if (hn::AllFalse(d, longer)) {
+        return;
+    }
+    find(ramps.high, last_records, last);
+    // (Ramps that end where they began may be in the outermost stretch, which starts at the smallest number.)
+    const V way = hn::IfThenElseZero(longer, hn::Sub(ramps.high, last.from));
+    add_part(d, last, last.from, ramps.high, hn::Mul(way, ramps.per_span), sum);
+    // From where the stretch after the first one starts to where the last one does.
+    const V factor = hn::IfThenElseZero(longer, ramps.per_span);
+    V none, whole[2][4], rest[2][4];
+    for (int side = 0; side < 2; ++side) {
+        const T* from = numbers + (side == 0 ? RampTable<T>::record : 0);
+        const LaneRecords<D>& records = side == 0 ? first_records : last_records;
+        load_four(d, from + 12, records.at, none, none, whole[side][0], rest[side][0]);
+        load_four(d, from + 16, records.at, whole[side][1], rest[side][1], whole[side][2], rest[side][2]);
+        load_four(d, from + 20, records.at, whole[side][3], rest[side][3], none, none);
+    }
+    const auto add = [&](int which, V& to) {
+        const V between = hn::Add(hn::Sub(whole[1][which], whole[0][which]), hn::Sub(rest[1][which], rest[0][which]));
+        to = hn::MulAdd(between, factor, to);
+    };
+    add(0, sum.absorption);
+    add(1, sum.color.red);
+    add(2, sum.color.green);
+    add(3, sum.color.blue);
+    sum.absorption = hn::Max(sum.absorption, zero);
+}
+
 /// Mean absorption per reference length over the linear ramp between two values, and the colour that goes with it.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_NOINLINE V ramp_absorption(D d, const Shading<T>& shading, V rho_from, V rho_to, hn::Mask<D> wanted,
-                               Color<D>& color) {
+HWY_INLINE V ramp_absorption(D d, const RampTable<T>& table, V rho_from, V rho_to, hn::Mask<D> wanted,
+                             Color<D>& color) {
     const V zero = hn::Zero(d), one = hn::Set(d, T(1));
     const V low = hn::Min(rho_from, rho_to), high = hn::Max(rho_from, rho_to);
     const V span = hn::Sub(high, low);
     // Where the reciprocal would overflow the ramp is as good as one value.
     const auto flat = hn::Lt(span, hn::Set(d, std::numeric_limits<T>::min() * T(16)));
-    const V per_span = hn::Div(one, hn::IfThenElse(flat, one, span));
-    constexpr T largest = std::numeric_limits<T>::max();
-    const T lowest = hn::GetLane(hn::MinOfLanes(d, hn::IfThenElse(wanted, low, hn::Set(d, largest))));
-    const T highest = hn::GetLane(hn::MaxOfLanes(d, hn::IfThenElse(wanted, high, hn::Set(d, -largest))));
-
-    const auto& ramps = shading.ramps;
-    auto stretch = std::upper_bound(ramps.begin() + 1, ramps.end(), lowest,
-                                    [](T value, const RampStretch<T>& r) { return value < r.from; }) -
-                   1;
-    V total = zero;
-    color = {zero, zero, zero};
-    for (; stretch != ramps.end() && stretch->from <= highest; ++stretch) {
-        if (stretch->opacity == T(0) && stretch->opacity_step == T(0)) {
-            continue;
-        }
-        const V from = hn::Set(d, stretch->from), to = hn::Set(d, stretch->to);
-        const V begin = hn::Min(hn::Max(low, from), to), end = hn::Max(hn::Min(high, to), from);
-        const auto inside = hn::And(hn::Ge(low, from), hn::Lt(low, to));
-        V share = hn::IfThenElse(flat, hn::IfThenElseZero(inside, one), hn::Mul(hn::Sub(end, begin), per_span));
-        share = hn::IfThenElseZero(wanted, share);
-        if (hn::AllFalse(d, hn::Gt(share, zero))) {
-            continue;
-        }
-        // The outermost stretches reach to the largest numbers: differences from there would not be finite.
-        V at_begin = zero, at_end = zero;
-        if (stretch->per_width != T(0)) {
-            const V per_width = hn::Set(d, stretch->per_width);
-            at_begin = hn::Min(hn::Mul(hn::Sub(begin, from), per_width), one);
-            at_end = hn::Min(hn::Mul(hn::Sub(end, from), per_width), one);
-        }
-        const auto linear = [&](T start, T step, V x) {
-            return hn::MulAdd(hn::Set(d, step), x, hn::Set(d, start));
-        };
-        // Rounding must not make an opacity of 1 - 2^-24 one of 1, nor one of 0 less.
-        const auto opacity = [&](V x) { return hn::Max(linear(stretch->opacity, stretch->opacity_step, x), zero); };
-        const auto clearness = [&](V x) {
-            return hn::Max(linear(stretch->clearness, stretch->clearness_step, x), hn::Set(d, T(0x1p-25)));
-        };
-        const Moments<D> mean =
-            moments(d, opacity(at_begin), opacity(at_end), clearness(at_begin), clearness(at_end));
-        total = hn::MulAdd(share, mean.plain, total);
-        const auto add = [&](int channel, V sum) {
-            const V first = linear(stretch->color[channel], stretch->color_step[channel], at_begin);
-            const V last = linear(stretch->color[channel], stretch->color_step[channel], at_end);
-            return hn::MulAdd(share,
-                              hn::MulAdd(first, mean.plain, hn::Mul(hn::Sub(last, first), mean.weighted)), sum);
-        };
-        color = {add(0, color.red), add(1, color.green), add(2, color.blue)};
+    const Ramps<D> ramps{low, high, hn::Div(one, hn::IfThenElse(flat, one, span)), flat, wanted};
+    RampSum<D> sum{zero, {zero, zero, zero}};
+    if (table.records.empty()) {
+        walk_stretches(d, table, ramps, sum);
+    } else {
+        add_ends(d, table, ramps, sum);
     }
-    const V per_total = hn::IfThenElse(hn::Gt(total, zero), total, one);
-    color = {hn::Div(color.red, per_total), hn::Div(color.green, per_total), hn::Div(color.blue, per_total)};
-    return total;
+    const V divisor = hn::IfThenElse(hn::Gt(sum.absorption, zero), sum.absorption, one);
+    color = {hn::Div(sum.color.red, divisor), hn::Div(sum.color.green, divisor), hn::Div(sum.color.blue, divisor)};
+    return sum.absorption;
 }
 
 // Light ---------------------------------------------------------------------------------------------------------------
@@ -352,8 +453,8 @@ struct GradientScale {
         across[0] = static_cast<T>(scale[0] * unit);
         across[1] = static_cast<T>(scale[1] * unit);
         along = static_cast<T>(shading.gradient_along * unit);
-        weakest = static_cast<T>(std::clamp(shading.weakest_gradient * unit,
-                                            static_cast<double>(std::numeric_limits<T>::min()), 1e30));
+        weakest = static_cast<T>(
+            std::clamp(shading.weakest_gradient * unit, static_cast<double>(std::numeric_limits<T>::min()), 1e30));
     }
 };
 
@@ -389,16 +490,15 @@ template <bool perspective, class D, class T = hn::TFromD<D>, class V = hn::Vec<
 HWY_INLINE Color<D> shade(D d, const Shading<T>& shading, const Color<D>& color, const Normal<D>& against, T weakest,
                           const Ray<D>& ray, hn::Mask<D> wanted) {
     const V zero = hn::Zero(d);
-    const V size = hn::Sqrt(hn::MulAdd(against.x, against.x, hn::MulAdd(against.y, against.y,
-                                                                        hn::Mul(against.z, against.z))));
+    const V size =
+        hn::Sqrt(hn::MulAdd(against.x, against.x, hn::MulAdd(against.y, against.y, hn::Mul(against.z, against.z))));
     const V per_size = hn::Div(hn::Set(d, T(1)), hn::Max(size, hn::Set(d, weakest)));
     const Normal<D> normal{hn::Mul(against.x, per_size), hn::Mul(against.y, per_size), hn::Mul(against.z, per_size)};
     V to_viewer = normal.z, per_slant = zero;
     if constexpr (perspective) {
         if (shading.specular) {
             per_slant = hn::Div(hn::Set(d, T(1)), ray.slant);
-            to_viewer = hn::Mul(
-                hn::NegMulAdd(normal.x, ray.x, hn::NegMulAdd(normal.y, ray.y, normal.z)), per_slant);
+            to_viewer = hn::Mul(hn::NegMulAdd(normal.x, ray.x, hn::NegMulAdd(normal.y, ray.y, normal.z)), per_slant);
         }
     }
     const V ambient = hn::Set(d, shading.ambient);
@@ -458,8 +558,7 @@ class SlabShader {
     using M = hn::Mask<D>;
 
   public:
-    SlabShader(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
-               TilePicture<T>& picture)
+    SlabShader(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window, TilePicture<T>& picture)
         : shading_(shading), shape_(shape), window_(window), picture_(picture) {}
 
     HWY_INLINE void run() const {
@@ -540,7 +639,8 @@ class SlabShader {
     }
 
     /// Puts alpha > 0, 0 outside of `visible`, behind what a plane holds; counts the pixels that end.
-    HWY_INLINE void put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha, const Color<D>& color) const {
+    HWY_INLINE void put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha,
+                               const Color<D>& color) const {
         const V share = hn::Mul(hn::Sub(hn::Set(d, T(1)), so_far), alpha);
         const V opacity = hn::Add(so_far, share);
         const auto add = [&](T* plane, V channel) {
@@ -554,9 +654,8 @@ class SlabShader {
             const V half = hn::Set(d, T(0.5));
             const auto reached = hn::And(visible, hn::And(hn::Lt(so_far, half), hn::Ge(opacity, half)));
             const double depth = shading_.first_depth + static_cast<double>(window_.n) * shading_.slice_spacing;
-            hn::StoreU(
-                hn::IfThenElse(reached, hn::Set(d, static_cast<T>(depth)), hn::LoadU(d, picture_.depth + at)), d,
-                picture_.depth + at);
+            hn::StoreU(hn::IfThenElse(reached, hn::Set(d, static_cast<T>(depth)), hn::LoadU(d, picture_.depth + at)), d,
+                       picture_.depth + at);
         }
         end_pixels(d, y, hn::And(visible, hn::Ge(opacity, hn::Set(d, shading_.stop))));
     }
@@ -667,16 +766,14 @@ class SlabShader {
                 }
                 const Ray<D> ray = ray_if<perspective>(d, x, y);
                 Color<D> color;
-                const V mean = ramp_absorption(d, shading_, front, back, visible, color);
-                const V alpha =
-                    veil(d, hn::Mul(perspective ? hn::Mul(exponent, ray.slant) : exponent, mean));
+                const V mean = ramp_absorption(d, shading_.ramps, front, back, visible, color);
+                const V alpha = veil(d, hn::Mul(perspective ? hn::Mul(exponent, ray.slant) : exponent, mean));
                 visible = hn::Gt(alpha, zero);
                 if (hn::AllFalse(d, visible)) {
                     continue;
                 }
                 if (shading_.lit) {
-                    const Normal<D> against =
-                        between_slices<perspective>(d, in_sheets, scale, ray, hn::Set(d, T(0.5)));
+                    const Normal<D> against = between_slices<perspective>(d, in_sheets, scale, ray, hn::Set(d, T(0.5)));
                     color = shade<perspective>(d, shading_, color, against, scale.weakest, ray, visible);
                 }
                 put_behind(d, at, y, visible, so_far, alpha, color);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 #include <glm/geometric.hpp>
@@ -68,15 +69,15 @@ std::vector<Stretch<T>> stretches_of(const std::vector<TransferPoint>& points) {
 template <class T>
 void find_limits(const std::vector<Stretch<T>>& stretches, TransferTable<T>& table) {
     constexpr T infinity = std::numeric_limits<T>::infinity();
-    const auto clear = [](const Stretch<T>& s) {
-        return s.from.opacity == 0.0 && (s.constant || s.to.opacity == 0.0);
-    };
+    const auto clear = [](const Stretch<T>& s) { return s.from.opacity == 0.0 && (s.constant || s.to.opacity == 0.0); };
     table.below = infinity;
     table.above = -infinity;
     for (std::size_t n = 0; n < stretches.size(); ++n) {
         if (!clear(stretches[n])) {
             const T start = static_cast<T>(stretches[n].from.value);
-            table.below = stretches[n].from.opacity == 0.0 ? start : n == 0 ? -infinity : std::nextafter(start, -infinity);
+            table.below = stretches[n].from.opacity == 0.0 ? start
+                          : n == 0                         ? -infinity
+                                                           : std::nextafter(start, -infinity);
             break;
         }
     }
@@ -88,35 +89,33 @@ void find_limits(const std::vector<Stretch<T>>& stretches, TransferTable<T>& tab
     }
 }
 
+/// starts: of all stretches; the first one's does not count, since it holds for all smaller values.
 template <class T>
-void make_cells(const std::vector<Stretch<T>>& stretches, TransferTable<T>& table) {
-    const std::size_t count = std::min(most_cells, cells_per_stretch * stretches.size());
-    const auto first = static_cast<T>(stretches.front().from.value);
-    const auto last = static_cast<T>(stretches.back().from.value);
-    table.first = first;
-    table.last = last;
-    table.last_cell = static_cast<T>(count - 1);
+Cells<T> make_cells(const std::vector<T>& starts, int record) {
+    Cells<T> made;
+    const std::size_t count = std::min(most_cells, cells_per_stretch * starts.size());
+    made.first = starts.size() > 1 ? starts[1] : T(0);
+    made.last = starts.size() > 1 ? starts.back() : T(0);
+    made.last_cell = static_cast<T>(count - 1);
     // A little fewer than `count` over the whole range: the starts of evenly spaced stretches then lie at the very end
     // of the cell before, and the search almost never goes on from where it begins.
     const double margin = 8.0 * static_cast<double>(std::numeric_limits<T>::epsilon());
-    const double span = static_cast<double>(last) - static_cast<double>(first);
-    table.cells_per_unit = span > 0.0 ? factor<T>(static_cast<double>(count) / span * (1.0 - margin)) : T(0);
-    const auto cell_of = [&](T value) {
-        const T place = (std::clamp(value, first, last) - first) * table.cells_per_unit;
-        return static_cast<std::size_t>(std::min(place, table.last_cell));
-    };
-    table.cells.assign(count, 0);
+    const double span = static_cast<double>(made.last) - static_cast<double>(made.first);
+    made.per_unit = span > 0.0 ? factor<T>(static_cast<double>(count) / span * (1.0 - margin)) : T(0);
+    made.records.assign(count, 0);
     // Values of a cell may be smaller than a start that lies in it, never than one that lies in a cell before.
     std::size_t cell = 0;
-    for (std::size_t n = 1; n < stretches.size(); ++n) {
-        const std::size_t start = cell_of(static_cast<T>(stretches[n].from.value));
+    for (std::size_t n = 1; n < starts.size(); ++n) {
+        const T place = (std::clamp(starts[n], made.first, made.last) - made.first) * made.per_unit;
+        const auto start = static_cast<std::size_t>(std::min(place, made.last_cell));
         for (; cell <= start; ++cell) {
-            table.cells[cell] = static_cast<std::int32_t>((n - 1) * TransferTable<T>::record);
+            made.records[cell] = static_cast<std::int32_t>(n - 1) * record;
         }
     }
     for (; cell < count; ++cell) {
-        table.cells[cell] = static_cast<std::int32_t>((stretches.size() - 1) * TransferTable<T>::record);
+        made.records[cell] = static_cast<std::int32_t>(starts.size() - 1) * record;
     }
+    return made;
 }
 
 template <class T>
@@ -163,6 +162,79 @@ std::vector<RampStretch<T>> ramps_of(const std::vector<TransferPoint>& points) {
     }
     ramps.push_back(ramp<T>(points.back().value, largest, points.back(), points.back(), true));
     return ramps;
+}
+
+/// Means over a stretch of absorption and of its product with the share of the way: Gauss-Legendre where 1 - opacity
+/// changes by less than a factor of two, else the logarithm's own integrals.
+struct StretchMeans {
+    double plain = 0.0, weighted = 0.0;
+
+    StretchMeans(double opacity, double opacity_step, double clear, double clear_step) {
+        const double to = clear + clear_step;
+        if (std::max(clear, to) > 2.0 * std::min(clear, to)) {
+            const double a = clear * std::log(clear), b = to * std::log(to);
+            plain = 1.0 - (b - a) / clear_step;
+            weighted = (0.25 * clear_step * (to + clear) - 0.5 * (to * b - clear * a) + clear * (b - a - clear_step)) /
+                       (clear_step * clear_step);
+            return;
+        }
+        constexpr double places[] = {0.425562830509184395, 0.283302302935376405, 0.160295215850487797,
+                                     0.0674683166555077446, 0.0130467357414141399};
+        constexpr double shares[] = {0.147762112357376435, 0.134633359654998178, 0.109543181257991022,
+                                     0.0747256745752902966, 0.0333356721543440688};
+        for (int n = 0; n < 5; ++n) {
+            for (const double x : {places[n], 1.0 - places[n]}) {
+                const double a = opacity + opacity_step * x;
+                const double tau = a < 0.5 ? -std::log1p(-a) : -std::log(clear + clear_step * x);
+                plain += shares[n] * tau;
+                weighted += shares[n] * tau * x;
+            }
+        }
+    }
+};
+
+template <class T>
+RampTable<T> make_ramps(const TransferFunction& function, double value_unit) {
+    RampTable<T> table;
+    table.stretches = ramps_of<T>(points_in<T>(function, value_unit));
+    if (table.stretches.size() <= RampTable<T>::most_to_walk) {
+        return table;
+    }
+    constexpr auto record = static_cast<std::size_t>(RampTable<T>::record);
+    const std::size_t count = table.stretches.size();
+    table.records.assign((count + 1) * record, T(0));
+    std::vector<T> starts;
+    long double sums[4] = {};
+    for (std::size_t n = 0; n < count; ++n) {
+        const RampStretch<T>& s = table.stretches[n];
+        starts.push_back(s.from);
+        T* out = table.records.data() + n * record;
+        const T numbers[] = {s.from,      s.to,
+                             s.per_width, T(0),
+                             s.opacity,   s.opacity_step,
+                             s.clearness, s.clearness_step,
+                             s.color[0],  s.color_step[0],
+                             s.color[1],  s.color_step[1],
+                             s.color[2],  s.color_step[2]};
+        std::copy(std::begin(numbers), std::end(numbers), out);
+        for (std::size_t k = 0; k < 4; ++k) {
+            out[14 + 2 * k] = static_cast<T>(sums[k]);
+            out[15 + 2 * k] = static_cast<T>(sums[k] - static_cast<long double>(out[14 + 2 * k]));
+        }
+        // The outermost stretches have no end: no ramp goes all through them.
+        if (n > 0 && n + 1 < count) {
+            const StretchMeans means(static_cast<double>(s.opacity), static_cast<double>(s.opacity_step),
+                                     static_cast<double>(s.clearness), static_cast<double>(s.clearness_step));
+            const double width = static_cast<double>(s.to) - static_cast<double>(s.from);
+            sums[0] += width * means.plain;
+            for (std::size_t c = 0; c < 3; ++c) {
+                sums[c + 1] += width * (static_cast<double>(s.color[c]) * means.plain +
+                                        static_cast<double>(s.color_step[c]) * means.weighted);
+            }
+        }
+    }
+    table.cells = make_cells(starts, RampTable<T>::record);
+    return table;
 }
 
 template <class T>
@@ -217,7 +289,11 @@ TransferTable<T> make_transfer_table(const TransferFunction& function, double va
         }
     }
     find_limits(stretches, table);
-    make_cells(stretches, table);
+    std::vector<T> starts;
+    for (const Stretch<T>& s : stretches) {
+        starts.push_back(static_cast<T>(s.from.value));
+    }
+    table.cells = make_cells(starts, record);
     return table;
 }
 
@@ -236,15 +312,14 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.stop = plan.mode == Mode::isosurface ? T(0.5)
                    : plan.stop ? std::max(static_cast<T>(scene.opacity_stop), std::numeric_limits<T>::min())
                                : T(1);
-    shading.scalar_step =
-        number<T>(plan.mode == Mode::xray ? plan.value_unit * frame.slice_spacing : plan.value_unit);
+    shading.scalar_step = number<T>(plan.mode == Mode::xray ? plan.value_unit * frame.slice_spacing : plan.value_unit);
     shading.coverage_step = number<T>(frame.slice_spacing);
 
     const TransferFunction& function = scene.transfer_function;
     if (plan.mode == Mode::composite) {
         shading.transfer = make_transfer_table<T>(function, plan.value_unit);
         if (plan.preintegration) {
-            shading.ramps = ramps_of<T>(points_in<T>(function, plan.value_unit));
+            shading.ramps = make_ramps<T>(function, plan.value_unit);
         }
     } else if (plan.mode == Mode::isosurface) {
         const TransferPoint at = function.at(*scene.iso_value);

@@ -10,7 +10,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <type_traits>
+#include <vector>
 
 #include "hwy/highway.h"
 #include "math-inl.hpp"
@@ -20,6 +22,43 @@ HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::simd::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
+
+/// What of a tile's sheets can still be seen, in blocks of 8 by 8 pixels.
+struct Live {
+    static constexpr int blocks = 8;
+    static constexpr int most_block = 8;
+
+    Rect rect;
+    std::uint64_t alive = ~std::uint64_t{0}; ///< bit 8 row + column
+
+    explicit Live(const TileShape& shape) : rect{0, 0, shape.width + 2, shape.height + 2} {}
+
+    /// bits: a row of pixels each.
+    void set(const std::vector<std::uint64_t>& bits) {
+        alive = 0;
+        for (std::size_t y = 0; y < bits.size(); ++y) {
+            std::uint64_t row = bits[y];
+            // A byte that holds any bit becomes 1.
+            row |= row >> 4;
+            row |= row >> 2;
+            row |= row >> 1;
+            row &= 0x0101010101010101ULL;
+            alive |= ((row * 0x0102040810204080ULL) >> 56) << (8 * (y / most_block));
+        }
+    }
+
+    /// Whether some block that a box touches is alive. Pixels beyond column 63 and row 63 belong to the last blocks.
+    [[nodiscard]] HWY_INLINE bool sees(int x0, int y0, int x1, int y1) const {
+        if (alive == ~std::uint64_t{0}) {
+            return true;
+        }
+        const int left = std::min(x0 / most_block, 7), right = std::min((x1 - 1) / most_block, 7);
+        const int top = std::min(y0 / most_block, 7), bottom = std::min((y1 - 1) / most_block, 7);
+        const std::uint64_t columns = ((std::uint64_t{2} << right) - (std::uint64_t{1} << left)) * 0x0101010101010101ULL;
+        const std::uint64_t rows = (~std::uint64_t{0} << (8 * top)) & (~std::uint64_t{0} >> (8 * (7 - bottom)));
+        return (alive & columns & rows) != 0;
+    }
+};
 
 /// Most pixels along an edge of a tile's sheets, rounded up to whole vectors.
 constexpr int most_edge = 160;
@@ -125,35 +164,46 @@ HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const 
 template <class T, class Sheets, class Touch>
 class Splatter {
   public:
-    Splatter(const LoopSetup<T>& setup, const PartProfile<T>& profile, const Sheets& sheets, const Touch& touch)
-        : setup_(setup), profile_(profile), sheets_(sheets), touch_(touch) {}
+    Splatter(const LoopSetup<T>& setup, const PartProfile<T>& profile, const Live& live, const Sheets& sheets,
+             const Touch& touch)
+        : setup_(setup), profile_(profile), live_(live), sheets_(sheets), touch_(touch) {}
 
     /// Returns how many sections were drawn.
-    HWY_INLINE int draw(const Section<T>& section, const RowShape<T>& shape, std::int32_t from, std::int32_t past,
-                        const Rect& live) const {
-        const Rect box{std::max<int>(section.x0, live.x0), std::max<int>(section.y0, live.y0),
-                       std::min<int>(section.x1, live.x1), std::min<int>(section.y1, live.y1)};
+    HWY_INLINE int draw(const Section<T>& section, const SectionExtra<T>& extra, const RowShape<T>& shape,
+                        std::int32_t from, std::int32_t past) const {
+        const Rect box{std::max<int>(extra.x0, live_.rect.x0), std::max<int>(extra.y0, live_.rect.y0),
+                       std::min<int>(extra.x1, live_.rect.x1), std::min<int>(extra.y1, live_.rect.y1)};
         if (box.empty()) {
             return 0;
         }
+        const T weight = extra.weight;
         if (setup_.slab) {
-            return profile_.weight_channel >= 0 ? slabs<true>(section, shape, from, past, box)
-                                                : slabs<false>(section, shape, from, past, box);
+            return profile_.weight_channel >= 0 ? slabs<true>(section, weight, shape, from, past, box)
+                                                : slabs<false>(section, weight, shape, from, past, box);
         }
         const bool upright = shape.Y1 == T(0) && shape.d1 == T(0) && shape.d2 == T(0) && !setup_.perspective;
         if (profile_.weight_channel >= 0) {
-            return upright ? spheres<true>(section, shape, from, past, box)
-                           : ellipses<true>(section, shape, from, past, box);
+            return upright ? spheres<true>(section, weight, shape, from, past, box)
+                           : ellipses<true>(section, weight, shape, from, past, box);
         }
-        return upright ? spheres<false>(section, shape, from, past, box)
-                       : ellipses<false>(section, shape, from, past, box);
+        return upright ? spheres<false>(section, weight, shape, from, past, box)
+                       : ellipses<false>(section, weight, shape, from, past, box);
     }
 
   private:
     /// One Gaussian along each of x, y and depth serves all sections of a kernel.
     template <bool with_weight>
-    HWY_INLINE int spheres(const Section<T>& section, const RowShape<T>& shape, std::int32_t from, std::int32_t past,
-                           const Rect& box) const {
+    HWY_INLINE int spheres(const Section<T>& section, T weight, const RowShape<T>& shape, std::int32_t from,
+                           std::int32_t past, const Rect& room) const {
+        const T per_X = T(1) / shape.X, per_Y = T(1) / std::abs(shape.Y2);
+        const T middle_x = -section.a1 * per_X, middle_y = -section.a2 / shape.Y2;
+        const Rect box{whole(std::ceil(middle_x - per_X), room.x0, room.x1),
+                       whole(std::ceil(middle_y - per_Y), room.y0, room.y1),
+                       whole(std::floor(middle_x + per_X) + T(1), room.x0, room.x1),
+                       whole(std::floor(middle_y + per_Y) + T(1), room.y0, room.y1)};
+        if (box.empty() || !live_.sees(box.x0, box.y0, box.x1, box.y1)) {
+            return 0;
+        }
         HWY_ALIGN T bell_x[most_edge];
         HWY_ALIGN T bell_y[most_edge];
         HWY_ALIGN T bell_z[covered_slices + 16];
@@ -182,7 +232,7 @@ class Splatter {
             for (int slice = 0; slice < count;) {
                 const auto add = [&](auto together) {
                     separable_rows<with_weight, together.value>(d, to + slice, bell_x, bell_y, bell_z + slice,
-                                                                profile_.edge, section.value, section.weight, start,
+                                                                profile_.edge, section.value, weight, start,
                                                                 box.x1, box.y0, box.y1);
                     slice += together.value;
                 };
@@ -219,8 +269,8 @@ class Splatter {
     /// where the column is brightest, and anew every few rows, so that errors do not grow. Where the ellipse is so thin
     /// that a vector spans powers of two beyond the format, rows are evaluated one by one.
     template <bool with_weight>
-    HWY_INLINE int ellipses(const Section<T>& section, const RowShape<T>& shape, std::int32_t from, std::int32_t past,
-                            const Rect& box) const {
+    HWY_INLINE int ellipses(const Section<T>& section, T weight, const RowShape<T>& shape, std::int32_t from,
+                            std::int32_t past, const Rect& box) const {
         int drawn = 0;
         for (std::int32_t n = from; n < past; ++n) {
             const T along = static_cast<T>(n - section.first);
@@ -252,13 +302,17 @@ class Splatter {
             const T reach_x = root * steep * std::abs(per_Y2) * per_X;
             const int x0 = whole(std::ceil(middle_x - reach_x), box.x0, box.x1);
             const int x1 = whole(std::floor(middle_x + reach_x) + T(1), box.x0, box.x1);
-            if (x0 >= x1) {
+            if (x0 >= x1 || !live_.sees(x0, y0, x1, y1)) {
                 continue;
             }
             const Target<T> to = sheets_(n);
             const hn::CappedTag<T, 8> d;
-            const T across = T(1) + static_cast<T>(hn::Lanes(d) - 1) * e.X;
-            if (profile_.falloff_log2 * (across * across + T(1)) < deepest()) {
+            const hn::CappedTag<T, 16> wide;
+            const auto walks = [&](auto tag) {
+                const T across = T(1) + static_cast<T>(hn::Lanes(tag) - 1) * e.X;
+                return profile_.falloff_log2 * (across * across + T(1)) < deepest();
+            };
+            if (walks(d)) {
                 e.middle_x = middle_x;
                 e.middle_y = middle_y;
                 e.rest = rest;
@@ -269,9 +323,13 @@ class Splatter {
                 e.per_width2 = width * width;
                 // Where along x the ellipse's first and last rows are.
                 e.tip = std::abs(e.Y1 * per_Y2 * per_X) * root;
-                walk<with_weight>(d, to, e, section, x0, x1, y0, y1);
+                if (x1 - x0 > static_cast<int>(hn::Lanes(d)) && walks(wide)) {
+                    walk<with_weight>(wide, to, e, section.value, weight, x0, x1, y0, y1);
+                } else {
+                    walk<with_weight>(d, to, e, section.value, weight, x0, x1, y0, y1);
+                }
             } else {
-                rows<with_weight>(d, to, e, rest, per_X, section, x0, x1, y0, y1);
+                rows<with_weight>(d, to, e, rest, per_X, section.value, weight, x0, x1, y0, y1);
             }
             touch_(n, Rect{x0, y0, x1, y1});
             ++drawn;
@@ -287,16 +345,16 @@ class Splatter {
     /// Powers of two that a vector may span before its least lanes vanish: less than the format has, by what a walk adds.
     static constexpr T deepest() { return sizeof(T) == 4 ? T(118) : T(1000); }
     /// Rows of a walk: errors grow with the square, to some 50 roundings.
-    static constexpr int walked_rows = sizeof(T) == 4 ? 12 : 24;
+    static constexpr int walked_rows = sizeof(T) == 4 ? 20 : 48;
 
     template <bool with_weight, class D>
-    HWY_INLINE void walk(D d, const Target<T>& to, const Ellipse& e, const Section<T>& section, int x0, int x1, int y0,
+    HWY_INLINE void walk(D d, const Target<T>& to, const Ellipse& e, T value_t, T weight_t, int x0, int x1, int y0,
                          int y1) const {
         const int lanes = static_cast<int>(hn::Lanes(d));
         const T k = profile_.falloff_log2;
         const T second = -T(2) * k * (e.Y1 * e.Y1 + e.Y2 * e.Y2);
         const auto q = exp2_nonpositive(d, hn::Set(d, second));
-        const auto value = hn::Set(d, section.value), weight = hn::Set(d, section.weight);
+        const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
         const auto edge = hn::Set(d, profile_.edge);
         const auto minus_k = hn::Set(d, -k);
         for (int x = start_of<T>(x0, x1, lanes); x < x1; x += lanes) {
@@ -323,55 +381,58 @@ class Splatter {
             }
             const int ridge = whole(T(0.5) * (at_low + at_high), first, past - 1);
             const auto columns = hn::MulAdd(hn::Set(d, e.X), hn::Iota(d, static_cast<T>(x)), hn::Set(d, e.a1));
-            const auto go = [&](int begin, int end, int step) {
-                for (int y = begin; y != end;) {
-                    const int rows_left = (end - y) * step;
-                    const int stop = rows_left > walked_rows ? y + walked_rows * step : end;
-                    const T row = static_cast<T>(y);
-                    const auto q1 = hn::Add(columns, hn::Set(d, e.Y1 * row));
-                    const T q2 = e.Y2 * row + e.a2;
-                    const T y1_step = e.Y1 * static_cast<T>(step), y2_step = e.Y2 * static_cast<T>(step);
-                    const auto r2 = hn::MulAdd(q1, q1, hn::Set(d, q2 * q2 + e.s2));
-                    auto g = exp2_nonpositive(d, hn::Mul(minus_k, r2));
-                    // r^2 one row on less r^2 here.
-                    const auto change = hn::MulAdd(hn::Set(d, T(2) * y1_step), q1,
-                                                   hn::Set(d, y1_step * y1_step + y2_step * (T(2) * q2 + y2_step)));
-                    auto h = exp2_any(d, hn::Mul(minus_k, change));
-                    T* values = to.value + static_cast<std::ptrdiff_t>(y) * to.stride + x;
-                    T* weights = with_weight ? to.weight + static_cast<std::ptrdiff_t>(y) * to.stride + x : nullptr;
-                    const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(to.stride) * step;
-                    for (; y != stop; y += step) {
-                        add_bell<with_weight>(d, hn::Sub(g, edge), value, weight, values, weights);
-                        g = hn::Mul(g, h);
-                        h = hn::Mul(h, q);
-                        values += stride;
-                        if constexpr (with_weight) {
-                            weights += stride;
-                        }
+            // Upwards and downwards from the ridge; the factors of the one follow from those of the other.
+            const auto add_rows = [&](int y, int end, int step, auto g, auto h) {
+                T* values = to.value + static_cast<std::ptrdiff_t>(y) * to.stride + x;
+                T* weights = with_weight ? to.weight + static_cast<std::ptrdiff_t>(y) * to.stride + x : nullptr;
+                const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(to.stride) * step;
+                for (; y != end; y += step) {
+                    add_bell<with_weight>(d, hn::Sub(g, edge), value, weight, values, weights);
+                    g = hn::Mul(g, h);
+                    h = hn::Mul(h, q);
+                    values += stride;
+                    if constexpr (with_weight) {
+                        weights += stride;
                     }
                 }
             };
-            go(ridge, past, 1);
-            go(ridge - 1, first - 1, -1);
+            const auto bell_at = [&](int y, int step, auto& g, auto& h) {
+                const T row = static_cast<T>(y);
+                const auto q1 = hn::Add(columns, hn::Set(d, e.Y1 * row));
+                const T q2 = e.Y2 * row + e.a2;
+                const T y1_step = e.Y1 * static_cast<T>(step), y2_step = e.Y2 * static_cast<T>(step);
+                const auto r2 = hn::MulAdd(q1, q1, hn::Set(d, q2 * q2 + e.s2));
+                g = exp2_nonpositive(d, hn::Mul(minus_k, r2));
+                // r^2 one row on less r^2 here.
+                const auto change = hn::MulAdd(hn::Set(d, T(2) * y1_step), q1,
+                                               hn::Set(d, y1_step * y1_step + y2_step * (T(2) * q2 + y2_step)));
+                h = exp2_any(d, hn::Mul(minus_k, change));
+            };
+            auto g = hn::Zero(d), h = hn::Zero(d);
+            for (int y = ridge; y < past; y += walked_rows) {
+                bell_at(y, 1, g, h);
+                add_rows(y, std::min(y + walked_rows, past), 1, g, h);
+            }
+            for (int y = ridge - 1; y >= first; y -= walked_rows) {
+                bell_at(y, -1, g, h);
+                add_rows(y, std::max(y - walked_rows, first - 1), -1, g, h);
+            }
         }
     }
 
-    /// 2^x for the walks' x: what is beyond the format's largest is not needed, since it meets a 0.
+    /// 2^x, for exponents that the format has; above them what is not needed, since it meets a 0.
     template <class D, class V>
     HWY_INLINE V exp2_any(D d, V x) const {
-        const V limit = hn::Set(d, deepest());
-        const V up = exp2_nonpositive(d, hn::Max(hn::Min(x, hn::Zero(d)), hn::Neg(limit)));
-        const V down = exp2_nonpositive(d, hn::Neg(hn::Min(hn::Max(x, hn::Zero(d)), limit)));
-        return hn::Div(up, down);
+        return exp2_nonpositive(d, hn::Min(x, hn::Set(d, deepest())));
     }
 
     template <bool with_weight, class D>
-    HWY_INLINE void rows(D d, const Target<T>& to, const Ellipse& e, T rest, T per_X, const Section<T>& section, int x0,
+    HWY_INLINE void rows(D d, const Target<T>& to, const Ellipse& e, T rest, T per_X, T value_t, T weight_t, int x0,
                          int x1, int y0, int y1) const {
         const int lanes = static_cast<int>(hn::Lanes(d));
         const auto scale = hn::Set(d, -profile_.falloff_log2);
         const auto edge = hn::Set(d, profile_.edge);
-        const auto value = hn::Set(d, section.value), weight = hn::Set(d, section.weight);
+        const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
         for (int y = y0; y < y1; ++y) {
             const T q2 = e.Y2 * static_cast<T>(y) + e.a2;
             const T inside = rest - q2 * q2;
@@ -396,15 +457,18 @@ class Splatter {
     /// Means over slabs along the rays of the pixels: closed form over the chord where it is long against the Gaussian,
     /// quadrature where the difference of two erf would cancel.
     template <bool with_weight>
-    HWY_INLINE int slabs(const Section<T>& section, const RowShape<T>& shape, std::int32_t from, std::int32_t past,
-                         const Rect& box) const {
+    HWY_INLINE int slabs(const Section<T>& section, T weight_t, const RowShape<T>& shape, std::int32_t from,
+                         std::int32_t past, const Rect& box) const {
+        if (!live_.sees(box.x0, box.y0, box.x1, box.y1)) {
+            return 0;
+        }
         const hn::CappedTag<T, 16> d;
         using V = hn::Vec<decltype(d)>;
         const int lanes = static_cast<int>(hn::Lanes(d));
         const V zero = hn::Zero(d), one = hn::Set(d, T(1)), half_slab = hn::Set(d, T(0.5));
         const V k = hn::Set(d, -profile_.falloff_log2), edge = hn::Set(d, profile_.edge);
         const V root_k = hn::Set(d, profile_.root_falloff);
-        const V value = hn::Set(d, section.value), weight = hn::Set(d, section.weight);
+        const V value = hn::Set(d, section.value), weight = hn::Set(d, weight_t);
         const V w3 = hn::Set(d, shape.ds);
         int drawn = 0;
         for (std::int32_t n = from; n < past; ++n) {
@@ -499,6 +563,7 @@ class Splatter {
 
     const LoopSetup<T>& setup_;
     const PartProfile<T>& profile_;
+    const Live& live_;
     const Sheets& sheets_;
     const Touch& touch_;
 };

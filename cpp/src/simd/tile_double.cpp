@@ -6,14 +6,15 @@
 #include "hwy/foreach_target.h"
 // (foreach_target includes this file once for each set, ahead of the others.)
 #include "hwy/highway.h"
+#include "feed-inl.hpp"
 #include "tile_loop-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::simd::HWY_NAMESPACE {
 
-void run_tile_double(const LoopSetup<double>& setup, const TileShape& shape, TileScratch<double>& scratch,
-                    const std::function<bool()>& between) {
-    run_tile(setup, shape, scratch, between);
+const TileFunctions<double>* functions_double() {
+    static constexpr TileFunctions<double> functions{&feed_rows<double>, &feed_kernels<double>, &run_tile<double>};
+    return &functions;
 }
 
 } // namespace sheetsplat::simd::HWY_NAMESPACE
@@ -23,25 +24,25 @@ HWY_AFTER_NAMESPACE();
 
 namespace sheetsplat::simd {
 
-TileFunction<double> tile_function_double(InstructionSet set) {
+const TileFunctions<double>* tile_functions_double(InstructionSet set) {
     switch (set) {
     case InstructionSet::baseline:
-        return &HWY_STATIC_DISPATCH(run_tile_double);
+        return HWY_STATIC_DISPATCH(functions_double)();
 #if HWY_TARGETS & HWY_SSE4
     case InstructionSet::sse4:
-        return &N_SSE4::run_tile_double;
+        return N_SSE4::functions_double();
 #endif
 #if HWY_TARGETS & HWY_AVX2
     case InstructionSet::avx2:
-        return &N_AVX2::run_tile_double;
+        return N_AVX2::functions_double();
 #endif
 #if HWY_TARGETS & HWY_AVX3
     case InstructionSet::avx512:
-        return &N_AVX3::run_tile_double;
+        return N_AVX3::functions_double();
 #endif
 #if HWY_TARGETS & HWY_NEON
     case InstructionSet::neon:
-        return &N_NEON::run_tile_double;
+        return N_NEON::functions_double();
 #endif
     default:
         return nullptr;

@@ -6,14 +6,15 @@
 #include "hwy/foreach_target.h"
 // (foreach_target includes this file once for each set, ahead of the others.)
 #include "hwy/highway.h"
+#include "feed-inl.hpp"
 #include "tile_loop-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::simd::HWY_NAMESPACE {
 
-void run_tile_float(const LoopSetup<float>& setup, const TileShape& shape, TileScratch<float>& scratch,
-                    const std::function<bool()>& between) {
-    run_tile(setup, shape, scratch, between);
+const TileFunctions<float>* functions_float() {
+    static constexpr TileFunctions<float> functions{&feed_rows<float>, &feed_kernels<float>, &run_tile<float>};
+    return &functions;
 }
 
 } // namespace sheetsplat::simd::HWY_NAMESPACE
@@ -23,25 +24,25 @@ HWY_AFTER_NAMESPACE();
 
 namespace sheetsplat::simd {
 
-TileFunction<float> tile_function_float(InstructionSet set) {
+const TileFunctions<float>* tile_functions_float(InstructionSet set) {
     switch (set) {
     case InstructionSet::baseline:
-        return &HWY_STATIC_DISPATCH(run_tile_float);
+        return HWY_STATIC_DISPATCH(functions_float)();
 #if HWY_TARGETS & HWY_SSE4
     case InstructionSet::sse4:
-        return &N_SSE4::run_tile_float;
+        return N_SSE4::functions_float();
 #endif
 #if HWY_TARGETS & HWY_AVX2
     case InstructionSet::avx2:
-        return &N_AVX2::run_tile_float;
+        return N_AVX2::functions_float();
 #endif
 #if HWY_TARGETS & HWY_AVX3
     case InstructionSet::avx512:
-        return &N_AVX3::run_tile_float;
+        return N_AVX3::functions_float();
 #endif
 #if HWY_TARGETS & HWY_NEON
     case InstructionSet::neon:
-        return &N_NEON::run_tile_float;
+        return N_NEON::functions_float();
 #endif
     default:
         return nullptr;

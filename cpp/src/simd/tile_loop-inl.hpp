@@ -10,7 +10,9 @@
 #endif
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 
 #include "hwy/highway.h"
@@ -26,7 +28,7 @@ class TileLoop {
   public:
     TileLoop(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch)
         : setup_(setup), shape_(shape), scratch_(scratch), elements_(shape.sheet_elements()),
-          live_{0, 0, shape.width + 2, shape.height + 2} {}
+          live_(shape) {}
 
     void run(const std::function<bool()>& between) {
         std::int64_t n = next_start();
@@ -117,14 +119,20 @@ class TileLoop {
                 slot.touched.add(rect);
                 last_touched_ = std::max<std::int64_t>(last_touched_, slice);
             };
-            const Splatter splatter(setup_, profile, sheets, touch);
+            const Splatter splatter(setup_, profile, live_, sheets, touch);
+            const bool shared_shape = kernels.shapes.size() == 1, shared_extra = kernels.extras.empty();
             const auto draw = [&](std::uint32_t number) {
                 const Section<T>& section = kernels.sections[number];
-                const RowShape<T>& row_shape = kernels.shapes[kernels.shapes.size() == 1 ? 0 : number];
-                const std::int64_t past = std::min<std::int64_t>(section.last + std::int64_t{1}, n + covered_slices);
-                drawn_ += static_cast<std::uint64_t>(splatter.draw(section, row_shape, static_cast<std::int32_t>(n),
-                                                                   static_cast<std::int32_t>(past), live_));
-                if (past <= section.last) {
+                const RowShape<T>& row_shape = kernels.shapes[shared_shape ? 0 : number];
+                const SectionExtra<T> extra = shared_extra ? extra_of(kernels, section, row_shape) : kernels.extras[number];
+                const std::int64_t past = std::min<std::int64_t>(extra.last + std::int64_t{1}, n + covered_slices);
+                if (past <= n) {
+                    return;
+                }
+                drawn_ += static_cast<std::uint64_t>(splatter.draw(section, extra, row_shape,
+                                                                   static_cast<std::int32_t>(n),
+                                                                   static_cast<std::int32_t>(past)));
+                if (past <= extra.last) {
                     again.push_back({static_cast<std::uint32_t>(part), number});
                     last_touched_ = std::max(last_touched_, past);
                 }
@@ -142,6 +150,19 @@ class TileLoop {
         again.erase(again.begin(), again.begin() + static_cast<std::ptrdiff_t>(waiting));
         scratch_.sections_drawn += drawn_;
         drawn_ = 0;
+    }
+
+    /// What is the same for all kernels of a lattice, or follows.
+    [[nodiscard]] HWY_INLINE SectionExtra<T> extra_of(const TileKernels<T>& kernels, const Section<T>& section,
+                                                      const RowShape<T>& row_shape) const {
+        SectionExtra<T> extra;
+        extra.weight = kernels.weight;
+        const T further = std::floor((T(1) + section.s) / -row_shape.ds);
+        extra.last = static_cast<std::int32_t>(
+            std::min(static_cast<T>(section.first) + std::max(further, T(-1)), static_cast<T>(kernels.last_slice)));
+        extra.x1 = static_cast<std::int16_t>(shape_.width + 2);
+        extra.y1 = static_cast<std::int16_t>(shape_.height + 2);
+        return extra;
     }
 
     /// rho of a slice, in the place of the sums of the fields that share sheets; W of all in its own channel.
@@ -209,7 +230,7 @@ class TileLoop {
         }
     }
 
-    /// Rows of the sheets that some pixel still looks at, for itself or for its gradient.
+    /// What of the sheets some pixel still looks at, for itself or for its gradient.
     void shrink() {
         const int* rows = scratch_.planes.row_alive;
         int first = 0, past = shape_.height;
@@ -219,8 +240,40 @@ class TileLoop {
         while (past > first && rows[past - 1] == 0) {
             --past;
         }
-        live_.y0 = first;
-        live_.y1 = past + 2;
+        live_.rect.y0 = first;
+        live_.rect.y1 = past + 2;
+        if (shape_.width + 2 > Live::blocks * Live::most_block || ++changes_ % 4 != 0) {
+            return;
+        }
+        // One bit a pixel that is alive, with its neighbours; then one a block.
+        const hn::CappedTag<T, 16> d;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const auto stop = hn::Set(d, setup_.shading->stop);
+        std::vector<std::uint64_t>& bits = scratch_.alive_rows;
+        bits.assign(static_cast<std::size_t>(shape_.height) + 2, 0);
+        const std::uint64_t inside = (std::uint64_t{1} << shape_.width) - 1;
+        for (int y = first; y < past; ++y) {
+            if (rows[y] == 0) {
+                continue;
+            }
+            std::uint64_t row = 0;
+            for (int x = 0; x < shape_.width; x += lanes) {
+                const auto alive =
+                    hn::Lt(hn::LoadU(d, scratch_.planes.alpha + static_cast<std::ptrdiff_t>(y) * shape_.stride + x), stop);
+                std::uint8_t packed[8] = {};
+                hn::StoreMaskBits(d, alive, packed);
+                std::uint64_t word = 0;
+                std::memcpy(&word, packed, sizeof word);
+                row |= word << x;
+            }
+            row &= inside;
+            // Pixel x of the picture is column x + 1 of the sheets.
+            const std::uint64_t spread = row | row << 1 | row << 2;
+            for (int around = 0; around < 3; ++around) {
+                bits[static_cast<std::size_t>(y + around)] |= spread;
+            }
+        }
+        live_.set(bits);
     }
 
     void release(std::int64_t n) {
@@ -250,7 +303,8 @@ class TileLoop {
     const TileShape& shape_;
     TileScratch<T>& scratch_;
     std::size_t elements_;
-    Rect live_;
+    Live live_;
+    unsigned changes_ = 0;
     Slot slots_[ring_slots];
     std::vector<std::size_t> next_ = std::vector<std::size_t>(scratch_.kernels.size(), 0);
     std::int64_t last_touched_ = -1;

@@ -50,7 +50,9 @@ class Case:
     points
         Of the transfer function.
     distance
-        Of slices and of VTK's samples, world units; opacities refer to it.
+        Of slices and of VTK's samples, world units.
+    unit
+        World units to which opacities refer.
     lower, edge
         Corner and edge of the cube that is looked at.
     opacity_stop
@@ -67,6 +69,7 @@ class Case:
     volume: Volume | None
     points: tuple[Point, ...]
     distance: float
+    unit: float
     lower: tuple[float, float, float]
     edge: float
     opacity_stop: float
@@ -77,7 +80,7 @@ class Case:
         """Return the scene; `others` are options of :class:`sheetsplat.Scene` and win."""
         settings: dict[str, Any] = {
             "slice_spacing": self.distance,
-            "reference_length": self.distance,
+            "reference_length": self.unit,
             "opacity_stop": self.opacity_stop,
             "lights": [ss.Light((0.0, 0.0, 1.0))] if shaded else [],
             "material": MATERIAL,
@@ -97,9 +100,21 @@ class Case:
 
 
 def _of_dataset(name: str, title: str, made: datasets.Dataset, points: tuple[Point, ...], share: float) -> Case:
-    edge = made.spacing[0] * (made.shape[2] - 1)
-    volume = Volume(made.values, made.spacing, made.origin)
-    return Case(name, title, made.field(), volume, points, made.spacing[0], made.origin, edge, 0.98, "cpu", share)
+    step = made.spacing[0]
+    return Case(
+        name=name,
+        title=title,
+        field=made.field(),
+        volume=Volume(made.values, made.spacing, made.origin),
+        points=points,
+        distance=step,
+        unit=step,
+        lower=made.origin,
+        edge=step * (made.shape[2] - 1),
+        opacity_stop=0.98,
+        peer="cpu",
+        share=share,
+    )
 
 
 def _points_of(made: datasets.Dataset) -> tuple[Point, ...]:
@@ -131,20 +146,34 @@ def spheres(count: int, edge: float, seed: int = 2006) -> ss.EllipsoidField:
     return ss.EllipsoidField(centers, 2.0 + 2.0 * drawn[:, 3], None, 0.5 + 0.5 * drawn[:, 4], normalization="none")
 
 
-def _scattered(name: str, title: str, field: ss.EllipsoidField, edge: float) -> Case:
-    return Case(name, title, field, None, _SCATTERED_POINTS, 1.0, (0.0, 0.0, 0.0), edge, 1.0, "gpu", 0.5)
+def _scattered(name: str, title: str, field: ss.EllipsoidField, edge: float, distance: float) -> Case:
+    return Case(
+        name=name,
+        title=title,
+        field=field,
+        volume=None,
+        points=_SCATTERED_POINTS,
+        distance=distance,
+        unit=1.0,
+        lower=(0.0, 0.0, 0.0),
+        edge=edge,
+        opacity_stop=1.0,
+        peer="gpu",
+        share=0.5,
+    )
 
 
 def _spheres(options: Options) -> Case:
     edge = options.edge(128)
     count = max(64, round(100_000 * (edge / 128) ** 3))
-    return _scattered("spheres", f"{count:,} Gaussians of radius 2-4 in {edge}", spheres(count, edge), edge)
+    # At a distance of 1 a flat picture comes to 45 dB of the converged one only.
+    return _scattered("spheres", f"{count:,} Gaussians of radius 2-4 in {edge}", spheres(count, edge), edge, 0.75)
 
 
 def _ellipsoids(options: Options) -> Case:
     edge = options.edge(128)
     count = max(64, round(35_000 * (edge / 128) ** 3))
-    return _scattered("ellipsoids", f"{count:,} ellipsoids to 1:20 in {edge}", ellipsoids(count, edge), edge)
+    return _scattered("ellipsoids", f"{count:,} ellipsoids to 1:20 in {edge}", ellipsoids(count, edge), edge, 1.0)
 
 
 #: How each scene is made, by its name.

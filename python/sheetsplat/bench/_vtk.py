@@ -10,6 +10,8 @@ import importlib
 import importlib.util
 import multiprocessing
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -102,11 +104,12 @@ class Vtk:
     def __init__(self) -> None:
         if importlib.util.find_spec("vtk") is None:
             raise VtkMissing("the package vtk is not installed (pip install vtk, or the extra sheetsplat[bench])")
-        context = multiprocessing.get_context("spawn")
-        self._pipe, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(other,), daemon=True)
-        self._process.start()
-        other.close()
+        # Not a child of multiprocessing: that would run the caller's own script once more.
+        self._pipe, other = multiprocessing.Pipe()
+        script = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve(int(sys.argv[1]))"
+        with other:
+            command = [sys.executable, "-c", script, str(other.fileno())]
+            self._process = subprocess.Popen(command, pass_fds=(other.fileno(),))
         try:
             self.version = str(self._ask("version"))
         except VtkMissing:
@@ -125,9 +128,11 @@ class Vtk:
             self._pipe.send(None)
         except OSError:
             pass
-        self._process.join(5.0)
-        if self._process.is_alive():
-            self._process.terminate()
+        try:
+            self._process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
         self._pipe.close()
 
     def show(self, caster: Caster, volume: Volume, look: Look) -> str:
@@ -171,8 +176,9 @@ class Vtk:
 # ------------------------------------------------------------------------------------------------- the other process
 
 
-def _serve(pipe: Connection) -> None:
-    """Answer questions until there are no more."""
+def serve(handle: int) -> None:
+    """Answer what is asked through a pipe, until there are no more questions."""
+    pipe: Any = Connection(handle)
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     shown: dict[str, _Window] = {}

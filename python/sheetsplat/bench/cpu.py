@@ -211,7 +211,7 @@ def _beside(
     first = shot(one, scene, cameras[-1], size)[2]
     look = Look(
         case.points,
-        case.distance,
+        case.unit,
         case.distance,
         MATERIAL if shaded else None,
         size,
@@ -657,7 +657,7 @@ def _converged(options: Options, vtk: Vtk | None, goals: list[Goal]) -> list[Row
             one = renderer(options)
             scene = case.scene(shaded=False)
             finer = [
-                case.scene(shaded=False, slice_spacing=case.distance / parts, reference_length=case.distance)
+                case.scene(shaded=False, slice_spacing=case.distance / parts, reference_length=case.unit)
                 for parts in (8, 16)
             ]
             fine = [one.render(finer[1], camera, size=options.size) for camera in cameras]
@@ -672,7 +672,7 @@ def _converged(options: Options, vtk: Vtk | None, goals: list[Goal]) -> list[Row
             }
             if vtk is not None:
                 try:
-                    look = Look(case.points, case.distance, case.distance, None, options.size, 2)
+                    look = Look(case.points, case.unit, case.distance, None, options.size, 2)
                     volume = gridded(case.field, case.edge, options.edge(GRID))
                     for caster in CASTERS:
                         vtk.show(caster, volume, look)
@@ -698,7 +698,7 @@ def steepness(case: Case) -> float:
     """Return how steep opacity and colours are, times the slice distance over the reference length, over the range."""
     table = np.array(case.points)
     rise = np.abs(np.diff(table[:, 1:], axis=0)) / np.diff(table[:, 0])[:, None]
-    return float(rise.max() * (table[-1, 0] - table[0, 0]))
+    return float(rise.max() * (table[-1, 0] - table[0, 0]) * case.distance / case.unit)
 
 
 def _errors(options: Options, goals: list[Goal]) -> list[Row]:

@@ -1,4 +1,4 @@
-// The GL backend against the float64 reference, over everything that a regular field can be asked for.
+// The backends gl and cpu against the float64 reference, over everything that a regular field can be asked for.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -59,12 +59,12 @@ Camera askew(const Field& field, Projection projection) {
 
 Difference against_reference(const Scene& scene, const Camera& camera, Size size, RendererOptions options,
                              const Outputs& outputs, const std::string& name) {
-    options.backend = Backend::gl;
-    Renderer gl(options);
+    Renderer renderer(options);
     RendererOptions exact;
     exact.backend = Backend::reference;
     Renderer reference(exact);
-    const Image picture = gl.render(scene, camera, size, outputs);
+    const Image picture = renderer.render(scene, camera, size, outputs);
+    EXPECT_EQ(picture.plan->backend, options.backend) << name;
     const Image judge = reference.render(scene, camera, size, outputs);
     const bool scalar = !judge.scalar.empty();
     const Difference difference =
@@ -73,8 +73,8 @@ Difference against_reference(const Scene& scene, const Camera& camera, Size size
     for (float value : scalar ? judge.scalar : judge.rgba) {
         largest = std::max(largest, std::abs(double(value)));
     }
-    std::printf("%-70s rmse %.2e p99.9 %.2e max %.2e (largest %.3f)\n", name.c_str(), difference.rmse, difference.p99_9,
-                difference.maximum, largest);
+    std::printf("%-9s %-70s rmse %.2e p99.9 %.2e max %.2e (largest %.3f)\n", to_string(options.backend), name.c_str(),
+                difference.rmse, difference.p99_9, difference.maximum, largest);
     EXPECT_GT(largest, 0.05) << name;
     if (outputs.coverage) {
         EXPECT_LT(compare(picture.coverage, judge.coverage, 1).rmse, 2e-5) << name << " coverage";
@@ -91,14 +91,34 @@ bool gl_available() {
     return false;
 }
 
-class Matrix
-    : public ::testing::TestWithParam<std::tuple<Mode, Sampling, Projection, Lattice, Normalization, Packing>> {};
+/// What draws: a backend, and on gl how slices lie in its buffers.
+enum class Way { wide, paper, cpu };
+const char* to_string(Way way) { return way == Way::wide ? "wide" : way == Way::paper ? "paper" : "cpu"; }
+
+RendererOptions options_of(Way way) {
+    RendererOptions options;
+    options.backend = way == Way::cpu ? Backend::cpu : Backend::gl;
+    options.packing = way == Way::paper ? Packing::paper : way == Way::wide ? Packing::wide : Packing::automatic;
+    return options;
+}
+
+/// Options of each backend that is here.
+std::vector<RendererOptions> each_backend() {
+    std::vector<RendererOptions> all;
+    if (gl_available()) {
+        all.push_back(options_of(Way::wide));
+    }
+    all.push_back(options_of(Way::cpu));
+    return all;
+}
+
+class Matrix : public ::testing::TestWithParam<std::tuple<Mode, Sampling, Projection, Lattice, Normalization, Way>> {};
 
 TEST_P(Matrix, IsTheReferencesPicture) {
-    if (!gl_available()) {
+    const auto [mode, sampling, projection, lattice, normalization, way] = GetParam();
+    if (way != Way::cpu && !gl_available()) {
         GTEST_SKIP() << "no OpenGL context can be made here";
     }
-    const auto [mode, sampling, projection, lattice, normalization, packing] = GetParam();
     RegularFieldOptions field_options;
     field_options.lattice = lattice;
     field_options.normalization = normalization;
@@ -114,8 +134,7 @@ TEST_P(Matrix, IsTheReferencesPicture) {
             {{0.1 * c, {0.1, 0.2, 0.9}, 0.0}, {0.5 * c, {0.2, 0.9, 0.3}, 0.15}, {1.1 * c, {1.0, 0.8, 0.2}, 0.6}});
         scene.iso_value = 0.45 * c;
     }
-    RendererOptions options;
-    options.packing = packing;
+    const RendererOptions options = options_of(way);
     const std::string name = std::string(mode == Mode::composite    ? "composite"
                                          : mode == Mode::isosurface ? "iso"
                                          : mode == Mode::xray       ? "xray"
@@ -126,7 +145,7 @@ TEST_P(Matrix, IsTheReferencesPicture) {
                              (normalization == Normalization::none      ? " none"
                               : normalization == Normalization::lattice ? " lattice"
                                                                         : " threshold") +
-                             " " + to_string(packing);
+                             " " + to_string(way);
     const Difference difference = against_reference(scene, askew(*field, projection), {48, 40}, options, {}, name);
     if (mode == Mode::isosurface) {
         EXPECT_LT(difference.rmse, 1e-4);
@@ -144,7 +163,7 @@ INSTANTIATE_TEST_SUITE_P(All, Matrix,
                                             ::testing::Values(Lattice::cartesian, Lattice::bcc),
                                             ::testing::Values(Normalization::none, Normalization::lattice,
                                                               Normalization::threshold),
-                                            ::testing::Values(Packing::wide, Packing::paper)));
+                                            ::testing::Values(Way::wide, Way::paper, Way::cpu)));
 
 struct Draw {
     const char* name;
@@ -153,6 +172,9 @@ struct Draw {
     std::map<std::string, bool> effects;
     int tile_size;
     int tags_per_clear;
+    Backend backend = Backend::gl;
+    Precision precision = Precision::automatic;
+    int threads = 0;
 };
 
 std::ostream& operator<<(std::ostream& out, const Draw& draw) { return out << draw.name; }
@@ -168,21 +190,22 @@ Scene dense(const std::shared_ptr<const RegularField>& field) {
 }
 
 TEST_P(Drawing, IsTheReferencesPicture) {
-    if (!gl_available()) {
+    const Draw& draw = GetParam();
+    if (draw.backend == Backend::gl && !gl_available()) {
         GTEST_SKIP() << "no OpenGL context can be made here";
     }
-    const Draw& draw = GetParam();
     RendererOptions options;
+    options.backend = draw.backend;
+    options.precision = draw.precision;
+    options.threads = draw.threads;
     options.packing = draw.packing;
     options.tagging = draw.tagging;
     options.effects = draw.effects;
     options.tile_size = draw.tile_size;
     options.tags_per_clear = draw.tags_per_clear;
     if (draw.tagging == Tagging::depth_bounds) {
-        RendererOptions asked = options;
-        asked.backend = Backend::gl;
         try {
-            Renderer probe(asked);
+            Renderer probe(options);
             auto field = blobs({});
             static_cast<void>(probe.plan(scene_of(field), askew(*field, Projection::orthographic), {8, 8}));
         } catch (const Unsupported&) {
@@ -244,6 +267,27 @@ std::vector<Draw> draws() {
             }
         }
     }
+    const auto on_cpu = [&](const char* name, std::map<std::string, bool> effects, int tile,
+                            Precision precision = Precision::automatic, int threads = 0) {
+        list.push_back({name, Packing::automatic, Tagging::automatic, std::move(effects), tile, 0, Backend::cpu,
+                        precision, threads});
+    };
+    on_cpu("cpu", {}, 0);
+    on_cpu("cpu in tiles", {}, 31);
+    on_cpu("cpu in small tiles", {}, 8);
+    on_cpu("cpu float64", {}, 0, Precision::float64);
+    on_cpu("cpu float64 in tiles", {}, 31, Precision::float64);
+    on_cpu("cpu one thread", {}, 0, Precision::automatic, 1);
+    on_cpu("cpu five threads", {}, 17, Precision::automatic, 5);
+    on_cpu("cpu no culling", {{"culling", false}}, 0);
+    on_cpu("cpu everything on",
+           {{"weight", true},
+            {"empty_test", true},
+            {"specular", true},
+            {"opacity_correction", true},
+            {"opacity_stop", true},
+            {"general_sections", true}},
+           0);
     return list;
 }
 
@@ -310,9 +354,6 @@ TEST(AgainstReference, OpacityBufferDropsKernelsAndNoPixel) {
 }
 
 TEST(AgainstReference, ThickSlabsReachWhereTheirChordsDo) {
-    if (!gl_available()) {
-        GTEST_SKIP() << "no OpenGL context can be made here";
-    }
     // Opacity above 0 at 0: a point that a support just meets is not empty, however little it adds.
     for (const auto& [spacing, falloff] : {std::pair{1.0, 20.0}, {2.0, 5.0}, {1.0, 10.0}}) {
         RegularFieldOptions options;
@@ -323,39 +364,39 @@ TEST(AgainstReference, ThickSlabsReachWhereTheirChordsDo) {
         scene.lights.clear();
         scene.opacity_stop = 1.0;
         scene.transfer_function = TransferFunction({{0.0, {0.1, 0.2, 0.9}, 0.1}, {1.1, {1.0, 0.8, 0.2}, 0.2}});
-        const Difference difference =
-            against_reference(scene, askew(*scene.fields[0], Projection::orthographic), {64, 64}, {}, {},
-                              "thick slabs, falloff " + std::to_string(falloff));
-        EXPECT_LT(difference.maximum, 1e-3);
-        EXPECT_LT(difference.rmse, 2e-5);
+        for (const RendererOptions& backend : each_backend()) {
+            const Difference difference =
+                against_reference(scene, askew(*scene.fields[0], Projection::orthographic), {64, 64}, backend, {},
+                                  "thick slabs, falloff " + std::to_string(falloff));
+            EXPECT_LT(difference.maximum, 1e-3);
+            EXPECT_LT(difference.rmse, 2e-5);
+        }
     }
 }
 
 TEST(AgainstReference, OpaqueIntervalsKeepTheirAbsorption) {
-    if (!gl_available()) {
-        GTEST_SKIP() << "no OpenGL context can be made here";
-    }
     auto field = blobs({});
     Scene scene = scene_of(field);
     scene.preintegration = true;
     scene.reference_length = 10.0;
     scene.opacity_stop = 1.0;
     scene.transfer_function = TransferFunction({{0.1, {0.1, 0.2, 0.9}, 0.0}, {0.3, {0.2, 0.9, 0.3}, 1.0}});
-    RendererOptions options;
-    for (const bool compensated : {false, true}) {
-        options.effects = {{"compensation", compensated}};
-        const Difference difference =
-            against_reference(scene, askew(*field, Projection::orthographic), {48, 40}, options, {},
-                              compensated ? "opaque intervals, compensated" : "opaque intervals");
-        EXPECT_LT(difference.rmse, 2e-5);
-        EXPECT_LT(difference.p99_9, 2e-4);
+    for (RendererOptions options : each_backend()) {
+        for (const bool compensated : {false, true}) {
+            if (compensated && options.backend == Backend::cpu) {
+                continue;
+            }
+            options.effects = {{"compensation", compensated}};
+            const Difference difference =
+                against_reference(scene, askew(*field, Projection::orthographic), {48, 40}, options, {},
+                                  compensated ? "opaque intervals, compensated" : "opaque intervals");
+            EXPECT_LT(difference.rmse, 2e-5);
+            EXPECT_LT(difference.p99_9, 2e-4);
+        }
     }
 }
 
-TEST(AgainstReference, NarrowWindowsFarFromZeroAreRefused) {
-    if (!gl_available()) {
-        GTEST_SKIP() << "no OpenGL context can be made here";
-    }
+TEST(AgainstReference, NarrowWindowsFarFromZeroAreRefusedOrDrawnInFloat64) {
     RegularFieldOptions field_options;
     field_options.normalization = Normalization::threshold;
     std::vector<float> samples(6 * 6 * 6);
@@ -367,19 +408,23 @@ TEST(AgainstReference, NarrowWindowsFarFromZeroAreRefused) {
     scene.transfer_function = TransferFunction({{100000.0, {1, 1, 1}, 0.0}, {100001.0, {1, 0, 0}, 0.5}});
     scene.iso_value = 100000.5;
     RendererOptions options;
-    options.backend = Backend::gl;
+    const Camera camera = askew(*field, Projection::orthographic);
     for (const Mode mode : {Mode::composite, Mode::isosurface}) {
         scene.mode = mode;
-        EXPECT_THROW(
-            static_cast<void>(Renderer(options).render(scene, askew(*field, Projection::orthographic), {16, 16})),
-            Unsupported);
+        if (gl_available()) {
+            options.backend = Backend::gl;
+            EXPECT_THROW(static_cast<void>(Renderer(options).render(scene, camera, {16, 16})), Unsupported);
+        }
+        options.backend = Backend::cpu;
+        EXPECT_TRUE(Renderer(options).plan(scene, camera, {16, 16}).has("float64"));
+        EXPECT_LT(against_reference(scene, camera, {16, 16}, options, {}, "narrow window").rmse, 1e-4);
+        options.precision = Precision::float32;
+        EXPECT_THROW(static_cast<void>(Renderer(options).render(scene, camera, {16, 16})), Unsupported);
+        options.precision = Precision::automatic;
     }
 }
 
 TEST(AgainstReference, ExtremesAreRightOrRefused) {
-    if (!gl_available()) {
-        GTEST_SKIP() << "no OpenGL context can be made here";
-    }
     auto field = blobs({});
     const Scene unlit = [&] {
         Scene scene = scene_of(field);
@@ -390,39 +435,48 @@ TEST(AgainstReference, ExtremesAreRightOrRefused) {
     const auto look = [&](double height, double distance) {
         return Camera::orthographic(centre + Vec3(0, 0, distance), centre, Vec3(0, 1, 0), height);
     };
-    // Magnified until a kernel spans a thousand million pixels; beyond a bound, refused.
-    for (const double height : {1e-3, 1e-6, 1e-8}) {
-        EXPECT_LT(against_reference(unlit, look(height, 30.0), {32, 32}, {}, {},
-                                    "height " + std::to_string(std::log10(height)))
-                      .rmse,
-                  1e-4);
+    for (const RendererOptions& options : each_backend()) {
+        const bool gl = options.backend == Backend::gl;
+        const auto error = [&](const Scene& scene, const Camera& camera, const std::string& name) {
+            return against_reference(scene, camera, {32, 32}, options, {}, name);
+        };
+        // Magnified until a kernel spans a thousand million pixels; beyond a bound, refused.
+        for (const double height : {1e-3, 1e-6, 1e-8}) {
+            EXPECT_LT(error(unlit, look(height, 30.0), "height " + std::to_string(std::log10(height))).rmse, 1e-4);
+        }
+        Renderer renderer(options);
+        EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(1e-20, 30.0), {32, 32})), Unsupported);
+        // So far away that float32 does not know where a kernel lies on the screen.
+        if (gl) {
+            EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(1e5, 30.0), {33, 33})), Unsupported);
+        } else {
+            EXPECT_TRUE(renderer.plan(unlit, look(1e5, 30.0), {33, 33}).has("float64"));
+        }
+        // Depths that float64 cannot tell apart.
+        EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(12.0, 1e17), {32, 32})), InvalidInput);
+        EXPECT_LT(error(unlit, look(16.0, 1e8), "far eye").rmse, 1e-4);
+        // A reference length that float32 cannot hold.
+        Scene tiny = unlit;
+        tiny.reference_length = 1e-40;
+        EXPECT_LT(error(tiny, look(16.0, 30.0), "tiny reference length").p99_9, 1e-3);
+        // A stop that float32 cannot hold: pixels stop at their first opacity, but they are not black.
+        Scene stop = unlit;
+        stop.opacity_stop = 1e-40;
+        const Image stopped = renderer.render(stop, look(16.0, 30.0), {32, 32});
+        EXPECT_GT(*std::max_element(stopped.rgba.begin(), stopped.rgba.end()), 0.01F);
+        RegularFieldOptions flat;
+        flat.falloff = 0.05;
+        Scene flat_scene = unlit;
+        flat_scene.fields = {blobs(flat)};
+        EXPECT_LT(error(flat_scene, look(16.0, 30.0), "falloff 0.05").rmse, 1e-4);
+        flat.falloff = 1e-6;
+        flat_scene.fields = {blobs(flat)};
+        if (gl) {
+            EXPECT_THROW(static_cast<void>(renderer.render(flat_scene, look(16.0, 30.0), {32, 32})), Unsupported);
+        } else {
+            EXPECT_LT(error(flat_scene, look(16.0, 30.0), "falloff 1e-6").rmse, 1e-4);
+        }
     }
-    RendererOptions options;
-    options.backend = Backend::gl;
-    Renderer renderer(options);
-    EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(1e-20, 30.0), {32, 32})), Unsupported);
-    // So far away that float32 does not know where a kernel lies on the screen.
-    EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(1e5, 30.0), {33, 33})), Unsupported);
-    // Depths that float64 cannot tell apart.
-    EXPECT_THROW(static_cast<void>(renderer.render(unlit, look(12.0, 1e17), {32, 32})), InvalidInput);
-    EXPECT_LT(against_reference(unlit, look(16.0, 1e8), {32, 32}, {}, {}, "far eye").rmse, 1e-4);
-    // A reference length that float32 cannot hold.
-    Scene tiny = unlit;
-    tiny.reference_length = 1e-40;
-    EXPECT_LT(against_reference(tiny, look(16.0, 30.0), {32, 32}, {}, {}, "tiny reference length").p99_9, 1e-3);
-    // A stop that float32 cannot hold: pixels stop at their first opacity, but they are not black.
-    Scene stop = unlit;
-    stop.opacity_stop = 1e-40;
-    const Image stopped = renderer.render(stop, look(16.0, 30.0), {32, 32});
-    EXPECT_GT(*std::max_element(stopped.rgba.begin(), stopped.rgba.end()), 0.01F);
-    RegularFieldOptions flat;
-    flat.falloff = 0.05;
-    Scene flat_scene = unlit;
-    flat_scene.fields = {blobs(flat)};
-    EXPECT_LT(against_reference(flat_scene, look(16.0, 30.0), {32, 32}, {}, {}, "falloff 0.05").rmse, 1e-4);
-    flat.falloff = 1e-6;
-    flat_scene.fields = {blobs(flat)};
-    EXPECT_THROW(static_cast<void>(renderer.render(flat_scene, look(16.0, 30.0), {32, 32})), Unsupported);
 }
 
 TEST(AgainstReference, PreshadedSplattingIsAnotherPicture) {
@@ -446,9 +500,6 @@ TEST(AgainstReference, PreshadedSplattingIsAnotherPicture) {
 }
 
 TEST(AgainstReference, PreintegrationCoverageDepthAndBackground) {
-    if (!gl_available()) {
-        GTEST_SKIP() << "no OpenGL context can be made here";
-    }
     auto field = blobs({});
     for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
         for (const bool preintegration : {false, true}) {
@@ -458,20 +509,26 @@ TEST(AgainstReference, PreintegrationCoverageDepthAndBackground) {
             scene.background = Vec3(0.2, 0.3, 0.4);
             scene.transfer_function = TransferFunction(
                 {{-0.2, {0, 0, 1}, 0.05}, {0.3, {0, 1, 0}, 0.05}, {0.3, {1, 1, 0}, 0.5}, {0.8, {1, 0, 0}, 1.0}});
-            const Difference difference =
-                against_reference(scene, askew(*field, projection), {48, 40}, {}, {true, true},
-                                  std::string("all outputs") + (preintegration ? " preintegrated" : "") +
-                                      (projection == Projection::perspective ? " persp" : " ortho"));
-            EXPECT_LT(difference.rmse, 1e-4);
-            EXPECT_LT(difference.p99_9, 1e-3);
+            for (const RendererOptions& options : each_backend()) {
+                const Difference difference =
+                    against_reference(scene, askew(*field, projection), {48, 40}, options, {true, true},
+                                      std::string("all outputs") + (preintegration ? " preintegrated" : "") +
+                                          (projection == Projection::perspective ? " persp" : " ortho"));
+                EXPECT_LT(difference.rmse, 1e-4);
+                EXPECT_LT(difference.p99_9, 1e-3);
+            }
         }
     }
 }
 
-TEST(AgainstReference, SpacingAndCloseUps) {
-    if (!gl_available()) {
+class CloseUps : public ::testing::TestWithParam<Way> {};
+
+TEST_P(CloseUps, AreTheReferencesPicture) {
+    const Way way = GetParam();
+    if (way != Way::cpu && !gl_available()) {
         GTEST_SKIP() << "no OpenGL context can be made here";
     }
+    const RendererOptions options = options_of(way);
     RegularFieldOptions uneven;
     uneven.spacing = Vec3(1.0, 0.6, 2.3);
     for (const Sampling sampling : {Sampling::point, Sampling::slab}) {
@@ -482,31 +539,26 @@ TEST(AgainstReference, SpacingAndCloseUps) {
             const std::string words = std::string(sampling == Sampling::slab ? " slab" : " point") +
                                       (projection == Projection::perspective ? " persp" : " ortho");
             Difference difference =
-                against_reference(scene, askew(*field, projection), {48, 40}, {}, {}, "unequal spacing" + words);
+                against_reference(scene, askew(*field, projection), {48, 40}, options, {}, "unequal spacing" + words);
             EXPECT_LT(difference.rmse, 2e-5);
             EXPECT_LT(difference.p99_9, 2e-4);
             auto cube = blobs({});
             RegularFieldOptions thresholded;
             thresholded.normalization = Normalization::threshold;
             auto weighted = blobs(thresholded);
-            for (const Packing packing : {Packing::wide, Packing::paper}) {
-                for (const double zoom : {0.1, 1e-3}) {
-                    Scene close = scene_of(weighted);
-                    close.sampling = sampling;
-                    close.slice_spacing = zoom == 0.1 ? 1.0 : 0.05;
-                    const Vec3 centre = weighted->centres_world().centre();
-                    const Vec3 eye = centre + Vec3(11, 8, 17);
-                    const Camera camera = projection == Projection::orthographic
-                                              ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
-                                              : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
-                    RendererOptions options;
-                    options.packing = packing;
-                    difference =
-                        against_reference(close, camera, {24, 24}, options, {},
-                                          "threshold zoom " + std::to_string(zoom) + words + " " + to_string(packing));
-                    EXPECT_LT(difference.rmse, 2e-5);
-                    EXPECT_LT(difference.p99_9, 2e-4);
-                }
+            for (const double zoom : {0.1, 1e-3}) {
+                Scene close = scene_of(weighted);
+                close.sampling = sampling;
+                close.slice_spacing = zoom == 0.1 ? 1.0 : 0.05;
+                const Vec3 centre = weighted->centres_world().centre();
+                const Vec3 eye = centre + Vec3(11, 8, 17);
+                const Camera camera = projection == Projection::orthographic
+                                          ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
+                                          : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
+                difference = against_reference(close, camera, {24, 24}, options, {},
+                                               "threshold zoom " + std::to_string(zoom) + words + " " + to_string(way));
+                EXPECT_LT(difference.rmse, 2e-5);
+                EXPECT_LT(difference.p99_9, 2e-4);
             }
             for (const double zoom : {0.1, 1e-2, 1e-3, 1e-4, 1e-6}) {
                 Scene close = scene_of(cube);
@@ -516,7 +568,8 @@ TEST(AgainstReference, SpacingAndCloseUps) {
                 const Camera camera = projection == Projection::orthographic
                                           ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
                                           : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
-                difference = against_reference(close, camera, {40, 40}, {}, {}, "zoom " + std::to_string(zoom) + words);
+                difference =
+                    against_reference(close, camera, {40, 40}, options, {}, "zoom " + std::to_string(zoom) + words);
                 EXPECT_LT(difference.rmse, 2e-5);
                 EXPECT_LT(difference.p99_9, 2e-4);
             }
@@ -524,7 +577,7 @@ TEST(AgainstReference, SpacingAndCloseUps) {
                 Scene thin = scene_of(cube);
                 thin.sampling = sampling;
                 thin.slice_spacing = spacing;
-                difference = against_reference(thin, askew(*cube, projection), {32, 32}, {}, {},
+                difference = against_reference(thin, askew(*cube, projection), {32, 32}, options, {},
                                                "slices " + std::to_string(spacing) + words);
                 EXPECT_LT(difference.rmse, 2e-5);
                 EXPECT_LT(difference.p99_9, 2e-4);
@@ -532,6 +585,9 @@ TEST(AgainstReference, SpacingAndCloseUps) {
         }
     }
 }
+
+INSTANTIATE_TEST_SUITE_P(All, CloseUps, ::testing::Values(Way::wide, Way::paper, Way::cpu),
+                         [](const auto& parameter) { return std::string(to_string(parameter.param)); });
 
 } // namespace
 } // namespace sheetsplat

@@ -66,8 +66,14 @@ Camera askew(double height = 1.6) {
     return Camera::orthographic(middle + Vec3(1.5, 1.05, 2.4), middle, Vec3(0, 1, 0), height);
 }
 
+/// mode: an effect of backend gl, or "cpu".
 RendererOptions with(const std::string& mode, std::map<std::string, bool> effects = {}) {
     RendererOptions options;
+    if (mode == "cpu") {
+        options.backend = Backend::cpu;
+        options.effects = std::move(effects);
+        return options;
+    }
     options.backend = Backend::gl;
     options.effects = std::move(effects);
     options.effects[mode] = true;
@@ -99,6 +105,8 @@ Image by_reference(const Scene& scene, const Camera& camera, Size size, const Ou
 }
 
 const std::vector<std::string> modes{"paper_slicing", "gather"};
+const std::vector<std::string> modes_and_cpu{"paper_slicing", "gather", "cpu"};
+bool is_here(const std::string& mode) { return mode == "cpu" || gl_available; }
 
 struct Trial {
     const char* name;
@@ -112,14 +120,14 @@ std::ostream& operator<<(std::ostream& out, const Trial& trial) { return out << 
 class RandomFields : public ::testing::TestWithParam<Trial> {};
 
 TEST_P(RandomFields, AreTheReferencesPicture) {
-    if (!gl_available) {
-        GTEST_SKIP() << "no OpenGL context can be made here";
-    }
     const Trial& trial = GetParam();
     Scene scene = scene_of(cloud(trial.kernels, trial.radius, trial.aspect));
     scene.slice_spacing = trial.slice_spacing;
     const Image judge = by_reference(scene, askew(), trial.size);
-    for (const std::string& mode : modes) {
+    for (const std::string& mode : modes_and_cpu) {
+        if (!is_here(mode)) {
+            continue;
+        }
         Renderer renderer(with(mode));
         Image picture;
         try {
@@ -133,7 +141,7 @@ TEST_P(RandomFields, AreTheReferencesPicture) {
         const Difference difference = between(picture, judge, mode + " " + trial.name);
         EXPECT_LT(difference.rmse, 2e-5);
         EXPECT_LT(difference.p99_9, 2e-4);
-        EXPECT_TRUE(picture.plan->has(mode));
+        EXPECT_TRUE(mode == "cpu" || picture.plan->has(mode));
     }
 }
 
@@ -148,7 +156,7 @@ INSTANTIATE_TEST_SUITE_P(All, RandomFields,
 struct Case {
     const char* name;
     std::function<void(Scene&)> change;
-    std::vector<std::string> drawn_by = modes;
+    std::vector<std::string> drawn_by = modes_and_cpu;
     std::map<std::string, bool> effects{};
     std::function<void(RendererOptions&)> choose{};
     double rmse = 2e-5, p99_9 = 2e-4;
@@ -158,9 +166,6 @@ std::ostream& operator<<(std::ostream& out, const Case& one) { return out << one
 class EllipsoidModes : public ::testing::TestWithParam<Case> {};
 
 TEST_P(EllipsoidModes, AreTheReferencesPicture) {
-    if (!gl_available) {
-        GTEST_SKIP() << "no OpenGL context can be made here";
-    }
     const Case& one = GetParam();
     Scene scene = scene_of(cloud(150, 0.14, 5.0, 7));
     one.change(scene);
@@ -174,6 +179,9 @@ TEST_P(EllipsoidModes, AreTheReferencesPicture) {
         Camera::orthographic(middle + scale * Vec3(1.5, 1.05, 2.4), middle, Vec3(0, 1, 0), 1.5 * scale);
     const Image judge = by_reference(scene, camera, {50, 44}, outputs);
     for (const std::string& mode : one.drawn_by) {
+        if (!is_here(mode)) {
+            continue;
+        }
         RendererOptions options = with(mode, one.effects);
         if (one.choose) {
             one.choose(options);
@@ -239,7 +247,7 @@ INSTANTIATE_TEST_SUITE_P(
                  s.mode = Mode::isosurface;
                  s.iso_value = 0.4;
              },
-             modes,
+             modes_and_cpu,
              {},
              {},
              1e-4,
@@ -254,7 +262,7 @@ INSTANTIATE_TEST_SUITE_P(
              [](Scene& s) { s.fields = {cloud(150, 0.14, 5.0, 7, normalized(Normalization::threshold, 1.0, 1.0))}; }},
         Case{"falloff 30",
              [](Scene& s) { s.fields = {cloud(150, 0.25, 5.0, 7, normalized(Normalization::threshold, 0.5, 30.0))}; }},
-        Case{"opaque at 0", [](Scene& s) { s.transfer_function = opaque_at_0(); }, modes, {}, {}, 1e-4, 1e-3},
+        Case{"opaque at 0", [](Scene& s) { s.transfer_function = opaque_at_0(); }, modes_and_cpu, {}, {}, 1e-4, 1e-3},
         Case{"saturating, eliminated",
              [](Scene& s) { s.transfer_function = saturating(); },
              modes,
@@ -264,7 +272,7 @@ INSTANTIATE_TEST_SUITE_P(
              modes,
              {{"opacity_buffer", true}}},
         Case{"without tags", [](Scene&) {}, modes, {}, [](RendererOptions& o) { o.tagging = Tagging::off; }},
-        Case{"small tiles", [](Scene&) {}, modes, {}, [](RendererOptions& o) { o.tile_size = 17; }},
+        Case{"small tiles", [](Scene&) {}, modes_and_cpu, {}, [](RendererOptions& o) { o.tile_size = 17; }},
         Case{"depth tags", [](Scene&) {}, paper, {}, [](RendererOptions& o) { o.tagging = Tagging::depth_equal; }},
         Case{"restarted depth tags",
              [](Scene&) {},
@@ -274,7 +282,13 @@ INSTANTIATE_TEST_SUITE_P(
                  o.tagging = Tagging::depth_equal;
                  o.tags_per_clear = 3;
              }},
-        Case{"far away", [](Scene& s) { s.fields = {moved(1.0, Vec3(1e9, -2e9, 0.5e9))}; }, modes, {}, {}, 1e-4, 1e-3},
+        Case{"far away",
+             [](Scene& s) { s.fields = {moved(1.0, Vec3(1e9, -2e9, 0.5e9))}; },
+             modes_and_cpu,
+             {},
+             {},
+             1e-4,
+             1e-3},
         Case{"tiny world",
              [](Scene& s) {
                  s.fields = {moved(1e-6, Vec3(0.0))};

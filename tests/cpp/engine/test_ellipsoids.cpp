@@ -73,12 +73,12 @@ Camera askew(const Field& field, Projection projection, double margin = 1.0) {
 
 Difference against_reference(const Scene& scene, const Camera& camera, Size size, RendererOptions options,
                              const std::string& name, const Outputs& outputs = {}) {
-    options.backend = Backend::gl;
-    Renderer gl(options);
+    Renderer renderer(options);
     RendererOptions exact;
     exact.backend = Backend::reference;
     Renderer reference(exact);
-    const Image picture = gl.render(scene, camera, size, outputs);
+    const Image picture = renderer.render(scene, camera, size, outputs);
+    EXPECT_EQ(picture.plan->backend, options.backend) << name;
     const Image judge = reference.render(scene, camera, size, outputs);
     const bool scalar = !judge.scalar.empty();
     double largest = 0.0;
@@ -104,27 +104,37 @@ Difference against_reference(const Scene& scene, const Camera& camera, Size size
     return difference;
 }
 
-class Ellipsoids : public ::testing::TestWithParam<std::tuple<double, Mode, Sampling, Projection, Packing>> {};
+/// What draws: a backend, and on gl how slices lie in its buffers.
+enum class Way { wide, paper, cpu };
+const char* to_string(Way way) { return way == Way::wide ? "wide" : way == Way::paper ? "paper" : "cpu"; }
+
+RendererOptions options_of(Way way) {
+    RendererOptions options;
+    options.backend = way == Way::cpu ? Backend::cpu : Backend::gl;
+    options.packing = way == Way::paper ? Packing::paper : way == Way::wide ? Packing::wide : Packing::automatic;
+    return options;
+}
+
+class Ellipsoids : public ::testing::TestWithParam<std::tuple<double, Mode, Sampling, Projection, Way>> {};
 
 TEST_P(Ellipsoids, AreTheReferencesPicture) {
-    if (!gl_available()) {
+    const auto [aspect, mode, sampling, projection, way] = GetParam();
+    if (way != Way::cpu && !gl_available()) {
         GTEST_SKIP() << "no OpenGL context can be made here";
     }
-    const auto [aspect, mode, sampling, projection, packing] = GetParam();
     const auto field = cloud(120, 0.14, aspect);
     Scene scene = scene_of(field);
     scene.mode = mode;
     scene.sampling = sampling;
     scene.iso_value = 0.4;
     scene.slice_spacing = 0.03;
-    RendererOptions options;
-    options.packing = packing;
+    const RendererOptions options = options_of(way);
     const std::string name = "aspect " + std::to_string(static_cast<int>(aspect)) +
                              (mode == Mode::composite    ? " composite"
                               : mode == Mode::isosurface ? " iso"
                                                          : " xray") +
                              (sampling == Sampling::slab ? " slab" : " point") +
-                             (projection == Projection::perspective ? " persp " : " ortho ") + to_string(packing);
+                             (projection == Projection::perspective ? " persp " : " ortho ") + to_string(way);
     const Difference difference = against_reference(scene, askew(*field, projection, 0.8), {56, 48}, options, name);
     const bool jumps = mode == Mode::isosurface;
     EXPECT_LT(difference.rmse, jumps ? 1e-4 : 2e-5);
@@ -136,7 +146,7 @@ INSTANTIATE_TEST_SUITE_P(All, Ellipsoids,
                                             ::testing::Values(Mode::composite, Mode::isosurface, Mode::xray),
                                             ::testing::Values(Sampling::point, Sampling::slab),
                                             ::testing::Values(Projection::orthographic, Projection::perspective),
-                                            ::testing::Values(Packing::wide, Packing::paper)));
+                                            ::testing::Values(Way::wide, Way::paper, Way::cpu)));
 
 struct Draw {
     const char* name;
@@ -145,6 +155,9 @@ struct Draw {
     std::map<std::string, bool> effects{};
     int tile_size = 0;
     int tags_per_clear = 0;
+    Backend backend = Backend::gl;
+    Precision precision = Precision::automatic;
+    int threads = 0;
 };
 
 std::ostream& operator<<(std::ostream& out, const Draw& draw) { return out << draw.name; }
@@ -160,11 +173,14 @@ Scene dense(const std::shared_ptr<const Field>& field) {
 }
 
 TEST_P(EllipsoidDrawing, IsTheReferencesPicture) {
-    if (!gl_available()) {
+    const Draw& draw = GetParam();
+    if (draw.backend == Backend::gl && !gl_available()) {
         GTEST_SKIP() << "no OpenGL context can be made here";
     }
-    const Draw& draw = GetParam();
     RendererOptions options;
+    options.backend = draw.backend;
+    options.precision = draw.precision;
+    options.threads = draw.threads;
     options.packing = draw.packing;
     options.tagging = draw.tagging;
     options.effects = draw.effects;
@@ -189,6 +205,12 @@ TEST_P(EllipsoidDrawing, IsTheReferencesPicture) {
             EXPECT_LT(difference.p99_9, 2e-4);
         }
     }
+}
+
+Draw on_cpu(const char* name, int tile_size = 0, Precision precision = Precision::automatic, int threads = 0,
+            std::map<std::string, bool> effects = {}) {
+    return {name,   Packing::automatic, Tagging::automatic, std::move(effects), tile_size, 0, Backend::cpu, precision,
+            threads};
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -223,7 +245,17 @@ INSTANTIATE_TEST_SUITE_P(
               {"specular", true},
               {"opacity_correction", true},
               {"opacity_stop", true},
-              {"compensation", true}}}));
+              {"compensation", true}}},
+        on_cpu("cpu"), on_cpu("cpu in small tiles", 17), on_cpu("cpu in tiny tiles", 8),
+        on_cpu("cpu float64", 0, Precision::float64), on_cpu("cpu float64 in small tiles", 17, Precision::float64),
+        on_cpu("cpu one thread", 0, Precision::automatic, 1), on_cpu("cpu five threads", 17, Precision::automatic, 5),
+        on_cpu("cpu no culling", 0, Precision::automatic, 0, {{"culling", false}}),
+        on_cpu("cpu everything", 0, Precision::automatic, 0,
+               {{"empty_test", true},
+                {"weight", true},
+                {"specular", true},
+                {"opacity_correction", true},
+                {"opacity_stop", true}})));
 
 struct Case {
     const char* name;
@@ -235,17 +267,15 @@ std::ostream& operator<<(std::ostream& out, const Case& one) { return out << one
 class EllipsoidCase : public ::testing::TestWithParam<Case> {};
 
 TEST_P(EllipsoidCase, IsTheReferencesPicture) {
-    if (!gl_available()) {
-        GTEST_SKIP() << "no OpenGL context can be made here";
-    }
     const auto [scene, camera] = GetParam().make();
-    for (const Packing packing : {Packing::wide, Packing::paper}) {
-        RendererOptions options;
-        options.packing = packing;
+    for (const Way way : {Way::wide, Way::paper, Way::cpu}) {
+        if (way != Way::cpu && !gl_available()) {
+            continue;
+        }
         Outputs outputs;
-        outputs.coverage = packing == Packing::wide && scene.fields.size() == 1;
-        const Difference difference = against_reference(
-            scene, camera, {50, 44}, options, std::string(GetParam().name) + " " + to_string(packing), outputs);
+        outputs.coverage = way != Way::paper && scene.fields.size() == 1;
+        const Difference difference = against_reference(scene, camera, {50, 44}, options_of(way),
+                                                        std::string(GetParam().name) + " " + to_string(way), outputs);
         EXPECT_LT(difference.rmse, GetParam().rmse);
         EXPECT_LT(difference.p99_9, GetParam().p99_9);
     }

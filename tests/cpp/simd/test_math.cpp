@@ -36,14 +36,17 @@ void over_vectors(D d, const T* x, T* y, F f) {
     }
 }
 
-#define SHEETSPLAT_ONE_ARGUMENT(name)                                                                                 \
+#define SHEETSPLAT_ONE_ARGUMENT(name)                                                                                  \
     [](const T* x, T* y) { over_vectors(D(), x, y, [](auto d, auto v) { return name(d, v); }); }
 
 template <class D, class T = hn::TFromD<D>>
 MathCalls<T> calls_of() {
-    return {SHEETSPLAT_ONE_ARGUMENT(exp2_nonpositive), SHEETSPLAT_ONE_ARGUMENT(veil),
-            SHEETSPLAT_ONE_ARGUMENT(ln),               SHEETSPLAT_ONE_ARGUMENT(absorption),
-            SHEETSPLAT_ONE_ARGUMENT(erf),              [](const T* x, const T* e, T* y) {
+    return {SHEETSPLAT_ONE_ARGUMENT(exp2_nonpositive),
+            SHEETSPLAT_ONE_ARGUMENT(veil),
+            SHEETSPLAT_ONE_ARGUMENT(ln),
+            SHEETSPLAT_ONE_ARGUMENT(absorption),
+            SHEETSPLAT_ONE_ARGUMENT(erf),
+            [](const T* x, const T* e, T* y) {
                 const D d;
                 for (int k = 0; k < most_lanes; k += static_cast<int>(hn::Lanes(d))) {
                     hn::StoreU(pow_below_one(d, hn::LoadU(d, x + k), hn::LoadU(d, e + k)), d, y + k);
@@ -85,13 +88,13 @@ struct Variant {
     MathCalls<T> calls;
 };
 
-#define SHEETSPLAT_VARIANT(target)                                                                                    \
-    for (int width = 0; width < 4; ++width) {                                                                         \
-        if constexpr (sizeof(T) == 4) {                                                                               \
-            found.push_back({#target, target::calls_float(width)});                                                   \
-        } else {                                                                                                      \
-            found.push_back({#target, target::calls_double(width)});                                                  \
-        }                                                                                                             \
+#define SHEETSPLAT_VARIANT(target)                                                                                     \
+    for (int width = 0; width < 4; ++width) {                                                                          \
+        if constexpr (sizeof(T) == 4) {                                                                                \
+            found.push_back({#target, target::calls_float(width)});                                                    \
+        } else {                                                                                                       \
+            found.push_back({#target, target::calls_double(width)});                                                   \
+        }                                                                                                              \
     }
 
 template <class T>
@@ -117,8 +120,8 @@ std::vector<Variant<T>> variants() {
     }
 #endif
 #if HWY_TARGETS & HWY_AVX3
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-        __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) {
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
+        __builtin_cpu_supports("avx512vl")) {
         SHEETSPLAT_VARIANT(N_AVX3)
     }
 #endif
@@ -255,7 +258,8 @@ TYPED_TEST(VectorMath, ln) {
     const auto error = largest_error<T>(
         &MathCalls<T>::ln,
         [](Random& random) {
-            return random.coin() ? random.magnitude(-80.0, 80.0) : 1.0 + random.uniform(-0.4, 0.6) * random.magnitude(-30.0, 0.0);
+            return random.coin() ? random.magnitude(-80.0, 80.0)
+                                 : 1.0 + random.uniform(-0.4, 0.6) * random.magnitude(-30.0, 0.0);
         },
         [](T x, T y) { return relative(y, std::log(Exact(x))); });
     EXPECT_LE(error, 4.0 * unit<T>);
@@ -268,8 +272,8 @@ TYPED_TEST(VectorMath, absorption) {
     const auto draw = [most](Random& random) {
         return std::min(most, random.coin() ? random.magnitude(-80.0, 0.0) : 1.0 - random.magnitude(-30.0, 0.0));
     };
-    const auto error = largest_error<T>(&MathCalls<T>::absorption, draw,
-                                        [](T x, T y) { return relative(y, -std::log1p(-Exact(x))); });
+    const auto error =
+        largest_error<T>(&MathCalls<T>::absorption, draw, [](T x, T y) { return relative(y, -std::log1p(-Exact(x))); });
     EXPECT_LE(error, 4.0 * unit<T>);
     EXPECT_GE(error, 0.5 * unit<T>);
     // What would be left without the digits of a that 1 - a loses.
@@ -302,9 +306,7 @@ TYPED_TEST(VectorMath, pow_below_one) {
         for (int k = 0; k < 3000; ++k) {
             T x[most_lanes], e[most_lanes], y[most_lanes];
             for (int lane = 0; lane < most_lanes; ++lane) {
-                x[lane] = static_cast<T>(lane == 0   ? 0.0
-                                         : lane == 1 ? 1.0
-                                                     : random.uniform(0.0, 1.0));
+                x[lane] = static_cast<T>(lane == 0 ? 0.0 : lane == 1 ? 1.0 : random.uniform(0.0, 1.0));
                 e[lane] = static_cast<T>(lane == 2 ? 1e30 : random.magnitude(-4.0, 6.0));
             }
             {

@@ -795,7 +795,9 @@ TEST(EllipsoidView, SlenderKernelsArePlacedInFloat64) {
     for (const bool deep : {false, true}) {
         for (const Sampling sampling : {Sampling::point, Sampling::slab}) {
             for (const double spacing : {0.004, 0.02, 0.2}) {
-                const Look look(field, deep ? perspective(100.0) : orthographic(), {50, 50}, spacing, sampling);
+                // From a hundred times as far, at an angle that leaves pixels as small.
+                const Look look(field, deep ? perspective(100.0, 1e-3, 0.5) : orthographic(), {50, 50}, spacing,
+                                sampling);
                 for (std::size_t i = 0; i < field->size(); ++i) {
                     const SectionGroup group = look.view.group(i, look.view.depths(i), 5.0, 100.0);
                     const SectionGroup usual = look.view.group(i, look.view.depths(i), 5.0, never);
@@ -813,6 +815,79 @@ TEST(EllipsoidView, SlenderKernelsArePlacedInFloat64) {
             }
         }
     }
+}
+
+TEST(EllipsoidView, TinyKernelsArePlacedInFloat64) {
+    for (const bool deep : {false, true}) {
+        // Pixels of 0.05 at the middle's depth, in both cameras.
+        const Vec3 from(0.0, 0.0, 50.0), up(0.0, 1.0, 0.0);
+        const Camera camera = deep ? Camera::perspective(from, Vec3(0.0), up, 2.0 * std::atan(0.025) * 180.0 / pi)
+                                   : Camera::orthographic(from, Vec3(0.0), up, 2.5);
+        for (const bool flat : {false, true}) {
+            EllipsoidArrays arrays;
+            for (const double px : {0.011, 0.009, 1e-6, 3.0}) {
+                arrays.centers.emplace_back(0.0);
+                if (flat) {
+                    arrays.scales.push_back(0.05 * px * Vec3(1.0, 2.0, 3.0));
+                } else {
+                    arrays.radii.push_back(0.05 * px);
+                }
+                arrays.values.push_back(1.0);
+            }
+            const auto field = field_of(std::move(arrays));
+            for (const Sampling sampling : {Sampling::point, Sampling::slab}) {
+                const Look look(field, camera, {50, 50}, 0.02, sampling);
+                const Look wide(field, camera, {50, 50}, 0.02, sampling, Filter::ewa);
+                for (std::size_t i = 0; i < field->size(); ++i) {
+                    const EllipsoidView::Depths depths = look.view.depths(i);
+                    EXPECT_EQ(is_precise(look.view.group(i, depths, 5.0, 100.0)), i == 1 || i == 2);
+                    EXPECT_FALSE(is_precise(look.view.group(i, depths, 5.0, never))) << "float64 is not there";
+                    EXPECT_FALSE(is_precise(wide.view.group(i, wide.view.depths(i), 5.0, 100.0)))
+                        << "a filtered kernel is no smaller than a pixel";
+                }
+            }
+        }
+    }
+}
+
+TEST(EllipsoidView, WhatLiesBetweenTheCentresOfPixelsIsNotDrawn) {
+    const Frame frame = [] {
+        Frame made;
+        made.size = {10, 10};
+        return made;
+    }();
+    const Tile tile = [] {
+        Tile made;
+        made.width = made.height = 10;
+        return made;
+    }();
+    // Centres lie at halves, counted from the optical axis.
+    const auto drawn = [&](double left, double right, int wider) {
+        const PixelBox box = EllipsoidView::pixels({left, right, 0.2, 1.3, false}, frame, tile, wider);
+        return box.x0 < box.x1 && box.y0 < box.y1;
+    };
+    EXPECT_TRUE(drawn(0.4, 0.6, 0));
+    EXPECT_TRUE(drawn(0.5 - 1e-12, 0.5 + 1e-12, 0));
+    EXPECT_FALSE(drawn(0.51, 1.49, 0));
+    EXPECT_TRUE(drawn(0.51, 1.51, 0));
+    EXPECT_FALSE(drawn(-0.49, 0.49, 0));
+    EXPECT_TRUE(drawn(0.51, 1.49, 1)) << "gradients look one pixel further";
+}
+
+TEST(EllipsoidView, RecordsKeepPlacesBeyondTwoToThe24Pixels) {
+    EllipsoidArrays arrays;
+    arrays.centers = {Vec3(1234567890.123, -9876543210.456, 0.0)};
+    arrays.radii = {1e10};
+    arrays.values = {1.0};
+    const Camera camera = Camera::orthographic(Vec3(0.0, 0.0, 5.0), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 50.0);
+    const Look look(field_of(std::move(arrays)), camera, {50, 50}, 1e9); // pixels of 1
+    SectionRest rest{};
+    const SectionRecord record = look.view.record(0, look.view.kernel(0), 10, &rest);
+    const auto sum = [](float whole, float part, float left) {
+        return static_cast<double>(whole) + static_cast<double>(part) + static_cast<double>(left);
+    };
+    EXPECT_NEAR(sum(record.whole_x, record.part_x, rest.part_x), 1234567890.123, 1e-5);
+    EXPECT_NEAR(sum(record.whole_y, record.part_y, rest.part_y), 9876543210.456, 1e-5);
 }
 
 TEST(EllipsoidView, RecordsWithTheirRestsKeepNeedlesOfOneToAHundredThousand) {

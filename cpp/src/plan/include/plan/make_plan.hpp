@@ -56,9 +56,13 @@ struct ViewFacts {
     double largest_overlap = 33.5;   ///< kernels that overlap at a point: a bound or an estimate
     double densest_overlap = 0.0;    ///< the same of scattered kernels where they are densest: an estimate
     double most_alike = 0.0;         ///< ellipsoids of one size at one place
+    /// Longest semi-axis of an ellipsoid in pixels; in perspective in those at a distance of one unit of length.
+    double largest_px = 0.0;
     double thin_loss = 0.0;          ///< of leaning ellipsoids thinner than 1 / thick_slab: see survey_slabs
     double thin_peak = 0.0;
     double largest_weight = 1.0;
+    /// Longest semi-axis of an ellipsoid in pixels of the nearest slice.
+    double largest_radius_px = 0.0;
     /// Smallest semi-axis of any kernel in pixels, lattices included.
     double smallest_radius_px = std::numeric_limits<double>::infinity();
     double thickest_slab = 0.0; ///< sampling slab: largest ds / h of any kernel, or a bound of it

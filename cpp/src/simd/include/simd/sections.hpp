@@ -23,12 +23,19 @@ struct RowShape {
     T d1 = 0, d2 = 0, ds = 0;
 };
 
-/// One kernel: where it is on its first slice here, and what it adds.
+/// One kernel: where it is on the first slice that it meets here, and what it adds.
 template <class T>
 struct Section {
-    T a1 = 0, a2 = 0, s = 0;               ///< at slice `first`
-    T value = 0, weight = 0;               ///< with gain and scales
-    std::int32_t first = 0, last = -1;     ///< slices that it meets
+    T a1 = 0, a2 = 0, s = 0; ///< at slice `first`
+    T value = 0;             ///< with gain and scales
+    std::int32_t first = 0;
+};
+
+/// What is not the same for all kernels of some fields, or in some drawings.
+template <class T>
+struct SectionExtra {
+    T weight = 0;                                ///< with gain and scales
+    std::int32_t last = -1;                      ///< slice
     std::int16_t x0 = 0, y0 = 0, x1 = 0, y1 = 0; ///< pixels of the tile's sheets that it can touch: x0 <= x < x1
 };
 
@@ -36,27 +43,31 @@ struct Section {
 template <class T>
 struct TileKernels {
     std::vector<Section<T>> sections;
-    std::vector<RowShape<T>> shapes; ///< one for all, or as many as there are sections
+    std::vector<SectionExtra<T>> extras; ///< empty, or as many as there are sections
+    std::vector<RowShape<T>> shapes;     ///< one for all, or as many as there are sections
+    T weight = 0;                        ///< of all where there are no extras
+    std::int32_t last_slice = -1;        ///< of the view
     // Room for the sort.
     std::vector<Section<T>> unsorted;
+    std::vector<SectionExtra<T>> unsorted_extras;
     std::vector<RowShape<T>> unsorted_shapes;
     std::vector<std::uint32_t> places;
-    std::int32_t first = 0, last = -1; ///< slices that some kernel meets
-    std::size_t counted = 0;           ///< kernels that no other tile counts
+    std::size_t counted = 0; ///< kernels whose centres are in this tile (or beyond the picture, next to it)
 
     void clear() {
         sections.clear();
+        extras.clear();
         shapes.clear();
         unsorted.clear();
+        unsorted_extras.clear();
         unsorted_shapes.clear();
-        first = 0;
-        last = -1;
         counted = 0;
     }
-    /// Moves `unsorted` to `sections` in the order of first slices; equal ones keep their order.
+    /// Moves what is unsorted to its place in the order of first slices; equal ones keep their order.
     void sort();
     [[nodiscard]] std::size_t bytes() const {
         return (sections.capacity() + unsorted.capacity()) * sizeof(Section<T>) +
+               (extras.capacity() + unsorted_extras.capacity()) * sizeof(SectionExtra<T>) +
                (shapes.capacity() + unsorted_shapes.capacity()) * sizeof(RowShape<T>) +
                places.capacity() * sizeof(std::uint32_t);
     }

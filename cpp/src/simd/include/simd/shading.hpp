@@ -13,6 +13,15 @@
 
 namespace sheetsplat::simd {
 
+/// Where to look for the stretch that a value is in: the cell of a value, put between first and last, is
+/// (value - first) * per_unit, rounded down and not above last_cell.
+template <class T>
+struct Cells {
+    /// Of each cell the place, in records, of the stretch that its smallest values are in.
+    std::vector<std::int32_t> records;
+    T first = T(0), last = T(0), per_unit = T(0), last_cell = T(0);
+};
+
 /// The transfer function over rho in the sheets' unit, as stretches over which colour and opacity are linear, stretches
 /// of no width left out: exact, steps not smeared, of two points at one value the later one holds from there on. The
 /// first stretch holds with its first looks for all smaller values too, the last one for all larger ones.
@@ -28,10 +37,7 @@ struct TransferTable {
     std::vector<T> records;
     /// By number of `record`, then by stretch: the same for up to most_in_lanes stretches.
     alignas(64) T lanes[numbers][most_in_lanes] = {};
-    /// Where to look among many: record of the stretch that the smallest values of a cell are in. The cell of a
-    /// value, put between first and last, is (value - first) * cells_per_unit, rounded down and not above last_cell.
-    std::vector<std::int32_t> cells;
-    T first = T(0), last = T(0), cells_per_unit = T(0), last_cell = T(0);
+    Cells<T> cells;
     /// Opacity is 0 where rho <= below and where rho >= above.
     T below = T(0), above = T(0);
 };
@@ -44,6 +50,21 @@ struct RampStretch {
     T opacity = T(0), opacity_step = T(0);
     T clearness = T(0), clearness_step = T(0); ///< 1 - opacity, with its own digits
     T color[3] = {}, color_step[3] = {};
+};
+
+/// All stretches of RampStretch, from the smallest number to the largest.
+template <class T>
+struct RampTable {
+    std::vector<RampStretch<T>> stretches;
+    /// Up to so many are gone through one after the other, of more each ramp looks for its first and last one.
+    static constexpr std::size_t most_to_walk = 12;
+    /// Numbers of one stretch: from, to, per_width, 0 | opacity, step, clearness, step | red, step, green, step | blue,
+    /// step, then the integrals over rho up to `from` of absorption and of absorption times red, green and blue, each
+    /// as a number and what it has lost: two more fours and a half. One record more than stretches; only where there
+    /// are many.
+    static constexpr int record = 24;
+    std::vector<T> records;
+    Cells<T> cells;
 };
 
 /// A directional light, with what the material makes of it.
@@ -64,7 +85,7 @@ struct Shading {
     bool lit = false;
     bool specular = false;
     bool two_sided = false;
-    bool gray = false; ///< all lights are
+    bool gray = false;    ///< all lights are
     bool correct = false; ///< a slice is not one reference length thick everywhere
 
     T exponent = T(1); ///< slice spacing over reference length
@@ -76,7 +97,7 @@ struct Shading {
     T coverage_step = T(1); ///< slice spacing, world units
 
     TransferTable<T> transfer;
-    std::vector<RampStretch<T>> ramps; ///< preintegration only; from the smallest number to the largest
+    RampTable<T> ramps; ///< preintegration only
 
     T iso_value = T(0);
     T iso_color[3] = {};

@@ -75,14 +75,4 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
 Buckets<std::uint32_t> bucket_kernels(const EllipsoidView& view, const std::vector<std::uint8_t>& visible,
                                       const TileLayout& layout, ThreadPool& pool);
 
-/// Kernels of a lattice for a tile, sorted. Throws OutOfMemory.
-template <class T>
-void feed_rows(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling,
-               const RowPart* begin, const RowPart* end, const TileShape& tile, TileKernels<T>& kernels);
-
-/// Scattered kernels for a tile, sorted. Throws OutOfMemory.
-template <class T>
-void feed_kernels(const EllipsoidView& view, Sampling sampling, const std::uint32_t* begin, const std::uint32_t* end,
-                  const TileShape& tile, TileKernels<T>& kernels);
-
 } // namespace sheetsplat::simd

@@ -10,6 +10,7 @@
 #include "simd/sections.hpp"
 #include "simd/shading.hpp"
 #include "simd/tile.hpp"
+#include "simd/tile_feed.hpp"
 
 namespace sheetsplat::simd {
 
@@ -79,6 +80,7 @@ struct TileScratch {
     LineVector<T> zeros;   ///< a sheet
     LineVector<T> picture; ///< planes
     std::vector<int> row_alive;
+    std::vector<std::uint64_t> alive_rows; ///< a bit for each pixel of a row of the sheets that is still looked at
     struct Again {
         std::uint32_t part, section;
     };
@@ -97,18 +99,27 @@ struct TileScratch {
     }
 };
 
-/// Splats, shades and composites one tile whose kernels are in scratch.kernels and whose picture is cleared. between is
-/// called between slices; returning false (or throwing) ends the tile.
+/// What is compiled for each instruction set.
 template <class T>
-using TileFunction = void (*)(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch,
-                              const std::function<bool()>& between);
+struct TileFunctions {
+    /// Kernels of a lattice for a tile, by first slices. Throws OutOfMemory or std::bad_alloc.
+    void (*feed_rows)(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling,
+                      const RowPart* begin, const RowPart* end, const TileShape& tile, TileKernels<T>& kernels);
+    /// Scattered kernels for a tile, by first slices.
+    void (*feed_kernels)(const EllipsoidView& view, const std::uint32_t* begin, const std::uint32_t* end,
+                         const TileShape& tile, TileKernels<T>& kernels);
+    /// Splats, shades and composites one tile whose kernels are in scratch.kernels and whose picture is cleared. between
+    /// is called between slices; returning false (or throwing) ends the tile.
+    void (*run)(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch,
+                const std::function<bool()>& between);
+};
 
 /// An instruction set that was compiled.
 enum class InstructionSet { baseline, sse4, avx2, avx512, neon };
 const char* to_string(InstructionSet set);
 
 /// Null where the set was not compiled.
-TileFunction<float> tile_function_float(InstructionSet set);
-TileFunction<double> tile_function_double(InstructionSet set);
+const TileFunctions<float>* tile_functions_float(InstructionSet set);
+const TileFunctions<double>* tile_functions_double(InstructionSet set);
 
 } // namespace sheetsplat::simd

@@ -5,6 +5,7 @@
 
 #include "reference/reference.hpp"
 #include "sheet/sheet_renderer.hpp"
+#include "sheetsplat/error.hpp"
 #include "simd/cpu_renderer.hpp"
 #include "view/cell_walk.hpp"
 #include "view/ellipsoid_view.hpp"
@@ -26,6 +27,13 @@ std::vector<EllipsoidView> views_of(const Request& request, const Prepared& prep
                            prepared.plan.filter ? Filter::ewa : Filter::none, prepared.plan.value_unit, 1.0);
     }
     return views;
+}
+
+/// Throws Cancelled.
+void report(const Progress& progress, double share) {
+    if (progress && !progress(share)) {
+        throw Cancelled(std::string("the rendering was cancelled by its progress callback"));
+    }
 }
 
 } // namespace
@@ -116,7 +124,10 @@ void draw_on_cpu(simd::CpuRenderer& renderer, const Request& request, const Rend
     job.tile_size = options.tile_size;
     job.threads = options.threads;
     job.progress = &request.progress;
+    // Pictures can be done before the renderer finds time to ask.
+    report(request.progress, 0.0);
     renderer.render(job, image);
+    report(request.progress, 1.0);
 }
 
 } // namespace sheetsplat

@@ -245,7 +245,8 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     image.plan = std::make_shared<const RenderPlan>(prepared.plan.summary);
     // An index is made once and says nothing about the next picture.
     const double drawn = seconds_since(drawing) - image.stats["seconds_index"];
-    paces_[static_cast<std::size_t>(backend)] = drawn / expected_seconds(prepared.work, 1.0, 1.0, threads());
+    paces_[static_cast<std::size_t>(backend)][drawn_like != nullptr ? 1 : 0] =
+        drawn / expected_seconds(prepared.work, 1.0, 1.0, threads());
     return image;
 }
 

@@ -27,8 +27,11 @@ struct Renderer::State {
     /// coarse stages draw what the picture that they lead to draws, without another look at all kernels.
     Image render(const Request& request, const Frame* drawn_like = nullptr);
 
-    /// How many times longer a picture took on a backend than expected_seconds said, as last seen.
-    [[nodiscard]] double pace(Backend backend) const { return paces_[static_cast<std::size_t>(backend)]; }
+    /// How many times longer a picture, or a coarse stage of one, took on a backend than expected_seconds said, as last
+    /// seen.
+    [[nodiscard]] double pace(Backend backend, bool coarse) const {
+        return paces_[static_cast<std::size_t>(backend)][coarse ? 1 : 0];
+    }
     /// Of backend cpu.
     [[nodiscard]] int threads() const;
 
@@ -49,7 +52,8 @@ struct Renderer::State {
     std::unique_ptr<simd::CpuRenderer> processor_;
     FieldFacts facts_;
     FieldIndex index_;
-    std::array<double, 4> paces_{1.0, 4.0, 1.0, 200.0}; ///< in the order of Backend; until a picture was timed, a guess
+    /// Of pictures and coarse stages, in the order of Backend; until one was timed, a guess.
+    std::array<std::array<double, 2>, 4> paces_{{{1.0, 1.0}, {4.0, 4.0}, {1.0, 1.0}, {200.0, 200.0}}};
 };
 
 } // namespace sheetsplat

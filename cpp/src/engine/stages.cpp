@@ -22,11 +22,13 @@ constexpr double pixels_before_slices = 4.0;
 /// A stage that takes a larger share of the last one's time is left out: where many small kernels take the time, fewer
 /// pixels save little of it.
 constexpr double worth_a_stage = 0.5;
-/// Order in the size of pixels by which pictures approach the last one, where only two of them are known: between that
-/// of smooth pictures (2) and that of pictures with edges (1/2 in root mean square).
-constexpr double usual_order = 1.2;
-constexpr double lowest_order = 0.5;
+/// Orders in the size of pixels by which pictures approach the last one. Sums along rays are as smooth as the kernels:
+/// nearly second order. Other pictures have edges and kinks; what the last differences say is kept to what was seen of
+/// them.
 constexpr double highest_order = 2.0;
+constexpr double smooth_order = 1.8;
+constexpr double usual_order = 1.0;
+constexpr double lowest_order = 0.8;
 
 /// Pixels and slices of a stage, in those of the last picture.
 struct Step {
@@ -161,10 +163,10 @@ struct Stages::State {
         frame = prepared.frame;
         const Backend backend = prepared.plan.summary.backend;
         const double most_spacing = largest_spacing * scene.default_slice_spacing() / frame.slice_spacing;
-        const auto seconds = [&](int pixels) {
-            return renderer->pace(backend) *
-                   expected_seconds(prepared.work, pixels, spacing_of(pixels, most_spacing), renderer->threads());
+        const auto expected = [&](int pixels) {
+            return expected_seconds(prepared.work, pixels, spacing_of(pixels, most_spacing), renderer->threads());
         };
+        const auto seconds = [&](int pixels) { return renderer->pace(backend, pixels > 1) * expected(pixels); };
         const int largest = std::max(size.width, size.height);
         int first = 1;
         if (seconds(1) > first_seconds) {
@@ -175,7 +177,7 @@ struct Stages::State {
             ahead = Step{2 * first, spacing_of(2 * first, most_spacing)};
         }
         for (int pixels = first; pixels > 1; pixels /= 2) {
-            if (pixels == first || seconds(pixels) <= worth_a_stage * seconds(1)) {
+            if (pixels == first || expected(pixels) <= worth_a_stage * expected(1)) {
                 steps.push_back({pixels, spacing_of(pixels, most_spacing)});
             }
         }
@@ -192,6 +194,9 @@ struct Stages::State {
     }
 
     [[nodiscard]] double order_of(double newer) const {
+        if (scene.mode == Mode::xray) {
+            return smooth_order;
+        }
         return difference > 0.0 && newer > 0.0 ? std::clamp(std::log2(difference / newer), lowest_order, highest_order)
                                                : usual_order;
     }

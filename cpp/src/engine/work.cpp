@@ -60,9 +60,9 @@ Work work_of(const Scene& scene, const ViewFacts& view) {
 double expected_seconds(const Work& work, double larger_pixels, double larger_spacing, int threads) {
     const double fewer = larger_pixels * larger_pixels * larger_spacing;
     const double sections = std::max(1.0, work.slices_each / larger_spacing);
-    // Of kernels that are smaller than a pixel some fall between pixels: of a radius of 3/4, two of three were seen to.
+    // Of kernels that are smaller than a pixel some fall between pixels: of a radius of 3/8, seven of ten were seen to.
     const double radius = work.radius_px / larger_pixels;
-    const double met = std::min(1.0, 0.6 * radius * radius);
+    const double met = std::min(1.0, 2.2 * radius * radius);
     const double seconds = work.kernels * (look_seconds + met * (place_seconds + section_seconds * sections)) +
                            work.splats * splat_seconds / fewer + work.pixels * shade_seconds / fewer;
     return least_seconds + seconds / threads;

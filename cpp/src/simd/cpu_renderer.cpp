@@ -277,7 +277,7 @@ struct CpuRenderer::State {
         scratch_double.clear();
     }
 
-    void sort(const Job& job, const TileLayout& layout, int edge, Image& image) {
+    void sort(const Job& job, const TileLayout& layout, int edge, RectsFunction rects, Image& image) {
         const auto start = Clock::now();
         const bool reused = sorted && sorted->serves(job, edge);
         if (!reused) {
@@ -293,7 +293,7 @@ struct CpuRenderer::State {
             for (const EllipsoidPart& part : job.ellipsoids) {
                 view.scattered.push_back({part.kernels, part.view->eye_world(), part.view->right_world(),
                                           part.view->up_world(), part.view->filtered(), part.visible_version,
-                                          bucket_kernels(*part.view, *part.visible, layout, *pool)});
+                                          bucket_kernels(*part.view, *part.visible, layout, rects, *pool)});
             }
             sorted = std::move(view);
         }
@@ -427,8 +427,8 @@ void CpuRenderer::render(const Job& job, Image& image) {
         image.depth.assign(job.plan->depth ? pixels : 0, std::numeric_limits<float>::infinity());
         const int edge = edge_of_tiles(size, job.tile_size, threads);
         const TileLayout layout(size, edge);
-        state.sort(job, layout, edge, image);
         const InstructionSet set = chosen_instruction_set();
+        state.sort(job, layout, edge, tile_functions_float(set)->rects, image);
         if (job.plan->precision == Precision::float64) {
             state.draw<double>(job, layout, *tile_functions_double(set), image);
         } else {

@@ -13,7 +13,8 @@ HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::simd::HWY_NAMESPACE {
 
 const TileFunctions<double>* functions_double() {
-    static constexpr TileFunctions<double> functions{&feed_rows<double>, &feed_kernels<double>, &run_tile<double>};
+    static constexpr TileFunctions<double> functions{&feed_rows<double>, &tile_rects,
+                                                       &feed_kernels<double>, &run_tile<double>};
     return &functions;
 }
 

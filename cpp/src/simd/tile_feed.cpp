@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 #include <glm/geometric.hpp>
 
@@ -90,14 +91,28 @@ Interval over_depth(double low, double high, double near, double far) {
 
 } // namespace
 
-TileLayout::TileLayout(Size size, int largest) : size_(size) {
-    columns_ = (size.width + largest - 1) / largest;
-    rows_ = (size.height + largest - 1) / largest;
+TileLayout::Axis::Axis(int pixels_in, int largest) : pixels(pixels_in), tiles((pixels_in + largest - 1) / largest) {
+    const auto held = static_cast<std::size_t>(pixels) + 2;
+    first_of.assign(held, 0);
+    last_of.assign(held, 0);
+    for (int tile = 0; tile < tiles; ++tile) {
+        // Pixels begin(tile) - 1 ... begin(tile + 1), each one further in the tables.
+        for (int at = begin(tile); at <= begin(tile + 1) + 1; ++at) {
+            last_of[static_cast<std::size_t>(at)] = tile;
+        }
+    }
+    for (int tile = tiles - 1; tile >= 0; --tile) {
+        for (int at = begin(tile); at <= begin(tile + 1) + 1; ++at) {
+            first_of[static_cast<std::size_t>(at)] = tile;
+        }
+    }
 }
 
+TileLayout::TileLayout(Size size, int largest) : across_(size.width, largest), down_(size.height, largest) {}
+
 TileShape TileLayout::shape(std::size_t tile) const {
-    const int column = static_cast<int>(tile % static_cast<std::size_t>(columns_));
-    const int row = static_cast<int>(tile / static_cast<std::size_t>(columns_));
+    const int column = static_cast<int>(tile % static_cast<std::size_t>(columns()));
+    const int row = static_cast<int>(tile / static_cast<std::size_t>(columns()));
     TileShape shape;
     shape.x = left(column);
     shape.y = top(row);
@@ -106,39 +121,6 @@ TileShape TileLayout::shape(std::size_t tile) const {
     const int wanted = shape.width + 2 + TileShape::padding;
     shape.stride = (wanted + TileShape::padding - 1) / TileShape::padding * TileShape::padding;
     return shape;
-}
-
-namespace {
-
-TileLayout::Range tiles_between(double low, double high, int pixels, int tiles) {
-    // Pixel p's centre is at p + 1/2; a tile's sheets hold one pixel more on both sides, those of the outermost tiles
-    // pixels -1 and `pixels`.
-    const double first_pixel = std::ceil(low - 0.5), last_pixel = std::floor(high - 0.5);
-    if (!(first_pixel <= last_pixel) || last_pixel < -1.0 || first_pixel > static_cast<double>(pixels)) {
-        return {0, -1};
-    }
-    const auto first = static_cast<std::int64_t>(std::clamp(first_pixel, -1.0, static_cast<double>(pixels)));
-    const auto last = static_cast<std::int64_t>(std::clamp(last_pixel, -1.0, static_cast<double>(pixels)));
-    const auto left = [&](std::int64_t tile) { return static_cast<std::int64_t>(pixels) * tile / tiles; };
-    // Tile t holds pixels left(t) - 1 ... left(t + 1).
-    auto from = static_cast<int>(std::clamp<std::int64_t>((first - 1) * tiles / pixels - 1, 0, tiles - 1));
-    while (from + 1 < tiles && left(from + 1) < first) {
-        ++from;
-    }
-    auto to = static_cast<int>(std::clamp<std::int64_t>((last + 1) * tiles / pixels + 1, 0, tiles - 1));
-    while (to > 0 && left(to) - 1 > last) {
-        --to;
-    }
-    return {from, to};
-}
-
-} // namespace
-
-TileLayout::Range TileLayout::columns_between(double low, double high) const {
-    return tiles_between(low, high, size_.width, columns_);
-}
-TileLayout::Range TileLayout::rows_between(double low, double high) const {
-    return tiles_between(low, high, size_.height, rows_);
 }
 
 Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, const Frame& frame,
@@ -159,7 +141,7 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
         const double dx = view.step_i.x / frame.pixel, dy = -view.step_i.y / frame.pixel;
         const double y_begin = y + begin * dy, y_end = y + (end - 1) * dy;
         const TileLayout::Range down =
-            layout.rows_between(std::min(y_begin, y_end) - half_y, std::max(y_begin, y_end) + half_y);
+            layout.down().between(std::min(y_begin, y_end) - half_y, std::max(y_begin, y_end) + half_y);
         for (int tile_row = down.first; tile_row <= down.last; ++tile_row) {
             const Samples in_row = samples_between(y, dy, layout.top(tile_row) - 0.5 - half_y,
                                                    layout.top(tile_row + 1) + 0.5 + half_y, begin, end);
@@ -168,7 +150,7 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
             }
             const double x_begin = x + in_row.begin * dx, x_end = x + (in_row.end - 1) * dx;
             const TileLayout::Range across =
-                layout.columns_between(std::min(x_begin, x_end) - half_x, std::max(x_begin, x_end) + half_x);
+                layout.across().between(std::min(x_begin, x_end) - half_x, std::max(x_begin, x_end) + half_x);
             for (int tile_column = across.first; tile_column <= across.last; ++tile_column) {
                 const Samples here =
                     samples_between(x, dx, layout.left(tile_column) - 0.5 - half_x,
@@ -196,8 +178,8 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
                 over_depth(std::min(a.x, b.x) - view.extent_x, std::max(a.x, b.x) + view.extent_x, near, far);
             const Interval y =
                 over_depth(std::min(-a.y, -b.y) - view.extent_y, std::max(-a.y, -b.y) + view.extent_y, near, far);
-            across = layout.columns_between(x.low / frame.pixel + axis_x - 1e-3, x.high / frame.pixel + axis_x + 1e-3);
-            down = layout.rows_between(y.low / frame.pixel + axis_y - 1e-3, y.high / frame.pixel + axis_y + 1e-3);
+            across = layout.across().between(x.low / frame.pixel + axis_x - 1e-3, x.high / frame.pixel + axis_x + 1e-3);
+            down = layout.down().between(y.low / frame.pixel + axis_y - 1e-3, y.high / frame.pixel + axis_y + 1e-3);
         }
         for (int tile_row = down.first; tile_row <= down.last; ++tile_row) {
             for (int tile_column = across.first; tile_column <= across.last; ++tile_column) {
@@ -227,36 +209,28 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
 }
 
 Buckets<std::uint32_t> bucket_kernels(const EllipsoidView& view, const std::vector<std::uint8_t>& visible,
-                                      const TileLayout& layout, ThreadPool& pool) {
-    const Frame& frame = view.frame();
+                                      const TileLayout& layout, RectsFunction rects, ThreadPool& pool) {
     const std::size_t kernels = visible.size();
     const std::size_t chunks = chunks_for(kernels, layout.tiles());
     const auto columns = static_cast<std::size_t>(layout.columns());
-    const double axis_x = 0.5 * frame.size.width, axis_y = 0.5 * frame.size.height;
-    const double nearest = frame.slices > 0 ? view.front_of(0) : 0.0;
-    const double farthest = frame.slices > 0 ? view.back_of(frame.slices - 1) : 0.0;
-    return bucket<std::uint32_t>(
-        layout.tiles(), chunks, pool, "the kernels of a view, sorted by tiles",
-        [&](std::size_t chunk, const auto& emit) {
-            const std::size_t first = kernels * chunk / chunks, past = kernels * (chunk + 1) / chunks;
-            for (std::size_t i = first; i < past; ++i) {
-                if (visible[i] == 0) {
-                    continue;
-                }
-                const EllipsoidView::ScreenBounds bounds = view.support_bounds(i, nearest, farthest);
-                TileLayout::Range across{0, layout.columns() - 1}, down{0, layout.rows() - 1};
-                if (!bounds.unbounded) {
-                    across = layout.columns_between(bounds.left + axis_x, bounds.right + axis_x);
-                    down = layout.rows_between(bounds.top + axis_y, bounds.bottom + axis_y);
-                }
-                for (int row = down.first; row <= down.last; ++row) {
-                    for (int column = across.first; column <= across.last; ++column) {
-                        emit(static_cast<std::size_t>(row) * columns + static_cast<std::size_t>(column),
-                             static_cast<std::uint32_t>(i));
-                    }
+    const char* what = "the kernels of a view, sorted by tiles";
+    require_memory(checked_product(kernels, sizeof(TileRect), what), what, "draw fewer kernels");
+    const std::unique_ptr<TileRect[]> found(new TileRect[kernels]);
+    const auto begin = [&](std::size_t chunk) { return kernels * chunk / chunks; };
+    pool.run(chunks, [&](std::size_t chunk, int) {
+        rects(view, visible, layout, begin(chunk), begin(chunk + 1), found.get());
+    });
+    return bucket<std::uint32_t>(layout.tiles(), chunks, pool, what, [&](std::size_t chunk, const auto& emit) {
+        for (std::size_t i = begin(chunk); i < begin(chunk + 1); ++i) {
+            const TileRect& rect = found[i];
+            for (std::int32_t row = rect.rows.first; row <= rect.rows.last; ++row) {
+                for (std::int32_t column = rect.columns.first; column <= rect.columns.last; ++column) {
+                    emit(static_cast<std::size_t>(row) * columns + static_cast<std::size_t>(column),
+                         static_cast<std::uint32_t>(i));
                 }
             }
-        });
+        }
+    });
 }
 
 } // namespace sheetsplat::simd

@@ -13,7 +13,8 @@ HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::simd::HWY_NAMESPACE {
 
 const TileFunctions<float>* functions_float() {
-    static constexpr TileFunctions<float> functions{&feed_rows<float>, &feed_kernels<float>, &run_tile<float>};
+    static constexpr TileFunctions<float> functions{&feed_rows<float>, &tile_rects,
+                                                       &feed_kernels<float>, &run_tile<float>};
     return &functions;
 }
 

@@ -104,8 +104,10 @@ EyeKernel slice_kernel(const Vec3& center_eye, const Vec3& row_x, const Vec3& ro
     const double across = glm::dot(a, b);
     if (across != 0.0) {
         const double zeta = (glm::dot(b, b) - glm::dot(a, a)) / (2.0 * across);
-        const double t = (zeta >= 0.0 ? 1.0 : -1.0) / (std::abs(zeta) + std::hypot(1.0, zeta));
-        const double c = 1.0 / std::hypot(1.0, t);
+        // (std::hypot takes longer than all the rest; its care is needed where a square leaves the format.)
+        const double size = std::abs(zeta);
+        const double t = (zeta >= 0.0 ? 1.0 : -1.0) / (size + (size < 1e150 ? std::sqrt(1.0 + size * size) : size));
+        const double c = 1.0 / std::sqrt(1.0 + t * t);
         const glm::dvec2 turned = c * (a - t * b);
         b = c * (b + t * a);
         a = turned;

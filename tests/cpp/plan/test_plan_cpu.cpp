@@ -1,4 +1,5 @@
 // What the plan of backend cpu holds, when it takes float64, and what it refuses.
+#include <algorithm>
 #include <functional>
 #include <string>
 #include <vector>
@@ -86,11 +87,27 @@ TEST(PlanOfCpu, ListsEffectsOfThePictureAlone) {
             EXPECT_NE(effect.name, name) << "a way of drawing on GL";
         }
     }
-    for (const char* name :
-         {"classification", "empty_test", "weight", "ewa_filter", "scattered_kernels", "slab_sampling", "perspective",
-          "general_sections", "gradient", "specular", "two_sided", "world_lights", "opacity_correction",
-          "preintegration", "opacity_stop", "separate_normalization", "culling", "background", "coverage", "depth",
-          "float64"}) {
+    for (const char* name : {"classification",
+                             "empty_test",
+                             "weight",
+                             "ewa_filter",
+                             "scattered_kernels",
+                             "slab_sampling",
+                             "perspective",
+                             "general_sections",
+                             "gradient",
+                             "specular",
+                             "two_sided",
+                             "world_lights",
+                             "opacity_correction",
+                             "preintegration",
+                             "opacity_stop",
+                             "separate_normalization",
+                             "culling",
+                             "background",
+                             "coverage",
+                             "depth",
+                             "float64"}) {
         EXPECT_EQ(std::count(names.begin(), names.end(), name), 1) << name;
     }
     EXPECT_FALSE(plan.summary.error_budget.empty());

@@ -105,6 +105,7 @@ struct TileFunctions {
     /// Kernels of a lattice for a tile, by first slices. Throws OutOfMemory or std::bad_alloc.
     void (*feed_rows)(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling,
                       const RowPart* begin, const RowPart* end, const TileShape& tile, TileKernels<T>& kernels);
+    RectsFunction rects;
     /// Scattered kernels for a tile, by first slices.
     void (*feed_kernels)(const EllipsoidView& view, const std::uint32_t* begin, const std::uint32_t* end,
                          const TileShape& tile, TileKernels<T>& kernels);

@@ -93,6 +93,8 @@ class EllipsoidView {
     [[nodiscard]] const Vec3& back_world() const { return back_; }
     /// All kernels are spheres in eye space and the camera is orthographic.
     [[nodiscard]] bool spheres() const { return spheres_; }
+    /// Sampling slab: half a slice spacing; point: 0.
+    [[nodiscard]] double slab_half() const { return slab_half_; }
     [[nodiscard]] bool filtered() const { return filter_ == Filter::ewa; }
 
     [[nodiscard]] EyeKernel kernel(std::size_t i) const;

@@ -135,15 +135,15 @@ def ambiguous(case: Case) -> np.ndarray | None:
 def renderer(**options: Any) -> ss.Renderer:
     """Return a renderer of its own for each set of options."""
     effects = dict(options.pop("effects", ()))
-    return ss.Renderer("gl", effects=effects, **options)
+    return ss.Renderer(options.pop("backend", "gl"), effects=effects, **options)
 
 
 def check(case: Case, bounds: tuple[float, float] = FLOAT32, **options: Any) -> ss.Image:
     """Compare the picture of a renderer with these options with the reference."""
     scene, camera = make(case)
     image = renderer(**options).render(scene, camera, size=SIZE)
-    assert image.plan.backend == "gl"
-    name = f"gl {case} {' '.join(f'{name}={value}' for name, value in options.items())}"
+    assert image.plan.backend == options.get("backend", "gl")
+    name = f"{image.plan.backend} {case} {' '.join(f'{name}={value}' for name, value in options.items())}"
     assert_close(np.asarray(image), np.asarray(reference(case)), bounds, name, ambiguous(case))
     return image
 

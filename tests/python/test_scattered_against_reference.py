@@ -38,7 +38,7 @@ def named(name: str) -> Parts:
 def renderer(**options: Any) -> ss.Renderer:
     """Return a renderer of its own for each set of options."""
     effects = dict(options.pop("effects", ()))
-    return ss.Renderer("gl", effects=effects, **options)
+    return ss.Renderer(options.pop("backend", "gl"), effects=effects, **options)
 
 
 def by_reference(parts: Parts) -> ss.Image:
@@ -133,9 +133,9 @@ def check(name: str, **options: Any) -> ss.Image:
         if parts["refusable"]:
             pytest.xfail(f"refused, as it may be ({parts['refusable']}): {error}")
         raise
-    assert image.plan.backend == "gl"
+    assert image.plan.backend == options.get("backend", "gl")
     bounds = FLOAT16 if image.plan.precision == "float16" else bounds_of(name)
-    text = f"gl {name} {' '.join(f'{option}={value}' for option, value in options.items())}"
+    text = f"{image.plan.backend} {name} {' '.join(f'{option}={value}' for option, value in options.items())}"
     compare(name, image, bounds, text)
     return image
 

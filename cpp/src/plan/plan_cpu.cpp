@@ -178,6 +178,8 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
     plan.culling = effects.decide("culling", true, "kernels that cannot matter are not drawn");
     plan.points = plan.vertex_arrays = plan.four_channels = false;
     plan.separable = false;
+    // A gradient that was forced on and that no light asks for changes nothing.
+    plan.gradient = plan.gradient && !scene.lights.empty();
     plan.slab_nodes = view.widest_slab < 0.6 ? 4 : view.widest_slab < 1.5 ? 6 : 0;
     plan.packing = Packing::wide;
     plan.tagging = Tagging::tiles;

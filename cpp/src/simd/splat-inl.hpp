@@ -102,15 +102,14 @@ HWY_INLINE void add_bell(D d, V bell_less_edge, V value, V weight, hn::TFromD<D>
 }
 
 /// exp2(-falloff (at + i step)^2) for i = 0 ... count - 1, whole vectors.
-template <class T>
-HWY_INLINE void bells(T falloff_log2, T at, T step, int count, T* out) {
-    const hn::CappedTag<T, 16> d;
+template <class D, class T = hn::TFromD<D>>
+HWY_INLINE void bells(D d, T falloff_log2, T at, T step, int count, T* out) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const auto scale = hn::Set(d, -falloff_log2);
     const auto steps = hn::Set(d, step);
     for (int i = 0; i < count; i += lanes) {
         const auto place = hn::MulAdd(steps, hn::Iota(d, static_cast<T>(i)), hn::Set(d, at));
-        hn::StoreU(exp2_nonpositive(d, hn::Mul(scale, hn::Mul(place, place))), d, out + i);
+        hn::Store(exp2_nonpositive(d, hn::Mul(scale, hn::Mul(place, place))), d, out + i);
     }
 }
 
@@ -159,48 +158,65 @@ HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const 
     }
 }
 
-/// Adds slices `from` ... `past - 1` of one kernel. sheets(slice): where to. touch(slice, rect): what was added to, in
-/// pixels of the sheets. live: where anything can still be seen.
-template <class T, class Sheets, class Touch>
+/// Adds kernels of one field to the sheets of slices n ... n + covered_slices - 1.
+template <class T>
 class Splatter {
   public:
-    Splatter(const LoopSetup<T>& setup, const PartProfile<T>& profile, const Live& live, const Sheets& sheets,
-             const Touch& touch)
-        : setup_(setup), profile_(profile), live_(live), sheets_(sheets), touch_(touch) {}
+    /// targets: the sheets of these slices. live: where anything can still be seen.
+    Splatter(const LoopSetup<T>& setup, const PartProfile<T>& profile, const Live& live, std::int32_t n,
+             const Target<T>* targets)
+        : setup_(setup), profile_(profile), live_(live), n_(n), targets_(targets) {}
 
-    /// Returns how many sections were drawn.
-    HWY_INLINE int draw(const Section<T>& section, const SectionExtra<T>& extra, const RowShape<T>& shape,
-                        std::int32_t from, std::int32_t past) const {
-        const Rect box{std::max<int>(extra.x0, live_.rect.x0), std::max<int>(extra.y0, live_.rect.y0),
-                       std::min<int>(extra.x1, live_.rect.x1), std::min<int>(extra.y1, live_.rect.y1)};
-        if (box.empty()) {
-            return 0;
-        }
-        const T weight = extra.weight;
+    /// Adds the slices from n on, past of them, of a kernel. Returns how many sections were drawn.
+    HWY_INLINE int draw(const Section<T>& section, const SectionExtra<T>& extra, const RowShape<T>& shape, int count) {
         if (setup_.slab) {
-            return profile_.weight_channel >= 0 ? slabs<true>(section, weight, shape, from, past, box)
-                                                : slabs<false>(section, weight, shape, from, past, box);
+            const Rect box{std::max<int>(extra.x0, live_.rect.x0), std::max<int>(extra.y0, live_.rect.y0),
+                           std::min<int>(extra.x1, live_.rect.x1), std::min<int>(extra.y1, live_.rect.y1)};
+            if (box.empty()) {
+                return 0;
+            }
+            return profile_.weight_channel >= 0 ? slabs<true>(section, extra.weight, shape, count, box)
+                                                : slabs<false>(section, extra.weight, shape, count, box);
         }
         const bool upright = shape.Y1 == T(0) && shape.d1 == T(0) && shape.d2 == T(0) && !setup_.perspective;
         if (profile_.weight_channel >= 0) {
-            return upright ? spheres<true>(section, weight, shape, from, past, box)
-                           : ellipses<true>(section, weight, shape, from, past, box);
+            return upright ? spheres<true>(section, extra.weight, shape, T(1) / shape.X, count)
+                           : ellipses<true>(section, extra.weight, shape, count);
         }
-        return upright ? spheres<false>(section, weight, shape, from, past, box)
-                       : ellipses<false>(section, weight, shape, from, past, box);
+        return upright ? spheres<false>(section, extra.weight, shape, T(1) / shape.X, count)
+                       : ellipses<false>(section, extra.weight, shape, count);
+    }
+
+    /// The same for kernels that share one upright shape; per_X: 1 / shape.X.
+    template <bool with_weight>
+    HWY_INLINE int draw_upright(const Section<T>& section, T weight, const RowShape<T>& shape, T per_X, int count) {
+        return spheres<with_weight>(section, weight, shape, per_X, count);
+    }
+
+    /// Calls touch(slice, rect) for what was added to, in pixels of the sheets.
+    template <class Touch>
+    void tell(const Touch& touch) const {
+        Rect common;
+        for (int slice = covered_slices - 1; slice >= 0; --slice) {
+            common.add(through_[slice]);
+            Rect rect = single_[slice];
+            rect.add(common);
+            if (!rect.empty()) {
+                touch(n_ + slice, rect);
+            }
+        }
     }
 
   private:
     /// One Gaussian along each of x, y and depth serves all sections of a kernel.
     template <bool with_weight>
-    HWY_INLINE int spheres(const Section<T>& section, T weight, const RowShape<T>& shape, std::int32_t from,
-                           std::int32_t past, const Rect& room) const {
-        const T per_X = T(1) / shape.X, per_Y = T(1) / std::abs(shape.Y2);
-        const T middle_x = -section.a1 * per_X, middle_y = -section.a2 / shape.Y2;
-        const Rect box{whole(std::ceil(middle_x - per_X), room.x0, room.x1),
-                       whole(std::ceil(middle_y - per_Y), room.y0, room.y1),
-                       whole(std::floor(middle_x + per_X) + T(1), room.x0, room.x1),
-                       whole(std::floor(middle_y + per_Y) + T(1), room.y0, room.y1)};
+    HWY_INLINE int spheres(const Section<T>& section, T weight, const RowShape<T>& shape, T per_X, int count) {
+        const T per_Y = T(1) / std::abs(shape.Y2);
+        const T middle_x = -section.a1 * per_X, middle_y = shape.Y2 < T(0) ? section.a2 * per_Y : -section.a2 * per_Y;
+        const Rect box{whole(std::ceil(middle_x - per_X), live_.rect.x0, live_.rect.x1),
+                       whole(std::ceil(middle_y - per_Y), live_.rect.y0, live_.rect.y1),
+                       whole(std::floor(middle_x + per_X) + T(1), live_.rect.x0, live_.rect.x1),
+                       whole(std::floor(middle_y + per_Y) + T(1), live_.rect.y0, live_.rect.y1)};
         if (box.empty() || !live_.sees(box.x0, box.y0, box.x1, box.y1)) {
             return 0;
         }
@@ -212,28 +228,30 @@ class Splatter {
         const hn::CappedTag<T, 4> narrow;
         const hn::CappedTag<T, 8> middling;
         const hn::CappedTag<T, 16> wide;
-        const int width = box.x1 - box.x0;
+        const int width = box.x1 - box.x0, height = box.y1 - box.y0;
         const int size = width <= 4 ? 0 : width <= 24 ? 1 : 2;
         const int lanes = static_cast<int>(size == 0   ? hn::Lanes(narrow)
                                            : size == 1 ? hn::Lanes(middling)
                                                        : hn::Lanes(wide));
         const int start = start_of<T>(box.x0, box.x1, lanes);
-        bells(k, static_cast<T>(section.a1 + shape.X * static_cast<T>(start)), shape.X, box.x1 - start, bell_x);
-        bells(k, static_cast<T>(section.a2 + shape.Y2 * static_cast<T>(box.y0)), shape.Y2, box.y1 - box.y0, bell_y);
-        const T s_from = section.s + static_cast<T>(from - section.first) * shape.ds;
-        bells(k, s_from, shape.ds, past - from, bell_z);
-        Target<T> to[covered_slices];
-        const int count = past - from;
-        for (int slice = 0; slice < count; ++slice) {
-            to[slice] = sheets_(from + slice);
-            touch_(from + slice, box);
+        const T at_x = section.a1 + shape.X * static_cast<T>(start);
+        const T at_y = section.a2 + shape.Y2 * static_cast<T>(box.y0);
+        const T at_z = section.s + static_cast<T>(n_ - section.first) * shape.ds;
+        if (box.x1 - start <= 8 && height <= 8) {
+            bells(middling, k, at_x, shape.X, 8, bell_x);
+            bells(middling, k, at_y, shape.Y2, 8, bell_y);
+        } else {
+            bells(wide, k, at_x, shape.X, box.x1 - start, bell_x);
+            bells(wide, k, at_y, shape.Y2, height, bell_y);
         }
+        bells(middling, k, at_z, shape.ds, covered_slices, bell_z);
+        through_[count - 1].add(box);
         const auto rows = [&](auto d) {
             for (int slice = 0; slice < count;) {
                 const auto add = [&](auto together) {
-                    separable_rows<with_weight, together.value>(d, to + slice, bell_x, bell_y, bell_z + slice,
-                                                                profile_.edge, section.value, weight, start,
-                                                                box.x1, box.y0, box.y1);
+                    separable_rows<with_weight, together.value>(d, targets_ + slice, bell_x, bell_y, bell_z + slice,
+                                                                profile_.edge, section.value, weight, start, box.x1,
+                                                                box.y0, box.y1);
                     slice += together.value;
                 };
                 switch (std::min(count - slice, 5)) {
@@ -269,10 +287,11 @@ class Splatter {
     /// where the column is brightest, and anew every few rows, so that errors do not grow. Where the ellipse is so thin
     /// that a vector spans powers of two beyond the format, rows are evaluated one by one.
     template <bool with_weight>
-    HWY_INLINE int ellipses(const Section<T>& section, T weight, const RowShape<T>& shape, std::int32_t from,
-                            std::int32_t past, const Rect& box) const {
+    HWY_INLINE int ellipses(const Section<T>& section, T weight, const RowShape<T>& shape, int count) {
+        const Rect& box = live_.rect;
         int drawn = 0;
-        for (std::int32_t n = from; n < past; ++n) {
+        for (int slice = 0; slice < count; ++slice) {
+            const std::int32_t n = n_ + slice;
             const T along = static_cast<T>(n - section.first);
             const T scale = setup_.perspective ? depth_of(n) : T(1);
             Ellipse e;
@@ -305,7 +324,7 @@ class Splatter {
             if (x0 >= x1 || !live_.sees(x0, y0, x1, y1)) {
                 continue;
             }
-            const Target<T> to = sheets_(n);
+            const Target<T>& to = targets_[slice];
             const hn::CappedTag<T, 8> d;
             const hn::CappedTag<T, 16> wide;
             const auto walks = [&](auto tag) {
@@ -331,7 +350,7 @@ class Splatter {
             } else {
                 rows<with_weight>(d, to, e, rest, per_X, section.value, weight, x0, x1, y0, y1);
             }
-            touch_(n, Rect{x0, y0, x1, y1});
+            single_[slice].add(Rect{x0, y0, x1, y1});
             ++drawn;
         }
         return drawn;
@@ -457,8 +476,8 @@ class Splatter {
     /// Means over slabs along the rays of the pixels: closed form over the chord where it is long against the Gaussian,
     /// quadrature where the difference of two erf would cancel.
     template <bool with_weight>
-    HWY_INLINE int slabs(const Section<T>& section, T weight_t, const RowShape<T>& shape, std::int32_t from,
-                         std::int32_t past, const Rect& box) const {
+    HWY_INLINE int slabs(const Section<T>& section, T weight_t, const RowShape<T>& shape, int count,
+                         const Rect& box) {
         if (!live_.sees(box.x0, box.y0, box.x1, box.y1)) {
             return 0;
         }
@@ -471,7 +490,8 @@ class Splatter {
         const V value = hn::Set(d, section.value), weight = hn::Set(d, weight_t);
         const V w3 = hn::Set(d, shape.ds);
         int drawn = 0;
-        for (std::int32_t n = from; n < past; ++n) {
+        for (int slice = 0; slice < count; ++slice) {
+            const std::int32_t n = n_ + slice;
             const T along = static_cast<T>(n - section.first);
             const T t = setup_.perspective ? depth_of(n) : T(1);
             const T X = shape.X * t, Y1 = shape.Y1 * t, Y2 = shape.Y2 * t;
@@ -479,7 +499,7 @@ class Splatter {
             const T spread = setup_.perspective ? static_cast<T>(setup_.slice_spacing) : T(0);
             const T a1 = section.a1 + along * shape.d1, a2 = section.a2 + along * shape.d2;
             const V q3 = hn::Set(d, section.s + along * shape.ds);
-            const Target<T> to = sheets_(n);
+            const Target<T>& to = targets_[slice];
             bool any = false;
             for (int y = box.y0; y < box.y1; ++y) {
                 const T row = static_cast<T>(y);
@@ -523,7 +543,7 @@ class Splatter {
                 }
             }
             if (any) {
-                touch_(n, box);
+                single_[slice].add(box);
                 ++drawn;
             }
         }
@@ -564,8 +584,10 @@ class Splatter {
     const LoopSetup<T>& setup_;
     const PartProfile<T>& profile_;
     const Live& live_;
-    const Sheets& sheets_;
-    const Touch& touch_;
+    std::int32_t n_;
+    const Target<T>* targets_;
+    Rect through_[covered_slices]; ///< added to slices n ... n + i
+    Rect single_[covered_slices];  ///< added to slice n + i alone
 };
 
 } // namespace sheetsplat::simd::HWY_NAMESPACE

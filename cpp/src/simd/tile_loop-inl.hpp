@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <type_traits>
 
 #include "hwy/highway.h"
 #include "shade-inl.hpp"
@@ -108,33 +109,56 @@ class TileLoop {
         for (std::size_t part = 0; part < scratch_.kernels.size(); ++part) {
             const PartProfile<T>& profile = setup_.parts[part];
             const TileKernels<T>& kernels = scratch_.kernels[part];
-            const auto sheets = [&](std::int32_t slice) {
-                return Target<T>{plane(slice, profile.value_channel),
-                                 profile.weight_channel >= 0 ? plane(slice, profile.weight_channel) : nullptr,
-                                 shape_.stride};
-            };
-            const auto touch = [&](std::int32_t slice, const Rect& rect) {
-                Slot& slot = slots_[index_of(slice)];
-                slot.slice = slice;
-                slot.touched.add(rect);
-                last_touched_ = std::max<std::int64_t>(last_touched_, slice);
-            };
-            const Splatter splatter(setup_, profile, live_, sheets, touch);
+            if (!again_of(again, waiting, part) &&
+                (next_[part] >= kernels.sections.size() || kernels.sections[next_[part]].first > n)) {
+                continue;
+            }
+            Target<T> targets[covered_slices];
+            for (int slice = 0; slice < covered_slices; ++slice) {
+                targets[slice] = {plane(n + slice, profile.value_channel),
+                                  profile.weight_channel >= 0 ? plane(n + slice, profile.weight_channel) : nullptr,
+                                  shape_.stride};
+            }
+            Splatter<T> splatter(setup_, profile, live_, static_cast<std::int32_t>(n), targets);
             const bool shared_shape = kernels.shapes.size() == 1, shared_extra = kernels.extras.empty();
+            const auto slices_left = [&](std::int64_t last) {
+                return static_cast<int>(std::min<std::int64_t>(last + 1 - n, covered_slices));
+            };
+            const auto draw_again = [&](std::int64_t last, std::uint32_t number) {
+                if (last >= n + covered_slices) {
+                    again.push_back({static_cast<std::uint32_t>(part), number});
+                    last_touched_ = std::max<std::int64_t>(last_touched_, n + covered_slices);
+                }
+            };
             const auto draw = [&](std::uint32_t number) {
                 const Section<T>& section = kernels.sections[number];
                 const RowShape<T>& row_shape = kernels.shapes[shared_shape ? 0 : number];
-                const SectionExtra<T> extra = shared_extra ? extra_of(kernels, section, row_shape) : kernels.extras[number];
-                const std::int64_t past = std::min<std::int64_t>(extra.last + std::int64_t{1}, n + covered_slices);
-                if (past <= n) {
-                    return;
+                SectionExtra<T> extra;
+                if (shared_extra) {
+                    extra.weight = kernels.weight;
+                    extra.last = last_of(section, T(-1) / row_shape.ds, kernels.last_slice);
+                } else {
+                    extra = kernels.extras[number];
                 }
-                drawn_ += static_cast<std::uint64_t>(splatter.draw(section, extra, row_shape,
-                                                                   static_cast<std::int32_t>(n),
-                                                                   static_cast<std::int32_t>(past)));
-                if (past <= extra.last) {
-                    again.push_back({static_cast<std::uint32_t>(part), number});
-                    last_touched_ = std::max(last_touched_, past);
+                const int count = slices_left(extra.last);
+                if (count > 0) {
+                    drawn_ += static_cast<std::uint64_t>(splatter.draw(section, extra, row_shape, count));
+                    draw_again(extra.last, number);
+                }
+            };
+            // Kernels of a lattice in an orthographic view, most of which are of one shape and upright.
+            const RowShape<T>& first_shape = kernels.shapes.front();
+            const bool plain = shared_shape && shared_extra && !setup_.slab && !setup_.perspective &&
+                               first_shape.Y1 == T(0) && first_shape.d1 == T(0) && first_shape.d2 == T(0);
+            const T per_X = T(1) / first_shape.X, per_slice = T(-1) / first_shape.ds;
+            const auto draw_plain = [&](auto with_weight, std::uint32_t number) {
+                const Section<T>& section = kernels.sections[number];
+                const std::int64_t last = last_of(section, per_slice, kernels.last_slice);
+                const int count = slices_left(last);
+                if (count > 0) {
+                    drawn_ += static_cast<std::uint64_t>(splatter.template draw_upright<with_weight.value>(
+                        section, kernels.weight, first_shape, per_X, count));
+                    draw_again(last, number);
                 }
             };
             for (std::size_t entry = 0; entry < waiting; ++entry) {
@@ -143,26 +167,46 @@ class TileLoop {
                 }
             }
             std::size_t& next = next_[part];
-            while (next < kernels.sections.size() && kernels.sections[next].first <= n) {
-                draw(static_cast<std::uint32_t>(next++));
+            std::size_t past = next;
+            while (past < kernels.sections.size() && kernels.sections[past].first <= n) {
+                ++past;
             }
+            if (plain && profile.weight_channel >= 0) {
+                for (; next < past; ++next) {
+                    draw_plain(std::true_type(), static_cast<std::uint32_t>(next));
+                }
+            } else if (plain) {
+                for (; next < past; ++next) {
+                    draw_plain(std::false_type(), static_cast<std::uint32_t>(next));
+                }
+            } else {
+                for (; next < past; ++next) {
+                    draw(static_cast<std::uint32_t>(next));
+                }
+            }
+            splatter.tell([&](std::int32_t slice, const Rect& rect) {
+                Slot& slot = slots_[index_of(slice)];
+                slot.slice = slice;
+                slot.touched.add(rect);
+                last_touched_ = std::max<std::int64_t>(last_touched_, slice);
+            });
         }
         again.erase(again.begin(), again.begin() + static_cast<std::ptrdiff_t>(waiting));
         scratch_.sections_drawn += drawn_;
         drawn_ = 0;
     }
 
-    /// What is the same for all kernels of a lattice, or follows.
-    [[nodiscard]] HWY_INLINE SectionExtra<T> extra_of(const TileKernels<T>& kernels, const Section<T>& section,
-                                                      const RowShape<T>& row_shape) const {
-        SectionExtra<T> extra;
-        extra.weight = kernels.weight;
-        const T further = std::floor((T(1) + section.s) / -row_shape.ds);
-        extra.last = static_cast<std::int32_t>(
-            std::min(static_cast<T>(section.first) + std::max(further, T(-1)), static_cast<T>(kernels.last_slice)));
-        extra.x1 = static_cast<std::int16_t>(shape_.width + 2);
-        extra.y1 = static_cast<std::int16_t>(shape_.height + 2);
-        return extra;
+    /// The last slice that a kernel meets; per_slice: slices from height 1 to 0.
+    [[nodiscard]] static HWY_INLINE std::int32_t last_of(const Section<T>& section, T per_slice, std::int32_t most) {
+        const T further = std::floor((T(1) + section.s) * per_slice);
+        return static_cast<std::int32_t>(
+            std::min(static_cast<T>(section.first) + std::max(further, T(-1)), static_cast<T>(most)));
+    }
+
+    using Again = typename TileScratch<T>::Again;
+    [[nodiscard]] static bool again_of(const std::vector<Again>& again, std::size_t waiting, std::size_t part) {
+        return std::any_of(again.begin(), again.begin() + static_cast<std::ptrdiff_t>(waiting),
+                           [&](const Again& entry) { return entry.part == part; });
     }
 
     /// rho of a slice, in the place of the sums of the fields that share sheets; W of all in its own channel.

@@ -1,0 +1,106 @@
+"""The processor's pictures of every regular and scattered scene are the reference's, within section 9."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scattered_scenes
+import test_gl_against_reference as regular
+import test_scattered_against_reference as scattered
+from image_checks import FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS, assert_close
+
+import sheetsplat as ss
+
+
+@pytest.mark.parametrize("case", regular.SCENES, ids=str)
+def test_every_regular_scene(case):
+    regular.check(case, backend="cpu")
+
+
+@pytest.mark.parametrize("precision", ["auto", "float64"])
+@pytest.mark.parametrize("case", regular.HARD, ids=str)
+def test_hard_regular_scenes(case, precision):
+    regular.check(case, FLOAT32_HARD, backend="cpu", precision=precision)
+
+
+@pytest.mark.parametrize("case", [regular.Case(), regular.Case(mode="xray", sampling="slab")], ids=str)
+def test_float64_is_the_reference_to_the_last_digits(case):
+    scene, camera = regular.make(case)
+    image = ss.Renderer("cpu", precision="float64").render(scene, camera, size=regular.SIZE)
+    expected = np.asarray(regular.reference(case))
+    assert np.abs(np.asarray(image) - expected).max() <= 2e-6 * max(1.0, np.abs(expected).max())
+
+
+CHANGES = [("culling", False), ("weight", True), ("empty_test", True), ("general_sections", True), ("gradient", True)]
+CHANGES += [("specular", True), ("two_sided", True), ("opacity_correction", True)]
+
+
+@pytest.mark.parametrize("effect", CHANGES, ids=lambda effect: f"{effect[0]}-{'on' if effect[1] else 'off'}")
+def test_an_effect_that_was_left_out_changes_nothing_when_forced(effect):
+    for case in (regular.Case(lit=False), regular.Case(opaque=True, opacity_stop=0.95)):
+        regular.check(case, FLOAT32_HARD, backend="cpu", effects=(effect,))
+
+
+@pytest.mark.parametrize("tile_size", [8, 13, 16])
+@pytest.mark.parametrize("case", regular.HARD, ids=str)
+def test_tiles_leave_no_seam(case, tile_size):
+    whole = regular.check(case, FLOAT32_HARD, backend="cpu")
+    pieces = regular.check(case, FLOAT32_HARD, backend="cpu", tile_size=tile_size)
+    text = f"cpu pieces of {tile_size} {case}"
+    assert_close(np.asarray(pieces), np.asarray(whole), FLOAT32, text, regular.ambiguous(case))
+
+
+def assert_same_depths(depth, expected):
+    """Few pixels differ in depth: one at which opacity just reaches one half may take the slice before or after."""
+    finite = np.isfinite(depth)
+    both = finite & np.isfinite(expected)
+    assert (finite != np.isfinite(expected)).mean() <= MOST_AMBIGUOUS
+    assert (np.abs(depth[both] - expected[both]) > 1e-3).mean() <= MOST_AMBIGUOUS
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        regular.Case(opacity_stop=0.9),
+        regular.Case(projection="perspective", lattice="bcc"),
+        regular.Case(mode="isosurface"),
+    ],
+    ids=str,
+)
+def test_coverage_and_depth(case):
+    scene, camera = regular.make(case)
+    expected = regular.reference(case)
+    image = ss.Renderer("cpu").render(scene, camera, size=regular.SIZE, outputs=("coverage", "depth"))
+    assert_close(image.coverage, expected.coverage, FLOAT32, f"cpu coverage {case}")
+    ambiguous = regular.ambiguous(case)
+    assert_close(np.asarray(image), np.asarray(expected), FLOAT32, f"cpu beside coverage {case}", ambiguous)
+    assert np.isfinite(image.depth).any()
+    assert_same_depths(image.depth, expected.depth)
+
+
+@pytest.mark.parametrize("name", scattered_scenes.SCENES)
+def test_every_scattered_scene(name):
+    scattered.check(name, backend="cpu")
+
+
+@pytest.mark.parametrize("seed", scattered.RANDOM)
+def test_random_scattered_scenes(seed):
+    scattered.check(str(seed), backend="cpu")
+
+
+@pytest.mark.parametrize("options", [{"tile_size": 17}, {"tile_size": 8}, {"precision": "float64"}], ids=str)
+@pytest.mark.parametrize("name", scattered.EVERYWHERE)
+def test_scattered_scenes_in_tiles_and_float64(name, options):
+    scattered.check(name, backend="cpu", **options)
+
+
+@pytest.mark.parametrize(
+    "name", ["weights_over_decades", "opaque_central", "mixed_slabs", "isosurface_parallel", "ewa_slab_central"]
+)
+def test_coverage_and_depth_of_scattered_scenes(name):
+    scene, camera, size = scattered_scenes.build(ss, scattered.named(name))
+    expected = scattered.reference(name)
+    image = ss.Renderer("cpu").render(scene, camera, size=size, outputs=("coverage", "depth"))
+    assert_close(image.coverage, expected.coverage, scattered.bounds_of(name), f"cpu coverage {name}")
+    scattered.compare(name, image, scattered.bounds_of(name), f"cpu beside coverage {name}")
+    assert_same_depths(image.depth, expected.depth)

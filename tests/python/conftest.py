@@ -82,3 +82,9 @@ def reference_renderer() -> ss.Renderer:
 def gl_renderer() -> Iterator[ss.Renderer]:
     """Return a renderer by OpenGL; tests that ask for it carry the mark gl."""
     yield ss.Renderer("gl")
+
+
+@pytest.fixture(scope="session")
+def cpu_renderer() -> Iterator[ss.Renderer]:
+    """Return a renderer by the processor's vector instructions."""
+    yield ss.Renderer("cpu")

@@ -1,4 +1,4 @@
-"""What must leave a picture as it is, on both backends."""
+"""What must leave a picture as it is, on every backend."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ UPRIGHT = np.eye(3)
 DIRECTION, UP = np.array([-0.5, -0.4, -0.8]), np.array([0.1, 1.0, 0.2])
 
 
-@pytest.fixture(params=["reference", pytest.param("gl", marks=pytest.mark.gl)])
+@pytest.fixture(params=["reference", "cpu", pytest.param("gl", marks=pytest.mark.gl)])
 def renderer(request):
     return request.getfixturevalue(f"{request.param}_renderer")
 

@@ -391,6 +391,8 @@ struct CpuRenderer::State {
             // Each tile leaves the ring as it found it: all zero.
             if (room.ring.size() < wanted) {
                 room.ring.assign(wanted, T(0));
+            }
+            if (room.zeros.size() < elements) {
                 room.zeros.assign(elements, T(0));
             }
             functions.run(setup, shape, room, between);

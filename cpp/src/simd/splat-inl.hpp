@@ -43,7 +43,7 @@ struct Live {
             row |= row >> 2;
             row |= row >> 1;
             row &= 0x0101010101010101ULL;
-            alive |= ((row * 0x0102040810204080ULL) >> 56) << (8 * (y / most_block));
+            alive |= ((row * 0x0102040810204080ULL) >> 56) << (8 * std::min<std::size_t>(y / most_block, 7));
         }
     }
 
@@ -288,67 +288,34 @@ class Splatter {
     /// that a vector spans powers of two beyond the format, rows are evaluated one by one.
     template <bool with_weight>
     HWY_INLINE int ellipses(const Section<T>& section, T weight, const RowShape<T>& shape, int count) {
-        const Rect& box = live_.rect;
+        Ellipses e;
+        measure(section, shape, count, e);
+        const hn::CappedTag<T, 8> d;
+        const hn::CappedTag<T, 16> wide;
+        const T steep_1 = std::sqrt(shape.Y1 * shape.Y1 + shape.Y2 * shape.Y2);
         int drawn = 0;
         for (int slice = 0; slice < count; ++slice) {
-            const std::int32_t n = n_ + slice;
-            const T along = static_cast<T>(n - section.first);
-            const T scale = setup_.perspective ? depth_of(n) : T(1);
-            Ellipse e;
-            e.X = shape.X * scale;
-            e.Y1 = shape.Y1 * scale;
-            e.Y2 = shape.Y2 * scale;
-            e.a1 = section.a1 + along * shape.d1;
-            e.a2 = section.a2 + along * shape.d2;
-            const T s = section.s + along * shape.ds;
-            const T rest = T(1) - s * s;
-            if (!(rest > T(0))) {
+            if (!(e.rest[slice] > T(0))) {
                 continue;
             }
-            e.s2 = s * s;
-            const T root = std::sqrt(rest);
-            const T per_Y2 = T(1) / e.Y2, per_X = T(1) / e.X;
-            const T middle_y = -e.a2 * per_Y2, reach_y = root * std::abs(per_Y2);
-            const int y0 = whole(std::ceil(middle_y - reach_y), box.y0, box.y1);
-            const int y1 = whole(std::floor(middle_y + reach_y) + T(1), box.y0, box.y1);
-            if (y0 >= y1) {
-                continue;
-            }
-            // The length of the images of a step along y, and what lies across: [X Y1; 0 Y2] the other way round.
-            const T steep = std::sqrt(e.Y1 * e.Y1 + e.Y2 * e.Y2);
-            const T per_steep = T(1) / steep;
-            const T middle_x = -(e.a1 + e.Y1 * middle_y) * per_X;
-            const T reach_x = root * steep * std::abs(per_Y2) * per_X;
-            const int x0 = whole(std::ceil(middle_x - reach_x), box.x0, box.x1);
-            const int x1 = whole(std::floor(middle_x + reach_x) + T(1), box.x0, box.x1);
-            if (x0 >= x1 || !live_.sees(x0, y0, x1, y1)) {
+            const int x0 = static_cast<int>(e.x0[slice]), x1 = static_cast<int>(e.x1[slice]);
+            const int y0 = static_cast<int>(e.y0[slice]), y1 = static_cast<int>(e.y1[slice]);
+            if (x0 >= x1 || y0 >= y1 || !live_.sees(x0, y0, x1, y1)) {
                 continue;
             }
             const Target<T>& to = targets_[slice];
-            const hn::CappedTag<T, 8> d;
-            const hn::CappedTag<T, 16> wide;
+            const T X = shape.X * e.scale[slice], steep = steep_1 * e.scale[slice];
             const auto walks = [&](auto tag) {
-                const T across = T(1) + static_cast<T>(hn::Lanes(tag) - 1) * e.X;
+                // A walk starts up to a row from where a column is brightest.
+                const T across = std::max(T(1), steep) + static_cast<T>(hn::Lanes(tag) - 1) * X;
                 return profile_.falloff_log2 * (across * across + T(1)) < deepest();
             };
-            if (walks(d)) {
-                e.middle_x = middle_x;
-                e.middle_y = middle_y;
-                e.rest = rest;
-                e.per_steep = per_steep;
-                // Rows move by this from column to column along the ridge.
-                e.ridge = -e.X * e.Y1 * per_steep * per_steep;
-                const T width = e.X * std::abs(e.Y2) * per_steep;
-                e.per_width2 = width * width;
-                // Where along x the ellipse's first and last rows are.
-                e.tip = std::abs(e.Y1 * per_Y2 * per_X) * root;
-                if (x1 - x0 > static_cast<int>(hn::Lanes(d)) && walks(wide)) {
-                    walk<with_weight>(wide, to, e, section.value, weight, x0, x1, y0, y1);
-                } else {
-                    walk<with_weight>(d, to, e, section.value, weight, x0, x1, y0, y1);
-                }
+            if (!walks(d)) {
+                rows<with_weight>(d, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
+            } else if (x1 - x0 > static_cast<int>(hn::Lanes(d)) && walks(wide)) {
+                walk<with_weight>(wide, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
             } else {
-                rows<with_weight>(d, to, e, rest, per_X, section.value, weight, x0, x1, y0, y1);
+                walk<with_weight>(d, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
             }
             single_[slice].add(Rect{x0, y0, x1, y1});
             ++drawn;
@@ -356,51 +323,147 @@ class Splatter {
         return drawn;
     }
 
-    struct Ellipse {
-        T X, Y1, Y2, a1, a2, s2;
-        T middle_x, middle_y, rest, per_steep, ridge, per_width2, tip;
+    /// The sections of a kernel, one a slice: all of them are measured at once.
+    struct Ellipses {
+        static constexpr int room = covered_slices + 16;
+        HWY_ALIGN T scale[room]; ///< depth in perspective, else 1
+        HWY_ALIGN T a1[room];
+        HWY_ALIGN T a2[room];
+        HWY_ALIGN T s2[room];
+        HWY_ALIGN T rest[room]; ///< 1 - s^2
+        HWY_ALIGN T middle_x[room];
+        HWY_ALIGN T middle_y[room];
+        HWY_ALIGN T tip[room];                               ///< where along x, from the middle, first and last rows are
+        HWY_ALIGN T x0[room], y0[room], x1[room], y1[room]; ///< pixels
     };
+
+    HWY_INLINE void measure(const Section<T>& section, const RowShape<T>& shape, int count, Ellipses& e) const {
+        const hn::CappedTag<T, 8> d;
+        using V = hn::Vec<decltype(d)>;
+        const V one = hn::Set(d, T(1)), zero = hn::Zero(d);
+        // Lengths in the unit sphere scale with the depth in perspective, and those on the screen against it.
+        const T steep = std::sqrt(shape.Y1 * shape.Y1 + shape.Y2 * shape.Y2);
+        const T per_X = T(1) / shape.X, per_Y2 = T(1) / shape.Y2;
+        const T slant = shape.Y1 * per_X, reach = steep * std::abs(per_Y2) * per_X;
+        const T tip = std::abs(shape.Y1 * per_Y2) * per_X;
+        const auto edge = [&](int pixel) { return hn::Set(d, static_cast<T>(pixel)); };
+        const V left = edge(live_.rect.x0), right = edge(live_.rect.x1);
+        const V top = edge(live_.rect.y0), bottom = edge(live_.rect.y1);
+        for (int slice = 0; slice < count; slice += static_cast<int>(hn::Lanes(d))) {
+            const V along = hn::Iota(d, static_cast<T>(n_ - section.first + slice));
+            V scale = one;
+            if (setup_.perspective) {
+                scale = hn::MulAdd(hn::Iota(d, static_cast<T>(slice)), hn::Set(d, static_cast<T>(setup_.slice_spacing)),
+                                   hn::Set(d, depth_of(n_)));
+            }
+            const V per_scale = hn::Div(one, scale);
+            const V a1 = hn::MulAdd(along, hn::Set(d, shape.d1), hn::Set(d, section.a1));
+            const V a2 = hn::MulAdd(along, hn::Set(d, shape.d2), hn::Set(d, section.a2));
+            const V s = hn::MulAdd(along, hn::Set(d, shape.ds), hn::Set(d, section.s));
+            const V s2 = hn::Mul(s, s);
+            const V rest = hn::Sub(one, s2);
+            const V root = hn::Mul(hn::Sqrt(hn::Max(rest, zero)), per_scale);
+            const V middle_y = hn::Neg(hn::Mul(hn::Mul(a2, hn::Set(d, per_Y2)), per_scale));
+            const V reach_y = hn::Mul(root, hn::Set(d, std::abs(per_Y2)));
+            const V middle_x = hn::Neg(hn::MulAdd(hn::Set(d, slant), middle_y, hn::Mul(hn::Mul(a1, hn::Set(d, per_X)), per_scale)));
+            const V reach_x = hn::Mul(root, hn::Set(d, reach));
+            const auto first = [&](V middle, V half, V low, V high) {
+                return hn::Min(hn::Max(hn::Ceil(hn::Sub(middle, half)), low), high);
+            };
+            const auto past = [&](V middle, V half, V low, V high) {
+                return hn::Min(hn::Max(hn::Add(hn::Floor(hn::Add(middle, half)), one), low), high);
+            };
+            hn::Store(scale, d, e.scale + slice);
+            hn::Store(a1, d, e.a1 + slice);
+            hn::Store(a2, d, e.a2 + slice);
+            hn::Store(s2, d, e.s2 + slice);
+            hn::Store(rest, d, e.rest + slice);
+            hn::Store(middle_x, d, e.middle_x + slice);
+            hn::Store(middle_y, d, e.middle_y + slice);
+            hn::Store(hn::Mul(root, hn::Set(d, tip)), d, e.tip + slice);
+            hn::Store(first(middle_x, reach_x, left, right), d, e.x0 + slice);
+            hn::Store(past(middle_x, reach_x, left, right), d, e.x1 + slice);
+            hn::Store(first(middle_y, reach_y, top, bottom), d, e.y0 + slice);
+            hn::Store(past(middle_y, reach_y, top, bottom), d, e.y1 + slice);
+        }
+    }
 
     /// Powers of two that a vector may span before its least lanes vanish: less than the format has, by what a walk adds.
     static constexpr T deepest() { return sizeof(T) == 4 ? T(118) : T(1000); }
     /// Rows of a walk: errors grow with the square, to some 50 roundings.
     static constexpr int walked_rows = sizeof(T) == 4 ? 20 : 48;
 
+    /// Columns of a vector's width, and of each the rows that the ellipse reaches there.
+    struct Columns {
+        static constexpr int room = most_edge + 16; // a vector may be a single number
+        HWY_ALIGN T first[room];
+        HWY_ALIGN T past[room];
+        HWY_ALIGN T ridge[room]; ///< the brightest row
+    };
+
+    HWY_INLINE void measure_columns(const RowShape<T>& shape, const Ellipses& e, int slice, int start, int lanes, int x0,
+                                    int x1, int y0, int y1, Columns& columns) const {
+        const hn::CappedTag<T, 8> d;
+        using V = hn::Vec<decltype(d)>;
+        const T scale = e.scale[slice];
+        const T steep2 = shape.Y1 * shape.Y1 + shape.Y2 * shape.Y2;
+        const T per_steep2 = T(1) / steep2;
+        const T ridge = -shape.X * shape.Y1 * per_steep2;
+        const T width = shape.X * shape.Y2 * scale;
+        const V per_steep = hn::Set(d, T(1) / (std::sqrt(steep2) * scale));
+        const V per_width2 = hn::Set(d, -width * width * per_steep2);
+        const V rest = hn::Set(d, e.rest[slice]), zero = hn::Zero(d), one = hn::Set(d, T(1));
+        const V middle_x = hn::Set(d, e.middle_x[slice]), middle_y = hn::Set(d, e.middle_y[slice]);
+        const V top_tip = hn::Set(d, ridge > T(0) ? -e.tip[slice] : e.tip[slice]);
+        const V upper = hn::Set(d, static_cast<T>(y0)), lower = hn::Set(d, static_cast<T>(y1));
+        const int count = (x1 - start + lanes - 1) / lanes;
+        for (int column = 0; column < count; column += static_cast<int>(hn::Lanes(d))) {
+            const V x = hn::MulAdd(hn::Iota(d, static_cast<T>(column)), hn::Set(d, static_cast<T>(lanes)),
+                                   hn::Set(d, static_cast<T>(start)));
+            // (Lanes beyond the last column look at it again.)
+            const V low = hn::Sub(hn::Max(hn::Min(x, hn::Set(d, static_cast<T>(x1 - 1))), hn::Set(d, static_cast<T>(x0))), middle_x);
+            const V high = hn::Sub(hn::Min(hn::Add(x, hn::Set(d, static_cast<T>(lanes - 1))), hn::Set(d, static_cast<T>(x1 - 1))), middle_x);
+            const auto half = [&](V from_middle) {
+                return hn::Mul(hn::Sqrt(hn::Max(hn::MulAdd(hn::Mul(from_middle, from_middle), per_width2, rest), zero)),
+                               per_steep);
+            };
+            const V half_low = half(low), half_high = half(high);
+            const V at_low = hn::MulAdd(hn::Set(d, ridge), low, middle_y), at_high = hn::MulAdd(hn::Set(d, ridge), high, middle_y);
+            V top = hn::Min(hn::Sub(at_low, half_low), hn::Sub(at_high, half_high));
+            V bottom = hn::Max(hn::Add(at_low, half_low), hn::Add(at_high, half_high));
+            top = hn::IfThenElse(hn::And(hn::Le(low, top_tip), hn::Le(top_tip, high)), upper, top);
+            bottom = hn::IfThenElse(hn::And(hn::Le(low, hn::Neg(top_tip)), hn::Le(hn::Neg(top_tip), high)), lower, bottom);
+            // (A row more on each side: what is computed in T ends on either side of a pixel.)
+            const V first = hn::Min(hn::Max(hn::Floor(top), upper), lower);
+            const V past = hn::Min(hn::Max(hn::Add(hn::Ceil(bottom), one), upper), lower);
+            const V brightest = hn::Floor(hn::Mul(hn::Set(d, T(0.5)), hn::Add(at_low, at_high)));
+            hn::Store(first, d, columns.first + column);
+            hn::Store(past, d, columns.past + column);
+            hn::Store(hn::Max(hn::Min(brightest, hn::Sub(past, one)), first), d, columns.ridge + column);
+        }
+    }
+
     template <bool with_weight, class D>
-    HWY_INLINE void walk(D d, const Target<T>& to, const Ellipse& e, T value_t, T weight_t, int x0, int x1, int y0,
-                         int y1) const {
+    HWY_INLINE void walk(D d, const Target<T>& to, const RowShape<T>& shape, const Ellipses& e, int slice, T value_t,
+                         T weight_t, int x0, int x1, int y0, int y1) const {
         const int lanes = static_cast<int>(hn::Lanes(d));
+        const int start = start_of<T>(x0, x1, lanes);
+        Columns columns;
+        measure_columns(shape, e, slice, start, lanes, x0, x1, y0, y1, columns);
         const T k = profile_.falloff_log2;
-        const T second = -T(2) * k * (e.Y1 * e.Y1 + e.Y2 * e.Y2);
-        const auto q = exp2_nonpositive(d, hn::Set(d, second));
+        const T X = shape.X * e.scale[slice], Y1 = shape.Y1 * e.scale[slice], Y2 = shape.Y2 * e.scale[slice];
+        const T a1 = e.a1[slice], a2 = e.a2[slice], s2 = e.s2[slice];
+        const auto q = exp2_nonpositive(d, hn::Set(d, -T(2) * k * (Y1 * Y1 + Y2 * Y2)));
         const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
         const auto edge = hn::Set(d, profile_.edge);
         const auto minus_k = hn::Set(d, -k);
-        for (int x = start_of<T>(x0, x1, lanes); x < x1; x += lanes) {
-            // Rows of the ellipse in these columns: between its ends at the first and last one, and its tip where that
-            // lies between.
-            const T low = static_cast<T>(std::max(x, x0)) - e.middle_x;
-            const T high = static_cast<T>(std::min(x + lanes, x1) - 1) - e.middle_x;
-            const T half_low = std::sqrt(std::max(e.rest - low * low * e.per_width2, T(0))) * e.per_steep;
-            const T half_high = std::sqrt(std::max(e.rest - high * high * e.per_width2, T(0))) * e.per_steep;
-            const T at_low = e.middle_y + e.ridge * low, at_high = e.middle_y + e.ridge * high;
-            T top = std::min(at_low - half_low, at_high - half_high);
-            T bottom = std::max(at_low + half_low, at_high + half_high);
-            const T top_tip = e.ridge > T(0) ? -e.tip : e.tip;
-            if (low <= top_tip && top_tip <= high) {
-                top = static_cast<T>(y0);
-            }
-            if (low <= -top_tip && -top_tip <= high) {
-                bottom = static_cast<T>(y1);
-            }
-            // (A row more on each side: what is computed in T ends on either side of a pixel.)
-            const int first = whole(std::floor(top), y0, y1), past = whole(std::ceil(bottom) + T(1), y0, y1);
+        for (int x = start, column = 0; x < x1; x += lanes, ++column) {
+            const int first = static_cast<int>(columns.first[column]), past = static_cast<int>(columns.past[column]);
             if (first >= past) {
                 continue;
             }
-            const int ridge = whole(T(0.5) * (at_low + at_high), first, past - 1);
-            const auto columns = hn::MulAdd(hn::Set(d, e.X), hn::Iota(d, static_cast<T>(x)), hn::Set(d, e.a1));
-            // Upwards and downwards from the ridge; the factors of the one follow from those of the other.
+            const int ridge = static_cast<int>(columns.ridge[column]);
+            const auto at_row_0 = hn::MulAdd(hn::Set(d, X), hn::Iota(d, static_cast<T>(x)), hn::Set(d, a1));
             const auto add_rows = [&](int y, int end, int step, auto g, auto h) {
                 T* values = to.value + static_cast<std::ptrdiff_t>(y) * to.stride + x;
                 T* weights = with_weight ? to.weight + static_cast<std::ptrdiff_t>(y) * to.stride + x : nullptr;
@@ -415,26 +478,38 @@ class Splatter {
                     }
                 }
             };
-            const auto bell_at = [&](int y, int step, auto& g, auto& h) {
-                const T row = static_cast<T>(y);
-                const auto q1 = hn::Add(columns, hn::Set(d, e.Y1 * row));
-                const T q2 = e.Y2 * row + e.a2;
-                const T y1_step = e.Y1 * static_cast<T>(step), y2_step = e.Y2 * static_cast<T>(step);
-                const auto r2 = hn::MulAdd(q1, q1, hn::Set(d, q2 * q2 + e.s2));
-                g = exp2_nonpositive(d, hn::Mul(minus_k, r2));
-                // r^2 one row on less r^2 here.
+            const auto q1_at = [&](int y) { return hn::Add(at_row_0, hn::Set(d, Y1 * static_cast<T>(y))); };
+            const auto q2_at = [&](int y) { return Y2 * static_cast<T>(y) + a2; };
+            const auto bell = [&](auto q1, T q2) {
+                return exp2_nonpositive(d, hn::Mul(minus_k, hn::MulAdd(q1, q1, hn::Set(d, q2 * q2 + s2))));
+            };
+            // What the Gaussian is multiplied by on the way to the next row: r^2 there less r^2 here.
+            const auto growth = [&](auto q1, T q2, T step) {
+                const T y1_step = Y1 * step, y2_step = Y2 * step;
                 const auto change = hn::MulAdd(hn::Set(d, T(2) * y1_step), q1,
                                                hn::Set(d, y1_step * y1_step + y2_step * (T(2) * q2 + y2_step)));
-                h = exp2_any(d, hn::Mul(minus_k, change));
+                return exp2_any(d, hn::Mul(minus_k, change));
             };
-            auto g = hn::Zero(d), h = hn::Zero(d);
-            for (int y = ridge; y < past; y += walked_rows) {
-                bell_at(y, 1, g, h);
-                add_rows(y, std::min(y + walked_rows, past), 1, g, h);
+            {
+                // Upwards and downwards from the ridge.
+                const auto q1 = q1_at(ridge);
+                const T q2 = q2_at(ridge);
+                const auto g = bell(q1, q2), down = growth(q1, q2, T(1));
+                add_rows(ridge, std::min(ridge + walked_rows, past), 1, g, down);
+                if (ridge > first) {
+                    const auto up = growth(q1, q2, T(-1));
+                    add_rows(ridge - 1, std::max(ridge - 1 - walked_rows, first - 1), -1, hn::Mul(g, up), hn::Mul(up, q));
+                }
             }
-            for (int y = ridge - 1; y >= first; y -= walked_rows) {
-                bell_at(y, -1, g, h);
-                add_rows(y, std::max(y - walked_rows, first - 1), -1, g, h);
+            for (int y = ridge + walked_rows; y < past; y += walked_rows) {
+                const auto q1 = q1_at(y);
+                const T q2 = q2_at(y);
+                add_rows(y, std::min(y + walked_rows, past), 1, bell(q1, q2), growth(q1, q2, T(1)));
+            }
+            for (int y = ridge - 1 - walked_rows; y >= first; y -= walked_rows) {
+                const auto q1 = q1_at(y);
+                const T q2 = q2_at(y);
+                add_rows(y, std::max(y - walked_rows, first - 1), -1, bell(q1, q2), growth(q1, q2, T(-1)));
             }
         }
     }
@@ -446,26 +521,28 @@ class Splatter {
     }
 
     template <bool with_weight, class D>
-    HWY_INLINE void rows(D d, const Target<T>& to, const Ellipse& e, T rest, T per_X, T value_t, T weight_t, int x0,
-                         int x1, int y0, int y1) const {
+    HWY_INLINE void rows(D d, const Target<T>& to, const RowShape<T>& shape, const Ellipses& e, int slice, T value_t,
+                         T weight_t, int x0, int x1, int y0, int y1) const {
         const int lanes = static_cast<int>(hn::Lanes(d));
+        const T X = shape.X * e.scale[slice], Y1 = shape.Y1 * e.scale[slice], Y2 = shape.Y2 * e.scale[slice];
+        const T per_X = T(1) / X;
         const auto scale = hn::Set(d, -profile_.falloff_log2);
         const auto edge = hn::Set(d, profile_.edge);
         const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
         for (int y = y0; y < y1; ++y) {
-            const T q2 = e.Y2 * static_cast<T>(y) + e.a2;
-            const T inside = rest - q2 * q2;
+            const T q2 = Y2 * static_cast<T>(y) + e.a2[slice];
+            const T inside = e.rest[slice] - q2 * q2;
             if (!(inside > T(0))) {
                 continue;
             }
-            const T b = e.Y1 * static_cast<T>(y) + e.a1;
+            const T b = Y1 * static_cast<T>(y) + e.a1[slice];
             const T half = std::sqrt(inside) * per_X, centre = -b * per_X;
             const int left = whole(std::ceil(centre - half), x0, x1);
             const int right = whole(std::floor(centre + half) + T(1), x0, x1);
-            const auto height = hn::Set(d, q2 * q2 + e.s2);
+            const auto height = hn::Set(d, q2 * q2 + e.s2[slice]);
             const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * to.stride;
             for (int x = left; x < right; x += lanes) {
-                const auto q1 = hn::MulAdd(hn::Set(d, e.X), hn::Iota(d, static_cast<T>(x)), hn::Set(d, b));
+                const auto q1 = hn::MulAdd(hn::Set(d, X), hn::Iota(d, static_cast<T>(x)), hn::Set(d, b));
                 const auto bell = exp2_nonpositive(d, hn::Mul(scale, hn::MulAdd(q1, q1, height)));
                 add_bell<with_weight>(d, hn::Sub(bell, edge), value, weight, to.value + at + x,
                                       with_weight ? to.weight + at + x : nullptr);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <new>
 #include <system_error>
 #include <utility>
 
@@ -35,6 +36,9 @@ ThreadPool::ThreadPool(int threads) {
             workers_.emplace_back([this, thread] { work(thread); });
         } catch (const std::system_error&) {
             // A system that is short of threads draws with those that it gave: the picture is the same.
+            break;
+        } catch (const std::bad_alloc&) {
+            // (Those that run already must not be left without an owner.)
             break;
         }
     }

@@ -104,3 +104,20 @@ def test_coverage_and_depth_of_scattered_scenes(name):
     assert_close(image.coverage, expected.coverage, scattered.bounds_of(name), f"cpu coverage {name}")
     scattered.compare(name, image, scattered.bounds_of(name), f"cpu beside coverage {name}")
     assert_same_depths(image.depth, expected.depth)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("pixels_thick", [0.3, 0.2, 0.15, 0.12, 0.1, 0.06, 0.045, 0.03, 0.015])
+def test_thin_discs_between_pixels(pixels_thick, precision):
+    """The Gaussian of a thin disc falls from row to row by more powers of two than a number has."""
+    pixel = 1.6 / 48
+    turn = np.array([-0.782, 0.004, -0.303, 0.545])
+    axes = [(1.333, 1.333, pixels_thick * pixel)]
+    centers, values = [(0.717, 0.276, 0.134)], [0.52]
+    field = ss.EllipsoidField(centers, axes, [turn / np.linalg.norm(turn)], values, normalization="none")
+    scene = ss.Scene(field, [(0, 0.1, 0.2, 0.9, 0), (1, 1, 0.8, 0.2, 0.8)], slice_spacing=0.03, mode="xray")
+    camera = ss.Camera.orthographic((2.0, 1.55, 2.9), (0.5, 0.5, 0.5), height=1.6)
+    expected = ss.Renderer("reference").render(scene, camera, size=(56, 48)).scalar
+    assert (expected > 1e-4).sum() > 10
+    image = ss.Renderer("cpu", precision=precision, allow_inexact=True).render(scene, camera, size=(56, 48))
+    assert np.abs(image.scalar - expected).max() < 1e-5

@@ -22,6 +22,8 @@ constexpr double pixels_before_slices = 4.0;
 /// A stage that takes a larger share of the last one's time is left out: where many small kernels take the time, fewer
 /// pixels save little of it.
 constexpr double worth_a_stage = 0.5;
+/// Of the time that the first stage may take, what is planned with: expectations are rough.
+constexpr double kept_share = 0.7;
 /// Orders in the size of pixels by which pictures approach the last one. Sums along rays are as smooth as the kernels:
 /// nearly second order. Other pictures have edges and kinks; what the last differences say is kept to what was seen of
 /// them.
@@ -171,7 +173,8 @@ struct Stages::State {
         int first = 1;
         if (seconds(1) > first_seconds) {
             first = 2;
-            while (first < coarsest && 4 * first < largest && seconds(first) + seconds(2 * first) > first_seconds) {
+            while (first < coarsest && 4 * first < largest &&
+                   seconds(first) + seconds(2 * first) > kept_share * first_seconds) {
                 first *= 2;
             }
             ahead = Step{2 * first, spacing_of(2 * first, most_spacing)};

@@ -24,6 +24,19 @@ constexpr double largest_float32_px = 1e6;
 constexpr double largest_float32_sum = 1e30;
 constexpr double largest_float64_sum = 1e250;
 constexpr double smallest_float64_falloff = 1e-8;
+/// Steeper kernels, with weights of 0 too, leave nothing in the sheets near their ends, which tells empty points.
+constexpr double steepest_float32 = 20.0;
+constexpr double steepest_float64 = 600.0;
+/// Kernels of one size at one place round alike: so many, times values over what is resolved, drift through a picture.
+constexpr double most_alike_float32 = 5000.0;
+/// The same where quotients are lit, times the reference length over a pixel or slice distance: at 700 the picture's
+/// error was seen at its bound.
+constexpr double most_alike_lit_float32 = 200.0;
+constexpr double few_alike = 3.0;
+/// Reference lengths over a pixel or slice distance: beyond, differences of float64 sums lose gradients that show.
+constexpr double largest_float64_magnification = 1e11;
+/// Slice distances in perspective, and their inverses: squares of lengths a unit of depth leave float32 beyond.
+constexpr double largest_float32_unit = 1e8;
 /// Quotients that are lit lose epsilon times this: the same share of the digits in both precisions.
 constexpr double largest_float64_lit_ratio = largest_lit_ratio * (float32_epsilon / float64_epsilon);
 
@@ -79,6 +92,14 @@ double picture_error(const SumFacts& sums, double epsilon) {
 
 double largest_radius_px(const ViewFacts& view) { return std::max(view.largest_splat_px, view.largest_radius_px); }
 
+double steepest_falloff(const Scene& scene) {
+    double steepest = 0.0;
+    for (const auto& field : scene.fields) {
+        steepest = std::max(steepest, field->size() > 0 ? field->kernel().falloff : 0.0);
+    }
+    return steepest;
+}
+
 /// Why float32 would not keep its bound; empty where it does.
 std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
     const std::string ell = number(view.reference_length) + " (the reference length)";
@@ -118,6 +139,24 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "quotients that reach " + number(sums.largest) + " are lit where " + number(sums.resolved) +
                " is resolved";
     }
+    const double alike = view.most_alike * std::max(1.0, sums.ratio);
+    const double magnified = std::max(1.0, view.reference_length / std::min(view.smallest_pixel, view.slice_spacing));
+    if (alike > most_alike_float32 ||
+        (lights_quotients(plan) && view.most_alike > few_alike && alike * magnified > most_alike_lit_float32)) {
+        return "float32 sums of " + number(view.most_alike) + " ellipsoids of one size at one place drift";
+    }
+    const double unit = view.slice_spacing;
+    if (plan.projection == Projection::perspective &&
+        (unit > largest_float32_unit || unit < 1.0 / largest_float32_unit)) {
+        return "squares of lengths in steps of " + number(unit) + " leave float32";
+    }
+    const double shown = plan.mode == Mode::xray ? plan.value_unit * unit : plan.value_unit;
+    if ((plan.mode == Mode::xray || plan.mode == Mode::mip) && shown > largest_float32_sum) {
+        return "numbers of " + number(shown) + " leave float32";
+    }
+    if (plan.empty_test && steepest_falloff(scene) > steepest_float32) {
+        return "float32 would lose where kernels of a falloff of " + number(steepest_falloff(scene)) + " end";
+    }
     const double crowd = std::max(sums.overlap, view.densest_overlap);
     if (lights_quotients(plan) && crowd > largest_lit_overlap) {
         return "quotients of " + number(crowd) + " kernels at a point are lit";
@@ -125,7 +164,7 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     return "";
 }
 
-void refuse_beyond_float64(const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
+void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
     const auto refuse = [](const std::string& found, const std::string& wanted, const std::string& next) {
         throw Unsupported(Complaint{"the scene cannot be drawn within its error bound with backend cpu", found, wanted,
                                     next + ", use backend reference, or pass allow_inexact=True"});
@@ -141,6 +180,18 @@ void refuse_beyond_float64(const ViewFacts& view, const DrawPlan& plan, const Su
     if (view.smallest_falloff < smallest_float64_falloff) {
         refuse("a falloff of " + number(view.smallest_falloff) + ", whose differences float64 cannot resolve",
                "at least " + number(smallest_float64_falloff), "use a larger falloff");
+    }
+    if (plan.empty_test && steepest_falloff(scene) > steepest_float64) {
+        refuse("a falloff of " + number(steepest_falloff(scene)) + " where empty points differ from those of 0",
+               "at most " + number(steepest_float64) + " where opacity at 0 is above 0",
+               "use a smaller falloff, or an opacity of 0 at 0");
+    }
+    const double nearest = std::min(view.smallest_pixel, view.slice_spacing);
+    if (plan.gradient && view.reference_length > largest_float64_magnification * nearest) {
+        refuse("a pixel or a slice distance of " + number(nearest) + " beside a reference length of " +
+                   number(view.reference_length) + ", whose gradients float64 loses",
+               "at least " + number(1.0 / largest_float64_magnification) + " times that where it is lit",
+               "give a reference_length, or leave out the lights");
     }
     if (sums.least_scale < least_divisor) {
         refuse("a w0 and weights below " + number(least_divisor), "a w0 or weights of at least that",
@@ -200,7 +251,7 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
                                  : "float32 keeps the error bound");
     if (!options.allow_inexact) {
         effects.refuse_dropped();
-        refuse_beyond_float64(view, plan, sums);
+        refuse_beyond_float64(scene, view, plan, sums);
         if (kept && !why.empty()) {
             throw Unsupported(Complaint{"the picture cannot be made within its error bound with precision float32", why,
                                         "precision auto or float64",

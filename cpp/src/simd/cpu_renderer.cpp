@@ -28,13 +28,14 @@ constexpr double log2_e = 1.4426950408889634;
 constexpr int usual_tile = 62;
 /// splat-inl.hpp keeps rows of so many pixels.
 constexpr int largest_tile = 126;
-/// Tiles a thread, at least, as long as they are not tiny: the last ones are then a small part of the whole.
-constexpr int tiles_a_thread = 4;
+/// Tiles, at least, as long as they are not tiny: enough for a dozen threads. The threads that there are must not count,
+/// since numbers of one format are rounded otherwise from the corner of another tile.
+constexpr std::int64_t enough_tiles = 48;
 constexpr int smallest_tile = 24;
 /// How often the caller hears of the progress.
 constexpr double between_calls = 0.004;
 
-int edge_of_tiles(Size size, int asked, int threads) {
+int edge_of_tiles(Size size, int asked) {
     if (asked > 0) {
         return std::min(asked, largest_tile);
     }
@@ -42,7 +43,7 @@ int edge_of_tiles(Size size, int asked, int threads) {
     const auto tiles = [&](int length) {
         return ((size.width + length - 1) / length) * static_cast<std::int64_t>((size.height + length - 1) / length);
     };
-    while (edge > smallest_tile && tiles(edge) < static_cast<std::int64_t>(tiles_a_thread) * threads) {
+    while (edge > smallest_tile && tiles(edge) < enough_tiles) {
         edge -= 8;
     }
     return edge;
@@ -151,6 +152,13 @@ struct SortedView {
     }
 };
 
+/// A w0 that stays a number above 0 in the format: empty points are divided by it.
+template <class T>
+T divisor(double w0) {
+    return static_cast<T>(std::clamp(w0, static_cast<double>(std::numeric_limits<T>::min()),
+                                     static_cast<double>(std::numeric_limits<T>::max())));
+}
+
 template <class T>
 LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     const DrawPlan& plan = *job.plan;
@@ -183,13 +191,13 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
             OwnSheets<T> own;
             own.value_channel = profile.value_channel = setup.channels++;
             own.weight_channel = profile.weight_channel = setup.channels++;
-            own.w0 = static_cast<T>(source.w0());
+            own.w0 = divisor<T>(source.w0());
             setup.own.push_back(own);
         } else {
             profile.value_channel = 0;
             profile.weight_channel = setup.weight_channel;
             if (plan.threshold) {
-                setup.w0 = static_cast<T>(source.w0());
+                setup.w0 = divisor<T>(source.w0());
             }
         }
         setup.parts.push_back(profile);
@@ -263,7 +271,7 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
 } // namespace
 
 struct CpuRenderer::State {
-    std::unique_ptr<ThreadPool> pool;
+    OwnPool pool;
     std::optional<SortedView> sorted;
     std::vector<TileScratch<float>> scratch_float;
     std::vector<TileScratch<double>> scratch_double;
@@ -418,8 +426,8 @@ void CpuRenderer::render(const Job& job, Image& image) {
     const int threads = job.threads > 0 ? job.threads : usable_threads();
     const Size size = job.frame->size;
     try {
-        if (!state.pool || state.pool->threads() != threads) {
-            state.pool = std::make_unique<ThreadPool>(threads);
+        if (!state.pool || state.pool->threads() != threads || !state.pool->is_here()) {
+            state.pool = OwnPool(new ThreadPool(threads));
         }
         const auto pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
         const bool scalar = job.plan->mode == Mode::xray || job.plan->mode == Mode::mip;
@@ -427,7 +435,7 @@ void CpuRenderer::render(const Job& job, Image& image) {
         image.scalar.assign(scalar ? pixels : 0, 0.0F);
         image.coverage.assign(job.plan->coverage ? pixels : 0, 0.0F);
         image.depth.assign(job.plan->depth ? pixels : 0, std::numeric_limits<float>::infinity());
-        const int edge = edge_of_tiles(size, job.tile_size, threads);
+        const int edge = edge_of_tiles(size, job.tile_size);
         const TileLayout layout(size, edge);
         const InstructionSet set = chosen_instruction_set();
         state.sort(job, layout, edge, tile_functions_float(set)->rects, image);

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 #include <vector>
 
@@ -26,7 +27,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 /// What of a tile's sheets can still be seen, in blocks of 8 by 8 pixels.
 struct Live {
     static constexpr int blocks = 8;
-    static constexpr int most_block = 8;
+    static constexpr int block_edge = 8;
 
     Rect rect;
     std::uint64_t alive = ~std::uint64_t{0}; ///< bit 8 row + column
@@ -43,7 +44,7 @@ struct Live {
             row |= row >> 2;
             row |= row >> 1;
             row &= 0x0101010101010101ULL;
-            alive |= ((row * 0x0102040810204080ULL) >> 56) << (8 * std::min<std::size_t>(y / most_block, 7));
+            alive |= ((row * 0x0102040810204080ULL) >> 56) << (8 * std::min<std::size_t>(y / block_edge, 7));
         }
     }
 
@@ -52,8 +53,8 @@ struct Live {
         if (alive == ~std::uint64_t{0}) {
             return true;
         }
-        const int left = std::min(x0 / most_block, 7), right = std::min((x1 - 1) / most_block, 7);
-        const int top = std::min(y0 / most_block, 7), bottom = std::min((y1 - 1) / most_block, 7);
+        const int left = std::min(x0 / block_edge, 7), right = std::min((x1 - 1) / block_edge, 7);
+        const int top = std::min(y0 / block_edge, 7), bottom = std::min((y1 - 1) / block_edge, 7);
         const std::uint64_t columns = ((std::uint64_t{2} << right) - (std::uint64_t{1} << left)) * 0x0101010101010101ULL;
         const std::uint64_t rows = (~std::uint64_t{0} << (8 * top)) & (~std::uint64_t{0} >> (8 * (7 - bottom)));
         return (alive & columns & rows) != 0;
@@ -615,8 +616,16 @@ class Splatter {
                         mean = closed_form(d, low, high, nearest, rate, beside);
                     }
                     const V rest = hn::Sub(mean, hn::Mul(edge, length));
-                    add_bell<with_weight>(d, rest, value, weight, to.value + at + x,
-                                          with_weight ? to.weight + at + x : nullptr);
+                    add_bell<false>(d, rest, value, weight, to.value + at + x, nullptr);
+                    if constexpr (with_weight) {
+                        // Where a steep profile has nothing left, or a difference of two erf cancels, the ray still
+                        // meets the support: the point is not empty.
+                        const V least = hn::IfThenElseZero(hn::Gt(length, zero),
+                                                           hn::Set(d, std::numeric_limits<T>::min()));
+                        T* weights = to.weight + at + x;
+                        const V added = hn::Max(hn::Mul(weight, hn::Max(rest, zero)), least);
+                        hn::StoreU(hn::Add(hn::LoadU(d, weights), added), d, weights);
+                    }
                 }
             }
             if (any) {

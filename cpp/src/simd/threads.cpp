@@ -3,6 +3,9 @@
 #if defined(__linux__)
 #include <sched.h>
 #endif
+#if defined(__unix__) || defined(__APPLE__)
+#include <unistd.h>
+#endif
 
 #include <algorithm>
 #include <chrono>
@@ -15,6 +18,14 @@ namespace sheetsplat::simd {
 namespace {
 
 constexpr std::chrono::milliseconds polling{5};
+
+long this_process() {
+#if defined(__unix__) || defined(__APPLE__)
+    return static_cast<long>(getpid());
+#else
+    return 0;
+#endif
+}
 
 } // namespace
 
@@ -29,7 +40,7 @@ int usable_threads() {
     return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
-ThreadPool::ThreadPool(int threads) {
+ThreadPool::ThreadPool(int threads) : process_(this_process()) {
     workers_.reserve(static_cast<std::size_t>(std::max(0, threads - 1)));
     for (int thread = 1; thread < threads; ++thread) {
         try {
@@ -52,6 +63,14 @@ ThreadPool::~ThreadPool() {
     begin_.notify_all();
     for (std::thread& worker : workers_) {
         worker.join();
+    }
+}
+
+bool ThreadPool::is_here() const { return process_ == this_process(); }
+
+void ForgetPool::operator()(ThreadPool* pool) const {
+    if (pool->is_here()) {
+        delete pool;
     }
 }
 

@@ -38,7 +38,9 @@ class TileLoop {
         }
         const std::int64_t lag = setup_.intervals ? 2 : 1;
         while (true) {
-            splat(n);
+            if (!splat(n, between)) {
+                break;
+            }
             if (Slot* slot = find(n)) {
                 divide(*slot);
             }
@@ -102,7 +104,8 @@ class TileLoop {
         return next;
     }
 
-    void splat(std::int64_t n) {
+    /// Adds what starts at slice n, or is drawn again from there on; false where `between` said so.
+    bool splat(std::int64_t n, const std::function<bool()>& between) {
         auto& again = scratch_.again[static_cast<std::size_t>(n) % covered_slices];
         // The list of this slice becomes that of slice n + covered_slices: what is drawn again is taken out first.
         const std::size_t waiting = again.size();
@@ -161,9 +164,14 @@ class TileLoop {
                     draw_again(last, number);
                 }
             };
+            // One slice can hold very many kernels. (Where the picture is given up, so are the sheets.)
+            const auto given_up = [&] { return ++asked_ % between_questions == 0 && !between(); };
             for (std::size_t entry = 0; entry < waiting; ++entry) {
                 if (again[entry].part == part) {
                     draw(again[entry].section);
+                    if (given_up()) {
+                        return false;
+                    }
                 }
             }
             std::size_t& next = next_[part];
@@ -174,14 +182,23 @@ class TileLoop {
             if (plain && profile.weight_channel >= 0) {
                 for (; next < past; ++next) {
                     draw_plain(std::true_type(), static_cast<std::uint32_t>(next));
+                    if (given_up()) {
+                        return false;
+                    }
                 }
             } else if (plain) {
                 for (; next < past; ++next) {
                     draw_plain(std::false_type(), static_cast<std::uint32_t>(next));
+                    if (given_up()) {
+                        return false;
+                    }
                 }
             } else {
                 for (; next < past; ++next) {
                     draw(static_cast<std::uint32_t>(next));
+                    if (given_up()) {
+                        return false;
+                    }
                 }
             }
             splatter.tell([&](std::int32_t slice, const Rect& rect) {
@@ -194,6 +211,7 @@ class TileLoop {
         again.erase(again.begin(), again.begin() + static_cast<std::ptrdiff_t>(waiting));
         scratch_.sections_drawn += drawn_;
         drawn_ = 0;
+        return true;
     }
 
     /// The last slice that a kernel meets; per_slice: slices from height 1 to 0.
@@ -286,7 +304,7 @@ class TileLoop {
         }
         live_.rect.y0 = first;
         live_.rect.y1 = past + 2;
-        if (shape_.width + 2 > Live::blocks * Live::most_block || ++changes_ % 4 != 0) {
+        if (shape_.width + 2 > Live::blocks * Live::block_edge || ++changes_ % 4 != 0) {
             return;
         }
         // One bit a pixel that is alive, with its neighbours; then one a block.
@@ -348,6 +366,9 @@ class TileLoop {
     TileScratch<T>& scratch_;
     std::size_t elements_;
     Live live_;
+    /// Kernels from one look at whether to go on to the next: some milliseconds of the largest.
+    static constexpr unsigned between_questions = 512;
+    unsigned asked_ = 0;
     unsigned changes_ = 0;
     Slot slots_[ring_slots];
     std::vector<std::size_t> next_ = std::vector<std::size_t>(scratch_.kernels.size(), 0);

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <exception>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <thread>
 #include <vector>
@@ -25,6 +26,9 @@ class ThreadPool {
     ThreadPool(const ThreadPool&) = delete;
     ThreadPool& operator=(const ThreadPool&) = delete;
 
+    /// False in a process that was forked from the pool's: its threads are not there, so that it can neither run nor be
+    /// taken down.
+    [[nodiscard]] bool is_here() const;
     [[nodiscard]] int threads() const { return static_cast<int>(workers_.size()) + 1; }
 
     /// task(i, thread) for every i < count, in no particular order; thread 0 is the caller's. Returns when all are done.
@@ -40,6 +44,7 @@ class ThreadPool {
     void drain(int thread);
     void fail();
 
+    long process_;
     std::vector<std::thread> workers_;
     std::mutex mutex_;
     std::condition_variable begin_, end_;
@@ -52,5 +57,11 @@ class ThreadPool {
     int busy_ = 0;
     bool quit_ = false;
 };
+
+/// Leaves alone what a forked process cannot take down.
+struct ForgetPool {
+    void operator()(ThreadPool* pool) const;
+};
+using OwnPool = std::unique_ptr<ThreadPool, ForgetPool>;
 
 } // namespace sheetsplat::simd

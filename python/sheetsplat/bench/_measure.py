@@ -7,7 +7,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +124,11 @@ class Judge:
         picture = renderer.render(scene if shown is None else shown, camera, size=expected.size)
         width, height = expected.size
         return {**difference(picture, expected), "error_size": f"{width}x{height}"}
+
+
+def renderer_of_papers(options: Options, **settings: Any) -> ss.Renderer:
+    """Return a renderer for what is measured beside the papers, whose ways of drawing are OpenGL's unless told."""
+    return renderer_for(replace(options, backend="gl") if options.backend == "auto" else options, **settings)
 
 
 def renderer_for(options: Options, **settings: Any) -> ss.Renderer:

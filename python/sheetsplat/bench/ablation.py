@@ -10,7 +10,7 @@ from typing import Any
 import sheetsplat as ss
 from sheetsplat import datasets
 from sheetsplat.bcc import resample_to_bcc
-from sheetsplat.bench._measure import Judge, attempt, device_of, difference, orbit, renderer_for, time_frames
+from sheetsplat.bench._measure import Judge, attempt, device_of, difference, orbit, renderer_of_papers, time_frames
 from sheetsplat.bench._report import Options, Report, Row, environment
 
 _COLUMNS = {
@@ -158,7 +158,7 @@ def _stages(options: Options) -> dict[str, Callable[[], _Stage]]:
 
 def _row(setting: _Setting, stages: dict[str, _Stage], options: Options, judge: Judge) -> Row:
     stage = stages[setting.scene]
-    renderer = renderer_for(options, **setting.renderer)
+    renderer = renderer_of_papers(options, **setting.renderer)
     timing = time_frames(renderer, stage.scene, stage.cameras, options.size)
     options.keep(timing.picture, setting.group, setting.scene, setting.name)
     row: Row = {
@@ -212,5 +212,5 @@ def run(options: Options) -> Report:
             "them; pixels at jumps (isosurfaces, A_stop) are included.",
             "rmse to Cartesian: distance of the BCC lattice's picture from the Cartesian lattice's reference picture.",
         ],
-        environment=environment(device_of(renderer_for(options))),
+        environment=environment(device_of(renderer_of_papers(options))),
     )

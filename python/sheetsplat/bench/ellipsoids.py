@@ -14,7 +14,7 @@ import numpy as np
 
 import sheetsplat as ss
 from sheetsplat import _sheetsplat
-from sheetsplat.bench._measure import Judge, attempt, device_of, difference, renderer_for
+from sheetsplat.bench._measure import Judge, attempt, device_of, difference, renderer_of_papers
 from sheetsplat.bench._report import Goal, Options, Report, Row, environment
 from sheetsplat.datasets._random import Stream
 
@@ -193,15 +193,15 @@ def _packing(
 ) -> _Packing:
     """Time every view, and right after it what the same fragments take bare, so that all meet the same machine."""
     size = options.size
-    renderer = renderer_for(options, **settings)
+    renderer = renderer_of_papers(options, **settings)
     first = renderer.render(scene, cameras[0], size=size)
     bare: ss.Renderer | None = None
     counting: ss.Renderer | None = None
     if first.plan.backend == "gl":
         filling = {**settings, "allow_inexact": True}
-        bare = renderer_for(options, **filling, effects={"bare_fill": True})
+        bare = renderer_of_papers(options, **filling, effects={"bare_fill": True})
         # The rectangles are those of the frame.
-        counting = renderer_for(options, **filling, effects={"bare_fill": True, "count_fragments": True})
+        counting = renderer_of_papers(options, **filling, effects={"bare_fill": True, "count_fragments": True})
         _Times().bare(bare, scene, cameras[0], size)
     frame, alone, bared, filled = _Times(), _Times(), _Times(), _Times()
     # Where a picture has hardly a pixel, nothing is drawn beside the preparation, which is otherwise the same.
@@ -280,7 +280,7 @@ def knows(effects: Mapping[str, bool], options: Options) -> bool:
     """Return whether this version has the effects."""
     scene = _scene(ellipsoids(8, 4.0))
     try:
-        renderer_for(options, effects=effects).plan(scene, _cameras(4.0, 1)[0], size=(8, 8))
+        renderer_of_papers(options, effects=effects).plan(scene, _cameras(4.0, 1)[0], size=(8, 8))
     except ss.InvalidInput:
         return False
     except ss.Error:
@@ -293,7 +293,7 @@ def _beside(
     name: str, effects: Mapping[str, bool], scene: ss.Scene, cameras: list[ss.Camera], options: Options, judge: Judge
 ) -> list[Row]:
     """Time another way and the usual one side by side: all views in a small picture, the first in a larger one."""
-    usual, other = renderer_for(options), renderer_for(options, effects=effects)
+    usual, other = renderer_of_papers(options), renderer_of_papers(options, effects=effects)
     small = (max(1, options.size[0] // 4), max(1, options.size[1] // 4))
     larger = (max(1, options.size[0] // 2), max(1, options.size[1] // 2))
     rows: list[Row] = []
@@ -334,7 +334,7 @@ def _sampling(options: Options, edge: int, count: int) -> tuple[list[Row], list[
     """Compare point and slab sampling by their distance from a converged picture, and by their time."""
     size = (max(1, options.size[0] // 2), max(1, options.size[1] // 2))
     camera = _cameras(edge, 1)[0]
-    renderer = renderer_for(options)
+    renderer = renderer_of_papers(options)
     rows: list[Row] = []
     notes: list[str] = []
     # The line integral of a sum is linear in its kernels: there slabs are exact at every distance. Of small kernels
@@ -475,7 +475,7 @@ def run(options: Options) -> Report:
         rows=rows,
         notes=notes,
         goals=goals,
-        environment=environment(device_of(renderer_for(options))),
+        environment=environment(device_of(renderer_of_papers(options))),
     )
 
 

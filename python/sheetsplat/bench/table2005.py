@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import sheetsplat as ss
 from sheetsplat import datasets
 from sheetsplat.bcc import resample_to_bcc
-from sheetsplat.bench._measure import Judge, attempt, device_of, load, orbit, renderer_for, time_frames
+from sheetsplat.bench._measure import Judge, attempt, device_of, load, orbit, renderer_of_papers, time_frames
 from sheetsplat.bench._report import Options, Report, Row, environment
 
 Values = NDArray[Any]
@@ -187,7 +187,7 @@ def _row(name: str, picture: _Picture, options: Options, renderer: ss.Renderer) 
 def run(options: Options | None = None) -> Report:
     """Run the rows of the paper's Table 1."""
     options = options or Options()
-    renderer = renderer_for(options)
+    renderer = renderer_of_papers(options)
     rows: list[Row] = []
     for name, picture in _PICTURES.items():
         if not options.wants(name):

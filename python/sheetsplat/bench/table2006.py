@@ -16,7 +16,7 @@ import numpy as np
 
 import sheetsplat as ss
 from sheetsplat import datasets, fit
-from sheetsplat.bench._measure import Judge, attempt, data_folder, device_of, orbit, renderer_for, time_frames
+from sheetsplat.bench._measure import Judge, attempt, data_folder, device_of, orbit, renderer_of_papers, time_frames
 from sheetsplat.bench._report import Goal, Options, Report, Row, environment
 
 # Of the solids' suggested opacities, which hide what is inside.
@@ -197,7 +197,7 @@ def _row(name: str, picture: _Picture, options: Options, renderer: ss.Renderer) 
     if options.pictures is not None:
         for scene, what in ((usual, ""), (own, " at its own distance")):
             options.keep(renderer.render(scene, cameras[0], size=options.size), name + what)
-    counting = renderer_for(options, effects={"count_fragments": True})
+    counting = renderer_of_papers(options, effects={"count_fragments": True})
     counted = [counting.render(usual, camera, size=options.size).stats.get("fragments") for camera in cameras]
     if None not in counted:
         fragments = statistics.median(float(one) for one in counted if one is not None)
@@ -216,7 +216,7 @@ def _row(name: str, picture: _Picture, options: Options, renderer: ss.Renderer) 
 def run(options: Options | None = None) -> Report:
     """Run the rows of the paper's Table 1."""
     options = options or Options()
-    renderer = renderer_for(options)
+    renderer = renderer_of_papers(options)
     rows: list[Row] = []
     goals: list[Goal] = []
     for name, picture in _PICTURES.items():

@@ -332,9 +332,9 @@ TEST(CpuRenderer, WhatIsHiddenIsLeftOutAndNothingElse) {
                     shot.scene.transfer_function = test::dense();
                     shot.scene.opacity_stop = 0.9;
                     shot.scene.mode = iso ? Mode::isosurface : Mode::composite;
-                    if (field != lattice) {
-                        shot.scene.slice_spacing = 0.04;
-                    }
+                    // Many slices: a kernel is drawn in some of them ahead.
+                    shot.scene.reference_length = field == lattice ? 1.0 : 0.04;
+                    shot.scene.slice_spacing = *shot.scene.reference_length / 4.0;
                     const reference::Picture judge = test::reference_of(shot);
                     const CpuDrawing drawing(shot, Precision::float64);
                     Shot endless = shot;
@@ -559,7 +559,7 @@ TEST(CpuRenderer, AConstantFieldIsConstant) {
                     ++inside;
                 }
             }
-            EXPECT_GT(inside, 500U);
+            EXPECT_GT(inside, 300U);
         }
     }
 }

@@ -130,6 +130,7 @@ TEST(Faults, MemoryThatRunsOutAnywhereIsToldAndTheRendererDrawsOn) {
             for (const bool stays : {false, true}) {
                 const CpuDrawing drawing(busy_shot(), precision);
                 const Image whole = drawing.draw({30, threads});
+                const Job job = drawing.job_with({30, threads});
                 std::int64_t told = 0;
                 bool reached_end = false;
                 // At first each allocation, later some: there is one or more a tile.
@@ -139,7 +140,7 @@ TEST(Faults, MemoryThatRunsOutAnywhereIsToldAndTheRendererDrawsOn) {
                     Image image;
                     try {
                         const Exhaustion exhaustion(after, stays);
-                        image = drawing.draw(renderer, {30, threads});
+                        renderer.render(job, image);
                         drawn = true;
                     } catch (const OutOfMemory& error) {
                         ++told;
@@ -165,13 +166,15 @@ TEST(Faults, MemoryThatRunsOutAnywhereIsToldAndTheRendererDrawsOn) {
 TEST(Faults, MemoryThatRunsOutInALaterPictureIsToldToo) {
     const CpuDrawing drawing(busy_shot(), Precision::float32), other(busy_shot(false), Precision::float32);
     const Image whole = drawing.draw({30, 2}), whole_other = other.draw({30, 2});
+    const Job job = other.job_with({30, 2});
     CpuRenderer renderer;
     std::int64_t told = 0;
     for (std::int64_t after = 0; after < 60; after += 3) {
         ASSERT_EQ(pixels_of(drawing.draw(renderer, {30, 2})), pixels_of(whole));
         try {
+            Image image;
             const Exhaustion exhaustion(after, true);
-            static_cast<void>(other.draw(renderer, {30, 2}));
+            renderer.render(job, image);
         } catch (const OutOfMemory&) {
             ++told;
         }
@@ -305,8 +308,10 @@ TEST(Faults, NoThreadIsLeftBehind) {
         } catch (const Cancelled&) {
         }
         try {
+            const Job job = drawing.job_with({0, 3});
+            Image image;
             const Exhaustion exhaustion(5 * n, true);
-            static_cast<void>(drawing.draw(renderer, {0, 3}));
+            renderer.render(job, image);
         } catch (const OutOfMemory&) {
         }
     }

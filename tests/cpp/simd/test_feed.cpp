@@ -187,6 +187,29 @@ void check_sums(const Shot& shot, const CpuDrawing& drawing, double most_error, 
     const bool perspective = frame.projection == Projection::perspective;
     const double k = field.kernel().falloff;
     std::mt19937 random(2);
+    // Points inside kernels, moved to the nearest pixel of the nearest slice.
+    struct Point {
+        int x, y; ///< of the picture
+        std::int64_t n;
+    };
+    std::vector<Point> points;
+    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+    for (int tries = 0; tries < 3000 && points.size() < 400; ++tries) {
+        const std::size_t i = std::uniform_int_distribution<std::size_t>(0, world.centers.size() - 1)(random);
+        const Vec3 inside(uniform(random), uniform(random), uniform(random));
+        const Vec3 eye = shot.camera.to_eye(world.centers[i] + glm::inverse(world.to_ball[i]) * inside);
+        const double slice = std::round((-eye.z - frame.first_depth) / frame.slice_spacing);
+        if (glm::length(inside) > 1.0 || slice < 0.0 || slice >= static_cast<double>(frame.slices)) {
+            continue;
+        }
+        const auto n = static_cast<std::int64_t>(slice);
+        const double unit = frame.pixel * (perspective ? frame.depth_of(n) : 1.0);
+        const double x = std::floor(eye.x / unit + 0.5 * shot.size.width);
+        const double y = std::floor(0.5 * shot.size.height - eye.y / unit);
+        if (x >= -1.0 && y >= -1.0 && x <= shot.size.width && y <= shot.size.height) {
+            points.push_back({static_cast<int>(x), static_cast<int>(y), n});
+        }
+    }
     std::size_t counted = 0, met = 0;
     double worst = 0.0;
     for (std::size_t tile = 0; tile < layout.tiles(); ++tile) {
@@ -204,14 +227,16 @@ void check_sums(const Shot& shot, const CpuDrawing& drawing, double most_error, 
         EXPECT_TRUE(std::is_sorted(kernels.sections.begin(), kernels.sections.end(),
                                    [](const Section<T>& a, const Section<T>& b) { return a.first < b.first; }))
             << name;
-        for (int sample = 0; sample < 40; ++sample) {
-            const int x = std::uniform_int_distribution<int>(0, shape.width + 1)(random);
-            const int y = std::uniform_int_distribution<int>(0, shape.height + 1)(random);
-            const auto n = std::uniform_int_distribution<std::int64_t>(0, frame.slices - 1)(random);
+        for (const Point& place : points) {
+            const int x = place.x - shape.x + 1, y = place.y - shape.y + 1;
+            if (x < 0 || y < 0 || x > shape.width + 1 || y > shape.height + 1) {
+                continue;
+            }
+            const std::int64_t n = place.n;
             // The same point in the world.
             const double depth = frame.depth_of(n), unit = frame.pixel * (perspective ? depth : 1.0);
-            const Vec3 eye((shape.x + x - 0.5 - 0.5 * shot.size.width) * unit,
-                           (0.5 * shot.size.height - (shape.y + y - 0.5)) * unit, -depth);
+            const Vec3 eye((place.x + 0.5 - 0.5 * shot.size.width) * unit,
+                           (0.5 * shot.size.height - (place.y + 0.5)) * unit, -depth);
             const Vec3 point = shot.camera.eye() + eye.x * shot.camera.right_world() +
                                eye.y * shot.camera.up_world() + eye.z * shot.camera.back_world();
             double exact = 0.0;
@@ -248,8 +273,8 @@ void check_sums(const Shot& shot, const CpuDrawing& drawing, double most_error, 
         }
     }
     EXPECT_LE(worst, most_error) << name;
-    EXPECT_GT(worst, sizeof(T) == 4 ? 1e-12 : 0.0) << name;
-    EXPECT_GT(met, 100U) << name;
+    EXPECT_GT(worst, sizeof(T) == 4 ? 1e-10 : 0.0) << name << ": nothing was compared";
+    EXPECT_GT(met, 60U) << name;
     EXPECT_LE(counted, world.centers.size()) << name;
 }
 
@@ -379,21 +404,20 @@ TEST(TileLoop, AsksAfterEverySliceAndEndsWhereItIsTold) {
             most[static_cast<std::size_t>(n)] += covered_slices;
         }
     }
+    const std::uint64_t bound = *std::max_element(most.begin(), most.end());
     std::size_t calls = 0;
     std::uint64_t drawn = 0;
-    auto n = static_cast<std::size_t>(kernels.sections.front().first);
     const std::function<bool()> count = [&] {
-        EXPECT_LE(room.sections_drawn - drawn, most[n]) << "slice " << n;
+        EXPECT_LE(room.sections_drawn - drawn, bound);
         drawn = room.sections_drawn;
         ++calls;
-        ++n;
         return true;
     };
     functions.run(setup, shape, room, count);
     const std::size_t all_calls = calls;
     const std::vector<float> picture(room.picture.begin(), room.picture.end());
     EXPECT_GE(all_calls, 100U);
-    EXPECT_GT(drawn, 10000U);
+    EXPECT_GT(drawn, 20 * bound);
     for (const std::size_t last : {std::size_t{1}, all_calls / 2, all_calls - 1}) {
         std::fill(room.picture.begin(), room.picture.end(), 0.0F);
         calls = 0;

@@ -92,14 +92,17 @@ class CpuDrawing {
     CpuDrawing(const CpuDrawing&) = delete;
     CpuDrawing& operator=(const CpuDrawing&) = delete;
 
-    [[nodiscard]] Image draw(simd::CpuRenderer& renderer, const DrawOptions& options = {}) const {
+    [[nodiscard]] simd::Job job_with(const DrawOptions& options) const {
         simd::Job job = job_;
         job.tile_size = options.tile_size;
         job.threads = options.threads;
         job.progress = options.progress;
+        return job;
+    }
+    [[nodiscard]] Image draw(simd::CpuRenderer& renderer, const DrawOptions& options = {}) const {
         Image image;
         image.size = shot_.size;
-        renderer.render(job, image);
+        renderer.render(job_with(options), image);
         return image;
     }
     [[nodiscard]] Image draw(const DrawOptions& options = {}) const {

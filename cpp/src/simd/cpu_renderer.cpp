@@ -95,6 +95,7 @@ bool covers(const std::vector<RowExtent>& kept, const VisibleRuns& runs) {
 
 /// What was sorted by tiles for one lattice.
 struct RowBuckets {
+    std::shared_ptr<const Field> field; ///< kept, so that no other one gets the address that `view` knows it by
     FieldView view;
     std::vector<RowExtent> rows;
     Buckets<RowPart> parts;
@@ -268,6 +269,30 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
     }
 }
 
+/// Tells the caller how far a picture is, not too often. Only the caller's thread may use it.
+class Report {
+  public:
+    explicit Report(const Progress* progress) : progress_(progress) {}
+    /// Throws Cancelled.
+    void operator()(double share) {
+        if (progress_ == nullptr || !*progress_) {
+            return;
+        }
+        const auto now = Clock::now();
+        if (std::chrono::duration<double>(now - called_).count() < between_calls) {
+            return;
+        }
+        called_ = now;
+        if (!(*progress_)(share)) {
+            throw Cancelled(std::string("the rendering was cancelled by its progress callback"));
+        }
+    }
+
+  private:
+    const Progress* progress_;
+    Clock::time_point called_ = Clock::now();
+};
+
 } // namespace
 
 struct CpuRenderer::State {
@@ -285,23 +310,24 @@ struct CpuRenderer::State {
         scratch_double.clear();
     }
 
-    void sort(const Job& job, const TileLayout& layout, int edge, RectsFunction rects, Image& image) {
+    void sort(const Job& job, const TileLayout& layout, int edge, RectsFunction rects, Report& tell, Image& image) {
         const auto start = Clock::now();
         const bool reused = sorted && sorted->serves(job, edge);
         if (!reused) {
             sorted.reset();
+            const std::function<void()> poll = [&] { tell(0.0); };
             SortedView view;
             view.frame = *job.frame;
             view.edge = edge;
             view.sampling = job.plan->sampling;
             for (const RegularPart& part : job.regular) {
-                view.lattices.push_back({*part.view, extents_of(*part.runs),
-                                         bucket_rows(*part.view, *part.runs, *job.frame, layout, *pool)});
+                view.lattices.push_back({job.scene->fields[part.field], *part.view, extents_of(*part.runs),
+                                         bucket_rows(*part.view, *part.runs, *job.frame, layout, *pool, poll)});
             }
             for (const EllipsoidPart& part : job.ellipsoids) {
                 view.scattered.push_back({part.kernels, part.view->eye_world(), part.view->right_world(),
                                           part.view->up_world(), part.view->filtered(), part.visible_version,
-                                          bucket_kernels(*part.view, *part.visible, layout, rects, *pool)});
+                                          bucket_kernels(*part.view, *part.visible, layout, rects, *pool, poll)});
             }
             sorted = std::move(view);
         }
@@ -311,7 +337,7 @@ struct CpuRenderer::State {
     }
 
     template <class T>
-    void draw(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, Image& image) {
+    void draw(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, Report& tell, Image& image) {
         const auto start = Clock::now();
         const Size size = job.frame->size;
         const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan);
@@ -323,19 +349,8 @@ struct CpuRenderer::State {
         }
         const std::size_t tiles = layout.tiles();
         std::atomic<std::size_t> finished{0};
-        Clock::time_point called = start;
-        // Only the caller's thread may speak to the caller.
         const auto report = [&] {
-            const auto now = Clock::now();
-            if (job.progress == nullptr || !*job.progress ||
-                std::chrono::duration<double>(now - called).count() < between_calls) {
-                return;
-            }
-            called = now;
-            const double share = static_cast<double>(finished.load(std::memory_order_relaxed)) / static_cast<double>(tiles);
-            if (!(*job.progress)(share)) {
-                throw Cancelled(std::string("the rendering was cancelled by its progress callback"));
-            }
+            tell(static_cast<double>(finished.load(std::memory_order_relaxed)) / static_cast<double>(tiles));
         };
         pool->run(
             tiles,
@@ -392,6 +407,9 @@ struct CpuRenderer::State {
             any = any || !room.kernels[part].sections.empty();
             room.kernels_drawn += room.kernels[part].counted;
         }
+        if (!between()) {
+            return;
+        }
         clear_picture(*job.plan, shape, room);
         if (any) {
             const std::size_t elements = shape.sheet_elements();
@@ -438,11 +456,12 @@ void CpuRenderer::render(const Job& job, Image& image) {
         const int edge = edge_of_tiles(size, job.tile_size);
         const TileLayout layout(size, edge);
         const InstructionSet set = chosen_instruction_set();
-        state.sort(job, layout, edge, tile_functions_float(set)->rects, image);
+        Report tell(job.progress);
+        state.sort(job, layout, edge, tile_functions_float(set)->rects, tell, image);
         if (job.plan->precision == Precision::float64) {
-            state.draw<double>(job, layout, *tile_functions_double(set), image);
+            state.draw<double>(job, layout, *tile_functions_double(set), tell, image);
         } else {
-            state.draw<float>(job, layout, *tile_functions_float(set), image);
+            state.draw<float>(job, layout, *tile_functions_float(set), tell, image);
         }
     } catch (const std::bad_alloc&) {
         state.forget();

@@ -74,7 +74,7 @@ void ForgetPool::operator()(ThreadPool* pool) const {
     }
 }
 
-void ThreadPool::drain(int thread) {
+void ThreadPool::drain(int thread, const std::function<void()>& poll) {
     while (!failed()) {
         const std::size_t index = next_.fetch_add(1, std::memory_order_relaxed);
         if (index >= count_) {
@@ -82,6 +82,9 @@ void ThreadPool::drain(int thread) {
         }
         try {
             (*task_)(index, thread);
+            if (poll) {
+                poll();
+            }
         } catch (...) {
             fail();
         }
@@ -127,7 +130,7 @@ void ThreadPool::run(std::size_t count, const std::function<void(std::size_t, in
         ++round_;
     }
     begin_.notify_all();
-    drain(0);
+    drain(0, poll);
     std::unique_lock<std::mutex> lock(mutex_);
     while (!end_.wait_for(lock, polling, [&] { return busy_ == 0; })) {
         if (poll && !failed()) {

@@ -19,15 +19,19 @@ constexpr std::uint32_t part_length = 32;
 /// Calls visit(chunk, emit) for every chunk twice, first to count, then to write, chunks side by side: emit(tile, item).
 /// Items stand in the order of their chunks, whatever the threads do.
 template <class Item, class Visit>
-Buckets<Item> bucket(std::size_t tiles, std::size_t chunks, ThreadPool& pool, const char* what, const Visit& visit) {
+Buckets<Item> bucket(std::size_t tiles, std::size_t chunks, ThreadPool& pool, const std::function<void()>& poll,
+                     const char* what, const Visit& visit) {
     Buckets<Item> buckets;
     require_memory(checked_product(checked_product(tiles, chunks, what), sizeof(std::size_t), what), what,
                    "make the picture smaller");
     std::vector<std::size_t> places(tiles * chunks, 0);
-    pool.run(chunks, [&](std::size_t chunk, int) {
-        std::size_t* own = places.data() + chunk * tiles;
-        visit(chunk, [&](std::size_t tile, const Item&) { ++own[tile]; });
-    });
+    pool.run(
+        chunks,
+        [&](std::size_t chunk, int) {
+            std::size_t* own = places.data() + chunk * tiles;
+            visit(chunk, [&](std::size_t tile, const Item&) { ++own[tile]; });
+        },
+        poll);
     buckets.offset.resize(tiles + 1);
     std::size_t sum = 0;
     for (std::size_t tile = 0; tile < tiles; ++tile) {
@@ -42,11 +46,14 @@ Buckets<Item> bucket(std::size_t tiles, std::size_t chunks, ThreadPool& pool, co
     require_memory(checked_product(sum, sizeof(Item), what), what,
                    "use a transfer function that shows less, or a smaller picture");
     buckets.items.resize(sum);
-    pool.run(chunks, [&](std::size_t chunk, int) {
-        std::size_t* own = places.data() + chunk * tiles;
-        Item* items = buckets.items.data();
-        visit(chunk, [&](std::size_t tile, const Item& item) { items[own[tile]++] = item; });
-    });
+    pool.run(
+        chunks,
+        [&](std::size_t chunk, int) {
+            std::size_t* own = places.data() + chunk * tiles;
+            Item* items = buckets.items.data();
+            visit(chunk, [&](std::size_t tile, const Item& item) { items[own[tile]++] = item; });
+        },
+        poll);
     return buckets;
 }
 
@@ -124,7 +131,7 @@ TileShape TileLayout::shape(std::size_t tile) const {
 }
 
 Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, const Frame& frame,
-                             const TileLayout& layout, ThreadPool& pool) {
+                             const TileLayout& layout, ThreadPool& pool, const std::function<void()>& poll) {
     const auto& shape = view.field->shape();
     const std::size_t rows = runs.rows();
     const std::size_t chunks = chunks_for(rows, layout.tiles());
@@ -189,7 +196,7 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
         }
     };
     return bucket<RowPart>(
-        layout.tiles(), chunks, pool, "the rows of a lattice, sorted by tiles", [&](std::size_t chunk, const auto& emit) {
+        layout.tiles(), chunks, pool, poll, "the rows of a lattice, sorted by tiles", [&](std::size_t chunk, const auto& emit) {
             const std::size_t first = rows * chunk / chunks, past = rows * (chunk + 1) / chunks;
             for (std::size_t row = first; row < past; ++row) {
                 if (runs.begin(row) == runs.end(row)) {
@@ -209,7 +216,8 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
 }
 
 Buckets<std::uint32_t> bucket_kernels(const EllipsoidView& view, const std::vector<std::uint8_t>& visible,
-                                      const TileLayout& layout, RectsFunction rects, ThreadPool& pool) {
+                                      const TileLayout& layout, RectsFunction rects, ThreadPool& pool,
+                                      const std::function<void()>& poll) {
     const std::size_t kernels = visible.size();
     const std::size_t chunks = chunks_for(kernels, layout.tiles());
     const auto columns = static_cast<std::size_t>(layout.columns());
@@ -217,10 +225,11 @@ Buckets<std::uint32_t> bucket_kernels(const EllipsoidView& view, const std::vect
     require_memory(checked_product(kernels, sizeof(TileRect), what), what, "draw fewer kernels");
     const std::unique_ptr<TileRect[]> found(new TileRect[kernels]);
     const auto begin = [&](std::size_t chunk) { return kernels * chunk / chunks; };
-    pool.run(chunks, [&](std::size_t chunk, int) {
-        rects(view, visible, layout, begin(chunk), begin(chunk + 1), found.get());
-    });
-    return bucket<std::uint32_t>(layout.tiles(), chunks, pool, what, [&](std::size_t chunk, const auto& emit) {
+    pool.run(
+        chunks,
+        [&](std::size_t chunk, int) { rects(view, visible, layout, begin(chunk), begin(chunk + 1), found.get()); },
+        poll);
+    return bucket<std::uint32_t>(layout.tiles(), chunks, pool, poll, what, [&](std::size_t chunk, const auto& emit) {
         for (std::size_t i = begin(chunk); i < begin(chunk + 1); ++i) {
             const TileRect& rect = found[i];
             for (std::int32_t row = rect.rows.first; row <= rect.rows.last; ++row) {

@@ -24,10 +24,11 @@
 
 namespace {
 
-/// Allocations until the first that fails; negative: none does.
+/// Allocations until the one that fails; negative: none does, or it is past.
 std::atomic<std::int64_t> allocations_left{-1};
 /// Whether all further ones of some size fail too.
 std::atomic<bool> stays_exhausted{false};
+std::atomic<bool> exhausted{false};
 /// Allocations that failed.
 std::atomic<std::int64_t> failures{0};
 std::atomic<bool> garbage{false};
@@ -37,21 +38,16 @@ constexpr std::size_t behind = 1 << 16;
 constexpr std::size_t small = 1024;
 
 bool refused(std::size_t size) {
-    if (allocations_left.load(std::memory_order_relaxed) < 0) {
-        return false;
-    }
-    const std::int64_t left = allocations_left.fetch_sub(1, std::memory_order_relaxed);
-    if (left > 0) {
-        return false;
-    }
-    if (left == 0 || (stays_exhausted && size >= small)) {
-        // (Never below what starts a new count.)
-        allocations_left.store(stays_exhausted ? 0 : -1, std::memory_order_relaxed);
+    if (exhausted && size >= small) {
         ++failures;
         return true;
     }
-    allocations_left.store(0, std::memory_order_relaxed);
-    return false;
+    if (allocations_left.load(std::memory_order_relaxed) < 0 || allocations_left.fetch_sub(1) != 0) {
+        return false;
+    }
+    exhausted = stays_exhausted.load();
+    ++failures;
+    return true;
 }
 
 void* allocate(std::size_t size, std::size_t alignment) {
@@ -108,7 +104,12 @@ class Exhaustion {
         stays_exhausted = stays;
         allocations_left = after;
     }
-    ~Exhaustion() { allocations_left = -1; }
+    ~Exhaustion() {
+        allocations_left = -1;
+        exhausted = false;
+    }
+    Exhaustion(const Exhaustion&) = delete;
+    Exhaustion& operator=(const Exhaustion&) = delete;
 };
 
 /// Two kinds of fields in one picture, so that every stage has something to do.

@@ -33,7 +33,7 @@ class ThreadPool {
 
     /// task(i, thread) for every i < count, in no particular order; thread 0 is the caller's. Returns when all are done.
     /// The first exception stops what has not begun, and is thrown here. poll, if there is one, is called by the caller's
-    /// thread every few milliseconds while it waits for the others; it may throw too.
+    /// thread between its tasks, and every few milliseconds while it waits for the others; it may throw too.
     void run(std::size_t count, const std::function<void(std::size_t, int)>& task,
              const std::function<void()>& poll = {});
     /// True once a task of the current run() threw: the others may leave early.
@@ -41,7 +41,7 @@ class ThreadPool {
 
   private:
     void work(int thread);
-    void drain(int thread);
+    void drain(int thread, const std::function<void()>& poll = {});
     void fail();
 
     long process_;

@@ -100,9 +100,10 @@ struct RowPart {
     std::uint32_t begin, end;
 };
 
-/// The parts of a lattice's rows that reach into each tile, of all rows that hold a drawn sample. Throws OutOfMemory.
+/// The parts of a lattice's rows that reach into each tile, of all rows that hold a drawn sample. poll: as ThreadPool::run
+/// takes it. Throws OutOfMemory.
 Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, const Frame& frame,
-                             const TileLayout& layout, ThreadPool& pool);
+                             const TileLayout& layout, ThreadPool& pool, const std::function<void()>& poll = {});
 
 /// Finds the tiles of kernels begin ... end - 1; of those that are not drawn, none.
 using RectsFunction = void (*)(const EllipsoidView& view, const std::vector<std::uint8_t>& visible,
@@ -110,6 +111,7 @@ using RectsFunction = void (*)(const EllipsoidView& view, const std::vector<std:
 
 /// The drawn kernels that reach into each tile. Throws OutOfMemory.
 Buckets<std::uint32_t> bucket_kernels(const EllipsoidView& view, const std::vector<std::uint8_t>& visible,
-                                      const TileLayout& layout, RectsFunction rects, ThreadPool& pool);
+                                      const TileLayout& layout, RectsFunction rects, ThreadPool& pool,
+                                      const std::function<void()>& poll = {});
 
 } // namespace sheetsplat::simd

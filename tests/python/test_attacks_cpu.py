@@ -1,0 +1,511 @@
+"""The processor's backend under hard, absurd and hostile use: the right picture or a clear error, and usable after."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scattered_scenes as scattered
+from image_checks import FLOAT32_HARD, MOST_AMBIGUOUS
+
+import sheetsplat as ss
+from sheetsplat import _sheetsplat
+
+SIZE = (30, 24)
+Parts = dict[str, Any]
+
+
+def off_by(actual: Any, expected: Any) -> tuple[float, float]:
+    """Return RMSE and P99.9 of section 8."""
+    one, other = np.ascontiguousarray(actual), np.ascontiguousarray(expected)
+    found = _sheetsplat.compare(one, other, 1 if one.ndim == 2 else 4)
+    return found["rmse"], found["p99_9"]
+
+
+def cloud(seed: int, count: int = 40, overlap: float = 2.0, aspect: float = 3.0, **options: Any) -> Parts:
+    return scattered.cloud(np.random.default_rng(seed), count, overlap, aspect, **{"w0": 0.5, **options})
+
+
+def parts(field: Parts | list[Parts], camera: Parts | None = None, **options: Any) -> Parts:
+    fields = field if isinstance(field, list) else [field]
+    return scattered.parts(fields, camera, **{"size": SIZE, "slice_spacing": 1 / 6, **options})
+
+
+def by_reference(scene: Parts, **moves: float) -> ss.Image:
+    built, camera, size = scattered.build(ss, scene)
+    if moves:
+        nudged = scattered.nudged(scene, built.slice_spacing, built.reference_length, **moves)
+        built = scattered.build(ss, nudged)[0]
+    return ss.Renderer("reference").render(built, camera, size=size, outputs=("coverage", "depth"))
+
+
+def assert_right(scene: Parts, *, precision: str | None = None, may_jump: bool = False, **options: Any) -> ss.Image:
+    """Hold a picture and its coverage against the reference; ambiguous pixels are left out where it may jump."""
+    built, camera, size = scattered.build(ss, scene)
+    image = ss.Renderer("cpu", **options).render(built, camera, size=size, outputs=("coverage", "depth"))
+    expected = by_reference(scene)
+    pixels = np.array(np.asarray(image))
+    assert np.isfinite(pixels).all()
+    assert precision is None or image.plan.precision == precision
+    if may_jump:
+        span = scene["transfer"][-1][0] - scene["transfer"][0][0]
+        moves = [{"rho": 1e-5 * span}, {"rho": -1e-5 * span}, {"support": 1e-5}, {"support": -1e-5}]
+        jumping = np.zeros(size[::-1], bool)
+        for move in moves:
+            jumping |= np.abs(by_reference(scene, **move).rgba - expected.rgba).max(-1) > 1e-3
+        assert jumping.sum() <= max(1, MOST_AMBIGUOUS * jumping.size)
+        pixels[jumping] = np.asarray(expected)[jumping]
+    rmse, p99_9 = off_by(pixels, expected)
+    assert rmse <= FLOAT32_HARD[0] and p99_9 <= FLOAT32_HARD[1], (rmse, p99_9)
+    rmse, p99_9 = off_by(image.coverage, expected.coverage)
+    assert rmse <= FLOAT32_HARD[0] and p99_9 <= FLOAT32_HARD[1], ("coverage", rmse, p99_9)
+    return image
+
+
+# What float32, or even float64, cannot hold
+
+
+@pytest.mark.parametrize("lit", [False, True])
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+@pytest.mark.parametrize("aspect", [1e5, 1e8, 1e12])
+def test_needles_and_disks(aspect: float, sampling: str, lit: bool) -> None:
+    for shape in ((1, 1 / aspect, 1 / aspect), (1, 1, 1 / aspect)):
+        for scale in (1.0, min(0.05 * aspect, 1e6)):
+            field = cloud(3, 30, w0=0.3) | {"scales": np.tile(shape, (30, 1)) * scale}
+            for camera in (scattered.parallel(height=2.5), scattered.central()):
+                assert_right(parts(field, camera, lit=lit, sampling=sampling, slice_spacing=max(1 / 6, scale / 20)))
+
+
+FALLOFFS = [0.05, 5.0, 20.0, 50.0, 90.0, 300.0, 600.0]
+
+
+@pytest.mark.parametrize("falloff", FALLOFFS)
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+@pytest.mark.parametrize("normalization", ["threshold", "none"])
+def test_supports_end_where_they_end(falloff: float, sampling: str, normalization: str) -> None:
+    """A steep profile is next to nothing long before its end, where opacity at 0 still tells it from emptiness."""
+    field = cloud(4, falloff=falloff, normalization=normalization)
+    for lit in (False, True):
+        scene = parts(field, scattered.central(), transfer=scattered.ZERO_SEEN, sampling=sampling, lit=lit)
+        assert_right(scene, precision="float64" if falloff > 20 else None, may_jump=True)
+    weights = np.where(np.arange(40) % 2 == 0, 1.0, 0.0)
+    scene = parts(field | {"weights": weights}, transfer=scattered.ZERO_SEEN, sampling=sampling, lit=False)
+    assert_right(scene, may_jump=True)
+
+
+def test_a_profile_too_steep_to_tell_its_end_is_refused_where_it_matters() -> None:
+    steep = cloud(4, falloff=700.0)
+    built, camera, size = scattered.build(ss, parts(steep, transfer=scattered.ZERO_SEEN))
+    with pytest.raises(ss.Unsupported, match="falloff of 700.*at most 600 where opacity at 0"):
+        ss.Renderer("cpu").render(built, camera, size=size)
+    assert_right(parts(steep))
+
+
+@pytest.mark.parametrize("w0", [1e-200, 1e-30, 1.0, 1e30, 1e200])
+@pytest.mark.parametrize("weight", [0.0, 1e-20, 1e20])
+def test_thresholds_beyond_float32(weight: float, w0: float) -> None:
+    weights = np.where(np.arange(40) % 2 == 0, 1.0, weight)
+    for transfer in (scattered.GENTLE, scattered.ZERO_SEEN):
+        assert_right(parts(cloud(5, weights=weights, w0=w0), transfer=transfer), may_jump=True)
+        two = [cloud(5, weights=weights, w0=w0), cloud(6)]
+        assert_right(parts(two, transfer=transfer, lit=False), may_jump=True)
+
+
+@pytest.mark.parametrize("radius_px", [1e-9, 1e-7, 1e-3, 0.3, 1e7, 1e10])
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+def test_kernels_of_any_size_on_centres_and_borders(radius_px: float, sampling: str) -> None:
+    rng = np.random.default_rng(5)
+    width, height = SIZE
+    camera = scattered.parallel(direction=(0, 0, -1), up=(0, 1, 0), height=float(height))
+    for half in (0.5, 0.0):
+        x, y = rng.integers(0, width, 40) + half - width / 2, height / 2 - rng.integers(0, height, 40) - half
+        at = np.stack([x, y, np.where(rng.random(40) < 0.5, 0.5, -0.5)], -1)
+        if radius_px < 1:
+            at[:, :2] += rng.uniform(-0.4, 0.4, (40, 2)) * radius_px
+        scales = radius_px * np.tile((1.0, 0.8, 0.9), (40, 1))
+        field = {"centers": at, "scales": scales, "rotations": scattered.quaternions(rng, 40)}
+        field |= {"values": rng.uniform(0.5, 1, 40), "w0": 0.3}
+        for lit in (False, True):
+            assert_right(parts(field, camera, lit=lit, sampling=sampling, slice_spacing=max(1.0, radius_px / 5)))
+
+
+def test_gradients_that_float64_loses_are_refused() -> None:
+    """On the flat tops of kernels of 1e12 pixels lights would show rounding (3e-3 of the picture)."""
+    rng = np.random.default_rng(5)
+    field = {"centers": rng.uniform(-10, 10, (40, 3)), "scales": np.full(40, 1e12), "values": rng.random(40)}
+    camera = scattered.parallel(direction=(0, 0, -1), up=(0, 1, 0), height=24.0)
+    scene = parts(field, camera, slice_spacing=2e11)
+    with pytest.raises(ss.Unsupported, match="whose gradients float64 loses.*reference_length, or leave out the lights"):
+        assert_right(scene)
+    assert_right(scene | {"lights": []})
+    assert_right(parts(field, camera, slice_spacing=2e11, reference_length=1e10))
+
+
+@pytest.mark.parametrize("same_values", [True, False])
+@pytest.mark.parametrize("lit", [False, True])
+@pytest.mark.parametrize("count", [10, 100, 300, 999, 100_000])
+def test_crowds_at_one_spot(count: int, lit: bool, same_values: bool) -> None:
+    """Equal summands round alike: the error of the sum grows with their number, and with what lights magnify."""
+    values = np.full(count, 0.7) if same_values else np.random.default_rng(3).random(count)
+    field = {"centers": np.full((count, 3), 0.1), "scales": np.full(count, 0.5), "values": values}
+    assert_right(parts(field, lit=lit, slice_spacing=0.5))
+    if lit and count < 1000:
+        for length in (0.3, 0.042):
+            close = parts(field, scattered.parallel(height=1.0), slice_spacing=0.042, reference_length=length)
+            assert_right(close)
+
+
+@pytest.mark.parametrize("unit", [1e-45, 1e-20, 1e20, 1e38, 1e100])
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+def test_the_unit_of_length_does_not_matter(unit: float, sampling: str) -> None:
+    """In perspective lengths are counted per unit of depth, which has its own powers of ten."""
+    field = cloud(8)
+    field |= {"centers": unit * field["centers"], "scales": unit * field["scales"]}
+    lattice = {"values": np.random.default_rng(1).random((5, 6, 7)), "origin": (-unit,) * 3, "spacing": (0.4 * unit,) * 3}
+    for distance in (4 * unit, 0.3 * unit):
+        scene = parts(field, scattered.central(distance=distance), sampling=sampling, slice_spacing=unit / 6)
+        built, camera, size = scattered.build(ss, scene)
+        image = ss.Renderer("cpu").render(built, camera, size=size)
+        rmse, p99_9 = off_by(image, ss.Renderer("reference").render(built, camera, size=size))
+        assert rmse <= FLOAT32_HARD[0] and p99_9 <= FLOAT32_HARD[1], (rmse, p99_9)
+    scene = parts(lattice, scattered.central(distance=4 * unit), sampling=sampling, slice_spacing=unit / 6)
+    built, camera, size = scattered.build(ss, scene)
+    image = ss.Renderer("cpu").render(built, camera, size=size)
+    assert off_by(image, ss.Renderer("reference").render(built, camera, size=size))[1] <= FLOAT32_HARD[1]
+
+
+@pytest.mark.parametrize("mode", ["xray", "mip"])
+@pytest.mark.parametrize("unit", [1e39, 1e200])
+def test_numbers_that_no_float32_picture_holds_are_refused(unit: float, mode: str) -> None:
+    field = cloud(8)
+    scene = parts(field | {"values": unit * field["values"]}, mode=mode)
+    built, camera, size = scattered.build(ss, scene)
+    with pytest.raises(ss.Unsupported, match="cannot be shown in float32"):
+        ss.Renderer("cpu").render(built, camera, size=size)
+
+
+@pytest.mark.parametrize("fov_y", [1.0, 90.0, 170.0, 179.0])
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+def test_the_eye_anywhere(fov_y: float, sampling: str) -> None:
+    lattice = {"values": np.random.default_rng(1).random((5, 6, 7)), "origin": (-1, -1, -1), "spacing": (0.4,) * 3}
+    for distance in (1e-9, 0.3, 2.0):
+        for near in (None, 1e-6, 0.5):
+            camera = scattered.central(distance=distance, fov_y=fov_y) | ({} if near is None else {"near": near})
+            for field in (cloud(10), lattice):
+                assert_right(parts(field, camera, sampling=sampling))
+
+
+@pytest.mark.parametrize("height", [1e-3, 1e-7, 1e-11])
+@pytest.mark.parametrize("mode", ["composite", "isosurface"])
+def test_magnification(height: float, mode: str) -> None:
+    looks = {"iso_value": 0.3} if mode == "isosurface" else {}
+    for sampling in ("point", "slab"):
+        camera = scattered.parallel(height=height, at=(0.1, 0.12, 0.15))
+        scene = parts(cloud(11), camera, sampling=sampling, reference_length=0.1, mode=mode, **looks)
+        assert_right(scene, precision="float64", may_jump=mode == "isosurface")
+
+
+# Threads and processes
+
+
+@cache
+def busy() -> tuple[Any, Any, Any]:
+    return scattered.build(ss, parts(cloud(12, 300, 4.0), size=(90, 70), sampling="slab"))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (30, 24), (64, 64), (70, 66), (200, 130)])
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+def test_threads_change_no_bit(size: tuple[int, int], sampling: str) -> None:
+    """Also where few tiles would leave many threads idle."""
+    built, camera, _ = scattered.build(ss, parts(cloud(13, 200, 4.0), sampling=sampling))
+    pictures = [
+        np.array(ss.Renderer("cpu", threads=threads).render(built, camera, size=size)) for threads in (1, 2, 3, 16, 500)
+    ]
+    assert all(np.array_equal(pictures[0], picture) for picture in pictures[1:])
+
+
+def test_threads_are_a_number_from_1_to_1024() -> None:
+    for wrong in (0, -1, 1025, 10_000, 1.5, "2", True, float("nan"), 2**70):
+        with pytest.raises(ss.InvalidInput, match="threads"):
+            ss.Renderer("cpu", threads=wrong)  # type: ignore[arg-type]
+
+
+IN_CHILD = """
+import os, signal, sys
+import numpy as np
+import test_attacks_cpu as attacks
+import sheetsplat as ss
+scene, camera, size = attacks.busy()
+renderer = ss.Renderer("cpu", threads=2)
+expected = np.array(renderer.render(scene, camera, size=size))
+for way in range(4):
+    child = os.fork()
+    if child == 0:
+        signal.alarm(20)
+        if way in (0, 3):
+            assert np.array_equal(np.asarray(renderer.render(scene, camera, size=size)), expected)
+        if way == 1:
+            del renderer
+            assert np.array_equal(np.asarray(ss.Renderer("cpu").render(scene, camera, size=size)), expected)
+        if way == 3:
+            os._exit(0)
+        sys.exit(0)
+    assert os.waitpid(child, 0)[1] == 0, way
+assert np.array_equal(np.asarray(renderer.render(scene, camera, size=size)), expected)
+print("done")
+"""
+
+
+def test_forked_processes_draw_and_end() -> None:
+    """Threads do not come along into a forked process, which must neither wait for them nor take them down."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    result = subprocess.run(
+        [sys.executable, "-c", IN_CHILD], env=environment, capture_output=True, text=True, timeout=100
+    )
+    assert result.returncode == 0 and result.stdout.strip() == "done", result.stdout + result.stderr
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_pictures_of_many_threads_at_once(shared: bool) -> None:
+    scenes = [
+        scattered.build(ss, parts(cloud(seed, 300, 4.0), camera, size=(60, 50)))
+        for seed, camera in enumerate((scattered.parallel(), scattered.central()))
+    ]
+    expected = [np.array(ss.Renderer("cpu").render(scene, camera, size=size)) for scene, camera, size in scenes]
+    one = ss.Renderer("cpu")
+    wrong: list[Any] = []
+
+    def work(number: int) -> None:
+        renderer = one if shared else ss.Renderer("cpu")
+        for turn in range(6):
+            which = (number + turn) % 2
+            scene, camera, size = scenes[which]
+            if not np.array_equal(np.asarray(renderer.render(scene, camera, size=size)), expected[which]):
+                wrong.append((number, turn))
+
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def test_renderers_leave_no_threads() -> None:
+    scene, camera, size = busy()
+    before = len(os.listdir("/proc/self/task"))
+    for _ in range(20):
+        ss.Renderer("cpu", threads=8).render(scene, camera, size=(20, 20))
+    assert len(os.listdir("/proc/self/task")) <= before
+
+
+def test_one_processor_means_one_thread() -> None:
+    scene, camera, size = busy()
+    expected = np.array(ss.Renderer("cpu").render(scene, camera, size=size))
+    allowed = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {min(allowed)})
+        image = ss.Renderer("cpu").render(scene, camera, size=size)
+    finally:
+        os.sched_setaffinity(0, allowed)
+    assert image.stats["threads"] == 1 and image.plan.device.endswith("1 thread")
+    assert np.array_equal(np.asarray(image), expected)
+
+
+def test_a_renderer_says_that_it_cannot_be_pickled() -> None:
+    with pytest.raises(TypeError, match="pickle"):
+        pickle.dumps(ss.Renderer("cpu"))
+
+
+# Time and memory
+
+
+def longs() -> dict[str, tuple[Any, Any, Any]]:
+    """Pictures that take seconds: of many pixels, of many slices, and of one slice that holds all."""
+    rng = np.random.default_rng(0)
+    heap = {"centers": 1e-3 * rng.uniform(-1, 1, (150_000, 3)), "scales": np.ones(150_000), "values": rng.random(150_000)}
+    return {
+        "pixels": scattered.build(ss, parts(cloud(1, 20_000, 30.0), size=(2000, 2000))),
+        "slices": scattered.build(ss, parts(cloud(1, 50), size=(300, 300), slice_spacing=3e-6, lit=False)),
+        "one slice": scattered.build(ss, parts(heap, size=(600, 600), slice_spacing=1.0)),
+    }
+
+
+@pytest.mark.parametrize("name", ["pixels", "slices", "one slice"])
+def test_it_stops_at_once(name: str) -> None:
+    """By Ctrl-C and by a callback, and draws again afterwards."""
+    scene, camera, size = longs()[name]
+    small, eye, small_size = busy()
+    expected = np.array(ss.Renderer("cpu").render(small, eye, size=small_size))
+    renderer = ss.Renderer("cpu", threads=2)
+    pressed: list[float] = []
+
+    def press() -> None:
+        pressed.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(0.5, press)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        renderer.render(scene, camera, size=size)
+    # 20 ms on an idle machine.
+    assert time.monotonic() - pressed[0] < 0.3
+    assert np.array_equal(np.asarray(renderer.render(small, eye, size=small_size)), expected)
+    began = time.monotonic()
+    with pytest.raises(ss.Cancelled):
+        renderer.render(scene, camera, size=size, progress=lambda share: time.monotonic() - began < 0.5)
+    assert time.monotonic() - began < 0.8
+    assert np.array_equal(np.asarray(renderer.render(small, eye, size=small_size)), expected)
+
+
+STARVED = """
+import ctypes, resource
+import numpy as np
+import scattered_scenes as scattered
+import test_attacks_cpu as attacks
+import sheetsplat as ss
+scene, camera, size = scattered.build(ss, attacks.parts(attacks.cloud(1, 200_000, 30.0), size=(300, 300)))
+small, eye, small_size = attacks.busy()
+expected = np.array(ss.Renderer("cpu", threads=2).render(scene, camera, size=size))
+expected_small = np.array(ss.Renderer("cpu").render(small, eye, size=small_size))
+trim = ctypes.CDLL(None).malloc_trim
+refused = 0
+for room in range(0, 60, 6):
+    renderer = ss.Renderer("cpu", threads=2)
+    trim(0)
+    used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + room * 2**20, resource.RLIM_INFINITY))
+    try:
+        renderer.render(scene, camera, size=size)
+    except ss.OutOfMemory as error:
+        refused += 1
+        message = str(error)
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY,) * 2)
+    assert refused == 0 or "found" in message
+    assert np.array_equal(np.asarray(renderer.render(scene, camera, size=size)), expected)
+    assert np.array_equal(np.asarray(renderer.render(small, eye, size=small_size)), expected_small)
+assert refused >= 2, refused
+print("done")
+"""
+
+
+def test_memory_that_runs_out_is_an_error_and_no_end() -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    result = subprocess.run([sys.executable, "-c", STARVED], env=environment, capture_output=True, text=True, timeout=100)
+    assert result.returncode == 0 and result.stdout.strip() == "done", result.stdout + result.stderr
+
+
+# What is kept between pictures
+
+
+def kept_fields() -> list[ss.Field]:
+    def lattice(seed: int, **options: Any) -> ss.RegularField:
+        rng = np.random.default_rng(seed)
+        values = (rng.random((6, 7, 8)) * (rng.random((6, 7, 8)) > 0.5)).astype(np.float32)
+        return ss.RegularField(values, **{"origin": (-1, -1, -1), "spacing": (0.3, 0.3, 0.3), **options})
+
+    return [
+        ss.EllipsoidField(**cloud(1)),
+        ss.EllipsoidField(**cloud(2)),
+        ss.EllipsoidField(**cloud(3, normalization="none")),
+        ss.EllipsoidField(np.zeros((0, 3)), np.zeros((0, 3)), values=[]),
+        lattice(1),
+        lattice(2),
+        lattice(1, radius=1.5),
+        lattice(1, falloff=3.0),
+        lattice(1, spacing=(0.3, 0.25, 0.3)),
+        lattice(4, lattice="bcc"),
+    ]
+
+
+CHOICES: dict[str, Callable[[random.Random], Any]] = {
+    "fields": lambda chance: chance.choice([[0], [1], [4], [5], [6], [7], [8], [9], [0, 4], [4, 0], [5, 4], [3], [1, 1], [4, 2, 9]]),
+    "transfer": lambda chance: chance.choice(
+        [scattered.GENTLE, scattered.OPAQUE, scattered.ZERO_SEEN, [(0.6, 0, 0, 0, 0), (0.8, 1, 1, 0, 0.5), (1, 1, 1, 1, 0)]]
+    ),
+    "camera": lambda chance: chance.choice(
+        [scattered.parallel(), scattered.parallel(height=1.0), scattered.central(), scattered.central(distance=0.5)]
+    ),
+    "lights": lambda chance: chance.choice([[], scattered.LIGHTS, scattered.LIGHTS[:1]]),
+    "size": lambda chance: chance.choice([(70, 66), (66, 70), (20, 130)]),
+    "sampling": lambda chance: chance.choice(["point", "slab"]),
+    "mode": lambda chance: chance.choice([{}, {"mode": "xray"}, {"mode": "isosurface", "iso_value": 0.3}, {"preintegration": True}]),
+    "slice_spacing": lambda chance: chance.choice([1 / 6, 1 / 3]),
+    "filter": lambda chance: chance.choice([None, "ewa"]),
+    "outputs": lambda chance: chance.choice([(), ("coverage",), ("depth",)]),
+}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_frames_do_not_depend_on_those_before(seed: int) -> None:
+    """Whatever changes, also after a frame that was given up, every bit is that of a renderer that has seen nothing."""
+    chance = random.Random(seed)
+    fields = kept_fields()
+    renderer = ss.Renderer("cpu")
+    now = {name: choose(random.Random(0)) for name, choose in CHOICES.items()}
+    reused = 0.0
+    for _ in range(60):
+        for name in chance.sample(list(CHOICES), chance.choice([1, 1, 2])):
+            now[name] = CHOICES[name](chance)
+        scene = ss.Scene(
+            [fields[number] for number in now["fields"]],
+            ss.TransferFunction(now["transfer"]),
+            lights=[ss.Light(**light) for light in now["lights"]],
+            sampling=now["sampling"],
+            slice_spacing=now["slice_spacing"],
+            filter=now["filter"],
+            **now["mode"],
+        )
+        camera = (ss.Camera.orthographic if "height" in now["camera"] else ss.Camera.perspective)(**now["camera"])
+        if chance.random() < 0.1:
+            with pytest.raises(ss.Cancelled):
+                renderer.render(scene, camera, size=now["size"], progress=lambda share: False)
+            continue
+        image = renderer.render(scene, camera, size=now["size"], outputs=now["outputs"])
+        fresh = ss.Renderer("cpu").render(scene, camera, size=now["size"], outputs=now["outputs"])
+        assert np.array_equal(np.asarray(image), np.asarray(fresh)), now
+        assert all(np.array_equal(getattr(image, name), getattr(fresh, name)) for name in now["outputs"])
+        reused += image.stats["buckets_reused"]
+    assert reused > 5
+
+
+# Ways that belong to other backends
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"precision": "float16"}, {"precision": "uint8"}, {"tagging": "depth_equal"}, {"packing": "paper"}]
+    + [{"effects": {name: True}} for name in ("gather", "paper_slicing", "fine_gradient", "compensation", "points")],
+    ids=str,
+)
+def test_what_it_has_not_is_refused_and_taken_elsewhere(options: Any) -> None:
+    scene, camera, _ = busy()
+    with pytest.raises(ss.Unsupported, match="with backend cpu; wanted .*; "):
+        ss.Renderer("cpu", **options).plan(scene, camera, size=SIZE)
+
+
+def test_auto_takes_the_processor_where_there_is_no_graphics_hardware(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, camera, _ = busy()
+    monkeypatch.delenv("SHEETSPLAT_BACKEND", raising=False)
+    devices = [device for device in ss.devices() if device.backend == "gl" and device.available]
+    if all("llvmpipe" in device.description or "softpipe" in device.description for device in devices):
+        assert ss.Renderer().plan(scene, camera, size=SIZE).backend == "cpu"
+    monkeypatch.setenv("SHEETSPLAT_BACKEND", "cpu")
+    assert ss.Renderer().render(scene, camera, size=SIZE).plan.backend == "cpu"
+    assert ss.Renderer("reference").plan(scene, camera, size=SIZE).backend == "reference"
+    monkeypatch.setenv("SHEETSPLAT_BACKEND", "simd")
+    with pytest.raises(ss.InvalidInput, match="SHEETSPLAT_BACKEND.*auto, gl, cpu, reference"):
+        ss.Renderer()

@@ -207,7 +207,7 @@ def test_the_eye_anywhere(fov_y: float, sampling: str) -> None:
                 assert_right(parts(field, camera, sampling=sampling))
 
 
-@pytest.mark.parametrize("height", [1e-3, 1e-7, 1e-11])
+@pytest.mark.parametrize("height", [1e-3, 1e-7, 1e-10])
 @pytest.mark.parametrize("mode", ["composite", "isosurface"])
 def test_magnification(height: float, mode: str) -> None:
     looks = {"iso_value": 0.3} if mode == "isosurface" else {}

@@ -147,7 +147,9 @@ def test_gradients_that_float64_loses_are_refused() -> None:
     field = {"centers": rng.uniform(-10, 10, (40, 3)), "scales": np.full(40, 1e12), "values": rng.random(40)}
     camera = scattered.parallel(direction=(0, 0, -1), up=(0, 1, 0), height=24.0)
     scene = parts(field, camera, slice_spacing=2e11)
-    with pytest.raises(ss.Unsupported, match="whose gradients float64 loses.*reference_length, or leave out the lights"):
+    with pytest.raises(
+        ss.Unsupported, match="whose gradients float64 loses.*reference_length, or leave out the lights"
+    ):
         assert_right(scene)
     assert_right(scene | {"lights": []})
     assert_right(parts(field, camera, slice_spacing=2e11, reference_length=1e10))
@@ -167,13 +169,28 @@ def test_crowds_at_one_spot(count: int, lit: bool, same_values: bool) -> None:
             assert_right(close)
 
 
+@pytest.mark.parametrize("offset", [0.0, 10.0])
+@pytest.mark.parametrize(("count", "spread"), [(40, 0.05), (300, 0.005), (999, 0.05)])
+def test_lit_quotients_that_hardly_change(count: int, spread: float, offset: float) -> None:
+    """The gradient of one value everywhere is rounding alone: lights must not show it."""
+    places = 0.1 + spread * np.random.default_rng(3).normal(size=(count, 3))
+    field = {"centers": places, "scales": np.full(count, 0.5), "values": np.full(count, 0.7 + offset)}
+    window = [(value + offset, *rest) for value, *rest in scattered.GENTLE]
+    looks: Parts = {"slice_spacing": 0.043, "reference_length": 0.3, "transfer": window}
+    assert_right(parts(field, scattered.parallel(height=1.0), **looks))
+
+
 @pytest.mark.parametrize("unit", [1e-45, 1e-20, 1e20, 1e38, 1e100])
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 def test_the_unit_of_length_does_not_matter(unit: float, sampling: str) -> None:
     """In perspective lengths are counted per unit of depth, which has its own powers of ten."""
     field = cloud(8)
     field |= {"centers": unit * field["centers"], "scales": unit * field["scales"]}
-    lattice = {"values": np.random.default_rng(1).random((5, 6, 7)), "origin": (-unit,) * 3, "spacing": (0.4 * unit,) * 3}
+    lattice = {
+        "values": np.random.default_rng(1).random((5, 6, 7)),
+        "origin": (-unit,) * 3,
+        "spacing": (0.4 * unit,) * 3,
+    }
     for distance in (4 * unit, 0.3 * unit):
         scene = parts(field, scattered.central(distance=distance), sampling=sampling, slice_spacing=unit / 6)
         built, camera, size = scattered.build(ss, scene)
@@ -335,9 +352,13 @@ def test_a_renderer_says_that_it_cannot_be_pickled() -> None:
 def longs() -> dict[str, tuple[Any, Any, Any]]:
     """Pictures that take seconds: of many pixels, of many slices, and of one slice that holds all."""
     rng = np.random.default_rng(0)
-    heap = {"centers": 1e-3 * rng.uniform(-1, 1, (150_000, 3)), "scales": np.ones(150_000), "values": rng.random(150_000)}
+    heap = {
+        "centers": 1e-3 * rng.uniform(-1, 1, (150_000, 3)),
+        "scales": np.ones(150_000),
+        "values": rng.random(150_000),
+    }
     return {
-        "pixels": scattered.build(ss, parts(cloud(1, 20_000, 30.0), size=(2000, 2000))),
+        "pixels": scattered.build(ss, parts(cloud(1, 20_000, 30.0), size=(2400, 2400), slice_spacing=1 / 24)),
         "slices": scattered.build(ss, parts(cloud(1, 50), size=(300, 300), slice_spacing=3e-6, lit=False)),
         "one slice": scattered.build(ss, parts(heap, size=(600, 600), slice_spacing=1.0)),
     }
@@ -356,17 +377,20 @@ def test_it_stops_at_once(name: str) -> None:
         pressed.append(time.monotonic())
         os.kill(os.getpid(), signal.SIGINT)
 
-    timer = threading.Timer(0.5, press)
+    timer = threading.Timer(0.2, press)
     timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        renderer.render(scene, camera, size=size)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            renderer.render(scene, camera, size=size)
+    finally:
+        timer.cancel()
     # 20 ms on an idle machine.
     assert time.monotonic() - pressed[0] < 0.3
     assert np.array_equal(np.asarray(renderer.render(small, eye, size=small_size)), expected)
     began = time.monotonic()
     with pytest.raises(ss.Cancelled):
-        renderer.render(scene, camera, size=size, progress=lambda share: time.monotonic() - began < 0.5)
-    assert time.monotonic() - began < 0.8
+        renderer.render(scene, camera, size=size, progress=lambda share: time.monotonic() - began < 0.2)
+    assert time.monotonic() - began < 0.5
     assert np.array_equal(np.asarray(renderer.render(small, eye, size=small_size)), expected)
 
 
@@ -404,7 +428,9 @@ print("done")
 
 def test_memory_that_runs_out_is_an_error_and_no_end() -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
-    result = subprocess.run([sys.executable, "-c", STARVED], env=environment, capture_output=True, text=True, timeout=100)
+    result = subprocess.run(
+        [sys.executable, "-c", STARVED], env=environment, capture_output=True, text=True, timeout=100
+    )
     assert result.returncode == 0 and result.stdout.strip() == "done", result.stdout + result.stderr
 
 
@@ -432,9 +458,16 @@ def kept_fields() -> list[ss.Field]:
 
 
 CHOICES: dict[str, Callable[[random.Random], Any]] = {
-    "fields": lambda chance: chance.choice([[0], [1], [4], [5], [6], [7], [8], [9], [0, 4], [4, 0], [5, 4], [3], [1, 1], [4, 2, 9]]),
+    "fields": lambda chance: chance.choice(
+        [[0], [1], [4], [5], [6], [7], [8], [9], [0, 4], [4, 0], [5, 4], [3], [1, 1], [4, 2, 9]]
+    ),
     "transfer": lambda chance: chance.choice(
-        [scattered.GENTLE, scattered.OPAQUE, scattered.ZERO_SEEN, [(0.6, 0, 0, 0, 0), (0.8, 1, 1, 0, 0.5), (1, 1, 1, 1, 0)]]
+        [
+            scattered.GENTLE,
+            scattered.OPAQUE,
+            scattered.ZERO_SEEN,
+            [(0.6, 0, 0, 0, 0), (0.8, 1, 1, 0, 0.5), (1, 1, 1, 1, 0)],
+        ]
     ),
     "camera": lambda chance: chance.choice(
         [scattered.parallel(), scattered.parallel(height=1.0), scattered.central(), scattered.central(distance=0.5)]
@@ -442,7 +475,9 @@ CHOICES: dict[str, Callable[[random.Random], Any]] = {
     "lights": lambda chance: chance.choice([[], scattered.LIGHTS, scattered.LIGHTS[:1]]),
     "size": lambda chance: chance.choice([(70, 66), (66, 70), (20, 130)]),
     "sampling": lambda chance: chance.choice(["point", "slab"]),
-    "mode": lambda chance: chance.choice([{}, {"mode": "xray"}, {"mode": "isosurface", "iso_value": 0.3}, {"preintegration": True}]),
+    "mode": lambda chance: chance.choice(
+        [{}, {"mode": "xray"}, {"mode": "isosurface", "iso_value": 0.3}, {"preintegration": True}]
+    ),
     "slice_spacing": lambda chance: chance.choice([1 / 6, 1 / 3]),
     "filter": lambda chance: chance.choice([None, "ewa"]),
     "outputs": lambda chance: chance.choice([(), ("coverage",), ("depth",)]),

@@ -33,6 +33,9 @@ constexpr double most_alike_float32 = 5000.0;
 /// error was seen at its bound.
 constexpr double most_alike_lit_float32 = 200.0;
 constexpr double few_alike = 3.0;
+/// Where quotients hardly change, their rounding is lit: root mean square 1e-6 of the picture times values over what is
+/// resolved, the root of the kernels at a point, and the reference length over a pixel or slice distance.
+constexpr double largest_lit_noise = 80.0;
 /// Reference lengths over a pixel or slice distance: beyond, differences of float64 sums lose gradients that show.
 constexpr double largest_float64_magnification = 1e11;
 /// Slice distances in perspective, and their inverses: squares of lengths a unit of depth leave float32 beyond.
@@ -158,8 +161,11 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "float32 would lose where kernels of a falloff of " + number(steepest_falloff(scene)) + " end";
     }
     const double crowd = std::max(sums.overlap, view.densest_overlap);
-    if (lights_quotients(plan) && crowd > largest_lit_overlap) {
-        return "quotients of " + number(crowd) + " kernels at a point are lit";
+    if (lights_quotients(plan) && (crowd > largest_lit_overlap ||
+                                   std::max(1.0, sums.ratio) * std::sqrt(crowd) * magnified > largest_lit_noise)) {
+        return "quotients of " + number(crowd) + " kernels at a point, of up to " + number(sums.ratio) +
+               " times what is resolved, are lit where " + number(magnified) +
+               " pixels or slice distances are a reference length";
     }
     return "";
 }

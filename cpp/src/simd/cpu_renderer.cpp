@@ -269,6 +269,9 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
     }
 }
 
+/// Leaves a task of a picture that has failed elsewhere: that error is the one that counts.
+struct Ended {};
+
 /// Tells the caller how far a picture is, not too often. Only the caller's thread may use it.
 class Report {
   public:
@@ -391,6 +394,13 @@ struct CpuRenderer::State {
         if (room.kernels.size() != parts) {
             room.kernels.resize(parts);
         }
+        for (TileKernels<T>& kernels : room.kernels) {
+            kernels.poll = [&between] {
+                if (!between()) {
+                    throw Ended();
+                }
+            };
+        }
         std::size_t part = 0;
         bool any = false;
         for (std::size_t lattice = 0; lattice < job.regular.size(); ++lattice, ++part) {
@@ -406,9 +416,6 @@ struct CpuRenderer::State {
                                    room.kernels[part]);
             any = any || !room.kernels[part].sections.empty();
             room.kernels_drawn += room.kernels[part].counted;
-        }
-        if (!between()) {
-            return;
         }
         clear_picture(*job.plan, shape, room);
         if (any) {

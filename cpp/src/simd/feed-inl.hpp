@@ -133,7 +133,14 @@ class RowFeed {
     template <class Visit>
     void for_each_stretch(const RowPart* begin, const RowPart* end, const Visit& visit) const {
         const auto& dims = view_.field->shape();
+        constexpr std::size_t between_polls = 32768;
+        std::size_t samples = 0;
         for (const RowPart* part = begin; part != end; ++part) {
+            samples += part->end - part->begin;
+            if (samples >= between_polls && kernels_.poll) {
+                kernels_.poll();
+                samples = 0;
+            }
             const Run* past = runs_.end(part->row);
             const Run* run = runs_.begin(part->row);
             if (past - run > 8) {
@@ -394,6 +401,9 @@ class KernelFeed {
         kernels_.unsorted_shapes.reserve(count);
         const EllipsoidArrays& arrays = field_.arrays();
         for (const std::uint32_t* index = begin; index != end; ++index) {
+            if ((index - begin) % between_polls == between_polls - 1 && kernels_.poll) {
+                kernels_.poll();
+            }
             // Kernels of one tile are anywhere in memory.
             if (end - index > ahead) {
                 const std::size_t next = index[ahead];
@@ -419,6 +429,7 @@ class KernelFeed {
 
   private:
     static constexpr std::ptrdiff_t ahead = 12;
+    static constexpr std::ptrdiff_t between_polls = 8192;
 
     void keep(const Section<T>& section, const SectionExtra<T>& extra, const RowShape<T>& shape) {
         kernels_.unsorted.push_back(section);

@@ -187,25 +187,30 @@ TEST(Faults, MemoryThatRunsOutInALaterPictureIsToldToo) {
 /// What is read was written: pictures are the same on memory that holds NaN all around. Channels and sizes of tiles
 /// change from picture to picture.
 TEST(Faults, NothingIsReadThatWasNotWritten) {
-    Shot plain{scene_of({ball(12)}), askew(*ball(12), Projection::orthographic)};
+    // Its first slice covers all of it, and is looked at together with the one before, where there is nothing.
+    const auto block =
+        std::make_shared<const RegularField>(std::vector<float>(6 * 6 * 6, 1.0F), std::array<std::size_t, 3>{6, 6, 6});
+    Shot plain{scene_of({block}), Camera::fit(block->supports_world(), Vec3(0, 0, -1), Vec3(0, 1, 0))};
+    plain.scene.preintegration = true;
+    plain.scene.transfer_function = TransferFunction({{0.0, {0.1, 0.2, 0.9}, 0.0}, {1.0, {1.0, 0.8, 0.2}, 0.4}});
     plain.size = {130, 120};
     Shot shot = busy_shot();
     shot.size = {130, 120};
     for (const Precision precision : {Precision::float32, Precision::float64}) {
         const CpuDrawing one(plain, precision), many(shot, precision);
-        const int sizes[] = {40, 126, 17, 62, 100};
+        // (Several channels of small tiles take more room than one of larger ones.)
+        const int sizes[] = {40, 60, 17, 126, 126, 100, 62, 7, 31, 126};
         std::vector<Image> expected;
-        for (const int tile_size : sizes) {
-            expected.push_back(many.draw({tile_size, 1}));
-            expected.push_back(one.draw({tile_size, 1}));
+        for (std::size_t n = 0; n < std::size(sizes); ++n) {
+            expected.push_back((n % 2 == 0 ? many : one).draw({sizes[n], 1}));
         }
         garbage = true;
         {
             CpuRenderer renderer;
             for (std::size_t n = 0; n < expected.size(); ++n) {
-                const Image image = (n % 2 == 0 ? many : one).draw(renderer, {sizes[n / 2], 2});
-                EXPECT_EQ(pixels_of(image), pixels_of(expected[n])) << "tiles of " << sizes[n / 2];
-                EXPECT_EQ(image.coverage, expected[n].coverage) << "tiles of " << sizes[n / 2];
+                const Image image = (n % 2 == 0 ? many : one).draw(renderer, {sizes[n], 2});
+                EXPECT_EQ(pixels_of(image), pixels_of(expected[n])) << "tiles of " << sizes[n];
+                EXPECT_EQ(image.coverage, expected[n].coverage) << "tiles of " << sizes[n];
             }
         }
         garbage = false;
@@ -306,15 +311,13 @@ TEST(Faults, NoThreadIsLeftBehind) {
         const Progress stop = [](double) { return false; };
         try {
             static_cast<void>(drawing.draw(renderer, {0, 4, &stop}));
-        } catch (const Cancelled&) {
-        }
+        } catch (const Cancelled&) {}
         try {
             const Job job = drawing.job_with({0, 3});
             Image image;
             const Exhaustion exhaustion(5 * n, true);
             renderer.render(job, image);
-        } catch (const OutOfMemory&) {
-        }
+        } catch (const OutOfMemory&) {}
     }
     EXPECT_EQ(threads_of_this_process(), before);
 }
@@ -367,29 +370,43 @@ TEST(ThreadPool, OneErrorEndsARun) {
 
 TEST(ThreadPool, AsksWhileItWaitsAndEndsWhereThatThrows) {
     ThreadPool pool(2);
-    std::atomic<bool> asked{false};
-    std::atomic<int> begun{0};
-    // The other thread's task ends once the caller was asked while waiting: without poll, never.
+    std::atomic<int> asked{0}, begun{0};
+    // The other thread's task ends once the caller was asked again and again: more often than it has tasks.
     const auto task = [&](std::size_t, int thread) {
         ++begun;
         while (begun < 2) {
             std::this_thread::yield();
         }
-        while (thread != 0 && !asked) {
+        while (thread != 0 && asked < 4) {
             std::this_thread::yield();
         }
     };
-    pool.run(2, task, [&] { asked = true; });
-    EXPECT_TRUE(asked);
-    asked = false;
-    begun = 0;
+    pool.run(2, task, [&] { ++asked; });
+    EXPECT_GE(asked, 4);
+    asked = begun = 0;
     EXPECT_THROW(pool.run(2, task,
                           [&] {
-                              asked = true;
-                              throw Cancelled(std::string("enough"));
+                              if (++asked == 4) {
+                                  throw Cancelled(std::string("enough"));
+                              }
                           }),
                  Cancelled);
     EXPECT_TRUE(pool.failed());
+}
+
+/// Between tasks of the caller's own thread, too.
+TEST(ThreadPool, AsksBetweenTasks) {
+    ThreadPool pool(1);
+    int done = 0, asked = 0;
+    EXPECT_THROW(pool.run(
+                     100, [&](std::size_t, int) { ++done; },
+                     [&] {
+                         if (++asked == 10) {
+                             throw Cancelled(std::string("enough"));
+                         }
+                     }),
+                 Cancelled);
+    EXPECT_EQ(done, 10);
 }
 
 #if defined(__GLIBC__) && defined(__x86_64__)

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
-#include <set>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -163,7 +163,7 @@ std::vector<std::shared_ptr<const Field>> fields() {
 /// section claims hold all of it.
 template <class T>
 void check_sums(const Shot& shot, const CpuDrawing& drawing, double most_error, const std::string& name) {
-    const TileFunctions<T>& functions = [] () -> const TileFunctions<T>& {
+    const TileFunctions<T>& functions = []() -> const TileFunctions<T>& {
         if constexpr (sizeof(T) == 4) {
             return *tile_functions_float(chosen_instruction_set());
         } else {
@@ -237,8 +237,8 @@ void check_sums(const Shot& shot, const CpuDrawing& drawing, double most_error, 
             const double depth = frame.depth_of(n), unit = frame.pixel * (perspective ? depth : 1.0);
             const Vec3 eye((place.x + 0.5 - 0.5 * shot.size.width) * unit,
                            (0.5 * shot.size.height - (place.y + 0.5)) * unit, -depth);
-            const Vec3 point = shot.camera.eye() + eye.x * shot.camera.right_world() +
-                               eye.y * shot.camera.up_world() + eye.z * shot.camera.back_world();
+            const Vec3 point = shot.camera.eye() + eye.x * shot.camera.right_world() + eye.y * shot.camera.up_world() +
+                               eye.z * shot.camera.back_world();
             double exact = 0.0;
             for (std::size_t i = 0; i < world.centers.size(); ++i) {
                 const Vec3 q = world.to_ball[i] * (point - world.centers[i]);
@@ -286,9 +286,9 @@ TEST(Feed, SectionsAreTheKernels) {
             ++number;
             for (int view = 0; view < 3; ++view) {
                 for (const Sampling sampling : {Sampling::point, Sampling::slab}) {
-                    Shot shot{test::scene_of({field}), view == 2 ? test::inside(*field)
-                                                                 : test::askew(*field, view == 0
-                                                                                           ? Projection::orthographic
+                    Shot shot{test::scene_of({field}), view == 2
+                                                           ? test::inside(*field)
+                                                           : test::askew(*field, view == 0 ? Projection::orthographic
                                                                                            : Projection::perspective)};
                     shot.size = {47, 38};
                     shot.scene.sampling = sampling;
@@ -329,9 +329,9 @@ TEST(Feed, BucketsDoNotDependOnThreads) {
                 std::vector<std::size_t> own_offsets;
                 std::vector<std::uint32_t> own_items;
                 if (scattered) {
-                    const auto found = bucket_kernels(*drawing.job().ellipsoids[0].view,
-                                                      *drawing.job().ellipsoids[0].visible, layout,
-                                                      tile_functions_float(chosen_instruction_set())->rects, pool);
+                    const auto found =
+                        bucket_kernels(*drawing.job().ellipsoids[0].view, *drawing.job().ellipsoids[0].visible, layout,
+                                       tile_functions_float(chosen_instruction_set())->rects, pool);
                     own_offsets = found.offset;
                     own_items.assign(found.begin(0), found.end(layout.tiles() - 1));
                 } else {
@@ -354,8 +354,61 @@ TEST(Feed, BucketsDoNotDependOnThreads) {
     }
 }
 
-/// Each slice is asked about, so that what is drawn between two questions is at most what begins there: a bound that does
-/// not know how many slices or tiles there are.
+/// Of a hundred thousand kernels in one tile no more than some thousands are added between two questions.
+TEST(Feed, CanBeEndedAmongManyKernels) {
+    const auto lattice = test::ball(50);
+    const auto ellipsoids = test::cloud(60000, 0.05, 4.0), spheres = test::cloud(60000, 0.05, 1.0);
+    const std::vector<std::shared_ptr<const Field>> many{lattice, ellipsoids, spheres};
+    for (const auto& field : many) {
+        for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
+            Shot shot{test::scene_of({field}), test::askew(*field, projection)};
+            shot.size = {20, 20};
+            const CpuDrawing drawing(shot, Precision::float32);
+            const Job& job = drawing.job();
+            const TileLayout layout(shot.size, 20);
+            const TileShape shape = layout.shape(0);
+            const TileFunctions<float>& functions = *tile_functions_float(chosen_instruction_set());
+            ThreadPool pool(1);
+            int asked_of_buckets = 0;
+            const std::function<void()> ask = [&] { ++asked_of_buckets; };
+            TileKernels<float> kernels;
+            const auto feed = [&] {
+                if (!job.regular.empty()) {
+                    const Buckets<RowPart> rows =
+                        bucket_rows(*job.regular[0].view, *job.regular[0].runs, drawing.frame(), layout, pool, ask);
+                    functions.feed_rows(*job.regular[0].view, *job.regular[0].runs, drawing.frame(),
+                                        shot.scene.sampling, rows.begin(0), rows.end(0), shape, kernels);
+                } else {
+                    const Buckets<std::uint32_t> indices = bucket_kernels(
+                        *job.ellipsoids[0].view, *job.ellipsoids[0].visible, layout, functions.rects, pool, ask);
+                    functions.feed_kernels(*job.ellipsoids[0].view, indices.begin(0), indices.end(0), shape, kernels);
+                }
+            };
+            int asked = 0;
+            kernels.poll = [&] { ++asked; };
+            feed();
+            EXPECT_GE(asked_of_buckets, 2);
+            EXPECT_GE(asked, static_cast<int>(field->size() / 40000));
+            const std::size_t all = kernels.sections.size();
+            EXPECT_GT(all, 10000U);
+            const int half = (asked + 1) / 2;
+            asked = 0;
+            kernels.poll = [&] {
+                if (++asked == half) {
+                    throw std::runtime_error("ended");
+                }
+            };
+            EXPECT_THROW(feed(), std::runtime_error);
+            EXPECT_EQ(asked, half);
+            kernels.poll = nullptr;
+            feed();
+            EXPECT_EQ(kernels.sections.size(), all) << "what was ended leaves nothing behind";
+        }
+    }
+}
+
+/// Each slice is asked about, so that what is drawn between two questions is at most what begins there: a bound that
+/// does not know how many slices or tiles there are.
 TEST(TileLoop, AsksAfterEverySliceAndEndsWhereItIsTold) {
     const auto field = test::cloud(3000, 0.1, 4.0);
     Shot shot{test::scene_of({field}), test::askew(*field, Projection::orthographic)};

@@ -122,8 +122,7 @@ class CpuDrawing {
             query.cull = false;
             regular_.push_back(number);
             runs_.push_back(VisibleRuns::of(*lattice, query));
-            views_.push_back(
-                make_field_view(*lattice, shot_.camera, frame_, shot_.scene.sampling, plan_.value_unit));
+            views_.push_back(make_field_view(*lattice, shot_.camera, frame_, shot_.scene.sampling, plan_.value_unit));
             return;
         }
         auto kernels = std::static_pointer_cast<const EllipsoidField>(field);

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include <glm/vec2.hpp>
@@ -52,6 +53,8 @@ struct TileKernels {
     std::vector<SectionExtra<T>> unsorted_extras;
     std::vector<RowShape<T>> unsorted_shapes;
     std::vector<std::uint32_t> places;
+    /// Called now and then while kernels are added; what it throws ends that. May be empty.
+    std::function<void()> poll;
     std::size_t counted = 0; ///< kernels whose centres are in this tile (or beyond the picture, next to it)
 
     void clear() {

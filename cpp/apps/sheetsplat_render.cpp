@@ -68,6 +68,7 @@ struct Options {
 
     std::array<int, 2> size{400, 400};
     ss::Backend backend = ss::Backend::automatic;
+    int threads = 0;
     std::string output;
 };
 
@@ -313,6 +314,7 @@ void run(const Options& options) {
     const ss::Camera camera = make_camera(options, *field);
     ss::RendererOptions renderer_options;
     renderer_options.backend = options.backend;
+    renderer_options.threads = options.threads;
     ss::Renderer renderer(renderer_options);
     const ss::Image image = renderer.render(scene, camera, {options.size[0], options.size[1]});
     if (ends_with(options.output, ".png")) {
@@ -415,9 +417,14 @@ void declare(CLI::App& app, Options& options) {
         ->delimiter('x')
         ->group("Picture");
     app.add_option("--background", options.background, "RED GREEN BLUE, 0 to 1 (transparent)")->group("Picture");
-    app.add_option("--backend", options.backend, "auto | gl | reference")
-        ->transform(one_of(std::vector<std::pair<std::string, ss::Backend>>{
-            {"auto", ss::Backend::automatic}, {"gl", ss::Backend::gl}, {"reference", ss::Backend::reference}}))
+    app.add_option("--backend", options.backend, "auto | gl | cpu | reference")
+        ->transform(one_of(std::vector<std::pair<std::string, ss::Backend>>{{"auto", ss::Backend::automatic},
+                                                                            {"gl", ss::Backend::gl},
+                                                                            {"cpu", ss::Backend::cpu},
+                                                                            {"reference", ss::Backend::reference}}))
+        ->group("Picture");
+    app.add_option("--threads", options.threads, "of backend cpu; 0: as many as the process may run on (0)")
+        ->check(CLI::NonNegativeNumber.description(""))
         ->group("Picture");
     app.add_option("-o,--output", options.output, "the picture, .png or .pfm")
         ->required()

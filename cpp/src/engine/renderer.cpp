@@ -69,11 +69,11 @@ void check_picture_memory(Size size, const Outputs& outputs) {
 
 bool is_scalar(const Scene& scene) { return scene.mode == Mode::xray || scene.mode == Mode::mip; }
 
-void check_finite(const std::vector<float>& scalar) {
-    for (const float value : scalar) {
+void check_finite(const std::vector<float>& sums, const char* next) {
+    for (const float value : sums) {
         if (!std::isfinite(value)) {
             throw Unsupported(Complaint{"the picture cannot be shown in float32", "sums beyond 3.4e38",
-                                        "numbers that float32 holds", "divide the values by a constant"});
+                                        "numbers that float32 holds", next});
         }
     }
 }
@@ -122,6 +122,17 @@ std::vector<Backend> Renderer::State::candidates() {
     return hardware ? std::vector<Backend>{Backend::gl, Backend::cpu} : std::vector<Backend>{Backend::cpu, Backend::gl};
 }
 
+std::string Renderer::State::why_first() const {
+    if (!sheets_) {
+        return "no OpenGL here: " + why_no_gl_;
+    }
+    if (options_.device.has_value()) {
+        return "a device was named";
+    }
+    return sheets_->capabilities().software ? "OpenGL here is software (" + sheets_->capabilities().renderer + ")"
+                                            : "OpenGL here is hardware";
+}
+
 DrawPlan Renderer::State::plan_on(Backend backend, const Request& request, const ViewFacts& view) {
     const Capabilities* capabilities = backend == Backend::gl ? &gl(true)->capabilities() : nullptr;
     DrawPlan plan =
@@ -136,11 +147,16 @@ DrawPlan Renderer::State::plan_on(Backend backend, const Request& request, const
 DrawPlan Renderer::State::choose_plan(const Request& request, const ViewFacts& view) {
     const std::vector<Backend> tried = candidates();
     std::string reasons;
+    const bool automatic = requested_backend(options_.backend) == Backend::automatic;
     for (const Backend backend : tried) {
         try {
-            return plan_on(backend, request, view);
+            DrawPlan plan = plan_on(backend, request, view);
+            if (automatic) {
+                plan.summary.device += "; auto: " + (reasons.empty() ? why_first() : reasons);
+            }
+            return plan;
         } catch (const Unsupported& error) {
-            if (requested_backend(options_.backend) != Backend::automatic) {
+            if (!automatic) {
                 throw;
             }
             reasons +=
@@ -212,7 +228,6 @@ void Renderer::State::draw(const Request& request, const Prepared& prepared, con
         }
         draw_on_cpu(*processor_, request, options_, prepared, indexed, image);
     }
-    check_finite(image.scalar);
     if (request.scene.background && !is_scalar(request.scene)) {
         put_background(image.rgba, *request.scene.background);
     }
@@ -239,6 +254,8 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
         image.depth.assign(static_cast<std::size_t>(request.size.width) * static_cast<std::size_t>(request.size.height),
                            std::numeric_limits<float>::infinity());
     }
+    check_finite(image.scalar, "divide the values by a constant");
+    check_finite(image.coverage, "choose a larger unit of length");
     image.size = request.size;
     image.stats["slices"] = static_cast<double>(prepared.frame.slices);
     image.stats["seconds_total"] = seconds_since(started);

@@ -40,6 +40,8 @@ struct Renderer::State {
     sheet::SheetRenderer* gl(bool needed);
     /// Backends in the order in which they are tried for a scene.
     std::vector<Backend> candidates();
+    /// Why `auto` tries the backend that it tries first.
+    [[nodiscard]] std::string why_first() const;
     DrawPlan plan_on(Backend backend, const Request& request, const ViewFacts& view);
     /// The plan of the first backend that supports the scene. Throws Unsupported with the reasons of all.
     DrawPlan choose_plan(const Request& request, const ViewFacts& view);

@@ -686,7 +686,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     if (plan.precision == Precision::float64) {
         throw Unsupported(Complaint{"the plan cannot be made",
                                     "precision float64 with backend gl, whose targets blend 32 bits at most",
-                                    "auto, uint8, float16 or float32", "choose backend reference for float64"});
+                                    "auto, uint8, float16 or float32", "choose backend cpu for float64"});
     }
     plan.culling = effects.decide("culling", true, "kernels that cannot matter are not drawn");
     // Depth tests slow a rasteriser in software more than they save where little becomes opaque: there it must happen

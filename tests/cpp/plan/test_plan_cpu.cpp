@@ -231,7 +231,7 @@ TEST(PlanOfCpu, TakesFloat64WhereFloat32WouldNotDo) {
     view.smallest_radius_px = 0.051;
     view.largest_splat_px = view.largest_radius_px = 0.9e6;
     view.thickest_slab = 99.0;
-    view.smallest_falloff = 0.051;
+    view.smallest_falloff = 0.51;
     view.largest_overlap = view.densest_overlap = 999.0;
     Scene scene = lit_scene();
     scene.sampling = Sampling::slab;

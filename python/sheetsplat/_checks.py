@@ -191,14 +191,14 @@ def choice(what: str, value: object, names: Sequence[str]) -> str:
     return value
 
 
-def whole(what: str, value: object) -> int:
-    """Return an int that fits 32 bits, or InvalidInput."""
+def whole(what: str, value: object, wanted: str = "a whole number") -> int:
+    """Return an int that fits 32 bits, or InvalidInput that says what was wanted."""
     try:
         if isinstance(value, bool | np.bool_):
             raise TypeError
         result = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
-        raise complain(f"{what} cannot be used", shown(value), "a whole number") from None
+        raise complain(f"{what} cannot be used", shown(value), wanted) from None
     if not -(2**31) <= result < 2**31:
         raise complain(f"{what} cannot be used", shown(result), "a whole number of 32 bits")
     return result

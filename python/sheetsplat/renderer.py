@@ -53,15 +53,23 @@ def _count(what: str, value: object) -> int:
 
 
 def _threads(threads: object) -> int:
-    result = whole("Renderer: threads", threads)
+    wanted = f"a whole number from 1 to {MOST_THREADS}, or None for as many as the process may run on"
+    result = whole("Renderer: threads", threads, wanted)
     if not 1 <= result <= MOST_THREADS:
-        raise complain(
-            "Renderer: threads cannot be used",
-            str(result),
-            f"a whole number from 1 to {MOST_THREADS}",
-            "leave it out for as many as the process may run on",
-        )
+        raise complain("Renderer: threads cannot be used", str(result), wanted)
     return result
+
+
+def _idle(given: Mapping[str, object], forced: Mapping[str, bool], plan: RenderPlan) -> list[str]:
+    """Return which of the settings that were given say nothing to the backend of a plan."""
+    users = {"device": ("gl",), "tags_per_clear": ("gl",), "threads": ("cpu",), "tile_size": ("gl", "cpu")}
+    idle = [name for name, backends in users.items() if name in given and plan.backend not in backends]
+    if plan.backend == "reference":
+        # What it does anyway may be asked for.
+        ways = {"tagging": plan.tagging, "packing": plan.packing}
+        idle += [name for name, way in ways.items() if given.get(name, "auto") not in ("auto", way)]
+    known = {effect.name for effect in plan.effects}
+    return idle + [f"the effect {name}" for name, on in forced.items() if on and name not in known]
 
 
 class Renderer:
@@ -96,7 +104,8 @@ class Renderer:
     threads
         Of backend "cpu"; as many as the process may run on at once unless given. Pictures do not depend on them.
 
-    The device itself is looked for at the first plan or picture.
+    The device itself is looked for at the first plan or picture. Settings that say nothing to the backend which is
+    taken are told in the log then, as a warning.
 
     Raises
     ------
@@ -104,7 +113,7 @@ class Renderer:
         For unknown names, also in SHEETSPLAT_BACKEND.
     """
 
-    __slots__ = ("_backend", "_native")
+    __slots__ = ("_backend", "_forced", "_given", "_native", "_told_idle")
 
     def __init__(
         self,
@@ -138,6 +147,12 @@ class Renderer:
             tags_per_clear=0 if tags_per_clear is None else _count("Renderer: tags_per_clear", tags_per_clear),
             threads=0 if threads is None else _threads(threads),
         )
+        settings = {"device": device, "tagging": tagging, "packing": packing, "threads": threads}
+        # 0 is what they are unless given.
+        settings |= {"tile_size": tile_size or None, "tags_per_clear": tags_per_clear or None}
+        self._given = {name: value for name, value in settings.items() if value is not None}
+        self._forced = forced
+        self._told_idle: frozenset[str] = frozenset()
 
     def __repr__(self) -> str:
         """Return a short description."""
@@ -178,7 +193,9 @@ class Renderer:
             coverage="coverage" in wanted,
             depth="depth" in wanted,
         )
-        return RenderPlan._of(native)
+        plan = RenderPlan._of(native)
+        self._tell_idle(plan)
+        return plan
 
     def render(
         self,
@@ -290,10 +307,22 @@ class Renderer:
         image = Image._of(native)
         width, height = image.size
         plan = image.plan
-        _log.info("rendered %d x %d on %s in %.3f s", width, height, plan.backend, time.perf_counter() - began)
+        self._tell_idle(plan)
+        stage = ""
+        if "stage" in image.stats:
+            stage = f"stage {image.stats['stage']:.0f} of {image.stats['stages']:.0f}, "
+        seconds = time.perf_counter() - began
+        _log.info("rendered %s%d x %d on %s in %.3f s", stage, width, height, plan.backend, seconds)
         if advice.is_empty(image, scene):
             _log.warning("nothing can be seen in the picture: %s", advice.why_empty(scene))
         if _log.isEnabledFor(logging.DEBUG):
             _log.debug("plan\n%s", plan)
             _log.debug("stats %s", image.stats)
         return image
+
+    def _tell_idle(self, plan: RenderPlan) -> None:
+        """Warn of settings that say nothing to the backend; of each once."""
+        idle = [name for name in _idle(self._given, self._forced, plan) if name not in self._told_idle]
+        if idle:
+            self._told_idle |= frozenset(idle)
+            _log.warning("backend %s does not use %s", plan.backend, ", ".join(idle))

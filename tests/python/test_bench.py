@@ -153,9 +153,31 @@ def test_frame_and_scaling(tmp_path: Path) -> None:
         "noisy ball, packing paper",
         "tubes",
     }
+    by_name = {row["row"]: row for row in frame.rows}
+    for name, row in by_name.items():
+        own = "fill test" in name or "paper" in name
+        assert ("not run" in row.get("remark", "")) == own and ("wall_ms" in row) != own
     scaling = BENCHES["scaling"].run(_options(tmp_path, size=(24, 24), scale=0.1))
     kernels = [row for row in scaling.rows if row["row"] == "kernels"]
     assert all(a["kernels_drawn"] < b["kernels_drawn"] for a, b in zip(kernels, kernels[1:], strict=False))
+
+
+@pytest.mark.gl
+def test_the_frame_is_opengls_unless_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SHEETSPLAT_BACKEND", raising=False)
+    frame = BENCHES["frame"].run(_options(tmp_path, backend="auto"))
+    assert "OpenGL" in frame.environment["device"]
+    assert all("remark" not in row and row["wall_ms"] > 0.0 for row in frame.rows)
+
+
+def test_what_only_opengl_has_is_not_run_elsewhere(tmp_path: Path) -> None:
+    rows = BENCHES["ablation"].run(_options(tmp_path, backend="cpu", rows=("points", "packing", "lattice"))).rows
+    for row in rows:
+        assert ("not run" in row.get("remark", "")) == (row["group"] != "lattice"), row
+    (train,) = BENCHES["table2006"].run(_options(tmp_path, backend="cpu", rows=("Toy Train",), size=(16, 16))).rows
+    assert train["fps"] > 0.0 and "fragments" not in train and "remark" not in train
+    ways = BENCHES["ellipsoids"].run(_options(tmp_path, backend="cpu", rows=("ways",), size=(16, 16), scale=0.1)).rows
+    assert len(ways) == len(_WAYS) and all(row["remark"].startswith("not run") for row in ways)
 
 
 def test_import_and_memory_run_in_new_processes(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 import sheetsplat as ss
 from sheetsplat.cli import main
+from sheetsplat.device import Device
 from sheetsplat.io.pictures import read_picture
 
 BACKEND = ["--backend", "reference"]
@@ -161,6 +162,18 @@ def test_devices():
     assert {"reference", "gl"} <= {device["backend"] for device in json.loads(run("devices", "--json").stdout)}
 
 
+def test_devices_tell_of_a_backend_that_is_not_there(monkeypatch):
+    for fine in ("", "auto", "reference"):
+        monkeypatch.setenv("SHEETSPLAT_BACKEND", fine)
+        assert "SHEETSPLAT_BACKEND" not in run("devices").stderr
+    monkeypatch.setenv("SHEETSPLAT_BACKEND", "warp")
+    result = run("devices", "--json")
+    assert "SHEETSPLAT_BACKEND is 'warp'" in result.stderr and json.loads(result.stdout)
+    monkeypatch.setenv("SHEETSPLAT_BACKEND", "gl")
+    monkeypatch.setattr("sheetsplat.cli.devices.devices", lambda: [Device("gl", "egl", False, "no library", (), ())])
+    assert "cannot be had here" in run("devices").stderr
+
+
 def test_compare_and_its_bounds(tmp_path):
     picture = np.random.default_rng(0).random((20, 30, 4)).astype(np.float32)
     np.save(tmp_path / "a.npy", picture)
@@ -204,6 +217,16 @@ def test_demo_says_where_the_picture_is(tmp_path, monkeypatch):
     result = run("demo", "--size", "24x24", "--dataset", "marschner_lobb", *BACKEND)
     assert result.stdout.strip() == str(tmp_path / "sheetsplat-demo.png")
     assert read_picture(tmp_path / "sheetsplat-demo.png").any()
+
+
+def test_demo_looks_at_the_backend_before_it_makes_data(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    small = ["--size", "16x16", "--dataset", "marschner_lobb"]
+    report = json.loads(run("demo", *small, "--backend", "cpu", "--threads", 1, "--json").stdout)
+    assert "1 thread" in report["plan"]["device"]
+    monkeypatch.setenv("SHEETSPLAT_BACKEND", "warp")
+    stderr = run("demo", *small, code=1).stderr
+    assert "SHEETSPLAT_BACKEND" in stderr and "making" not in stderr
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import threading
 import time
@@ -116,6 +117,17 @@ def test_a_picture_is_cancelled_soon(field, camera):
     assert time.perf_counter() - answered[0] < 0.1
 
 
+def test_the_log_tells_stages_apart(scene, camera, caplog):
+    caplog.set_level(logging.INFO, logger="sheetsplat")
+    renderer = ss.Renderer("cpu")
+    stages = list(renderer.progressive(scene, camera, size=(64, 48), first_seconds=1e-6))
+    renderer.render(scene, camera, size=(64, 48))
+    lines = [message for message in caplog.messages if message.startswith("rendered")]
+    *staged, whole = lines
+    assert len(staged) == len(stages) > 1 and "stage" not in whole
+    assert [f"stage {number} of {len(stages)}" in line for number, line in enumerate(staged, 1)] == [True] * len(stages)
+
+
 @pytest.mark.parametrize("value", [0, -1, float("nan"), "soon", None])
 def test_strange_times_are_refused(value, scene, camera):
     with pytest.raises(ss.InvalidInput):
@@ -124,7 +136,7 @@ def test_strange_times_are_refused(value, scene, camera):
 
 @pytest.mark.parametrize("threads", [0, -1, 1025, 1.5, "two", True])
 def test_strange_threads_are_refused(threads):
-    with pytest.raises(ss.InvalidInput, match="threads"):
+    with pytest.raises(ss.InvalidInput, match="threads.*from 1 to 1024, or None"):
         ss.Renderer("cpu", threads=threads)
 
 

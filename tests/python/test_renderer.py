@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
 import signal
@@ -196,6 +197,47 @@ def test_inexact_settings_need_a_word(scene, camera):
         ss.Renderer("gl", precision="uint8").render(scene, camera, size=(4, 4))
     image = ss.Renderer("gl", precision="uint8", allow_inexact=True).render(scene, camera, size=(16, 16))
     assert image.plan.precision == "uint8" and image.rgba.any()
+
+
+@pytest.mark.parametrize(
+    ("backend", "settings", "words"),
+    [
+        ("reference", {"threads": 2}, "threads"),
+        ("reference", {"effects": {"points": True}}, "the effect points"),
+        ("reference", {"tagging": "tiles", "packing": "paper"}, "tagging, packing"),
+        ("reference", {"tile_size": 64, "tags_per_clear": 8}, "tags_per_clear, tile_size"),
+        ("cpu", {"device": 0}, "device"),
+        ("cpu", {"tags_per_clear": 8}, "tags_per_clear"),
+        pytest.param("gl", {"threads": 2}, "threads", marks=pytest.mark.gl),
+    ],
+)
+def test_settings_that_say_nothing_are_told_once(backend, settings, words, scene, camera, caplog):
+    caplog.set_level(logging.WARNING, logger="sheetsplat")
+    renderer = ss.Renderer(backend, **settings)
+    renderer.plan(scene, camera, size=(8, 8))
+    assert caplog.messages == [f"backend {backend} does not use {words}"]
+    assert caplog.records[0].levelname == "WARNING" and caplog.records[0].name == "sheetsplat"
+    renderer.render(scene, camera, size=(8, 8))
+    assert len(caplog.messages) == 1
+    caplog.clear()
+    ss.Renderer(backend, **settings).render(scene, camera, size=(8, 8))
+    assert len(caplog.messages) == 1
+
+
+@pytest.mark.parametrize(
+    ("backend", "settings"),
+    [
+        ("reference", {"effects": {"points": False, "weight": True}, "tagging": "off", "packing": "auto"}),
+        ("cpu", {"threads": 1, "tile_size": 64, "tagging": "tiles", "effects": {"culling": False}}),
+        pytest.param("gl", {"device": 0, "tile_size": 64, "tagging": "tiles"}, marks=pytest.mark.gl),
+    ],
+)
+def test_settings_that_say_something_are_not_told(backend, settings, scene, camera, caplog):
+    caplog.set_level(logging.WARNING, logger="sheetsplat")
+    if backend == "gl" and not any(device.platform == "egl" and device.available for device in ss.devices()):
+        pytest.skip("no EGL device here")
+    ss.Renderer(backend, **settings, allow_inexact=True).render(scene, camera, size=(8, 8))
+    assert caplog.messages == []
 
 
 def test_backend_from_the_environment(monkeypatch, scene, camera):

@@ -6,7 +6,7 @@ import math
 import os
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 import sheetsplat as ss
 from sheetsplat import _sheetsplat
 from sheetsplat.bench._report import Options
+from sheetsplat.errors import complain
 
 # Sizes at which the reference is tried, as a share of the timed picture.
 _SHARES = (0.125, 0.25, 0.5, 1.0)
@@ -135,6 +136,24 @@ def renderer_for(options: Options, **settings: Any) -> ss.Renderer:
     """Return a renderer of the backend that is measured."""
     arguments: dict[str, Any] = {"backend": options.backend, **settings}
     return ss.Renderer(**arguments)
+
+
+def require(
+    renderer: ss.Renderer, scene: ss.Scene, camera: ss.Camera, size: tuple[int, int], settings: Mapping[str, Any]
+) -> None:
+    """Raise Unsupported where the backend has no part of what the settings of a renderer choose between."""
+    plan = renderer.plan(scene, camera, size=size)
+    known = {effect.name for effect in plan.effects}
+    missing = [name for name in settings.get("effects", {}) if name not in known]
+    if plan.backend != "gl":
+        missing += [name for name in ("tagging", "packing") if settings.get(name, "auto") != "auto"]
+    if missing:
+        raise complain(
+            "this row is OpenGL's",
+            f"{', '.join(missing)} on backend {plan.backend}",
+            "backend gl",
+            kind=ss.Unsupported,
+        )
 
 
 def device_of(renderer: ss.Renderer) -> str:

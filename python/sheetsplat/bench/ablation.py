@@ -10,7 +10,16 @@ from typing import Any
 import sheetsplat as ss
 from sheetsplat import datasets
 from sheetsplat.bcc import resample_to_bcc
-from sheetsplat.bench._measure import Judge, attempt, device_of, difference, orbit, renderer_of_papers, time_frames
+from sheetsplat.bench._measure import (
+    Judge,
+    attempt,
+    device_of,
+    difference,
+    orbit,
+    renderer_of_papers,
+    require,
+    time_frames,
+)
 from sheetsplat.bench._report import Options, Report, Row, environment
 
 _COLUMNS = {
@@ -159,6 +168,7 @@ def _stages(options: Options) -> dict[str, Callable[[], _Stage]]:
 def _row(setting: _Setting, stages: dict[str, _Stage], options: Options, judge: Judge) -> Row:
     stage = stages[setting.scene]
     renderer = renderer_of_papers(options, **setting.renderer)
+    require(renderer, stage.scene, stage.cameras[0], options.size, setting.renderer)
     timing = time_frames(renderer, stage.scene, stage.cameras, options.size)
     options.keep(timing.picture, setting.group, setting.scene, setting.name)
     row: Row = {

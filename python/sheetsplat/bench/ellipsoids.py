@@ -14,7 +14,7 @@ import numpy as np
 
 import sheetsplat as ss
 from sheetsplat import _sheetsplat
-from sheetsplat.bench._measure import Judge, attempt, device_of, difference, renderer_of_papers
+from sheetsplat.bench._measure import Judge, attempt, device_of, difference, renderer_of_papers, require
 from sheetsplat.bench._report import Goal, Options, Report, Row, environment
 from sheetsplat.datasets._random import Stream
 
@@ -294,6 +294,7 @@ def _beside(
 ) -> list[Row]:
     """Time another way and the usual one side by side: all views in a small picture, the first in a larger one."""
     usual, other = renderer_of_papers(options), renderer_of_papers(options, effects=effects)
+    require(other, scene, cameras[0], options.size, {"effects": effects})
     small = (max(1, options.size[0] // 4), max(1, options.size[1] // 4))
     larger = (max(1, options.size[0] // 2), max(1, options.size[1] // 2))
     rows: list[Row] = []

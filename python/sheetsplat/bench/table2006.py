@@ -197,10 +197,10 @@ def _row(name: str, picture: _Picture, options: Options, renderer: ss.Renderer) 
     if options.pictures is not None:
         for scene, what in ((usual, ""), (own, " at its own distance")):
             options.keep(renderer.render(scene, cameras[0], size=options.size), name + what)
-    counting = renderer_of_papers(options, effects={"count_fragments": True})
-    counted = [counting.render(usual, camera, size=options.size).stats.get("fragments") for camera in cameras]
-    if None not in counted:
-        fragments = statistics.median(float(one) for one in counted if one is not None)
+    if timing.picture.plan.backend == "gl":
+        counting = renderer_of_papers(options, effects={"count_fragments": True})
+        counted = [counting.render(usual, camera, size=options.size).stats["fragments"] for camera in cameras]
+        fragments = statistics.median(counted)
         row |= {"fragments": round(fragments), "fragments_a_second": fragments / timing.wall}
     further = time_frames(renderer, own, cameras[: min(3, options.views)], options.size)
     row |= {

@@ -9,7 +9,7 @@ import click
 
 from sheetsplat.cli.options import Numbers, as_json, common
 from sheetsplat.cli.output import progress_bar, report_json, say
-from sheetsplat.renderer import BACKENDS
+from sheetsplat.renderer import BACKENDS, MOST_THREADS, Backend
 
 _DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "jet")
 
@@ -30,9 +30,22 @@ _DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "j
     "--size", type=Numbers("WxH", 2, whole=True, square=True), default="400x400", show_default=True, help="Pixels."
 )
 @click.option("--backend", type=click.Choice(BACKENDS), default="auto", show_default=True)
+@click.option(
+    "--threads",
+    type=click.IntRange(min=1, max=MOST_THREADS),
+    help='Of backend "cpu"; as many as the process may run on unless given.',
+)
 @as_json
 @common
-def command(output: Path, dataset: str, size: tuple[int, int], backend: str, as_json: bool, quiet: bool) -> None:
+def command(
+    output: Path,
+    dataset: str,
+    size: tuple[int, int],
+    backend: Backend,
+    threads: int | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
     """Render a data set that is made on the spot, and say where the picture is."""
     from sheetsplat import api, datasets
     from sheetsplat._checks import image_size
@@ -41,12 +54,14 @@ def command(output: Path, dataset: str, size: tuple[int, int], backend: str, as_
 
     pictures.check_suffix(output)
     pictures.check_folder(output)
+    # Settings that cannot be used fail before anything is made.
+    renderer = Renderer(backend, threads=threads)
     began = time.perf_counter()
     say(f"making {dataset} ...", quiet=quiet)
     scene = datasets.DATASETS[dataset]().scene()
     camera = api.compose_camera(scene, image_size(size))
     with progress_bar(dataset, quiet=quiet) as progress:
-        image = Renderer(backend).render(scene, camera, size=image_size(size), progress=progress)  # type: ignore[arg-type]
+        image = renderer.render(scene, camera, size=image_size(size), progress=progress)
     image.save(output)
     seconds = time.perf_counter() - began
     if as_json:

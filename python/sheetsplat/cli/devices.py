@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+import logging
+import os
+
 import click
 
 from sheetsplat.cli.options import as_json, common
 from sheetsplat.cli.output import report_json
-from sheetsplat.device import devices
+from sheetsplat.device import Device, devices
+from sheetsplat.renderer import BACKENDS
+
+
+def _about_environment(found: list[Device]) -> str:
+    """Return what is wrong with the variable SHEETSPLAT_BACKEND, or an empty text."""
+    wanted = os.environ.get("SHEETSPLAT_BACKEND", "")
+    if wanted in ("", "auto"):
+        return ""
+    if wanted not in BACKENDS:
+        return f"SHEETSPLAT_BACKEND is {wanted!r}, which is no backend: wanted one of {', '.join(BACKENDS)}"
+    if not any(device.backend == wanted and device.available for device in found):
+        return f"SHEETSPLAT_BACKEND is {wanted!r}, which cannot be had here"
+    return ""
 
 
 @click.command("devices")
@@ -15,6 +31,8 @@ from sheetsplat.device import devices
 def command(as_json: bool, quiet: bool) -> None:
     """Show every backend and context that could be made here, and why the others could not."""
     found = devices()
+    if wrong := _about_environment(found):
+        logging.getLogger("sheetsplat").warning(wrong)
     if as_json:
         report_json([device.to_dict() for device in found])
         return

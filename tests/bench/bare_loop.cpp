@@ -1,5 +1,6 @@
-// What splatting costs at least: the inner loops alone, over kernels that lie ready, into sheets that stay in the cache.
-// No views, tiles, sorting, clipping, normalisation or shading. `sheetsplat bench cpu` measures the renderer against it.
+// What splatting costs at least: the inner loops alone, over kernels that lie ready, into sheets that stay in the
+// cache. No views, tiles, sorting, clipping, normalisation or shading. `sheetsplat bench cpu` measures the renderer
+// against it.
 //
 //     sheetsplat_bare_loop spheres|ellipsoids PIXELS
 //
@@ -145,7 +146,8 @@ int main(int argc, char** argv) {
     for (int round = 0; round < 200 && (round < 3 || now() - began < 2.0); ++round) {
         const double start = now();
         const auto r = static_cast<float>(fits);
-        sections = kind == "spheres" ? simd::spheres(kernels, r, sheets.data()) : simd::ellipsoids(kernels, r, sheets.data());
+        sections =
+            kind == "spheres" ? simd::spheres(kernels, r, sheets.data()) : simd::ellipsoids(kernels, r, sheets.data());
         best = std::min(best, now() - start);
     }
     double sum = 0.0;

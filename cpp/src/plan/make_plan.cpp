@@ -52,7 +52,8 @@ constexpr double fine_alike_factor = 10.0;
 constexpr double least_alike = 64.0;
 /// The same in the dark: at 100,000 the 99.9th percentile was seen at 8e-4.
 constexpr double most_alike_unlit = 1e5;
-/// Kernels at a point, where quotients are lit: at 100,000 the 99.9th percentile was seen at 3e-4, at 500,000 at 1.3e-3.
+/// Kernels at a point, where quotients are lit: at 100,000 the 99.9th percentile was seen at 3e-4, at 500,000
+/// at 1.3e-3.
 constexpr double densest_lit = 2e5;
 /// Places that textures and pixels that look for kernels know in float32; seen at 1e8 to be right, at 1e9 1e-2 off.
 constexpr double largest_compared_px = 1e7;
@@ -113,8 +114,8 @@ Effects::Effects(const std::map<std::string, bool>& forced, std::vector<Effect>&
             for (const char* known : forcible) {
                 names += names.empty() ? known : std::string(", ") + known;
             }
-            throw InvalidInput(Complaint{"the effects cannot be forced", "the name \"" + name + "\"",
-                                         "one of " + names, "correct effects="});
+            throw InvalidInput(Complaint{"the effects cannot be forced", "the name \"" + name + "\"", "one of " + names,
+                                         "correct effects="});
         }
     }
 }
@@ -128,10 +129,10 @@ bool Effects::decide(const char* name, bool on, const std::string& reason, bool 
     if (needed && on && !found->second) {
         dropped_.push_back(name);
     }
-    list_.push_back(
-        {name, found->second,
-         std::string(found->second ? "forced on" : "forced off") + "; the scene says " + (on ? "on" : "off") + ": " + reason,
-         true});
+    list_.push_back({name, found->second,
+                     std::string(found->second ? "forced on" : "forced off") + "; the scene says " +
+                         (on ? "on" : "off") + ": " + reason,
+                     true});
     return found->second;
 }
 
@@ -144,7 +145,8 @@ void Effects::refuse_dropped() const {
         names += names.empty() ? name : ", " + name;
     }
     throw Unsupported(Complaint{"the plan cannot be made", "effects forced off that the scene calls for: " + names,
-                                "a picture within its error bound", "leave them to the plan, or pass allow_inexact=True"});
+                                "a picture within its error bound",
+                                "leave them to the plan, or pass allow_inexact=True"});
 }
 
 namespace {
@@ -292,8 +294,7 @@ SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& pl
         const Amounts amounts = amounts_of(*field, scene, view);
         facts.largest = std::max(facts.largest, amounts.largest);
         spread = std::max(spread, amounts.high - amounts.low);
-        facts.sum =
-            std::max({facts.sum, facts.overlap * amounts.heaviest / unit, facts.overlap * amounts.most_weight});
+        facts.sum = std::max({facts.sum, facts.overlap * amounts.heaviest / unit, facts.overlap * amounts.most_weight});
         if (field->normalization() == Normalization::threshold) {
             facts.least_scale = std::min(facts.least_scale, std::max(field->w0(), amounts.least_weight));
         }
@@ -337,9 +338,10 @@ void check_crowds(const ViewFacts& view, const DrawPlan& plan, bool lit_quotient
                (plan.fine_gradient ? fine_alike_factor : 1.0);
     }
     most = std::max(most, least_alike);
-    const char* next = lit_quotient ? "make one kernel of them, of their weights' sum and the mean of their values, leave "
-                                      "out the lights, use backend reference, or pass allow_inexact=True"
-                                    : "make one kernel of them, use backend reference, or pass allow_inexact=True";
+    const char* next = lit_quotient
+                           ? "make one kernel of them, of their weights' sum and the mean of their values, leave "
+                             "out the lights, use backend reference, or pass allow_inexact=True"
+                           : "make one kernel of them, use backend reference, or pass allow_inexact=True";
     const char* failed = "the picture cannot be made within its error bound in 32-bit sheets";
     if (view.most_alike > most) {
         throw Unsupported(Complaint{failed, "about " + number(view.most_alike) + " ellipsoids of one size at one place",
@@ -400,13 +402,14 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         throw Unsupported(
             Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
                       "values up to " + number(largest) + " where " + number(resolved) + " is resolved",
-                      "values of at most " + number(lit_quotient ? std::min(largest_lit_ratio, most_times) : most_times) +
-                          " times that",
+                      "values of at most " +
+                          number(lit_quotient ? std::min(largest_lit_ratio, most_times) : most_times) + " times that",
                       "subtract an offset from the values, use backend reference, or pass allow_inexact=True"});
     }
     check_crowds(view, plan, lit_quotient, ratio);
     const double measure = plan.mode == Mode::xray ? view.slice_spacing : 1.0;
-    const double seen = plan.mode == Mode::xray || plan.mode == Mode::mip ? std::max(1.0, measure * view.thin_peak) : resolved;
+    const double seen =
+        plan.mode == Mode::xray || plan.mode == Mode::mip ? std::max(1.0, measure * view.thin_peak) : resolved;
     if (plan.sampling == Sampling::slab && !plan.filter &&
         measure * view.thin_loss / seen * std::min(steepness, 4.0) > thick_slab) {
         throw Unsupported(
@@ -763,7 +766,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     const bool tiny = !plan.filter && view.smallest_px < least_plain_px;
     const bool exact_places = (slender || tiny) && capabilities->at_least(4, 0);
     if (effects.decide("precise_sections", exact_places,
-                       !view.ellipsoids ? "no field holds ellipsoids"
+                       !view.ellipsoids    ? "no field holds ellipsoids"
                        : !slender && !tiny ? "no ellipsoid is so slender that float32 would lose its sections"
                        : exact_places && tiny
                            ? "ellipsoids of less than " + number(least_plain_px) + " pixels are placed in float64"
@@ -782,11 +785,11 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                       "pass min_scale to the field, or use backend reference"});
     }
     if (tiny && !exact_places && view.smallest_px < smallest_plain_px && !options.allow_inexact) {
-        throw Unsupported(Complaint{"the scene cannot be drawn within its error bound",
-                                    "ellipsoids of " + number(view.smallest_px) + " pixels on OpenGL " +
-                                        capabilities->version,
-                                    "OpenGL 4.0 for places in float64, or at least " + number(smallest_plain_px),
-                                    "pass min_scale to the field, use filter=\"ewa\", or backend reference"});
+        throw Unsupported(
+            Complaint{"the scene cannot be drawn within its error bound",
+                      "ellipsoids of " + number(view.smallest_px) + " pixels on OpenGL " + capabilities->version,
+                      "OpenGL 4.0 for places in float64, or at least " + number(smallest_plain_px),
+                      "pass min_scale to the field, use filter=\"ewa\", or backend reference"});
     }
     const bool can_reside = !compared && view.ellipsoids && !plan.filter && !tiny && capabilities->at_least(4, 1) &&
                             view.largest_aspect <= largest_resident_aspect &&
@@ -796,8 +799,9 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         : !view.ellipsoids              ? "no field holds ellipsoids"
         : compared                      ? "kernels are drawn in another way, for comparison"
         : !capabilities->at_least(4, 1) ? "OpenGL " + capabilities->version + " has no float64 vertex programs"
-        : tiny ? "kernels of less than " + number(least_plain_px) + " pixels are sliced anew for each batch, to keep "
-                 "their digits"
+        : tiny                          ? "kernels of less than " + number(least_plain_px) +
+                     " pixels are sliced anew for each batch, to keep "
+                     "their digits"
         : view.largest_aspect > largest_resident_aspect
             ? "kernels of 1:" + number(view.largest_aspect) + " are sliced anew for each batch, to keep their digits"
         : view.most_ellipsoids > most_resident_kernels

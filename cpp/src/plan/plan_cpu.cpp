@@ -65,10 +65,9 @@ void refuse_ways_of_gl(const RendererOptions& options) {
     for (const char* name : of_gl) {
         const auto found = options.effects.find(name);
         if (found != options.effects.end() && found->second) {
-            throw Unsupported(Complaint{"the plan cannot be made",
-                                        std::string("effect ") + name + " forced on with backend cpu",
-                                        "no way of drawing that only backend gl has",
-                                        "choose backend gl, or drop it from effects="});
+            throw Unsupported(
+                Complaint{"the plan cannot be made", std::string("effect ") + name + " forced on with backend cpu",
+                          "no way of drawing that only backend gl has", "choose backend gl, or drop it from effects="});
         }
     }
     if (options.tagging != Tagging::automatic && options.tagging != Tagging::tiles) {
@@ -163,8 +162,8 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "float32 would lose where kernels of a falloff of " + number(steepest_falloff(scene)) + " end";
     }
     const double crowd = std::max(sums.overlap, view.densest_overlap);
-    if (lights_quotients(plan) && (crowd > largest_lit_overlap ||
-                                   std::max(1.0, sums.ratio) * std::sqrt(crowd) * magnified > largest_lit_noise)) {
+    if (lights_quotients(plan) &&
+        (crowd > largest_lit_overlap || std::max(1.0, sums.ratio) * std::sqrt(crowd) * magnified > largest_lit_noise)) {
         return "quotients of " + number(crowd) + " kernels at a point, of up to " + number(sums.ratio) +
                " times what is resolved, are lit where " + number(magnified) +
                " pixels or slice distances are a reference length";

@@ -28,8 +28,8 @@ constexpr double log2_e = 1.4426950408889634;
 constexpr int usual_tile = 62;
 /// splat-inl.hpp keeps rows of so many pixels.
 constexpr int largest_tile = 126;
-/// Tiles, at least, as long as they are not tiny: enough for a dozen threads. The threads that there are must not count,
-/// since numbers of one format are rounded otherwise from the corner of another tile.
+/// Tiles, at least, as long as they are not tiny: enough for a dozen threads. The threads that there are must not
+/// count, since numbers of one format are rounded otherwise from the corner of another tile.
 constexpr std::int64_t enough_tiles = 48;
 constexpr int smallest_tile = 24;
 /// How often the caller hears of the progress.
@@ -388,8 +388,8 @@ struct CpuRenderer::State {
 
     template <class T>
     void draw_tile(const Job& job, const LoopSetup<T>& setup, const TileShape& shape, std::size_t tile,
-                   const TileFunctions<T>& functions, TileScratch<T>& room, const std::function<bool()>& between, Image& image,
-                   Size size) const {
+                   const TileFunctions<T>& functions, TileScratch<T>& room, const std::function<bool()>& between,
+                   Image& image, Size size) const {
         const std::size_t parts = job.regular.size() + job.ellipsoids.size();
         if (room.kernels.size() != parts) {
             room.kernels.resize(parts);

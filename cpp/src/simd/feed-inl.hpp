@@ -90,7 +90,8 @@ class RowFeed {
         // Per slice: the point moves along the ray, and the sphere's centre leans away.
         const glm::dvec2 ray = perspective_ ? view.to_unit * origin_ : glm::dvec2(0.0);
         const glm::dvec2 drift = frame.slice_spacing * (ray + per_half_depth_ * view.shear);
-        step_slice_ = Vec3(glm::dot(basis_.q1, drift), glm::dot(basis_.q2, drift), -frame.slice_spacing * per_half_depth_);
+        step_slice_ =
+            Vec3(glm::dot(basis_.q1, drift), glm::dot(basis_.q2, drift), -frame.slice_spacing * per_half_depth_);
         step_unit_ = unit_at(view.first_eye + view.step_i) - unit_at(view.first_eye);
     }
 
@@ -202,6 +203,27 @@ class RowFeed {
         return high > low ? static_cast<std::size_t>(high - low) : 0;
     }
 
+    /// Samples that are looked at together.
+    static constexpr std::uint32_t block = 64;
+
+    template <class Visit>
+    static HWY_INLINE void for_each_block(const Stretch& stretch, const Visit& visit) {
+        const std::uint32_t count = stretch.end - stretch.begin;
+        for (std::uint32_t from = 0; from < count; from += block) {
+            visit(from, std::min(block, count - from));
+        }
+    }
+
+    /// First slices, counted from `least`; those beyond `most` under the one after it.
+    HWY_INLINE void slots_of(const Stretch& stretch, std::uint32_t from, std::uint32_t samples, double least,
+                             double most, std::int32_t* slots) const {
+        for (std::uint32_t i = 0; i < samples; ++i) {
+            const auto along = static_cast<double>(static_cast<std::int32_t>(from + i));
+            const double first = first_of(stretch.depth + along * stretch.step);
+            slots[i] = static_cast<std::int32_t>(std::min(first, most + 1.0) - least);
+        }
+    }
+
     /// Point sampling: two passes, the first one to count, so that every kernel is written once, where it belongs.
     void in_order(const RowPart* begin, const RowPart* end) {
         double least = std::numeric_limits<double>::infinity(), most = -1.0;
@@ -225,11 +247,14 @@ class RowFeed {
         // (Kernels behind the last slice, or between two, are counted under the slice after their own last one.)
         auto& places = kernels_.places;
         places.assign(starts + 2, 0);
+        std::int32_t slots[block];
         for_each_stretch(begin, end, [&](const Stretch& stretch) {
-            for (std::uint32_t i = stretch.begin; i < stretch.end; ++i) {
-                const double first = first_of(stretch.depth + static_cast<double>(i - stretch.begin) * stretch.step);
-                ++places[static_cast<std::size_t>(std::min(first, most + 1.0) - least) + 1];
-            }
+            for_each_block(stretch, [&](std::uint32_t from, std::uint32_t samples) {
+                slots_of(stretch, from, samples, least, most, slots);
+                for (std::uint32_t i = 0; i < samples; ++i) {
+                    ++places[static_cast<std::size_t>(slots[i]) + 1];
+                }
+            });
         });
         for (std::size_t start = 1; start <= starts + 1; ++start) {
             places[start] += places[start - 1];
@@ -245,17 +270,28 @@ class RowFeed {
                 for_each_stretch(begin, end, [&](const Stretch& stretch) {
                     const auto* values = data.data() + stretch.row * dims[2] + stretch.begin;
                     const Vec3 unit = unit_at(stretch.eye);
-                    for (std::uint32_t i = 0; i < stretch.end - stretch.begin; ++i) {
-                        const auto along = static_cast<double>(i);
-                        const double depth = stretch.depth + along * stretch.step;
-                        const double first = first_of(depth);
-                        Section<T>& section = sections[places[static_cast<std::size_t>(std::min(first, most + 1.0) - least)]++];
-                        section.a1 = static_cast<T>(unit.x + along * step_unit_.x + first * step_slice_.x);
-                        section.a2 = static_cast<T>(unit.y + along * step_unit_.y + first * step_slice_.y);
-                        section.s = static_cast<T>((depth - first) * per_slice);
-                        section.value = static_cast<T>(static_cast<double>(values[i]) * value_scale);
-                        section.first = static_cast<std::int32_t>(std::min(first, most + 1.0));
-                    }
+                    for_each_block(stretch, [&](std::uint32_t from, std::uint32_t samples) {
+                        slots_of(stretch, from, samples, least, most, slots);
+                        // Numbers first, in loops that the compiler makes vectors of; then each to its place.
+                        T a1[block], a2[block], s[block], value[block];
+                        for (std::uint32_t i = 0; i < samples; ++i) {
+                            const auto along = static_cast<double>(static_cast<std::int32_t>(from + i));
+                            const double first = static_cast<double>(slots[i]) + least;
+                            a1[i] = static_cast<T>(unit.x + along * step_unit_.x + first * step_slice_.x);
+                            a2[i] = static_cast<T>(unit.y + along * step_unit_.y + first * step_slice_.y);
+                            s[i] = static_cast<T>((stretch.depth + along * stretch.step - first) * per_slice);
+                            value[i] = static_cast<T>(static_cast<double>(values[from + i]) * value_scale);
+                        }
+                        const auto origin = static_cast<std::int32_t>(least);
+                        for (std::uint32_t i = 0; i < samples; ++i) {
+                            Section<T>& section = sections[places[static_cast<std::size_t>(slots[i])]++];
+                            section.a1 = a1[i];
+                            section.a2 = a2[i];
+                            section.s = s[i];
+                            section.value = value[i];
+                            section.first = slots[i] + origin;
+                        }
+                    });
                 });
             },
             view_.field->samples());
@@ -280,7 +316,9 @@ class RowFeed {
                         const double depth = stretch.depth + along * stretch.step;
                         const double first = first_of(depth), last = last_of(depth);
                         SectionExtra<T> extra;
-                        if (!(first <= last) || !place(box_of(stretch.eye + along * view_.step_i, first, last, half_x, half_y), tile_, extra)) {
+                        if (!(first <= last) ||
+                            !place(box_of(stretch.eye + along * view_.step_i, first, last, half_x, half_y), tile_,
+                                   extra)) {
                             continue;
                         }
                         extra.weight = weight;
@@ -492,13 +530,11 @@ class KernelFeed {
             return;
         }
         SectionExtra<T> extra;
-        const EllipsoidView::ScreenBounds bounds =
-            view_.bounds(kernel, view_.front_of(static_cast<std::int64_t>(first)),
-                         view_.back_of(static_cast<std::int64_t>(last)));
-        const SheetBox box = bounds.unbounded
-                                 ? SheetBox{0.0, tile_.width + 1.0, 0.0, tile_.height + 1.0}
-                                 : SheetBox{bounds.left + axis_x_, bounds.right + axis_x_, bounds.top + axis_y_,
-                                            bounds.bottom + axis_y_};
+        const EllipsoidView::ScreenBounds bounds = view_.bounds(
+            kernel, view_.front_of(static_cast<std::int64_t>(first)), view_.back_of(static_cast<std::int64_t>(last)));
+        const SheetBox box = bounds.unbounded ? SheetBox{0.0, tile_.width + 1.0, 0.0, tile_.height + 1.0}
+                                              : SheetBox{bounds.left + axis_x_, bounds.right + axis_x_,
+                                                         bounds.top + axis_y_, bounds.bottom + axis_y_};
         if (!place(box, tile_, extra)) {
             return;
         }
@@ -549,8 +585,8 @@ class KernelFeed {
 };
 
 template <class T>
-void feed_kernels(const EllipsoidView& view, const std::uint32_t* begin, const std::uint32_t* end, const TileShape& tile,
-                  TileKernels<T>& kernels) {
+void feed_kernels(const EllipsoidView& view, const std::uint32_t* begin, const std::uint32_t* end,
+                  const TileShape& tile, TileKernels<T>& kernels) {
     KernelFeed<T>(view, tile, kernels).run(begin, end);
 }
 

@@ -107,8 +107,8 @@ void choose_instruction_set(const std::string& name) {
             known += (known.empty() ? "" : ", ") + std::string(to_string(set));
         }
     }
-    throw InvalidInput(Complaint{"the instruction set cannot be chosen", "\"" + name + "\"", "one of " + known,
-                                 "correct the name"});
+    throw InvalidInput(
+        Complaint{"the instruction set cannot be chosen", "\"" + name + "\"", "one of " + known, "correct the name"});
 }
 
 } // namespace sheetsplat::simd

@@ -19,9 +19,8 @@ void TileKernels<T>::sort() {
     if (own_shapes) {
         shapes.resize(count);
     }
-    const auto [least, most] =
-        std::minmax_element(unsorted.begin(), unsorted.end(),
-                            [](const Section<T>& a, const Section<T>& b) { return a.first < b.first; });
+    const auto [least, most] = std::minmax_element(
+        unsorted.begin(), unsorted.end(), [](const Section<T>& a, const Section<T>& b) { return a.first < b.first; });
     const std::int32_t first = least->first;
     const std::size_t starts = static_cast<std::size_t>(most->first - first) + 1;
     const auto put = [&](std::size_t to, std::size_t from) {

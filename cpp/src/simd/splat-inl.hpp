@@ -55,7 +55,8 @@ struct Live {
         }
         const int left = std::min(x0 / block_edge, 7), right = std::min((x1 - 1) / block_edge, 7);
         const int top = std::min(y0 / block_edge, 7), bottom = std::min((y1 - 1) / block_edge, 7);
-        const std::uint64_t columns = ((std::uint64_t{2} << right) - (std::uint64_t{1} << left)) * 0x0101010101010101ULL;
+        const std::uint64_t columns =
+            ((std::uint64_t{2} << right) - (std::uint64_t{1} << left)) * 0x0101010101010101ULL;
         const std::uint64_t rows = (~std::uint64_t{0} << (8 * top)) & (~std::uint64_t{0} >> (8 * (7 - bottom)));
         return (alive & columns & rows) != 0;
     }
@@ -284,9 +285,9 @@ class Splatter {
     }
 
     /// Each section by itself: an ellipse that leans. Columns of pixels, a vector wide, are walked along y, where one
-    /// Gaussian follows from the one before by two multiplications, g(y + 1) = g(y) h(y), h(y + 1) = h(y) q; walks start
-    /// where the column is brightest, and anew every few rows, so that errors do not grow. Where the ellipse is so thin
-    /// that a vector spans powers of two beyond the format, rows are evaluated one by one.
+    /// Gaussian follows from the one before by two multiplications, g(y + 1) = g(y) h(y), h(y + 1) = h(y) q; walks
+    /// start where the column is brightest, and anew every few rows, so that errors do not grow. Where the ellipse is
+    /// so thin that a vector spans powers of two beyond the format, rows are evaluated one by one.
     template <bool with_weight>
     HWY_INLINE int ellipses(const Section<T>& section, T weight, const RowShape<T>& shape, int count) {
         Ellipses e;
@@ -334,7 +335,7 @@ class Splatter {
         HWY_ALIGN T rest[room]; ///< 1 - s^2
         HWY_ALIGN T middle_x[room];
         HWY_ALIGN T middle_y[room];
-        HWY_ALIGN T tip[room];                               ///< where along x, from the middle, first and last rows are
+        HWY_ALIGN T tip[room];                              ///< where along x, from the middle, first and last rows are
         HWY_ALIGN T x0[room], y0[room], x1[room], y1[room]; ///< pixels
     };
 
@@ -366,7 +367,8 @@ class Splatter {
             const V root = hn::Mul(hn::Sqrt(hn::Max(rest, zero)), per_scale);
             const V middle_y = hn::Neg(hn::Mul(hn::Mul(a2, hn::Set(d, per_Y2)), per_scale));
             const V reach_y = hn::Mul(root, hn::Set(d, std::abs(per_Y2)));
-            const V middle_x = hn::Neg(hn::MulAdd(hn::Set(d, slant), middle_y, hn::Mul(hn::Mul(a1, hn::Set(d, per_X)), per_scale)));
+            const V middle_x =
+                hn::Neg(hn::MulAdd(hn::Set(d, slant), middle_y, hn::Mul(hn::Mul(a1, hn::Set(d, per_X)), per_scale)));
             const V reach_x = hn::Mul(root, hn::Set(d, reach));
             const auto first = [&](V middle, V half, V low, V high) {
                 return hn::Min(hn::Max(hn::Ceil(hn::Sub(middle, half)), low), high);
@@ -389,7 +391,8 @@ class Splatter {
         }
     }
 
-    /// Powers of two that a vector may span before its least lanes vanish: less than the format has, by what a walk adds.
+    /// Powers of two that a vector may span before its least lanes vanish: less than the format has, by what a walk
+    /// adds.
     static constexpr T deepest() { return sizeof(T) == 4 ? T(118) : T(1000); }
     /// Rows of a walk: errors grow with the square, to some 50 roundings.
     static constexpr int walked_rows = sizeof(T) == 4 ? 20 : 48;
@@ -402,8 +405,8 @@ class Splatter {
         HWY_ALIGN T ridge[room]; ///< the brightest row
     };
 
-    HWY_INLINE void measure_columns(const RowShape<T>& shape, const Ellipses& e, int slice, int start, int lanes, int x0,
-                                    int x1, int y0, int y1, Columns& columns) const {
+    HWY_INLINE void measure_columns(const RowShape<T>& shape, const Ellipses& e, int slice, int start, int lanes,
+                                    int x0, int x1, int y0, int y1, Columns& columns) const {
         const hn::CappedTag<T, 8> d;
         using V = hn::Vec<decltype(d)>;
         const T scale = e.scale[slice];
@@ -422,18 +425,23 @@ class Splatter {
             const V x = hn::MulAdd(hn::Iota(d, static_cast<T>(column)), hn::Set(d, static_cast<T>(lanes)),
                                    hn::Set(d, static_cast<T>(start)));
             // (Lanes beyond the last column look at it again.)
-            const V low = hn::Sub(hn::Max(hn::Min(x, hn::Set(d, static_cast<T>(x1 - 1))), hn::Set(d, static_cast<T>(x0))), middle_x);
-            const V high = hn::Sub(hn::Min(hn::Add(x, hn::Set(d, static_cast<T>(lanes - 1))), hn::Set(d, static_cast<T>(x1 - 1))), middle_x);
+            const V low = hn::Sub(
+                hn::Max(hn::Min(x, hn::Set(d, static_cast<T>(x1 - 1))), hn::Set(d, static_cast<T>(x0))), middle_x);
+            const V high =
+                hn::Sub(hn::Min(hn::Add(x, hn::Set(d, static_cast<T>(lanes - 1))), hn::Set(d, static_cast<T>(x1 - 1))),
+                        middle_x);
             const auto half = [&](V from_middle) {
                 return hn::Mul(hn::Sqrt(hn::Max(hn::MulAdd(hn::Mul(from_middle, from_middle), per_width2, rest), zero)),
                                per_steep);
             };
             const V half_low = half(low), half_high = half(high);
-            const V at_low = hn::MulAdd(hn::Set(d, ridge), low, middle_y), at_high = hn::MulAdd(hn::Set(d, ridge), high, middle_y);
+            const V at_low = hn::MulAdd(hn::Set(d, ridge), low, middle_y),
+                    at_high = hn::MulAdd(hn::Set(d, ridge), high, middle_y);
             V top = hn::Min(hn::Sub(at_low, half_low), hn::Sub(at_high, half_high));
             V bottom = hn::Max(hn::Add(at_low, half_low), hn::Add(at_high, half_high));
             top = hn::IfThenElse(hn::And(hn::Le(low, top_tip), hn::Le(top_tip, high)), upper, top);
-            bottom = hn::IfThenElse(hn::And(hn::Le(low, hn::Neg(top_tip)), hn::Le(hn::Neg(top_tip), high)), lower, bottom);
+            bottom =
+                hn::IfThenElse(hn::And(hn::Le(low, hn::Neg(top_tip)), hn::Le(hn::Neg(top_tip), high)), lower, bottom);
             // (A row more on each side: what is computed in T ends on either side of a pixel.)
             const V first = hn::Min(hn::Max(hn::Floor(top), upper), lower);
             const V past = hn::Min(hn::Max(hn::Add(hn::Ceil(bottom), one), upper), lower);
@@ -499,7 +507,8 @@ class Splatter {
                 add_rows(ridge, std::min(ridge + walked_rows, past), 1, g, down);
                 if (ridge > first) {
                     const auto up = growth(q1, q2, T(-1));
-                    add_rows(ridge - 1, std::max(ridge - 1 - walked_rows, first - 1), -1, hn::Mul(g, up), hn::Mul(up, q));
+                    add_rows(ridge - 1, std::max(ridge - 1 - walked_rows, first - 1), -1, hn::Mul(g, up),
+                             hn::Mul(up, q));
                 }
             }
             for (int y = ridge + walked_rows; y < past; y += walked_rows) {
@@ -554,8 +563,7 @@ class Splatter {
     /// Means over slabs along the rays of the pixels: closed form over the chord where it is long against the Gaussian,
     /// quadrature where the difference of two erf would cancel.
     template <bool with_weight>
-    HWY_INLINE int slabs(const Section<T>& section, T weight_t, const RowShape<T>& shape, int count,
-                         const Rect& box) {
+    HWY_INLINE int slabs(const Section<T>& section, T weight_t, const RowShape<T>& shape, int count, const Rect& box) {
         if (!live_.sees(box.x0, box.y0, box.x1, box.y1)) {
             return 0;
         }
@@ -620,8 +628,8 @@ class Splatter {
                     if constexpr (with_weight) {
                         // Where a steep profile has nothing left, or a difference of two erf cancels, the ray still
                         // meets the support: the point is not empty.
-                        const V least = hn::IfThenElseZero(hn::Gt(length, zero),
-                                                           hn::Set(d, std::numeric_limits<T>::min()));
+                        const V least =
+                            hn::IfThenElseZero(hn::Gt(length, zero), hn::Set(d, std::numeric_limits<T>::min()));
                         T* weights = to.weight + at + x;
                         const V added = hn::Max(hn::Mul(weight, hn::Max(rest, zero)), least);
                         hn::StoreU(hn::Add(hn::LoadU(d, weights), added), d, weights);

@@ -5,16 +5,16 @@
 #define HWY_TARGET_INCLUDE "tile_double.cpp"
 #include "hwy/foreach_target.h"
 // (foreach_target includes this file once for each set, ahead of the others.)
-#include "hwy/highway.h"
 #include "feed-inl.hpp"
+#include "hwy/highway.h"
 #include "tile_loop-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::simd::HWY_NAMESPACE {
 
 const TileFunctions<double>* functions_double() {
-    static constexpr TileFunctions<double> functions{&feed_rows<double>, &tile_rects,
-                                                       &feed_kernels<double>, &run_tile<double>};
+    static constexpr TileFunctions<double> functions{&feed_rows<double>, &tile_rects, &feed_kernels<double>,
+                                                     &run_tile<double>};
     return &functions;
 }
 

@@ -16,8 +16,8 @@ namespace {
 /// Samples of a row that are sorted together in perspective.
 constexpr std::uint32_t part_length = 32;
 
-/// Calls visit(chunk, emit) for every chunk twice, first to count, then to write, chunks side by side: emit(tile, item).
-/// Items stand in the order of their chunks, whatever the threads do.
+/// Calls visit(chunk, emit) for every chunk twice, first to count, then to write, chunks side by side: emit(tile,
+/// item). Items stand in the order of their chunks, whatever the threads do.
 template <class Item, class Visit>
 Buckets<Item> bucket(std::size_t tiles, std::size_t chunks, ThreadPool& pool, const std::function<void()>& poll,
                      const char* what, const Visit& visit) {
@@ -195,24 +195,24 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
             }
         }
     };
-    return bucket<RowPart>(
-        layout.tiles(), chunks, pool, poll, "the rows of a lattice, sorted by tiles", [&](std::size_t chunk, const auto& emit) {
-            const std::size_t first = rows * chunk / chunks, past = rows * (chunk + 1) / chunks;
-            for (std::size_t row = first; row < past; ++row) {
-                if (runs.begin(row) == runs.end(row)) {
-                    continue;
-                }
-                const auto number = static_cast<std::uint32_t>(row);
-                const std::uint32_t begin = runs.begin(row)->begin, end = (runs.end(row) - 1)->end;
-                if (!perspective) {
-                    orthographic_row(number, begin, end, emit);
-                    continue;
-                }
-                for (std::uint32_t part = begin; part < end; part += part_length) {
-                    perspective_part(number, part, std::min(part + part_length, end), emit);
-                }
-            }
-        });
+    return bucket<RowPart>(layout.tiles(), chunks, pool, poll, "the rows of a lattice, sorted by tiles",
+                           [&](std::size_t chunk, const auto& emit) {
+                               const std::size_t first = rows * chunk / chunks, past = rows * (chunk + 1) / chunks;
+                               for (std::size_t row = first; row < past; ++row) {
+                                   if (runs.begin(row) == runs.end(row)) {
+                                       continue;
+                                   }
+                                   const auto number = static_cast<std::uint32_t>(row);
+                                   const std::uint32_t begin = runs.begin(row)->begin, end = (runs.end(row) - 1)->end;
+                                   if (!perspective) {
+                                       orthographic_row(number, begin, end, emit);
+                                       continue;
+                                   }
+                                   for (std::uint32_t part = begin; part < end; part += part_length) {
+                                       perspective_part(number, part, std::min(part + part_length, end), emit);
+                                   }
+                               }
+                           });
 }
 
 Buckets<std::uint32_t> bucket_kernels(const EllipsoidView& view, const std::vector<std::uint8_t>& visible,

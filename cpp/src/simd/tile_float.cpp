@@ -5,16 +5,16 @@
 #define HWY_TARGET_INCLUDE "tile_float.cpp"
 #include "hwy/foreach_target.h"
 // (foreach_target includes this file once for each set, ahead of the others.)
-#include "hwy/highway.h"
 #include "feed-inl.hpp"
+#include "hwy/highway.h"
 #include "tile_loop-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::simd::HWY_NAMESPACE {
 
 const TileFunctions<float>* functions_float() {
-    static constexpr TileFunctions<float> functions{&feed_rows<float>, &tile_rects,
-                                                       &feed_kernels<float>, &run_tile<float>};
+    static constexpr TileFunctions<float> functions{&feed_rows<float>, &tile_rects, &feed_kernels<float>,
+                                                    &run_tile<float>};
     return &functions;
 }
 

@@ -1,6 +1,6 @@
 // One tile, front to back: kernels are added to the sheets of the slices that they meet, finished slices are divided by
-// their weights, classified, shaded and composited. Source: [NM05] figure 5, with a ring of sheets in the cache in place
-// of sheet and copy buffers.
+// their weights, classified, shaded and composited. Source: [NM05] figure 5, with a ring of sheets in the cache in
+// place of sheet and copy buffers.
 
 #if defined(SHEETSPLAT_SIMD_TILE_LOOP_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_SIMD_TILE_LOOP_INL
@@ -28,8 +28,7 @@ template <class T>
 class TileLoop {
   public:
     TileLoop(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch)
-        : setup_(setup), shape_(shape), scratch_(scratch), elements_(shape.sheet_elements()),
-          live_(shape) {}
+        : setup_(setup), shape_(shape), scratch_(scratch), elements_(shape.sheet_elements()), live_(shape) {}
 
     void run(const std::function<bool()>& between) {
         std::int64_t n = next_start();
@@ -89,7 +88,8 @@ class TileLoop {
     }
 
     [[nodiscard]] T* plane(std::int64_t n, int channel) const {
-        const std::size_t number = index_of(n) * static_cast<std::size_t>(setup_.channels) + static_cast<std::size_t>(channel);
+        const std::size_t number =
+            index_of(n) * static_cast<std::size_t>(setup_.channels) + static_cast<std::size_t>(channel);
         return scratch_.ring.data() + number * elements_;
     }
 
@@ -320,8 +320,8 @@ class TileLoop {
             }
             std::uint64_t row = 0;
             for (int x = 0; x < shape_.width; x += lanes) {
-                const auto alive =
-                    hn::Lt(hn::LoadU(d, scratch_.planes.alpha + static_cast<std::ptrdiff_t>(y) * shape_.stride + x), stop);
+                const auto alive = hn::Lt(
+                    hn::LoadU(d, scratch_.planes.alpha + static_cast<std::ptrdiff_t>(y) * shape_.stride + x), stop);
                 std::uint8_t packed[8] = {};
                 hn::StoreMaskBits(d, alive, packed);
                 std::uint64_t word = 0;

@@ -362,8 +362,7 @@ PixelBox EllipsoidView::pixels(const ScreenBounds& bounds, const Frame& frame, c
     // What lies between the centres of pixels as a whole is never seen.
     const auto between = [](double lower, double upper) {
         const double rounding = 1e-9 * std::max(1.0, std::max(std::abs(lower), std::abs(upper)));
-        return upper - lower < 1.0 &&
-               std::ceil(lower - 0.5 - rounding) > std::floor(upper - 0.5 + rounding);
+        return upper - lower < 1.0 && std::ceil(lower - 0.5 - rounding) > std::floor(upper - 0.5 + rounding);
     };
     if (between(bounds.left + axis_x - wider_px, right) || between(bounds.top + axis_y - wider_px, bottom)) {
         return {0, 0, 0, 0};

@@ -1,9 +1,9 @@
 // Kernels as one tile meets them. In the unit sphere of a kernel, turned so that its first coordinate alone changes
 // along a row of pixels, a point of slice n has the coordinates
 //     q1 = x X + y Y1 + a1,   q2 = y Y2 + a2,   q3 = s,       r^2 = q1^2 + q2^2 + q3^2,
-// with (x, y) the pixel in the tile's sheets. a1, a2 and s change by d1, d2 and ds from slice to slice; in perspective X,
-// Y1 and Y2 are those of depth 1 times the slice's depth. So each row is a one-dimensional Gaussian of a width that is
-// the same for all rows, whose coordinates cancel nowhere, however slender the ellipsoid is: the QR factorisation of
+// with (x, y) the pixel in the tile's sheets. a1, a2 and s change by d1, d2 and ds from slice to slice; in perspective
+// X, Y1 and Y2 are those of depth 1 times the slice's depth. So each row is a one-dimensional Gaussian of a width that
+// is the same for all rows, whose coordinates cancel nowhere, however slender the ellipsoid is: the QR factorisation of
 // [NM06]'s equations 8 to 19 in place of their quadratic form.
 #pragma once
 

@@ -19,8 +19,8 @@ int usable_threads();
 /// The caller's thread is one of them. Not to be used by two threads at once.
 class ThreadPool {
   public:
-    /// threads >= 1, the caller's included. Throws OutOfMemory where the system grants no thread at all beyond it (fewer
-    /// than asked for are accepted).
+    /// threads >= 1, the caller's included. Throws OutOfMemory where the system grants no thread at all beyond it
+    /// (fewer than asked for are accepted).
     explicit ThreadPool(int threads);
     ~ThreadPool();
     ThreadPool(const ThreadPool&) = delete;
@@ -31,9 +31,9 @@ class ThreadPool {
     [[nodiscard]] bool is_here() const;
     [[nodiscard]] int threads() const { return static_cast<int>(workers_.size()) + 1; }
 
-    /// task(i, thread) for every i < count, in no particular order; thread 0 is the caller's. Returns when all are done.
-    /// The first exception stops what has not begun, and is thrown here. poll, if there is one, is called by the caller's
-    /// thread between its tasks, and every few milliseconds while it waits for the others; it may throw too.
+    /// task(i, thread) for every i < count, in no particular order; thread 0 is the caller's. Returns when all are
+    /// done. The first exception stops what has not begun, and is thrown here. poll, if there is one, is called by the
+    /// caller's thread between its tasks, and every few milliseconds while it waits for the others; it may throw too.
     void run(std::size_t count, const std::function<void(std::size_t, int)>& task,
              const std::function<void()>& poll = {});
     /// True once a task of the current run() threw: the others may leave early.

@@ -66,10 +66,10 @@ struct TilePicture {
     T* red = nullptr; ///< premultiplied
     T* green = nullptr;
     T* blue = nullptr;
-    T* alpha = nullptr;    ///< isosurface: 1 once a crossing was found
-    T* scalar = nullptr;   ///< modes xray and mip
-    T* depth = nullptr;    ///< infinite until opacity reaches one half; null unless asked for
-    T* coverage = nullptr; ///< null unless asked for
+    T* alpha = nullptr;       ///< isosurface: 1 once a crossing was found
+    T* scalar = nullptr;      ///< modes xray and mip
+    T* depth = nullptr;       ///< infinite until opacity reaches one half; null unless asked for
+    T* coverage = nullptr;    ///< null unless asked for
     int* row_alive = nullptr; ///< a row: pixels that still change: those with alpha < A_stop (isosurface: no crossing)
     int alive = 0;            ///< sum of row_alive
 };

@@ -100,8 +100,8 @@ struct RowPart {
     std::uint32_t begin, end;
 };
 
-/// The parts of a lattice's rows that reach into each tile, of all rows that hold a drawn sample. poll: as ThreadPool::run
-/// takes it. Throws OutOfMemory.
+/// The parts of a lattice's rows that reach into each tile, of all rows that hold a drawn sample. poll: as
+/// ThreadPool::run takes it. Throws OutOfMemory.
 Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, const Frame& frame,
                              const TileLayout& layout, ThreadPool& pool, const std::function<void()>& poll = {});
 

@@ -42,15 +42,15 @@ struct LoopSetup {
     const Shading<T>* shading = nullptr;
     std::vector<PartProfile<T>> parts;
     int channels = 1;
-    int weight_channel = -1;   ///< of the fields that share sheets; -1: none
-    bool threshold = false;    ///< these are divided by max(w0, W)
+    int weight_channel = -1; ///< of the fields that share sheets; -1: none
+    bool threshold = false;  ///< these are divided by max(w0, W)
     T w0 = 1;
     std::vector<OwnSheets<T>> own;
-    bool keep_weight = false;  ///< W is read after the division (empty points, coverage)
+    bool keep_weight = false; ///< W is read after the division (empty points, coverage)
     bool slab = false;
     bool perspective = false;
-    bool intervals = false;    ///< pre-integration, isosurface
-    bool stops = false;        ///< a tile whose pixels are all finished is left
+    bool intervals = false; ///< pre-integration, isosurface
+    bool stops = false;     ///< a tile whose pixels are all finished is left
     double first_depth = 0.0;
     double slice_spacing = 1.0;
     std::int64_t slices = 0;
@@ -76,9 +76,9 @@ using LineVector = std::vector<T, LineAllocator<T>>;
 template <class T>
 struct TileScratch {
     std::vector<TileKernels<T>> kernels; ///< one a part
-    LineVector<T> ring;    ///< [slot][channel][element]
-    LineVector<T> zeros;   ///< a sheet
-    LineVector<T> picture; ///< planes
+    LineVector<T> ring;                  ///< [slot][channel][element]
+    LineVector<T> zeros;                 ///< a sheet
+    LineVector<T> picture;               ///< planes
     std::vector<int> row_alive;
     std::vector<std::uint64_t> alive_rows; ///< a bit for each pixel of a row of the sheets that is still looked at
     struct Again {
@@ -109,8 +109,8 @@ struct TileFunctions {
     /// Scattered kernels for a tile, by first slices.
     void (*feed_kernels)(const EllipsoidView& view, const std::uint32_t* begin, const std::uint32_t* end,
                          const TileShape& tile, TileKernels<T>& kernels);
-    /// Splats, shades and composites one tile whose kernels are in scratch.kernels and whose picture is cleared. between
-    /// is called between slices; returning false (or throwing) ends the tile.
+    /// Splats, shades and composites one tile whose kernels are in scratch.kernels and whose picture is cleared.
+    /// between is called between slices; returning false (or throwing) ends the tile.
     void (*run)(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch,
                 const std::function<bool()>& between);
 };

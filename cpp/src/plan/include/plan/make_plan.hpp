@@ -43,11 +43,11 @@ struct ViewFacts {
     bool sheared = false; ///< cross-sections of some field lean (unequal spacing, seen askew)
     double largest_splat_px =
         1.0; ///< largest radius of a kernel on the screen, pixels (perspective: at the nearest slice)
-    double smallest_falloff = 8.0;   ///< over the fields
-    double widest_slab = 1.0;        ///< largest sqrt(k) |w| ds / h over the fields
-    std::int64_t longest_span = 4;   ///< most slices that one kernel meets
-    bool ellipsoids = false;         ///< some field is scattered
-    double largest_aspect = 1.0;     ///< longest over shortest semi-axis of one ellipsoid
+    double smallest_falloff = 8.0; ///< over the fields
+    double widest_slab = 1.0;      ///< largest sqrt(k) |w| ds / h over the fields
+    std::int64_t longest_span = 4; ///< most slices that one kernel meets
+    bool ellipsoids = false;       ///< some field is scattered
+    double largest_aspect = 1.0;   ///< longest over shortest semi-axis of one ellipsoid
     /// Smallest semi-axis of an ellipsoid in pixels at its centre's depth.
     double smallest_px = std::numeric_limits<double>::infinity();
     std::size_t most_ellipsoids = 0; ///< kernels of the largest scattered field
@@ -58,7 +58,7 @@ struct ViewFacts {
     double most_alike = 0.0;         ///< ellipsoids of one size at one place
     /// Longest semi-axis of an ellipsoid in pixels; in perspective in those at a distance of one unit of length.
     double largest_px = 0.0;
-    double thin_loss = 0.0;          ///< of leaning ellipsoids thinner than 1 / thick_slab: see survey_slabs
+    double thin_loss = 0.0; ///< of leaning ellipsoids thinner than 1 / thick_slab: see survey_slabs
     double thin_peak = 0.0;
     double largest_weight = 1.0;
     /// Longest semi-axis of an ellipsoid in pixels of the nearest slice.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/memory.hpp"
+#include "base/poll.hpp"
 #include "renderer_state.hpp"
 #include "sheet/sheet_renderer.hpp"
 #include "sheetsplat/error.hpp"
@@ -240,6 +241,12 @@ void Renderer::State::draw(const Request& request, const Prepared& prepared, con
 
 Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     const auto started = Clock::now();
+    // Surveys and indices of millions of kernels take long enough to be unwanted before they are done.
+    const PollScope polling([&request] {
+        if (request.progress && !request.progress(0.0)) {
+            throw Cancelled(std::string("the rendering was cancelled by its progress callback"));
+        }
+    });
     const Prepared prepared = prepare(request);
     const Backend backend = prepared.plan.summary.backend;
     Image image;

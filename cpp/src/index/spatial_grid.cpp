@@ -14,6 +14,7 @@
 
 #include "base/checks.hpp"
 #include "base/memory.hpp"
+#include "base/poll.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -141,6 +142,7 @@ class Builder {
         deepest_.resize(n);
         const int root_exponent = exponent_up(root);
         for (std::size_t i = 0; i < n; ++i) {
+            poll_at(i);
             keyed_[i] = i;
             const double reach = 2.0 * reach_of(field, i);
             const int depth = reach > 0.0 ? root_exponent - exponent_up(reach) : max_depth;
@@ -182,6 +184,7 @@ class Builder {
         sort(begin, end, depth, levels);
         const int bottom = depth + levels;
         for (std::size_t run = begin; run < end;) {
+            poll_at(++steps_);
             std::size_t run_end = run + 1;
             while (run_end < end && key_at(run_end) == key_at(run)) {
                 ++run_end;
@@ -232,6 +235,7 @@ class Builder {
         std::uint64_t* keyed = keyed_.data() + begin;
         const std::size_t n = end - begin;
         for (std::size_t at = 0; at < n; ++at) {
+            poll_at(at);
             const auto kernel = static_cast<std::uint32_t>(keyed[at]);
             const Corner corner = finest(kernel);
             std::uint32_t key = 0;
@@ -256,6 +260,7 @@ class Builder {
         std::vector<std::uint32_t> starts(mask + 1);
         for (unsigned pass = 0; pass < passes; ++pass) {
             const unsigned shift = 32 + pass * digit_bits;
+            poll();
             std::fill(starts.begin(), starts.end(), 0U);
             for (std::size_t at = 0; at < n; ++at) {
                 ++starts[(from[at] >> shift) & mask];
@@ -320,6 +325,7 @@ class Builder {
     const EllipsoidField& field_;
     Vec3 lower_;
     double per_world_;
+    std::size_t steps_ = 0;
     std::vector<std::uint64_t> keyed_;   ///< key in the upper half, kernel in the lower
     std::vector<std::uint64_t> scratch_; ///< of the sort
     std::vector<std::uint32_t> next_;
@@ -422,7 +428,9 @@ SpatialGrid SpatialGrid::of(const EllipsoidField& field) {
     std::vector<std::uint32_t> next_cell(grid.level_begin_.begin(), grid.level_begin_.end() - 1);
     const std::uint32_t* kernel = settled_order.data();
     const double per_world = finest_places / grid.root_;
+    std::size_t steps = 0;
     for (const Builder::Settled& cell : settled) {
+        poll_at(++steps);
         const std::size_t level = level_of(cell);
         const std::uint32_t number = next_cell[level]++;
         grid.corner_[number] =

@@ -18,6 +18,7 @@
 
 #include "base/checks.hpp"
 #include "base/memory.hpp"
+#include "base/poll.hpp"
 #include "index/spatial_grid.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -131,6 +132,7 @@ class BoxTree {
         starts_.push_back(total);
         nodes_.resize(total);
         for (std::size_t at = 0; at < kernels; ++at) {
+            poll_at(at);
             const Node node = node_of(at);
             if (node.shares.any()) {
                 nodes_[at / leaf].add(node.box, node.shares);
@@ -262,6 +264,7 @@ std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const Spa
     // Neighbours in the order are asked for together first: away from everything visible they go together.
     constexpr std::size_t together = 16;
     for (std::size_t begin = 0; begin < n; begin += together) {
+        poll_at(begin);
         const std::size_t end = std::min(n, begin + together);
         std::array<Box, together> boxes;
         Node all;

@@ -8,6 +8,8 @@
 
 #include <glm/geometric.hpp>
 
+#include "base/poll.hpp"
+
 namespace sheetsplat {
 
 namespace {
@@ -47,6 +49,7 @@ std::size_t fullest_cell(const EllipsoidField& field, std::size_t stride, double
     double edge = share;
     std::uint32_t most = 0;
     for (std::size_t i = 0; i < field.size(); i += stride) {
+        poll_at(i / stride);
         const Vec3 axes = field.semi_axes(i);
         const int exponent = std::ilogb(ball * axes.x * axes.y * axes.z);
         if (exponent != last_exponent) {
@@ -91,6 +94,7 @@ ThinInSlabs survey_slabs(const EllipsoidField& field, const Camera& camera, cons
     const double per_sum = field.normalization() == Normalization::lattice ? 1.0 / field.lattice_constant() : 1.0;
     ThinInSlabs found;
     for (std::size_t i = 0; i < field.size(); ++i) {
+        poll_at(i);
         const double half = field.isotropic() ? field.arrays().radii[i] : glm::length(back * field.shape(i));
         const double thickness = frame.slice_spacing / half;
         const double weight = std::min(1.0, mean_along * 2.0 / thickness) * field.weight(i);

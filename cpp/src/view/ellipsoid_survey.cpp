@@ -5,6 +5,8 @@
 
 #include <glm/geometric.hpp>
 
+#include "base/poll.hpp"
+
 namespace sheetsplat {
 
 namespace {
@@ -30,6 +32,7 @@ KernelFacts survey_kernels(const EllipsoidField& field) {
     const Vec3 box = field.supports_world().extent();
     double filled = 0.0;
     for (std::size_t i = 0; i < field.size(); ++i) {
+        poll_at(i);
         const Vec3 axes = field.semi_axes(i);
         const double shortest = std::min({axes.x, axes.y, axes.z});
         facts.largest_aspect = std::max(facts.largest_aspect, std::max({axes.x, axes.y, axes.z}) / shortest);
@@ -74,6 +77,7 @@ EllipsoidFacts survey_ellipsoids(const EllipsoidField& field, const KernelFacts&
     const bool measure = perspective && facts.smallest_px < plainly_resolved_px;
     facts.smallest_px = measure ? std::numeric_limits<double>::infinity() : facts.smallest_px;
     for (std::size_t i = 0; i < field.size(); ++i) {
+        poll_at(i);
         const double shortest = shortest_axis(field, i);
         double pixel = frame.pixel;
         if (perspective) {

@@ -1,0 +1,37 @@
+// Whether long work is still wanted, for layers that know nothing of pictures and their callbacks.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <functional>
+
+namespace sheetsplat {
+
+/// While it lives, poll() of this thread asks `ask`, at most every few milliseconds. ask may throw, which ends the
+/// work. Scopes nest; the innermost one counts.
+class PollScope {
+  public:
+    explicit PollScope(std::function<void()> ask);
+    ~PollScope();
+    PollScope(const PollScope&) = delete;
+    PollScope& operator=(const PollScope&) = delete;
+
+    void ask_now_and_then();
+
+  private:
+    std::function<void()> ask_;
+    std::chrono::steady_clock::time_point asked_;
+    PollScope* outer_;
+};
+
+/// Throws what the caller's question throws; nothing where nobody asks.
+void poll();
+
+/// The same for the i-th of very many short steps.
+inline void poll_at(std::size_t i) {
+    if (i % 4096 == 0) {
+        poll();
+    }
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,33 @@
+#include "base/poll.hpp"
+
+#include <utility>
+
+namespace sheetsplat {
+
+namespace {
+
+constexpr std::chrono::milliseconds between_questions{4};
+thread_local PollScope* innermost = nullptr;
+
+} // namespace
+
+PollScope::PollScope(std::function<void()> ask)
+    : ask_(std::move(ask)), asked_(std::chrono::steady_clock::now()), outer_(std::exchange(innermost, this)) {}
+
+PollScope::~PollScope() { innermost = outer_; }
+
+void PollScope::ask_now_and_then() {
+    const auto now = std::chrono::steady_clock::now();
+    if (ask_ && now - asked_ >= between_questions) {
+        asked_ = now;
+        ask_();
+    }
+}
+
+void poll() {
+    if (innermost != nullptr) {
+        innermost->ask_now_and_then();
+    }
+}
+
+} // namespace sheetsplat

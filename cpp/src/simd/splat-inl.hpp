@@ -67,12 +67,6 @@ constexpr int most_edge = 160;
 
 /// Gauss-Legendre nodes on [-1, 1], one of each pair.
 template <class T>
-struct Nodes4 {
-    static constexpr int pairs = 2;
-    static constexpr T node[2] = {T(0.33998104358485626), T(0.86113631159405258)};
-    static constexpr T share[2] = {T(0.65214515486254614), T(0.34785484513745386)};
-};
-template <class T>
 struct Nodes6 {
     static constexpr int pairs = 3;
     static constexpr T node[3] = {T(0.23861918608319691), T(0.66120938646626451), T(0.93246951420315203)};

@@ -63,12 +63,6 @@ std::size_t chunks_for(std::size_t items, std::size_t tiles) {
     return std::clamp<std::size_t>(items / 1024, 1, most);
 }
 
-/// Places on the screen of a lattice's kernels in an orthographic view, pixels of the picture.
-struct ScreenLine {
-    double x, y;           ///< of sample 0 of a row
-    double step_x, step_y; ///< from sample to sample
-};
-
 /// Samples i of 0 ... count - 1 with low <= at + i step <= high.
 struct Samples {
     std::uint32_t begin, end;

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, _sheetsplat
-from sheetsplat._checks import Bounds, Triple, Vector, choice, number, numbers, optional_number, shown, triple
+from sheetsplat._checks import Bounds, Triple, Vector, choice, number, numbers, optional_number, shown, triple, truth
+from sheetsplat._prefilter import Coefficients, require_kernel, solve
 from sheetsplat.errors import complain
 
 Normalization = Literal["none", "lattice", "threshold"]
@@ -184,6 +185,11 @@ class RegularField(Field):
         How sums become the scalar: "none" (D), "lattice" (D/C) or "threshold" (D / max(w0, W)).
     w0
         Threshold of "threshold", > 0.
+    prefilter
+        Give the kernels coefficients in place of the samples, so that their sum passes through every sample;
+        `normalization` becomes "none" then. Beyond the volume there are no kernels, as always. Costs a copy of the
+        samples in float32 or float64, and while it is found about 60 bytes a sample. The kernel must be narrow enough
+        to tell samples apart: (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are, and the middle one is the best.
     nan
         What a NaN sample is: "error", or "skip" for "no sample there".
 
@@ -191,13 +197,17 @@ class RegularField(Field):
     ------
     InvalidInput
         For empty arrays, other than three axes, other than real numbers, NaN (unless skipped), infinities, and for
-        spacing, radius, falloff or w0 that are not positive.
+        spacing, radius, falloff or w0 that are not positive; with `prefilter` for normalisation "threshold", for any
+        NaN, and for kernels whose sums lose the samples.
     OutOfMemory
-        Where the copy of the samples does not fit.
+        Where the copy of the samples does not fit, or what `prefilter` needs.
     """
 
-    __slots__ = ("_lattice", "_nan", "_origin", "_radius", "_spacing")
+    __slots__ = ("_condition", "_lattice", "_nan", "_origin", "_radius", "_residual", "_samples", "_spacing")
     _native: _sheetsplat.RegularField
+    _condition: float | None
+    _residual: float | None
+    _samples: NDArray[Any] | None
 
     def __init__(
         self,
@@ -210,6 +220,7 @@ class RegularField(Field):
         falloff: float = 5.0,
         normalization: Normalization = "lattice",
         w0: float = 1.0,
+        prefilter: bool = False,
         nan: NanPolicy = "error",
     ) -> None:
         self._spacing = triple("RegularField: spacing", spacing)
@@ -220,8 +231,18 @@ class RegularField(Field):
         self._normalization = choice("RegularField: normalization", normalization, ("none", "lattice", "threshold"))
         self._w0 = number("RegularField: w0", w0)
         self._nan = choice("RegularField: nan", nan, ("error", "skip"))
+        samples = as_samples(values)
+        self._residual = self._condition = self._samples = None
+        if truth("RegularField: prefilter", prefilter):
+            found = self._prefiltered(samples)
+            self._normalization = "none"
+            self._residual, self._condition = found.residual, found.condition
+            # Whoever gave the array may write to it.
+            self._samples = samples.copy()
+            self._samples.flags.writeable = False
+            samples = found.values
         self._native = _sheetsplat.RegularField(
-            as_samples(values),
+            samples,
             spacing=self._spacing,
             origin=self._origin,
             lattice=self._lattice,
@@ -232,10 +253,83 @@ class RegularField(Field):
             nan=self._nan,
         )
 
+    def _prefiltered(self, samples: NDArray[Any]) -> Coefficients:
+        """Return coefficients that interpolate; InvalidInput where something else is asked for at the same time."""
+        failed = "RegularField: prefilter=True cannot be used"
+        if self._normalization == "threshold":
+            raise complain(
+                failed,
+                'normalization="threshold", a mean that passes through no sample',
+                'normalization="none", which prefilter=True sets',
+                "leave out one or the other",
+            )
+        kind, spacing, origin = samples.dtype, self._spacing, self._origin
+        # Kernel, place and emptiness are judged as ever, before anything is solved.
+        _sheetsplat.RegularField(
+            np.zeros((1, 1, 1) if samples.size else samples.shape, kind),
+            spacing=spacing,
+            origin=origin,
+            lattice=self._lattice,
+            radius=self._radius,
+            falloff=self._falloff,
+            normalization="none",
+            w0=self._w0,
+            nan=self._nan,
+        )
+        require_kernel(self._radius, self._falloff, self._lattice)
+        if kind.kind == "f":
+            for k, layer in enumerate(samples):
+                bad = ~np.isfinite(layer)
+                if bad.any():
+                    j, i = np.argwhere(bad)[0]
+                    skips = self._nan == "skip" and np.isnan(layer[j, i])
+                    raise complain(
+                        failed,
+                        f"{layer[j, i]} at sample ({i}, {j}, {k})" + (', which nan="skip" leaves out' if skips else ""),
+                        "finite numbers, since each coefficient depends on the samples all around it",
+                        "fill such samples before, or leave prefilter=True out",
+                    )
+        # The samples, the coefficients, and the field's own copy of them.
+        kept = samples.itemsize + 2 * max(samples.itemsize, 4)
+        _memory.require(samples.size * kept, f"the coefficients of {' x '.join(map(str, samples.shape))} samples")
+        return solve(samples, self._radius, self._falloff, self._lattice)
+
     @property
     def values(self) -> NDArray[Any]:
         """The samples, shape (nk, nj, ni), in the type in which they are kept; read-only, no copy."""
+        return self._native.values if self._samples is None else self._samples
+
+    @property
+    def value_range(self) -> tuple[float, float]:
+        """Smallest and largest sample, which coefficients may exceed; 0, 0 without samples."""
+        if self._samples is None:
+            return super().value_range
+        return float(self._samples.min()), float(self._samples.max())
+
+    @property
+    def memory(self) -> int:
+        """Bytes that the field keeps."""
+        return super().memory + (0 if self._samples is None else self._samples.nbytes)
+
+    @property
+    def prefilter(self) -> bool:
+        """Whether the kernels' sum passes through the samples."""
+        return self._samples is not None
+
+    @property
+    def coefficients(self) -> NDArray[Any]:
+        """What the kernels are multiplied by, [k, j, i]: the samples unless prefiltered; read-only, no copy."""
         return self._native.values
+
+    @property
+    def prefilter_residual(self) -> float | None:
+        """Largest distance of the sum from a sample, over the largest sample; None unless prefiltered."""
+        return self._residual
+
+    @property
+    def prefilter_condition(self) -> float | None:
+        """How many times errors may grow from samples to coefficients, at the most; None unless prefiltered."""
+        return self._condition
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -274,7 +368,7 @@ class RegularField(Field):
         low, high = self.value_range
         return (
             f"RegularField({ni} x {nj} x {nk} {self.values.dtype.name}, {self._lattice}, "
-            f"spacing {self._spacing}, values {low:g} to {high:g})"
+            f"spacing {self._spacing}, values {low:g} to {high:g}{', prefiltered' if self.prefilter else ''})"
         )
 
 

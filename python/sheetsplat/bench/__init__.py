@@ -65,6 +65,13 @@ _ALL = (
         "the processor's backend beside VTK on six scenes; what its work costs and how it grows",
         f"{__name__}.cpu",
     ),
+    Bench(
+        "prefilter",
+        "Marschner-Lobb against its formula: kernels, trilinear, prefilter; decibels and time",
+        f"{__name__}.prefilter",
+    ),
+    Bench("ripple", "ripple of sums on lattices, its cures, and lit close-ups", f"{__name__}.prefilter_ripple"),
+    Bench("claims", "the papers' claims on quality, with figures and pictures", f"{__name__}.claims"),
     Bench("import", "import time and first frame, in new processes", f"{__name__}.startup"),
     Bench("memory", "memory of the process for a 256^3 volume, in a new process", f"{__name__}.memory"),
     Bench("scaling", "how time grows with kernels and with pixels", f"{__name__}.scaling"),

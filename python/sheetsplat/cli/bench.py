@@ -31,6 +31,9 @@ def _hanging(width: int) -> dict[str, Any]:
 @click.option("--data", type=click.Path(path_type=Path), help="Folder of the measured volumes.")
 @click.option("--row", "rows", multiple=True, help="Run this row only, one that --list shows; may be repeated.")
 @click.option("--scale", type=Real(above=0.0), default=1.0, show_default=True, help="Edge of generated volumes.")
+@click.option(
+    "--pictures", type=click.Path(file_okay=False, path_type=Path), help="Folder for the pictures, if wanted."
+)
 @click.option("--check", is_flag=True, help="Exit code 1 where a figure to be reached was missed.")
 @as_json
 @common
@@ -43,6 +46,7 @@ def command(
     data: Path | None,
     rows: tuple[str, ...],
     scale: float,
+    pictures: Path | None,
     check: bool,
     as_json: bool,
     quiet: bool,
@@ -76,6 +80,7 @@ def command(
         data=data,
         rows=rows,
         scale=scale,
+        pictures=pictures,
         tell=lambda text: say(text, quiet=quiet),
     )
     report = BENCHES[name].run(options)

@@ -15,11 +15,11 @@ from sheetsplat.io.scattered import Scattered, field_of, logarithm, read_scatter
 from sheetsplat.io.volume import SCATTERED, Volume, find_format, read_volume
 
 # Options by what they make sense for; what is in none of these is for both.
-REGULAR = ("shape", "dtype", "offset", "name", "spacing", "origin", "lattice", "radius", "nan")
+REGULAR = ("shape", "dtype", "offset", "name", "spacing", "origin", "lattice", "radius", "prefilter", "nan")
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
 _POINTS = ("grid", "scalar", "particles", "support")
 _ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale")
-_SAMPLES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "nan")
+_SAMPLES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
 _READING = ("shape", "dtype", "offset", "name")
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import lzma
 import math
+import struct
+import tokenize
 import warnings
 import zipfile
 from typing import Any, BinaryIO
@@ -11,13 +14,24 @@ import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
-from sheetsplat.errors import complain
+from sheetsplat.errors import Error, complain
 from sheetsplat.io.source import _DAMAGED, Payload, Source, checked_shape
 from sheetsplat.io.volume import Volume
 
 _Header = tuple[tuple[int, ...], bool, np.dtype[Any]]
 # Of the deflate method; stored entries hold what they hold.
 _RATIO = 1032
+# What zipfile lets through for damaged archives, text of other codes in their names among it.
+DAMAGED_ARCHIVE = (
+    zipfile.BadZipFile,
+    NotImplementedError,
+    RuntimeError,
+    ValueError,
+    OverflowError,
+    struct.error,
+    lzma.LZMAError,
+    *_DAMAGED,
+)
 # Bytes of a text beside arrays.
 _LONGEST_TEXT = 1024
 
@@ -28,7 +42,7 @@ def _header(source: Source, stream: BinaryIO) -> _Header:
         return _judged(stream)
     except _DAMAGED as error:
         raise source.damaged(error) from None
-    except (ValueError, SyntaxError, TypeError, KeyError, RecursionError, MemoryError) as error:
+    except (ValueError, SyntaxError, TypeError, KeyError, RecursionError, MemoryError, tokenize.TokenError) as error:
         raise complain(
             f"{source.path} cannot be read", f"a damaged .npy header ({error})", "an array of NumPy"
         ) from None
@@ -92,9 +106,9 @@ def read_npz(source: Source, name: str | None) -> Volume:
                 bound = min(entry.file_size, entry.compress_size * _RATIO + 64)
                 payload = Payload(source, stream, bound, exact=False)  # type: ignore[arg-type]
                 return _array(source, header, payload, "npz")
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, *_DAMAGED) as error:
-        if isinstance(error, RuntimeError) and isinstance(error, ValueError):
-            raise
+    except Error:
+        raise
+    except DAMAGED_ARCHIVE as error:
         raise source.damaged(error) from None
 
 
@@ -131,9 +145,9 @@ def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], 
                         texts[name] = str(values[0])
                     else:
                         arrays[name] = values.reshape(sizes, order="F" if first_fastest else "C")
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, *_DAMAGED) as error:
-        if isinstance(error, RuntimeError) and isinstance(error, ValueError):
-            raise
+    except Error:
+        raise
+    except DAMAGED_ARCHIVE as error:
         raise source.damaged(error) from None
     return arrays, texts
 

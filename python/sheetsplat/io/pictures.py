@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.errors import Error, complain
+from sheetsplat.errors import Error, OutOfMemory, complain
 
 if TYPE_CHECKING:
     from sheetsplat.image import Image
@@ -163,7 +163,12 @@ def read_picture(path: Path) -> Floats:
     except Error:
         raise
     except MemoryError:
-        raise
+        raise complain(
+            f"there is not enough memory to read {path}",
+            "a picture that is too large, or damaged so that it says it is",
+            "one that fits",
+            kind=OutOfMemory,
+        ) from None
     except Exception as error:
         # Each of the libraries has errors of its own for damaged files.
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__

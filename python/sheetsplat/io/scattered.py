@@ -140,6 +140,8 @@ def finite_values(path: Path, scalar: str, values: Floats, why: str = "", then: 
 
 
 _PART = re.compile(r"(.+)_([xyz]|\d{1,3})")
+# Columns of one array that have names: what a header says about their number is not trusted.
+_MOST_COLUMNS = 1000
 
 
 def choose_scalar(
@@ -186,7 +188,7 @@ def scalar_names(widths: Mapping[str, int]) -> tuple[str, ...]:
         if 1 < width <= 3:
             names += [f"{name}_{axis}" for axis in "xyz"[:width]]
         elif width > 3:
-            names += [f"{name}_{column}" for column in range(width)]
+            names += [f"{name}_{column}" for column in range(min(width, _MOST_COLUMNS))]
     return tuple(names)
 
 

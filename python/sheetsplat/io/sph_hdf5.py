@@ -64,7 +64,7 @@ def _module() -> Any:
 def _end_of_file(source: Source) -> int:
     """Return the file's length as its superblock has it (HDF5 file format specification, II.A)."""
     head = source.head(64)
-    version = head[8] if len(head) > 12 else -1
+    version = head[8] if len(head) > 13 else -1
     if version in (0, 1):
         width, at = head[13], 24 if version == 0 else 28
         at += 2 * width

@@ -44,7 +44,7 @@ def holds_ellipsoids(source: Source) -> bool:
         source.seek(0)
         with zipfile.ZipFile(source.stream) as archive:
             return "centers.npy" in archive.namelist()
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, *_DAMAGED):
+    except numpy_files.DAMAGED_ARCHIVE:
         return False
     finally:
         source.seek(0)

@@ -1,0 +1,163 @@
+"""Pictures that do not fit into memory: drawn piece by piece, straight into a file."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.lib.format import open_memmap
+from numpy.typing import NDArray
+
+from sheetsplat._checks import Triple, image_size, instance, whole
+from sheetsplat.camera import Camera
+from sheetsplat.errors import Cancelled, Error, Unsupported, complain
+from sheetsplat.io.pictures import check_folder, whole_file
+from sheetsplat.renderer import Renderer
+from sheetsplat.scene import Scene
+
+Floats = NDArray[np.float32]
+TILE = 2048
+# Of the header of a .npy file, rounded up.
+_HEADER = 4096
+
+
+def _moved(position: Triple, right: Triple, up: Triple, x: float, y: float) -> Triple:
+    a, b, c = (p + x * r + y * u for p, r, u in zip(position, right, up, strict=True))
+    return a, b, c
+
+
+def window(camera: Camera, size: tuple[int, int], at: tuple[int, int], extent: tuple[int, int]) -> Camera:
+    """Return the camera that sees a part of what an orthographic camera sees, pixel by pixel.
+
+    Slices, and with them all sums, stay what they are: they lie across the same view and hang on the field.
+
+    Parameters
+    ----------
+    camera
+        An orthographic camera.
+    size
+        (width, height) of its whole picture in pixels.
+    at
+        Column and row of the part's first pixel; may lie outside the picture.
+    extent
+        (width, height) of the part in pixels.
+
+    Raises
+    ------
+    Unsupported
+        For a perspective camera: its parts are seen askew.
+    """
+    if camera.kind != "orthographic":
+        raise complain(
+            "a part of a picture cannot be drawn by itself",
+            "a perspective camera",
+            "an orthographic one, whose parts are pictures of orthographic cameras too",
+            "draw the whole picture at once, with backend cpu where it is large",
+            kind=Unsupported,
+        )
+    pixel = camera.height / size[1]
+    x = (at[0] + 0.5 * extent[0] - 0.5 * size[0]) * pixel
+    y = (0.5 * size[1] - at[1] - 0.5 * extent[1]) * pixel
+    rows = [camera._native.direction_to_eye(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+    # The columns of these rows: eye space's axes in the world.
+    right, up, back = ((rows[0][n], rows[1][n], rows[2][n]) for n in range(3))
+    eye = _moved(camera.eye, right, up, x, y)
+    # So far off that the target's own rounding does not turn the view.
+    far = max(1.0, math.hypot(*eye), math.dist(camera.eye, camera.target))
+    target = (eye[0] - far * back[0], eye[1] - far * back[1], eye[2] - far * back[2])
+    return Camera.orthographic(eye, target, up, height=extent[1] * pixel)
+
+
+def pieces(size: tuple[int, int], tile: int) -> Iterator[tuple[int, int, int, int]]:
+    """Return column, row, width and height of every tile, row by row; those at the far edges are smaller."""
+    for row in range(0, size[1], tile):
+        for column in range(0, size[0], tile):
+            yield column, row, min(tile, size[0] - column), min(tile, size[1] - row)
+
+
+def render_tiles(
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    path: str | os.PathLike[str],
+    *,
+    renderer: Renderer | None = None,
+    tile: int = TILE,
+    progress: Callable[[float], object] | None = None,
+) -> Floats:
+    """Draw a picture of any size into an .npy file, a tile at a time, and return the file as a memory map.
+
+    The pixels are those of one picture, within the rounding of float32: every tile has the same slices. Gradients look
+    beyond a tile's edge, so tiles leave no seam.
+
+    Parameters
+    ----------
+    scene
+        What is seen.
+    camera
+        From where; orthographic.
+    size
+        (width, height) in pixels.
+    path
+        The file, .npy: float32 (h, w, 4), premultiplied, or (h, w) in scalar modes; it appears whole or not at all.
+    renderer
+        What draws; one of its own unless given.
+    tile
+        Largest edge of a tile in pixels.
+    progress
+        Called with the share that is done, 0 to 1, as often as `Renderer.render` calls it; False stops the drawing.
+
+    Raises
+    ------
+    InvalidInput, DeviceUnavailable, OutOfMemory, Cancelled
+        As `Renderer.render`.
+    Unsupported
+        As `Renderer.render`, and for a perspective camera.
+    Error
+        Where the file cannot be written, or the disk is too full for it.
+    """
+    instance("render_tiles: scene", scene, Scene)
+    instance("render_tiles: camera", camera, Camera)
+    width, height = image_size(size)
+    edge = whole("render_tiles: tile", tile, "a whole number of at least 1")
+    if edge < 1:
+        raise complain("render_tiles: tile cannot be used", str(edge), "a whole number of at least 1")
+    target = Path(path)
+    if target.suffix.lower() != ".npy":
+        raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npy")
+    check_folder(target)
+    scalar = scene.mode in ("xray", "mip")
+    shape = (height, width) if scalar else (height, width, 4)
+    needed = 4 * math.prod(shape) + _HEADER
+    room = shutil.disk_usage(target.resolve().parent).free
+    if needed > room:
+        raise complain(
+            f"{target} cannot be written",
+            f"room for {room / 1e6:,.0f} MB",
+            f"room for {needed / 1e6:,.0f} MB",
+            "make the picture smaller, or choose another disk",
+            kind=Error,
+        )
+    # What cannot be seen in parts is told before anything is drawn.
+    window(camera, (width, height), (0, 0), (1, 1))
+    drawing = Renderer() if renderer is None else renderer
+    all_pieces = list(pieces((width, height), edge))
+    with whole_file(target) as made:
+        open_memmap(made, mode="w+", dtype=np.float32, shape=shape).flush()
+        for number, (column, row, across, down) in enumerate(all_pieces):
+
+            def told(share: float, number: int = number) -> object:
+                return progress is None or progress((number + share) / len(all_pieces))
+
+            part = window(camera, (width, height), (column, row), (across, down))
+            image = drawing.render(scene, part, size=(across, down), progress=told)
+            # Mapped anew each time, as pages that were written stay in memory for as long as the file is mapped.
+            open_memmap(made, mode="r+")[row : row + down, column : column + across] = np.asarray(image)
+    if progress is not None and progress(1.0) is False:
+        raise Cancelled("the rendering was cancelled by its progress callback")
+    finished: Floats = np.load(target, mmap_mode="r", allow_pickle=False)
+    return finished

@@ -1,0 +1,62 @@
+"""Coverage-guided fuzzing of every reader, by atheris (`pip install atheris`), outside CI.
+
+    python tests/bench/fuzz_readers.py vtu out/fuzz-vtu -max_total_time=600
+
+Beside what tests/python/test_fuzz_readers.py draws blindly, this follows the branches of sheetsplat.io. KIND is one of
+its kinds, blanks as "_"; the second argument is a folder for what was found to be interesting. What is left are
+libFuzzer's own options. Anything that is neither a field nor an Error of the package ends it, and the file is kept.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+
+import atheris
+
+with atheris.instrument_imports(include=["sheetsplat"]):
+    import sheetsplat as ss
+    import sheetsplat.io.gaussian_ply
+    import sheetsplat.io.metaimage
+    import sheetsplat.io.nrrd_files
+    import sheetsplat.io.numpy_files
+    import sheetsplat.io.pictures
+    import sheetsplat.io.plot3d
+    import sheetsplat.io.sph_hdf5
+    import sheetsplat.io.tables
+    import sheetsplat.io.vtk_xml
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
+import test_fuzz_readers as fuzz
+
+
+def main() -> None:
+    """Fuzz one kind of file."""
+    kind, folder = sys.argv[1].replace("_", " "), Path(sys.argv[2])
+    if kind not in fuzz.KINDS:
+        sys.exit(f"{kind} is no kind of file; these are: {', '.join(fuzz.KINDS)}")
+    corpus, work = folder / "corpus", folder / "work"
+    for one in (corpus, work):
+        one.mkdir(parents=True, exist_ok=True)
+    files = fuzz.KINDS[kind](work)
+    first = next(iter(files))
+    for name, data in files.items():
+        (work / name).write_bytes(data)
+    (corpus / "valid").write_bytes(files[first])
+    warnings.simplefilter("ignore")
+
+    def look(data: bytes) -> None:
+        (work / first).write_bytes(data)
+        try:
+            fuzz.read(kind, work / first)
+        except ss.Error:
+            pass
+
+    options = ["-rss_limit_mb=1500", "-timeout=20", f"-artifact_prefix={folder}/found-", *sys.argv[3:], str(corpus)]
+    atheris.Setup([sys.argv[0], *options], look)
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()

@@ -33,6 +33,10 @@ uniform float slice_spacing;
 #endif
 #endif
 
+#ifdef PIVOT
+uniform float pivot;       // what values are less by
+#endif
+
 out vec4 sheet_front;
 #ifdef TWO_TARGETS
 out vec4 sheet_back;
@@ -189,6 +193,10 @@ void main() {
 #else
     float scale = amount.x;
 #endif
+#ifdef PIVOT
+    // A quotient's gradient is a difference of two products that are as large as the values: they are counted from their middle.
+    scale -= pivot * amount.y;
+#endif
     sheet_front = scale * front;
 #ifdef TWO_TARGETS
     sheet_back = scale * back;
@@ -201,6 +209,12 @@ void main() {
 #endif
 #ifdef FINE
     mat2 unit = mat2(unit_of_px.xy, unit_of_px.zw);
+#ifdef ANALYTIC
+    slopes(at_front, scale, unit, heights.y, x_front, y_front, z_front);
+#ifdef TWO_TARGETS
+    slopes(at_back, scale, unit, heights.y, x_back, y_back, z_back);
+#endif
+#else
 #ifdef PERSPECTIVE
     float part = slice_spacing / heights.y;
 #else
@@ -209,6 +223,7 @@ void main() {
     slopes(at_front, scale, unit, part, heights.y, x_front, y_front, z_front);
 #ifdef TWO_TARGETS
     slopes(at_back, scale, unit, part, heights.y, x_back, y_back, z_back);
+#endif
 #endif
 #endif
 }

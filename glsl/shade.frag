@@ -5,8 +5,10 @@
 #include "lib/compensated.glsl"
 
 uniform float scalar_step;      // slice spacing in units of the result (xray, coverage)
-#ifdef PERSPECTIVE
+#if defined(PERSPECTIVE) || defined(VOLUMES)
 uniform vec2 axis;              // pixel of the optical axis
+#endif
+#ifdef PERSPECTIVE
 uniform float pixel;            // slope of one pixel
 uniform float first_depth;      // of the first slab in the array
 uniform float slice_spacing;
@@ -16,6 +18,15 @@ uniform float slice_spacing;
 #include "lib/opacity.glsl"
 uniform float exponent;         // slice spacing over reference length
 #endif
+#if (defined(SLOPES) && !defined(ANALYTIC)) || defined(CLIP)
+uniform int first_slab;         // of the array, counted from the first slice
+#endif
+#ifdef CLIP
+#include "lib/clip.glsl"
+#endif
+#ifdef VOLUMES
+#include "lib/light_volume.glsl"
+#endif
 #ifdef GRADIENT
 #include "lib/phong.glsl"
 uniform vec2 gradient_scale;    // reference length over twice the pixel's width (perspective: its slope) and over twice the spacing
@@ -23,6 +34,13 @@ uniform float weakest_gradient; // g0
 #ifdef SLOPES
 #include "lib/slopes.glsl"
 #endif
+#endif
+#ifdef GRADIENT_OPACITY
+uniform float full_gradient;    // g1, in the gradient's unit
+#endif
+#ifdef DEPTH_CUE
+uniform vec4 cue;               // colour, strength
+uniform vec2 cue_share;         // share of the way from start to end: of the first slab in the array, from slab to slab
 #endif
 #ifdef STOP
 uniform float opacity_stop;
@@ -59,12 +77,41 @@ out vec2 coverage_out; // sum and its rounding error
 out vec4 error_out;
 #endif
 
+// Without lights colours count as ambient light.
+#ifdef OCCLUSION
+#ifndef GRADIENT
+#define ALL_AMBIENT
+#elif LIGHTS == 0
+#define ALL_AMBIENT
+#endif
+#endif
+
 // Slices of this pass are CENTER ... CENTER + SLICES - 1 of the array; intervals start one earlier, since their far end needs a gradient too.
 #define CENTER (SLABS - 1 - SLICES)
 #define INTERVAL (SLABS - 2 - SLICES)
 
 #ifdef PREINTEGRATION
 #include "lib/preintegration.glsl"
+#endif
+
+#ifdef VOLUMES
+vec3 spot_at(float slab) {
+    vec2 from = gl_FragCoord.xy - axis;
+#ifdef PERSPECTIVE
+    from *= first_depth + slab * slice_spacing;
+#endif
+    return vec3(from, slab);
+}
+#define AND_SPOT(slab) , spot_at(slab)
+#else
+#define AND_SPOT(slab)
+#endif
+
+#ifdef DEPTH_CUE
+// slab: place in the array, between two slabs for what lies there
+vec3 cued(vec3 color, float slab) {
+    return mix(color, cue.rgb, cue.a * clamp(cue_share.x + slab * cue_share.y, 0.0, 1.0));
+}
 #endif
 
 void main() {
@@ -82,9 +129,22 @@ void main() {
     const float slant = 1.0;
 #endif
 
+#ifdef CLIP
+    ivec2 run = texelFetch(clip_texture, at, 0).rg;
+    bool kept[SLABS];
+    for (int c = INTERVAL; c < CENTER + SLICES; ++c) {
+        kept[c] = is_kept(run, c);
+    }
+#endif
+
 #ifdef COVERAGE
     vec2 covered = texelFetch(image_coverage_texture, at, 0).rg;
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
+#ifdef CLIP
+        if (!kept[c]) {
+            continue;
+        }
+#endif
         add(covered, w[c] * scalar_step * slant);
     }
     coverage_out = covered;
@@ -104,11 +164,21 @@ void main() {
 
 #ifdef MODE_XRAY
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
+#ifdef CLIP
+        if (!kept[c]) {
+            continue;
+        }
+#endif
         add(result.rg, rho[c] * scalar_step * slant);
     }
 #endif
 #ifdef MODE_MIP
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
+#ifdef CLIP
+        if (!kept[c]) {
+            continue;
+        }
+#endif
         result.r = max(result.r, rho[c]);
     }
 #endif
@@ -152,12 +222,22 @@ void main() {
 
 #ifdef MODE_ISOSURFACE
     for (int c = INTERVAL; c < INTERVAL + SLICES; ++c) {
-        if (result.a == 0.0 && (rho[c] < iso_value) != (rho[c + 1] < iso_value)) {
+        bool crossed = result.a == 0.0 && (rho[c] < iso_value) != (rho[c + 1] < iso_value);
+#ifdef CLIP
+        crossed = crossed && kept[c] && kept[c + 1];
+#endif
+        if (crossed) {
             float share = clamp((iso_value - rho[c]) / (rho[c + 1] - rho[c]), 0.0, 1.0);
 #ifdef GRADIENT
-            result = vec4(shade(iso_color.rgb, mix(gradient[c], gradient[c + 1], share), weakest_gradient, view), 1.0);
+            result = vec4(shade(iso_color.rgb, mix(gradient[c], gradient[c + 1], share), weakest_gradient, view AND_SPOT(float(c) + share)), 1.0);
 #else
             result = vec4(iso_color.rgb, 1.0);
+#endif
+#ifdef ALL_AMBIENT
+            result.rgb *= ambient_left(spot_at(float(c) + share));
+#endif
+#ifdef DEPTH_CUE
+            result.rgb = cued(result.rgb, float(c) + share);
 #endif
 #ifdef DEPTH_OUT
             depth = depth_of_first + (float(c) + share) * depth_step;
@@ -181,33 +261,67 @@ void main() {
             continue;
         }
 #endif
+#ifdef GRADIENT
+        vec3 normal_gradient = 0.5 * (gradient[c] + gradient[c + 1]);
+#endif
+        float measure = exponent * slant;
+#ifdef GRADIENT_OPACITY
+        measure *= min(length(normal_gradient) / full_gradient, 1.0);
+#endif
+#ifdef SECOND_ORDER
+        vec4 classified = bent_ramp(rho[c - 1], rho[c], rho[c + 1], rho[c + 2], measure);
+        float alpha = classified.a;
+#else
         vec4 classified = ramp(rho[c], rho[c + 1]);
-        float alpha = veil(exponent * slant * classified.a);
+        float alpha = veil(measure * classified.a);
+#endif
 #else
 #ifdef EMPTY_TEST
         if (w[c] == 0.0) {
             continue;
         }
 #endif
+#ifdef GRADIENT
+        vec3 normal_gradient = gradient[c];
+#endif
         vec4 classified = transfer(rho[c]);
+#ifdef GRADIENT_OPACITY
+        classified.a *= min(length(normal_gradient) / full_gradient, 1.0);
+#endif
 #ifdef OPACITY_CORRECTION
         float alpha = opacity_of(classified.a, exponent * slant);
 #else
         float alpha = classified.a;
 #endif
 #endif
+#ifdef CLIP
+        // No branch of its own: compilers take long enough over the one below.
+#if defined(PREINTEGRATION) && defined(EMPTY_TEST)
+        alpha = (kept[c] && w[c] != 0.0) || (kept[c + 1] && w[c + 1] != 0.0) ? alpha : 0.0;
+#elif defined(PREINTEGRATION)
+        alpha = kept[c] || kept[c + 1] ? alpha : 0.0;
+#else
+        alpha = kept[c] ? alpha : 0.0;
+#endif
+#endif
         if (alpha == 0.0) {
             continue;
         }
-#ifdef GRADIENT
 #ifdef PREINTEGRATION
-        vec3 normal_gradient = 0.5 * (gradient[c] + gradient[c + 1]);
+        float middle = float(c) + 0.5;
 #else
-        vec3 normal_gradient = gradient[c];
+        float middle = float(c);
 #endif
-        vec3 color = shade(classified.rgb, normal_gradient, weakest_gradient, view);
+#ifdef GRADIENT
+        vec3 color = shade(classified.rgb, normal_gradient, weakest_gradient, view AND_SPOT(middle));
 #else
         vec3 color = classified.rgb;
+#endif
+#ifdef ALL_AMBIENT
+        color *= ambient_left(spot_at(middle));
+#endif
+#ifdef DEPTH_CUE
+        color = cued(color, middle);
 #endif
         float share = (1.0 - result.a) * alpha;
 #ifdef DEPTH_OUT

@@ -31,8 +31,11 @@ uniform float step_s; // slice spacing over half-depth
 #ifdef SEPARABLE
 uniform float falloff_px; // -k log2(e) over the radius in pixels, squared
 #endif
-#if defined(WEIGHT) || defined(WEIGHT_ALONE)
+#if defined(WEIGHT) || defined(WEIGHT_ALONE) || defined(PIVOT)
 uniform float weight_scale;
+#endif
+#ifdef PIVOT
+uniform float pivot; // what values are less by, so that gradients of quotients keep their digits
 #endif
 
 out vec4 sheet_front;
@@ -120,6 +123,9 @@ void main() {
 #else
     float scale = kernel.z;
 #endif
+#ifdef PIVOT
+    scale -= pivot * weight_scale;
+#endif
     sheet_front = scale * front;
 #ifdef TWO_TARGETS
     sheet_back = scale * back;
@@ -130,7 +136,12 @@ void main() {
     weight_back = weight_scale * back;
 #endif
 #endif
-#ifdef FINE
+#if defined(FINE) && defined(ANALYTIC)
+    slopes(at_front, scale, to_unit, step_s, x_front, y_front, z_front);
+#ifdef TWO_TARGETS
+    slopes(at_back, scale, to_unit, step_s, x_back, y_back, z_back);
+#endif
+#elif defined(FINE)
 #ifdef PERSPECTIVE
     float part = half_depth;
 #else

@@ -69,6 +69,8 @@ struct Options {
     std::array<int, 2> size{400, 400};
     ss::Backend backend = ss::Backend::automatic;
     int threads = 0;
+    std::optional<double> max_error;
+    std::optional<double> max_seconds;
     std::string output;
 };
 
@@ -315,6 +317,8 @@ void run(const Options& options) {
     ss::RendererOptions renderer_options;
     renderer_options.backend = options.backend;
     renderer_options.threads = options.threads;
+    renderer_options.max_error = options.max_error;
+    renderer_options.max_seconds = options.max_seconds;
     ss::Renderer renderer(renderer_options);
     const ss::Image image = renderer.render(scene, camera, {options.size[0], options.size[1]});
     if (ends_with(options.output, ".png")) {
@@ -325,6 +329,13 @@ void run(const Options& options) {
     std::cout << options.output << ": " << image.size.width << " x " << image.size.height << " pixels";
     if (image.plan) {
         std::cout << ", " << image.plan->slices << " slices, backend " << ss::to_string(image.plan->backend);
+    }
+    if (image.settings) {
+        std::cout << ", expected error " << image.stats.at("estimated_rmse");
+        for (const char* goal : {"max_error", "max_seconds"}) {
+            std::cout << (image.stats.at(goal + std::string("_kept")) == 0.0 ? std::string(", ") + goal + " not kept"
+                                                                             : "");
+        }
     }
     std::cout << '\n';
 }
@@ -425,6 +436,12 @@ void declare(CLI::App& app, Options& options) {
         ->group("Picture");
     app.add_option("--threads", options.threads, "of backend cpu; 0: as many as the process may run on (0)")
         ->check(CLI::NonNegativeNumber.description(""))
+        ->group("Picture");
+    app.add_option("--max-error", options.max_error,
+                   "root mean square error that the picture may have; chooses slices and classification")
+        ->group("Picture");
+    app.add_option("--max-seconds", options.max_seconds,
+                   "how long drawing may take, about; chooses slices and classification")
         ->group("Picture");
     app.add_option("-o,--output", options.output, "the picture, .png or .pfm")
         ->required()

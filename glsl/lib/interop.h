@@ -25,6 +25,8 @@
 #define UNIT_WEIGHT_Z_FRONT 19
 #define UNIT_WEIGHT_Z_BACK 20
 #define UNIT_IMAGE_ERROR 21
+#define UNIT_CLIP 22
+#define UNIT_LIGHT_VOLUMES 23
 #define UNIT_RECORDS 0
 // Ellipsoids as the papers draw them, and gathered by pixels: in passes of their own.
 #define UNIT_KERNEL_ORDER 0

@@ -71,7 +71,58 @@ vec4 kernel_mean(vec4 s, vec4 ax, vec4 ay, vec4 wx, vec4 wy) {
 }
 #endif
 
-#ifdef FINE
+#if defined(FINE) && defined(ANALYTIC) && defined(SLAB)
+// Means over a slab, along the pixel's ray, of exp(-k r^2) where the ray is inside the support, and of the same times the way t from the
+// ray's point that is nearest to the centre; u and v: that point's place in the plane of the unit sphere.
+struct Moments {
+    vec4 even, odd, u, v;
+};
+
+Moments kernel_moments(vec4 s, vec4 ax, vec4 ay, float wx, float wy) {
+    Moments m;
+    float speed2 = 1.0 + wx * wx + wy * wy;
+    float speed = sqrt(speed2);
+    vec4 nearest = (s - ax * wx - ay * wy) / speed2;
+    vec4 cn = ax * wy - ay * wx;
+    vec4 cu = -ay - s * wy;
+    vec4 cv = s * wx + ax;
+    vec4 apart2 = (cn * cn + cu * cu + cv * cv) / speed2;
+    // w x (q x w) / |w|^2 is the nearest point; q + nearest w would cancel for long rays.
+    m.u = (cv + cn * wy) / speed2;
+    m.v = -(cn * wx + cu) / speed2;
+    vec4 half_chord = sqrt(max(1.0 - apart2, 0.0)) / speed;
+    vec4 from = max(vec4(-slab_half) - nearest, -half_chord);
+    vec4 to = max(min(vec4(slab_half) - nearest, half_chord), from);
+    vec4 bell = exp2(-falloff_log2 * apart2);
+    float rate = falloff_log2 * speed2;
+#if SLAB_NODES > 0
+    // Thin slabs: differences of closed forms would cancel.
+    vec4 middle = 0.5 * (from + to);
+    vec4 reach = 0.5 * (to - from);
+    m.even = vec4(0.0);
+    m.odd = vec4(0.0);
+    const float node[3] = float[3](0.2386191860831969, 0.6612093864662645, 0.9324695142031521);
+    const float share[3] = float[3](0.4679139345726910, 0.3607615730481386, 0.1713244923791704);
+    for (int n = 0; n < 3; ++n) {
+        vec4 lower = middle - node[n] * reach;
+        vec4 upper = middle + node[n] * reach;
+        vec4 at_lower = share[n] * exp2(-rate * lower * lower);
+        vec4 at_upper = share[n] * exp2(-rate * upper * upper);
+        m.even += at_lower + at_upper;
+        m.odd += at_lower * lower + at_upper * upper;
+    }
+    bell *= reach / (2.0 * slab_half);
+#else
+    float root = falloff_root * speed;
+    m.even = (error_function(root * to) - error_function(root * from)) * (0.886226925452758 / root);
+    m.odd = (exp2(-rate * from * from) - exp2(-rate * to * to)) / (2.0 * root * root);
+    bell /= 2.0 * slab_half;
+#endif
+    m.even *= bell;
+    m.odd *= bell;
+    return m;
+}
+#elif defined(FINE) && !defined(ANALYTIC)
 // g at a point moved by (ds, dx, dy) less g at the point moved the other way, as one number: two values that are nearly equal
 // are never subtracted, so that the sums of such differences keep the digits that differences of sums would lose.
 vec4 kernel_change(vec4 s, vec4 ax, vec4 ay, vec4 ds, vec4 dx, vec4 dy) {

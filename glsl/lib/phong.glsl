@@ -12,8 +12,13 @@ float power(float base, float exponent) {
 }
 #endif
 
-// gradient: of rho in the sheets' unit, per reference length; weakest: g0 in the same unit; view: unit vector towards the camera
+// gradient: of rho in the sheets' unit, per reference length; weakest: g0 in the same unit; view: unit vector towards the camera; spot:
+// of the point, as lib/light_volume.glsl has it
+#ifdef VOLUMES
+vec3 shade(vec3 color, vec3 gradient, float weakest, vec3 view, vec3 spot) {
+#else
 vec3 shade(vec3 color, vec3 gradient, float weakest, vec3 view) {
+#endif
 #if LIGHTS == 0
     // A scene without lights shows the colour itself.
     return color;
@@ -21,6 +26,9 @@ vec3 shade(vec3 color, vec3 gradient, float weakest, vec3 view) {
     float size = length(gradient);
     vec3 normal = size > 0.0 ? -gradient / max(size, weakest) : vec3(0.0);
     vec3 result = color * material.x;
+#ifdef OCCLUSION
+    result *= ambient_left(spot);
+#endif
     for (int l = 0; l < LIGHTS; ++l) {
         float facing = dot(normal, light_direction[l]);
         vec3 side = normal;
@@ -35,6 +43,10 @@ vec3 shade(vec3 color, vec3 gradient, float weakest, vec3 view) {
 #ifdef SPECULAR
         vec3 mirrored = 2.0 * facing * side - light_direction[l];
         reflected += material.z * power(max(dot(mirrored, view), 0.0), material.w);
+#endif
+#ifdef SHADOWS
+        // Where the light does not fall, nothing is looked up.
+        facing *= facing > 0.0 ? left_of(l, spot) : 0.0;
 #endif
         result += light_color[l] * facing * reflected;
     }

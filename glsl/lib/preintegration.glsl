@@ -86,3 +86,20 @@ vec4 ramp(float from, float to) {
     }
     return total > 0.0 ? vec4(color / total, total) : vec4(0.0);
 }
+
+#ifdef SECOND_ORDER
+// Colour and opacity of an interval over which rho bends: Romberg's step from the interval by one ramp and by two. The neighbours give
+// rho in the middle; measure: slice spacing over reference length along the ray.
+vec4 bent_ramp(float before, float from, float to, float after, float measure) {
+    float middle = (9.0 * (from + to) - before - after) * 0.0625;
+    vec4 whole = ramp(from, to);
+    vec4 near = ramp(from, middle);
+    vec4 far = ramp(middle, to);
+    float alpha_whole = veil(measure * whole.a);
+    float alpha_near = veil(0.5 * measure * near.a);
+    float alpha_far = (1.0 - alpha_near) * veil(0.5 * measure * far.a);
+    float alpha = clamp((4.0 * (alpha_near + alpha_far) - alpha_whole) / 3.0, 0.0, 1.0);
+    vec3 color = max((4.0 * (alpha_near * near.rgb + alpha_far * far.rgb) - alpha_whole * whole.rgb) / 3.0, 0.0);
+    return alpha > 0.0 ? vec4(color / alpha, alpha) : vec4(0.0);
+}
+#endif

@@ -14,7 +14,31 @@ vec4 values(Sections at) {
 #endif
 }
 
+#ifdef ANALYTIC
 #ifdef FINE
+// Twice the derivatives of g per pixel to the right, per pixel up (rows count downwards) and per slice along the pixel's ray.
+void slopes(Sections at, float scale, mat2 unit, float step_s, out vec4 x, out vec4 y, out vec4 z) {
+    vec4 ux = unit[0].x * at.depth;
+    vec4 vx = unit[0].y * at.depth;
+    vec4 uy = -unit[1].x * at.depth;
+    vec4 vy = -unit[1].y * at.depth;
+    float amount = -4.0 * 0.6931471805599453 * falloff_log2 * scale;
+#ifdef SLAB
+    // q = nearest point of the ray + t w: what is odd in t and what is even.
+    Moments m = kernel_moments(at.s, at.ax, at.ay, at.ray.x, at.ray.y);
+    x = amount * ((m.u * ux + m.v * vx) * m.even + (at.ray.x * ux + at.ray.y * vx) * m.odd);
+    y = amount * ((m.u * uy + m.v * vy) * m.even + (at.ray.x * uy + at.ray.y * vy) * m.odd);
+    z = amount * step_s * (1.0 + dot(at.ray, at.ray)) * m.odd;
+#else
+    vec4 bell = exp2(-falloff_log2 * (at.s * at.s + at.ax * at.ax + at.ay * at.ay));
+    bell = amount * mix(vec4(0.0), bell, greaterThan(bell, vec4(edge)));
+    x = bell * (at.ax * ux + at.ay * vx);
+    y = bell * (at.ax * uy + at.ay * vy);
+    z = bell * step_s * (at.ax * at.ray.x + at.ay * at.ray.y - at.s);
+#endif
+}
+#endif
+#elif defined(FINE)
 vec4 changes(Sections at, vec4 ds, vec4 dx, vec4 dy, vec2 part) {
 #ifdef SLAB
     return mean_change(at.s, at.ax, at.ay, vec4(at.ray.x), vec4(at.ray.y), ds, dx, dy, part);

@@ -1,8 +1,9 @@
-// Differences of rho between the neighbours of a pixel, from splatted differences where the differences of sums would lose their digits.
-// x: right less left, y: above less below, z: next slice less the one before. Source: IMAGE FORMATION section 5.
+// Twice the derivatives of rho per pixel and slice where they are splatted (ANALYTIC). Else differences of rho between the neighbours of a pixel, from splatted differences where the differences of sums would lose their digits.
+// x: right less left, y: above less below, z: next slice less the one before. Needs first_slab. Source: IMAGE FORMATION section 5.
 
-uniform int first_slab; // of the array, counted from the first slice
-uniform int last_slab;  // of all
+#ifndef ANALYTIC
+uniform int last_slab; // of all
+#endif
 
 uniform sampler2D x_front_texture;
 uniform sampler2D y_front_texture;
@@ -53,6 +54,17 @@ float quotient_change(float d_minus, float w_minus, float w_plus, float d_change
 #endif
 
 void slopes_at(ivec2 at, float rho[SLABS], out vec3 change[SLABS]) {
+#ifdef ANALYTIC
+    float across[SLABS];
+    float upwards[SLABS];
+    float along[SLABS];
+    FETCH(across, x, at)
+    FETCH(upwards, y, at)
+    FETCH(along, z, at)
+    for (int c = 1; c < SLABS - 1; ++c) {
+        change[c] = vec3(across[c], upwards[c], along[c]);
+    }
+#else
 #ifdef FINE_XY
     float across[SLABS];
     float upwards[SLABS];
@@ -117,4 +129,5 @@ void slopes_at(ivec2 at, float rho[SLABS], out vec3 change[SLABS]) {
         }
 #endif
     }
+#endif
 }

@@ -27,6 +27,27 @@ py::object view_channel(const py::object& self) {
     return py::array(py::dtype::of<float>(), shape, pixels.data(), self);
 }
 
+py::object view_map(const py::object& self) {
+    auto& estimate = self.cast<ErrorEstimate&>();
+    const std::vector<py::ssize_t> shape{estimate.size.height, estimate.size.width};
+    return py::array(py::dtype::of<float>(), shape, estimate.map.data(), self);
+}
+
+py::object settings_of(const Image& image) {
+    if (!image.settings) {
+        return py::none();
+    }
+    const Settings& settings = *image.settings;
+    py::dict result;
+    result["slice_spacing"] = settings.slice_spacing;
+    result["sampling"] = settings.sampling == Sampling::slab ? "slab" : "point";
+    result["preintegration"] = settings.preintegration;
+    result["second_order"] = settings.second_order;
+    result["opacity_stop"] = settings.opacity_stop;
+    result["precision"] = to_string(settings.precision);
+    return std::move(result);
+}
+
 using Floats = py::array_t<float, py::array::c_style>;
 
 py::dict compare_arrays(const Floats& picture, const Floats& reference, int channels) {
@@ -57,8 +78,20 @@ void register_image(py::module_& module) {
         .def_property_readonly("plan",
                                [](const Image& image) { return std::const_pointer_cast<RenderPlan>(image.plan); })
         .def_property_readonly("stats", [](const Image& image) { return image.stats; })
+        .def_property_readonly("settings", &settings_of)
         .def("save_png", &save_png, py::arg("path"), py::call_guard<py::gil_scoped_release>())
         .def("save_pfm", &save_pfm, py::arg("path"), py::call_guard<py::gil_scoped_release>());
+    py::class_<ErrorEstimate, std::shared_ptr<ErrorEstimate>>(module, "ErrorEstimate")
+        .def_property_readonly("rmse", [](const ErrorEstimate& estimate) { return estimate.rmse; })
+        .def_property_readonly("budget",
+                               [](const ErrorEstimate& estimate) {
+                                   py::list shares;
+                                   for (const ErrorShare& share : estimate.budget) {
+                                       shares.append(py::make_tuple(share.cause, share.rmse));
+                                   }
+                                   return shares;
+                               })
+        .def_property_readonly("map", &view_map);
     module.def("compare", &compare_arrays, py::arg("picture"), py::arg("reference"), py::arg("channels"));
 }
 

@@ -21,15 +21,16 @@ void register_plan(py::module_& module) {
         .def_property_readonly("slices", [](const RenderPlan& plan) { return plan.slices; })
         .def_property_readonly("memory", [](const RenderPlan& plan) { return plan.memory; })
         .def_property_readonly("device", [](const RenderPlan& plan) { return plan.device; })
-        .def_property_readonly("effects",
-                               [](const RenderPlan& plan) {
-                                   py::list effects;
-                                   for (const Effect& effect : plan.effects) {
-                                       effects.append(
-                                           py::make_tuple(effect.name, effect.on, effect.reason, effect.forced));
-                                   }
-                                   return effects;
-                               })
+        .def_property_readonly(
+            "effects",
+            [](const RenderPlan& plan) {
+                py::list effects;
+                for (const Effect& effect : plan.effects) {
+                    effects.append(py::make_tuple(effect.name, effect.on, effect.reason, effect.forced, effect.error));
+                }
+                return effects;
+            })
+        .def_property_readonly("expected_error", [](const RenderPlan& plan) { return plan.expected_error(); })
         .def_property_readonly("error_budget", [](const RenderPlan& plan) {
             py::list shares;
             for (const ErrorShare& share : plan.error_budget) {

@@ -129,7 +129,7 @@ class LockedRenderer {
 
     std::shared_ptr<Image> render(const Scene& scene, const Camera& camera, std::array<int, 2> size, bool coverage,
                                   bool depth, const py::object& progress) {
-        return draw(progress, [&](const Progress& watch) {
+        return draw<Image>(progress, [&](const Progress& watch) {
             return renderer_.render(scene, camera, {size[0], size[1]}, {coverage, depth}, watch);
         });
     }
@@ -144,18 +144,24 @@ class LockedRenderer {
     }
 
     std::shared_ptr<Image> next_stage(Stages& stages, const py::object& progress) {
-        return draw(progress, [&](const Progress& watch) { return stages.next(watch); });
+        return draw<Image>(progress, [&](const Progress& watch) { return stages.next(watch); });
+    }
+
+    std::shared_ptr<ErrorEstimate> estimate_error(const Image& image, const Scene& scene, const Camera& camera,
+                                                  const py::object& progress) {
+        return draw<ErrorEstimate>(
+            progress, [&](const Progress& watch) { return renderer_.estimate_error(image, scene, camera, watch); });
     }
 
   private:
-    template <class Make>
-    std::shared_ptr<Image> draw(const py::object& progress, Make&& make) {
+    template <class Made, class Make>
+    std::shared_ptr<Made> draw(const py::object& progress, Make&& make) {
         refuse_reentry();
         Watch watch(progress);
         try {
             const Released release;
             const Hold hold(*this);
-            return std::make_shared<Image>(make([&watch](double share) { return watch(share); }));
+            return std::make_shared<Made>(make([&watch](double share) { return watch(share); }));
         } catch (const Cancelled&) {
             watch.rethrow();
             throw;
@@ -192,7 +198,8 @@ class LockedRenderer {
 std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::optional<int> device,
                                               const std::string& precision, const std::string& tagging,
                                               const std::string& packing, const std::map<std::string, bool>& effects,
-                                              bool allow_inexact, int tile_size, int tags_per_clear, int threads) {
+                                              bool allow_inexact, int tile_size, int tags_per_clear, int threads,
+                                              std::optional<double> max_error, std::optional<double> max_seconds) {
     RendererOptions options;
     options.backend = from_name("backend", backend, backends);
     options.device = device;
@@ -204,6 +211,8 @@ std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::o
     options.tile_size = tile_size;
     options.tags_per_clear = tags_per_clear;
     options.threads = threads;
+    options.max_error = max_error;
+    options.max_seconds = max_seconds;
     const Released release;
     return std::make_unique<LockedRenderer>(options);
 }
@@ -215,11 +224,14 @@ void register_renderer(py::module_& module) {
     py::class_<LockedRenderer>(module, "Renderer")
         .def(py::init(&make_renderer), py::kw_only(), py::arg("backend"), py::arg("device"), py::arg("precision"),
              py::arg("tagging"), py::arg("packing"), py::arg("effects"), py::arg("allow_inexact"), py::arg("tile_size"),
-             py::arg("tags_per_clear"), py::arg("threads"))
+             py::arg("tags_per_clear"), py::arg("threads"), py::arg("max_error") = py::none(),
+             py::arg("max_seconds") = py::none())
         .def("plan", &LockedRenderer::plan, py::arg("scene"), py::arg("camera"), py::kw_only(), py::arg("size"),
              py::arg("coverage"), py::arg("depth"))
         .def("render", &LockedRenderer::render, py::arg("scene"), py::arg("camera"), py::kw_only(), py::arg("size"),
              py::arg("coverage"), py::arg("depth"), py::arg("progress"))
+        .def("estimate_error", &LockedRenderer::estimate_error, py::arg("image"), py::arg("scene"), py::arg("camera"),
+             py::kw_only(), py::arg("progress"))
         .def("begin_stages", &LockedRenderer::begin_stages, py::arg("scene"), py::arg("camera"), py::kw_only(),
              py::arg("size"), py::arg("coverage"), py::arg("depth"), py::arg("first_seconds"), py::keep_alive<0, 1>())
         .def("next_stage", &LockedRenderer::next_stage, py::arg("stages"), py::kw_only(), py::arg("progress"));

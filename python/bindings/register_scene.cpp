@@ -16,6 +16,7 @@ const std::map<std::string, Sampling> samplings{{"point", Sampling::point}, {"sl
 const std::map<std::string, Mode> modes{
     {"composite", Mode::composite}, {"isosurface", Mode::isosurface}, {"xray", Mode::xray}, {"mip", Mode::mip}};
 const std::map<std::string, Filter> filters{{"none", Filter::none}, {"ewa", Filter::ewa}};
+const std::map<std::string, Gradient> gradients{{"sheets", Gradient::sheets}, {"analytic", Gradient::analytic}};
 const std::map<std::string, LightSpace> light_spaces{{"eye", LightSpace::eye}, {"world", LightSpace::world}};
 
 Light make_light(const Triple& direction, const Triple& color, const std::string& space) {
@@ -26,11 +27,32 @@ Material make_material(double ambient, double diffuse, double specular, double s
     return {ambient, diffuse, specular, shininess, two_sided};
 }
 
+Clip make_clip(const std::vector<std::pair<Triple, double>>& planes,
+               const std::optional<std::pair<Triple, Triple>>& box) {
+    Clip clip;
+    for (const auto& [normal, offset] : planes) {
+        clip.planes.push_back({to_vec3(normal), offset});
+    }
+    if (box) {
+        clip.box = Box{to_vec3(box->first), to_vec3(box->second)};
+    }
+    return clip;
+}
+
+DepthCue make_depth_cue(double start, double end, const Triple& color, double strength) {
+    return {start, end, to_vec3(color), strength};
+}
+
+AmbientOcclusion make_occlusion(double radius, double strength) { return {radius, strength}; }
+
 Scene make_scene(const std::vector<std::shared_ptr<Field>>& fields, const TransferFunction& transfer_function,
                  std::optional<double> slice_spacing, const std::string& sampling,
                  std::optional<double> reference_length, const std::string& mode, std::optional<double> iso_value,
                  const std::vector<Light>& lights, const Material& material, double opacity_stop, bool preintegration,
-                 std::optional<Triple> background, const std::string& filter) {
+                 std::optional<Triple> background, const std::string& filter, bool second_order,
+                 const std::string& gradient, const Clip& clip, std::optional<double> gradient_opacity,
+                 const std::optional<DepthCue>& depth_cue, bool shadows,
+                 const std::optional<AmbientOcclusion>& ambient_occlusion) {
     Scene scene{{fields.begin(), fields.end()}, transfer_function};
     scene.slice_spacing = slice_spacing;
     scene.sampling = from_name("sampling", sampling, samplings);
@@ -42,6 +64,13 @@ Scene make_scene(const std::vector<std::shared_ptr<Field>>& fields, const Transf
     scene.opacity_stop = opacity_stop;
     scene.preintegration = preintegration;
     scene.filter = from_name("filter", filter, filters);
+    scene.second_order = second_order;
+    scene.gradient = from_name("gradient", gradient, gradients);
+    scene.clip = clip;
+    scene.gradient_opacity = gradient_opacity;
+    scene.depth_cue = depth_cue;
+    scene.shadows = shadows;
+    scene.ambient_occlusion = ambient_occlusion;
     if (background) {
         scene.background = to_vec3(*background);
     }
@@ -57,11 +86,19 @@ void register_scene(py::module_& module) {
     py::class_<Material>(module, "Material")
         .def(py::init(&make_material), py::kw_only(), py::arg("ambient"), py::arg("diffuse"), py::arg("specular"),
              py::arg("shininess"), py::arg("two_sided"));
+    py::class_<Clip>(module, "Clip").def(py::init(&make_clip), py::kw_only(), py::arg("planes"), py::arg("box"));
+    py::class_<DepthCue>(module, "DepthCue")
+        .def(py::init(&make_depth_cue), py::kw_only(), py::arg("start"), py::arg("end"), py::arg("color"),
+             py::arg("strength"));
+    py::class_<AmbientOcclusion>(module, "AmbientOcclusion")
+        .def(py::init(&make_occlusion), py::kw_only(), py::arg("radius"), py::arg("strength"));
     py::class_<Scene>(module, "Scene")
         .def(py::init(&make_scene), py::arg("fields"), py::arg("transfer_function"), py::kw_only(),
              py::arg("slice_spacing"), py::arg("sampling"), py::arg("reference_length"), py::arg("mode"),
              py::arg("iso_value"), py::arg("lights"), py::arg("material"), py::arg("opacity_stop"),
-             py::arg("preintegration"), py::arg("background"), py::arg("filter") = "none")
+             py::arg("preintegration"), py::arg("background"), py::arg("filter"), py::arg("second_order"),
+             py::arg("gradient"), py::arg("clip"), py::arg("gradient_opacity"), py::arg("depth_cue"),
+             py::arg("shadows"), py::arg("ambient_occlusion"))
         .def_property_readonly("slice_distance", &Scene::slice_distance)
         .def_property_readonly("reference_distance", &Scene::reference_distance)
         .def_property_readonly("centres", [](const Scene& scene) { return to_corners(scene.centres_world()); });

@@ -22,10 +22,10 @@ from sheetsplat.camera import Camera
 from sheetsplat.device import Device, devices
 from sheetsplat.errors import Cancelled, DeviceUnavailable, Error, InvalidInput, OutOfMemory, Unsupported
 from sheetsplat.fields import EllipsoidField, RegularField
-from sheetsplat.image import Image
+from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.plan import Effect, RenderPlan
 from sheetsplat.renderer import Renderer
-from sheetsplat.scene import Light, Material, Scene
+from sheetsplat.scene import AmbientOcclusion, Clip, DepthCue, Light, Material, Scene
 from sheetsplat.transfer import TransferFunction
 
 if TYPE_CHECKING:
@@ -33,15 +33,25 @@ if TYPE_CHECKING:
     from sheetsplat import fit as fit
     from sheetsplat import io as io
     from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
+    from sheetsplat.ladder import AccuracyReport as AccuracyReport
+    from sheetsplat.ladder import AccuracyRow as AccuracyRow
+    from sheetsplat.ladder import accuracy as accuracy
+    from sheetsplat.ripple import lattice_ripple as lattice_ripple
 
 __all__ = [
+    "AccuracyReport",
+    "AccuracyRow",
+    "AmbientOcclusion",
     "Camera",
     "Cancelled",
+    "Clip",
+    "DepthCue",
     "Device",
     "DeviceUnavailable",
     "Effect",
     "EllipsoidField",
     "Error",
+    "ErrorEstimate",
     "Image",
     "InvalidInput",
     "Light",
@@ -54,10 +64,12 @@ __all__ = [
     "TransferFunction",
     "Unsupported",
     "__version__",
+    "accuracy",
     "datasets",
     "fit",
     "io",
     "devices",
+    "lattice_ripple",
     "open",
     "render",
     "resample_to_bcc",
@@ -67,9 +79,13 @@ logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
 
 # Read when first asked for, so that importing the package stays quick.
 _LATE = {
+    "AccuracyReport": ("sheetsplat.ladder", "AccuracyReport"),
+    "AccuracyRow": ("sheetsplat.ladder", "AccuracyRow"),
+    "accuracy": ("sheetsplat.ladder", "accuracy"),
     "datasets": ("sheetsplat.datasets", None),
     "fit": ("sheetsplat.fit", None),
     "io": ("sheetsplat.io", None),
+    "lattice_ripple": ("sheetsplat.ripple", "lattice_ripple"),
     "resample_to_bcc": ("sheetsplat.bcc", "resample_to_bcc"),
 }
 

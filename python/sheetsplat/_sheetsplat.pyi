@@ -120,6 +120,15 @@ class Material:
         self, *, ambient: float, diffuse: float, specular: float, shininess: float, two_sided: bool
     ) -> None: ...
 
+class Clip:
+    def __init__(self, *, planes: Sequence[tuple[_Triple, float]], box: _Corners | None) -> None: ...
+
+class DepthCue:
+    def __init__(self, *, start: float, end: float, color: _Triple, strength: float) -> None: ...
+
+class AmbientOcclusion:
+    def __init__(self, *, radius: float, strength: float) -> None: ...
+
 class Scene:
     def __init__(
         self,
@@ -136,7 +145,14 @@ class Scene:
         opacity_stop: float,
         preintegration: bool,
         background: _Triple | None,
-        filter: str = "none",
+        filter: str,
+        second_order: bool,
+        gradient: str,
+        clip: Clip,
+        gradient_opacity: float | None,
+        depth_cue: DepthCue | None,
+        shadows: bool,
+        ambient_occlusion: AmbientOcclusion | None,
     ) -> None: ...
     @property
     def slice_distance(self) -> float: ...
@@ -193,7 +209,9 @@ class RenderPlan:
     @property
     def device(self) -> str: ...
     @property
-    def effects(self) -> list[tuple[str, bool, str, bool]]: ...
+    def effects(self) -> list[tuple[str, bool, str, bool, float]]: ...
+    @property
+    def expected_error(self) -> float: ...
     @property
     def error_budget(self) -> list[tuple[str, float]]: ...
 
@@ -212,8 +230,18 @@ class Image:
     def plan(self) -> RenderPlan: ...
     @property
     def stats(self) -> dict[str, float]: ...
+    @property
+    def settings(self) -> dict[str, Any] | None: ...
     def save_png(self, path: str) -> None: ...
     def save_pfm(self, path: str) -> None: ...
+
+class ErrorEstimate:
+    @property
+    def rmse(self) -> float: ...
+    @property
+    def budget(self) -> list[tuple[str, float]]: ...
+    @property
+    def map(self) -> NDArray[np.float32]: ...
 
 def compare(picture: NDArray[np.float32], reference: NDArray[np.float32], channels: int) -> dict[str, float]: ...
 
@@ -235,6 +263,8 @@ class Renderer:
         tile_size: int,
         tags_per_clear: int,
         threads: int,
+        max_error: float | None = None,
+        max_seconds: float | None = None,
     ) -> None: ...
     def plan(
         self, scene: Scene, camera: Camera, *, size: tuple[int, int], coverage: bool, depth: bool
@@ -249,6 +279,9 @@ class Renderer:
         depth: bool,
         progress: Callable[[float], object] | None,
     ) -> Image: ...
+    def estimate_error(
+        self, image: Image, scene: Scene, camera: Camera, *, progress: Callable[[float], object] | None
+    ) -> ErrorEstimate: ...
     def begin_stages(
         self,
         scene: Scene,

@@ -16,13 +16,14 @@ if TYPE_CHECKING:
     from sheetsplat.scene import Scene
 
 _NO_COLORS = ("transfer_function", "cmap", "opacity", "clim", "lights", "material", "shading", "background")
-_NO_OPACITY = ("opacity_stop", "preintegration")
+_NO_GRADIENT = ("gradient", "depth_cue", "depth_cue_color", "shadows", "ambient_occlusion", "gradient_opacity")
+_NO_OPACITY = ("opacity_stop", "preintegration", "second_order")
 # Options that say nothing in a mode.
 _UNUSED = {
     "composite": ("iso_value",),
-    "isosurface": ("opacity", *_NO_OPACITY),
-    "xray": (*_NO_COLORS, *_NO_OPACITY, "reference_length", "iso_value", "depth"),
-    "mip": (*_NO_COLORS, *_NO_OPACITY, "reference_length", "iso_value", "depth"),
+    "isosurface": ("opacity", "gradient_opacity", *_NO_OPACITY),
+    "xray": (*_NO_COLORS, *_NO_GRADIENT, *_NO_OPACITY, "reference_length", "iso_value", "depth"),
+    "mip": (*_NO_COLORS, *_NO_GRADIENT, *_NO_OPACITY, "reference_length", "iso_value", "depth"),
 }
 
 
@@ -47,7 +48,7 @@ def _range_of(field: Field) -> tuple[float, float]:
     if not isinstance(field, EllipsoidField):
         return field.value_range
     # Sums of scattered kernels may be far above their values, or far below.
-    found = field.at(automatic.places_in(field))
+    found = field.at(automatic.affordable_places_in(field))
     return float(found.min(initial=math.inf)), float(found.max(initial=-math.inf))
 
 
@@ -79,4 +80,6 @@ def why_empty(scene: Scene) -> str:
                 f"the opacity is 0 for all of {values}; "
                 f"the transfer function goes from {function.v_min:g} to {function.v_max:g}"
             )
+    if scene._clip.planes or scene._clip.box is not None:
+        return "perhaps the clip cuts off all that there is, or the camera looks past the field"
     return "perhaps the camera looks past the field"

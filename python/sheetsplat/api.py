@@ -34,7 +34,20 @@ from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, Field, Lattice, NanPolicy, Normalization, RegularField
 from sheetsplat.image import Image
 from sheetsplat.renderer import OUTPUTS, Backend, Output, Packing, Precision, Progress, Renderer, Tagging
-from sheetsplat.scene import MODES, Filter, Light, Material, Mode, Sampling, Scene
+from sheetsplat.scene import (
+    MODES,
+    AmbientOcclusion,
+    Clip,
+    DepthCue,
+    Filter,
+    Gradient,
+    Light,
+    Material,
+    Mode,
+    Preintegration,
+    Sampling,
+    Scene,
+)
 from sheetsplat.transfer import Colormap, Opacity, TransferFunction
 
 if TYPE_CHECKING:
@@ -70,6 +83,7 @@ def open(
     falloff: float | None = None,
     normalization: Normalization | None = None,
     w0: float | None = None,
+    prefilter: bool = False,
     nan: NanPolicy | None = None,
     grid: str | os.PathLike[str] | None = None,
     scalar: str | None = None,
@@ -96,7 +110,7 @@ def open(
         For .npz: the array to take, where the file has several with three axes.
     spacing, origin
         World units along x, y, z; what the file says unless given.
-    lattice, radius, nan
+    lattice, radius, prefilter, nan
         As for `RegularField`; for regular volumes.
     falloff, normalization, w0
         As for `RegularField` or `EllipsoidField`.
@@ -150,6 +164,7 @@ def open(
         "falloff": falloff,
         "normalization": normalization,
         "w0": w0,
+        "prefilter": prefilter or None,
         "nan": nan,
         "grid": grid,
         "scalar": scalar,
@@ -207,11 +222,13 @@ def compose_scene(
     shading: bool = True,
     lights: Iterable[Light] | None = None,
     material: Material | None = None,
+    spacing_is_free: bool = False,
     **options: Any,
 ) -> Scene:
     """Return a scene; what is not given is chosen by the scalars, for scattered fields also the distance of slices.
 
-    Other options go to `Scene`.
+    Where `spacing_is_free`, that distance is left to a renderer which has an error or a time to keep. Other options go
+    to `Scene`.
     """
     if transfer_function is not None:
         clash = [name for name, value in (("cmap", cmap), ("opacity", opacity), ("clim", clim)) if value is not None]
@@ -238,17 +255,18 @@ def compose_scene(
             limits = clim
             top = automatic.TOP_OPACITY if look is None else look.top_opacity
             opacities = (0.0, top) if opacity is None else opacity
-        if look is not None and mode == "composite" and options.get("slice_spacing") is None:
+        chooses = mode == "composite" and options.get("slice_spacing") is None and not spacing_is_free
+        if look is not None and chooses:
             options["slice_spacing"] = look.slice_spacing
         transfer_function = TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacities, limits)
     scattered = [one for one in fields if isinstance(one, EllipsoidField) and one.size]
-    if mode == "isosurface" and scattered and options.get("slice_spacing") is None:
+    if mode == "isosurface" and scattered and options.get("slice_spacing") is None and not spacing_is_free:
         # A crossing is found between two slices by a straight line, which two slices in a kernel's thickness do not
         # give; what the opacities mean does not change.
         options["slice_spacing"] = min(one.default_slice_spacing for one in fields if one.size) / 4
     if lights is None:
         lights = (HEAD_LIGHT,) if shading and mode in ("composite", "isosurface") else ()
-    return Scene(
+    scene = Scene(
         list(fields),
         transfer_function,
         mode=mode,
@@ -257,6 +275,20 @@ def compose_scene(
         material=SHINY if material is None else material,
         **options,
     )
+    if options.get("shadows") and not scene.lights:
+        _log.warning("shadows change nothing where there are no lights")
+    return scene
+
+
+def fitting_depth_cue(scene: Scene, camera: Camera, color: Vector = (0.0, 0.0, 0.0), strength: float = 0.8) -> DepthCue:
+    """Return a depth cue from the nearest to the farthest corner of what the fields take, as far as it can be seen."""
+    low, high = bounds_of(scene)
+    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+    depths = [-camera._native.to_eye((float(x), float(y), float(z)))[2] for x, y, z in corners]
+    start = max(min(depths), camera.near) if camera.kind == "perspective" else min(depths)
+    # A field of one kernel may take none, and all of it may be behind the eye.
+    end = max(depths) if max(depths) > start else start + max(abs(start), 1.0)
+    return DepthCue(start, end, color, strength)
 
 
 def _surface_limits(fields: Sequence[Field], iso_value: float) -> tuple[float, float] | None:
@@ -458,8 +490,14 @@ def render(
     sampling: Sampling | None = None,
     reference_length: float | None = None,
     opacity_stop: float | None = None,
-    preintegration: bool | None = None,
+    preintegration: Preintegration | None = None,
     filter: Filter | None = None,
+    gradient: Gradient | None = None,
+    clip: Clip | None = None,
+    gradient_opacity: float | None = None,
+    depth_cue: DepthCue | str | None = None,
+    shadows: bool | None = None,
+    ambient_occlusion: AmbientOcclusion | None = None,
     camera: Camera | None = None,
     direction: Vector | str | None = None,
     up: Vector | str | None = None,
@@ -479,6 +517,8 @@ def render(
     effects: Mapping[str, bool] | None = None,
     allow_inexact: bool = False,
     threads: int | None = None,
+    max_error: float | None = None,
+    max_seconds: float | None = None,
     outputs: Iterable[Output] = (),
     progress: Progress | None = None,
     spacing: Vector | None = None,
@@ -488,6 +528,7 @@ def render(
     falloff: float | None = None,
     normalization: Normalization | None = None,
     w0: float | None = None,
+    prefilter: bool = False,
     nan: NanPolicy | None = None,
     shape: tuple[int, int, int] | None = None,
     dtype: DTypeLike | None = None,
@@ -524,6 +565,10 @@ def render(
     mode, iso_value, slice_spacing, sampling, reference_length, opacity_stop, preintegration, filter
         As for `Scene`. Without `iso_value` a surface is put where the histogram parts things from background; without
         `clim` its colour is that at 7/10 of the colormap. What a mode does not use is told to the log.
+    gradient, clip, gradient_opacity, shadows, ambient_occlusion
+        As for `Scene`.
+    depth_cue
+        As for `Scene`; or "auto" for one that fades to black, by 4/5, over the depths that the fields take.
     camera
         Takes the place of the options that follow.
     direction, up
@@ -540,11 +585,11 @@ def render(
         As for `Camera.fit`: "orthographic" or "perspective", vertical angle in degrees, margin around the field.
     renderer
         Takes the place of the options that follow.
-    backend, device, precision, tagging, packing, effects, allow_inexact, threads
+    backend, device, precision, tagging, packing, effects, allow_inexact, threads, max_error, max_seconds
         As for `Renderer`.
     outputs, progress
         As for `Renderer.render`.
-    spacing, origin, lattice, radius, falloff, normalization, w0, nan
+    spacing, origin, lattice, radius, falloff, normalization, w0, prefilter, nan
         As for `RegularField`; for arrays and files.
     shape, dtype, offset, name, grid, scalar, particles, support, fit, neighbors, min_scale, log
         As for `sheetsplat.open`; for files.
@@ -563,6 +608,7 @@ def render(
         "falloff": falloff,
         "normalization": normalization,
         "w0": w0,
+        "prefilter": prefilter or None,
         "nan": nan,
         "shape": shape,
         "dtype": dtype,
@@ -594,6 +640,12 @@ def render(
         "opacity_stop": opacity_stop,
         "preintegration": preintegration,
         "filter": filter,
+        "gradient": gradient,
+        "clip": clip,
+        "gradient_opacity": gradient_opacity,
+        "depth_cue": depth_cue,
+        "shadows": shadows,
+        "ambient_occlusion": ambient_occlusion,
     }
     if isinstance(data, Scene):
         _refuse_beside_a_scene({**look, **field_options})
@@ -608,7 +660,12 @@ def render(
         ignored = advice.unused(shown_in, [*asked, *outputs])
         if ignored:
             _log.warning("mode %s does not use these options: %s", shown_in, ", ".join(ignored))
-        scene = compose_scene(fields, **{**_suggested(data, given), **given})
+        if depth_cue == "auto":
+            # Known when the camera is.
+            del given["depth_cue"]
+        goals = (max_error, max_seconds) if renderer is None else (renderer.max_error, renderer.max_seconds)
+        free = any(goal is not None for goal in goals)
+        scene = compose_scene(fields, **{**_suggested(data, given), **given}, spacing_is_free=free)
         if scene.mode == "isosurface":
             _log.info("%s", surface_text(scene))
     if camera is None:
@@ -625,6 +682,8 @@ def render(
             fov_y=fov_y,
             margin=margin,
         )
+    if depth_cue == "auto":
+        scene = scene.replace(depth_cue=fitting_depth_cue(scene, camera))
     if renderer is None:
         renderer = Renderer(
             backend,
@@ -635,5 +694,7 @@ def render(
             effects=effects,
             allow_inexact=allow_inexact,
             threads=threads,
+            max_error=max_error,
+            max_seconds=max_seconds,
         )
     return renderer.render(scene, camera, size=(width, height), outputs=outputs, progress=progress)

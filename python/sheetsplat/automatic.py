@@ -99,7 +99,7 @@ def choose(fields: Sequence[Field]) -> Look:
     if not isinstance(field, EllipsoidField):
         raise TypeError(f"automatic.choose: {type(field).__name__}")
     places = places_in(field)
-    look = _wide_enough(choose_for(field.at(places_in(field, _affordable(field)))), field)
+    look = _wide_enough(choose_for(field.at(affordable_places_in(field))), field)
     spacing = min(one.default_slice_spacing for one in fields if one.size) if places.size else 1.0
     usual = _usual_spacing(places, spacing)
     share = min(1.0, spacing / usual)
@@ -153,6 +153,11 @@ def _affordable(field: EllipsoidField) -> int:
     # A kernel adds its weight to W at most, and a tenth of it on the average.
     crowd = 10.0 * float(np.median(field.weight_at(few))) / heaviest if few.size and heaviest > 0 else 0.0
     return int(min(_PLACES, max(_FEW_PLACES, _SUMMANDS / max(crowd, 1.0))))
+
+
+def affordable_places_in(field: EllipsoidField) -> NDArray[np.float64]:
+    """Return as many places in a scattered field, (M, 3), as the scalar can be asked for at."""
+    return places_in(field, _affordable(field))
 
 
 def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64]:

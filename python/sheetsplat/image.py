@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +18,56 @@ from sheetsplat.errors import complain
 from sheetsplat.plan import RenderPlan
 
 
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """How far a picture is from the converged one, estimated without it.
+
+    The converged picture is the one of ever closer slices, without an opacity stop, in exact arithmetic.
+
+    Attributes
+    ----------
+    rmse
+        Root mean square difference over all pixels and channels: of premultiplied colours and opacity, 0 to 1; in the
+        modes "xray" and "mip" of scalars, divided by the largest one where that is above 1. So do conventions, section
+        8, and ``sheetsplat.compare.compare`` (after ``import sheetsplat.compare``).
+    budget
+        The same by cause. Causes are independent: their squares add up to the square of `rmse`. Shadows and ambient
+        occlusion from volumes are not measured: they count as the plan expects them, mostly from above.
+    map
+        Each pixel's own estimate, root mean square over its channels, float32 (h, w); the mean of its squares is the
+        square of `rmse`.
+    """
+
+    rmse: float
+    budget: dict[str, float]
+    map: NDArray[np.float32]
+
+    @classmethod
+    def _of(cls, native: _sheetsplat.ErrorEstimate) -> ErrorEstimate:
+        budget: dict[str, float] = {}
+        for cause, rmse in native.budget:
+            budget[cause] = float(np.hypot(budget.get(cause, 0.0), rmse))
+        return cls(rmse=native.rmse, budget=budget, map=native.map)
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        causes = ", ".join(f"{cause} {rmse:.2g}" for cause, rmse in self.budget.items())
+        return f"ErrorEstimate({self.rmse:.2g}: {causes})"
+
+
 class Image:
     """A picture, row 0 at the top. Either `rgba` or `scalar` is there, by the scene's mode.
 
     ``np.asarray(image)`` gives the one that is there. The arrays may outlive the image.
     """
 
-    __slots__ = ("_coverage", "_depth", "_native", "_plan", "_rgba", "_scalar", "_stats")
+    __slots__ = ("_coverage", "_depth", "_error", "_estimate", "_native", "_plan", "_rgba", "_scalar", "_stats")
 
     def __init__(self) -> None:
         raise TypeError("an Image is made by Renderer.render or sheetsplat.render")
 
     @classmethod
-    def _of(cls, native: _sheetsplat.Image) -> Image:
+    def _of(cls, native: _sheetsplat.Image, estimate: Callable[[], ErrorEstimate] | None = None) -> Image:
         image = cls.__new__(cls)
         image._native = native
         image._rgba = native.rgba
@@ -37,6 +76,8 @@ class Image:
         image._depth = native.depth
         image._plan = RenderPlan._of(native.plan)
         image._stats = native.stats
+        image._error = None
+        image._estimate = estimate
         return image
 
     _native: _sheetsplat.Image
@@ -46,6 +87,8 @@ class Image:
     _depth: NDArray[np.float32] | None
     _plan: RenderPlan
     _stats: dict[str, float]
+    _error: ErrorEstimate | None
+    _estimate: Callable[[], ErrorEstimate] | None
 
     @staticmethod
     def _there(name: str, array: NDArray[np.float32] | None, then: str) -> NDArray[np.float32]:
@@ -95,6 +138,37 @@ class Image:
     def stats(self) -> dict[str, float]:
         """Seconds per stage, slices, kernels drawn and culled, bytes."""
         return dict(self._stats)
+
+    @property
+    def settings(self) -> dict[str, Any] | None:
+        """What stood in place of the scene's own options where max_error or max_seconds chose them; else None."""
+        return self._native.settings
+
+    @property
+    def error(self) -> ErrorEstimate:
+        """How far this picture is from the converged one, with the causes and a map.
+
+        It is estimated when it is first asked for, from further pictures of the same view, which take some four times
+        as long as this one; the renderer and the scene are kept until then. Ctrl-C stops it.
+
+        Raises
+        ------
+        InvalidInput
+            For a coarse stage of a picture.
+        Unsupported, OutOfMemory
+            Where those further pictures cannot be made.
+        """
+        if self._error is None:
+            if self._estimate is None:
+                raise complain(
+                    "the error of this picture cannot be estimated",
+                    "a picture without its renderer and scene",
+                    "one that Renderer.render returned",
+                    "render it",
+                )
+            self._error = self._estimate()
+            self._estimate = None
+        return self._error
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the picture to a file, by its suffix; the file appears whole or not at all.

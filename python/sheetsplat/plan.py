@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -22,12 +23,21 @@ class Effect:
         One sentence: why it is on or off.
     forced
         True where the caller decided.
+    error
+        Root mean square error that it is expected to add to the picture: its part of ``RenderPlan.error_budget``. 0
+        where it changes no digit that anybody sees.
+    cost_ms
+        What it costs, in milliseconds of this picture: of an effect that is on what the picture takes longer with it,
+        of one that is off what it would. None until `Renderer.measure_effects` has measured it, and where it cannot be
+        turned the other way.
     """
 
     name: str
     on: bool
     reason: str
     forced: bool
+    error: float = 0.0
+    cost_ms: float | None = None
 
 
 @dataclass(frozen=True)
@@ -51,8 +61,11 @@ class RenderPlan:
     effects
         Each effect with its reason.
     error_budget
-        Root mean square error that is expected of each cause: an estimate of the noise of sums in this precision, made
-        from the scene alone. It is no bound, and a picture can be further from the reference; measure where it matters.
+        Root mean square distance from the float64 reference at the same slices that is expected of each cause, made
+        from the scene alone. An estimate, mostly from above; measure where it matters. What the distance of slices and
+        the opacity stop cost is not in it: `Image.error` says that, and the effect "settings for max_error".
+    picture_ms
+        Milliseconds that the picture took, median, where `Renderer.measure_effects` made this plan; else None.
     """
 
     backend: str
@@ -67,6 +80,7 @@ class RenderPlan:
     memory: int
     effects: tuple[Effect, ...]
     error_budget: dict[str, float]
+    picture_ms: float | None = None
 
     @classmethod
     def _of(cls, native: _sheetsplat.RenderPlan) -> RenderPlan:
@@ -85,6 +99,14 @@ class RenderPlan:
             error_budget=dict(native.error_budget),
         )
 
+    @property
+    def expected_error(self) -> float:
+        """Root mean square distance from the reference that is expected of all causes: the root of their squares' sum.
+
+        It is also that of the errors of all effects.
+        """
+        return math.hypot(*self.error_budget.values())
+
     def has(self, effect: str) -> bool:
         """Return True where the effect exists and is on."""
         return any(one.on for one in self.effects if one.name == effect)
@@ -94,6 +116,7 @@ class RenderPlan:
         plain = asdict(self)
         plain["size"] = list(self.size)
         plain["effects"] = [asdict(effect) for effect in self.effects]
+        plain["expected_error"] = self.expected_error
         return plain
 
     def __str__(self) -> str:
@@ -108,14 +131,37 @@ class RenderPlan:
             ("memory", f"{self.memory / 1e6:.1f} MB beside the fields"),
         ]
         lines = [f"{name:<11}{text}" for name, text in rows]
-        if self.effects:
-            width = max(len(effect.name) for effect in self.effects)
-            lines += ["", f"{'effect':<{width}}      why"]
-            for effect in self.effects:
-                forced = " (forced)" if effect.forced else ""
-                lines.append(f"{effect.name:<{width}}  {'on ' if effect.on else 'off'} {effect.reason}{forced}")
+        if self.picture_ms is not None:
+            lines.append(f"{'picture':<11}{self.picture_ms:.3g} ms, median")
+        lines += self._table()
         if self.error_budget:
-            width = max(map(len, self.error_budget))
-            lines += ["", "error expected, root mean square: an estimate, no bound"]
-            lines += [f"{cause:<{width}}  {rmse:.2g}" for cause, rmse in self.error_budget.items()]
+            budget = self.error_budget | {"all together": self.expected_error}
+            width = max(map(len, budget))
+            away = "from the float64 reference at the same slices"
+            lines += ["", f"error expected {away}, root mean square: an estimate, no bound"]
+            lines += [f"{cause:<{width}}  {rmse:.2g}" for cause, rmse in budget.items()]
         return "\n".join(lines)
+
+    def _table(self) -> list[str]:
+        """Return the lines of the effects: name, on or off, error owed, cost where measured, reason."""
+        if not self.effects:
+            return []
+        width = max(len(effect.name) for effect in self.effects)
+        measured = self.picture_ms is not None
+        cost = f"  {'ms':>7}" if measured else ""
+        lines = ["", f"{'effect':<{width}}       {'error':>7}{cost}  why"]
+        for effect in self.effects:
+            error = f"{effect.error:.1e}" if effect.on and effect.error > 0 else "-"
+            cost = f"  {_cost(effect):>7}" if measured else ""
+            forced = " (forced)" if effect.forced else ""
+            switch = "on " if effect.on else "off"
+            lines.append(f"{effect.name:<{width}}  {switch}  {error:>7}{cost}  {effect.reason}{forced}")
+        return lines
+
+
+def _cost(effect: Effect) -> str:
+    """Return milliseconds: in brackets what an effect that is off would cost."""
+    if effect.cost_ms is None:
+        return "-"
+    text = f"{effect.cost_ms:.2f}"
+    return text if effect.on else f"({text})"

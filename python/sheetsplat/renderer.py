@@ -6,13 +6,14 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Literal
+from typing import Any, Literal
 
 from sheetsplat import _sheetsplat, advice
 from sheetsplat._checks import choice, image_size, instance, names, number, shown, truth, whole
 from sheetsplat.camera import Camera
+from sheetsplat.effects_cost import measured_plan
 from sheetsplat.errors import complain
-from sheetsplat.image import Image
+from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.plan import RenderPlan
 from sheetsplat.scene import Scene
 
@@ -52,6 +53,13 @@ def _count(what: str, value: object) -> int:
     return result
 
 
+def _goal(what: str, value: object) -> float:
+    result = number(what, value)
+    if not result > 0:
+        raise complain(f"{what} cannot be used", str(result), "a number above 0", "leave it out")
+    return result
+
+
 def _threads(threads: object) -> int:
     wanted = f"a whole number from 1 to {MOST_THREADS}, or None for as many as the process may run on"
     result = whole("Renderer: threads", threads, wanted)
@@ -68,7 +76,7 @@ def _idle(given: Mapping[str, object], forced: Mapping[str, bool], plan: RenderP
         # What it does anyway may be asked for.
         ways = {"tagging": plan.tagging, "packing": plan.packing}
         idle += [name for name, way in ways.items() if given.get(name, "auto") not in ("auto", way)]
-    known = {effect.name for effect in plan.effects}
+    known = {effect.name for effect in plan.effects if effect.forced}
     return idle + [f"the effect {name}" for name, on in forced.items() if on and name not in known]
 
 
@@ -103,6 +111,18 @@ class Renderer:
         Depth tags before the depth buffer is cleared; what its resolution allows unless given.
     threads
         Of backend "cpu"; as many as the process may run on at once unless given. Pictures do not depend on them.
+    max_error
+        Root mean square distance from the converged picture (`Image.error`) that pictures may have, at least 6e-8. The
+        renderer takes the cheapest settings that keep it, and tries them with few pixels before the first picture of a
+        scene. What the scene has at its default is chosen: slice_spacing, sampling, preintegration, opacity_stop. What
+        differs from the default stays as it is; where that does not allow the error, InvalidInput says so. The unit is
+        that of `ErrorEstimate.rmse`: of colours and opacity, 0 to 1; in the modes "xray" and "mip" of scalars over the
+        largest one, where that is above 1. An error below what shadows or ambient occlusion from volumes are expected
+        to have is out of reach (Unsupported); backend "reference" has no volumes.
+    max_seconds
+        How long a picture may take once the renderer knows the scene, an aim: settings of the smallest error are taken
+        that are expected to keep it, or the fastest ones where none are, with a warning in the log. Together with
+        `max_error`, the time is kept where both cannot be, with a warning.
 
     The device itself is looked for at the first plan or picture. Settings that say nothing to the backend which is
     taken are told in the log then, as a warning.
@@ -113,7 +133,7 @@ class Renderer:
         For unknown names, also in SHEETSPLAT_BACKEND.
     """
 
-    __slots__ = ("_backend", "_forced", "_given", "_native", "_told_idle")
+    __slots__ = ("_backend", "_forced", "_given", "_native", "_native_settings", "_told_idle")
 
     def __init__(
         self,
@@ -128,6 +148,8 @@ class Renderer:
         tile_size: int | None = None,
         tags_per_clear: int | None = None,
         threads: int | None = None,
+        max_error: float | None = None,
+        max_seconds: float | None = None,
     ) -> None:
         forced: dict[str, bool] = {}
         if effects is not None:
@@ -135,18 +157,23 @@ class Renderer:
                 raise complain("Renderer: effects cannot be used", shown(effects), "{name: True or False}")
             forced = {name: truth(f"Renderer: the effect {shown(name)}", on) for name, on in effects.items()}
         self._backend = _chosen_backend(backend)
-        self._native = _sheetsplat.Renderer(
-            backend=self._backend,
-            device=None if device is None else whole("Renderer: device", device),
-            precision=choice("Renderer: precision", precision, PRECISIONS),
-            tagging=choice("Renderer: tagging", tagging, TAGGINGS),
-            packing=choice("Renderer: packing", packing, PACKINGS),
-            effects=forced,
-            allow_inexact=truth("Renderer: allow_inexact", allow_inexact),
-            tile_size=0 if tile_size is None else _count("Renderer: tile_size", tile_size),
-            tags_per_clear=0 if tags_per_clear is None else _count("Renderer: tags_per_clear", tags_per_clear),
-            threads=0 if threads is None else _threads(threads),
-        )
+        self._native_settings: dict[str, Any] = {
+            "backend": self._backend,
+            "device": None if device is None else whole("Renderer: device", device),
+            "precision": choice("Renderer: precision", precision, PRECISIONS),
+            "tagging": choice("Renderer: tagging", tagging, TAGGINGS),
+            "packing": choice("Renderer: packing", packing, PACKINGS),
+            "effects": forced,
+            "allow_inexact": truth("Renderer: allow_inexact", allow_inexact),
+            "tile_size": 0 if tile_size is None else _count("Renderer: tile_size", tile_size),
+            "tags_per_clear": 0 if tags_per_clear is None else _count("Renderer: tags_per_clear", tags_per_clear),
+            "threads": 0 if threads is None else _threads(threads),
+        }
+        goals = {"max_error": max_error, "max_seconds": max_seconds}
+        self._native_settings |= {
+            name: _goal(f"Renderer: {name}", value) for name, value in goals.items() if value is not None
+        }
+        self._native = _sheetsplat.Renderer(**self._native_settings)
         settings = {"device": device, "tagging": tagging, "packing": packing, "threads": threads}
         # 0 is what they are unless given.
         settings |= {"tile_size": tile_size or None, "tags_per_clear": tags_per_clear or None}
@@ -157,6 +184,16 @@ class Renderer:
     def __repr__(self) -> str:
         """Return a short description."""
         return f"Renderer({self._backend!r})"
+
+    @property
+    def max_error(self) -> float | None:
+        """Root mean square distance from the converged picture that pictures may have, or None."""
+        return self._native_settings.get("max_error")
+
+    @property
+    def max_seconds(self) -> float | None:
+        """How long a picture may take, or None."""
+        return self._native_settings.get("max_seconds")
 
     def plan(
         self,
@@ -196,6 +233,65 @@ class Renderer:
         plan = RenderPlan._of(native)
         self._tell_idle(plan)
         return plan
+
+    def measure_effects(
+        self,
+        scene: Scene,
+        camera: Camera,
+        size: tuple[int, int] = (400, 400),
+        outputs: Iterable[Output] = (),
+        *,
+        repeats: int = 3,
+    ) -> RenderPlan:
+        """Return the plan with the milliseconds that each effect costs, by drawing the picture with and without it.
+
+        Some two dozen effects can be turned the other way, so this takes some hundred pictures. Effects that are off
+        are timed as well: what it would cost to leave them in. Costs are medians of differences between neighbours:
+        they carry noise of some per cent of ``picture_ms``, more on a busy machine, and do not add up, since effects
+        share work.
+
+        Parameters
+        ----------
+        scene, camera, size, outputs
+            As for `render`.
+        repeats
+            Pictures of each kind that are timed, at least 1.
+
+        Raises
+        ------
+        DeviceUnavailable, InvalidInput, Unsupported, OutOfMemory
+            As `render`.
+        """
+        count = whole("Renderer: repeats", repeats)
+        if count < 1:
+            raise complain("Renderer: repeats cannot be used", str(count), "a whole number of at least 1")
+        wanted = self._asked(scene, camera, outputs, None)
+        pixels = image_size(size)
+        plan = self.plan(scene, camera, size, outputs)
+        settings = self._native_settings | {"backend": plan.backend}
+        others: dict[str, _sheetsplat.Renderer] = {}
+
+        def draw(drawn: Scene, asked: tuple[str, ...], effects: dict[str, bool]) -> RenderPlan:
+            native = self._native
+            if effects:
+                key = repr(effects)
+                if key not in others:
+                    # One at a time beside this one: each keeps buffers of its own.
+                    others.clear()
+                    forced = settings["effects"] | effects
+                    others[key] = _sheetsplat.Renderer(**settings | {"effects": forced, "allow_inexact": True})
+                native = others[key]
+            image = native.render(
+                drawn._native,
+                camera._native,
+                size=pixels,
+                coverage="coverage" in asked,
+                depth="depth" in asked,
+                progress=None,
+            )
+            return RenderPlan._of(image.plan)
+
+        return measured_plan(plan, scene, wanted, draw, count)
 
     def render(
         self,
@@ -242,7 +338,7 @@ class Renderer:
             depth="depth" in wanted,
             progress=progress,
         )
-        return self._told(native, scene, began)
+        return self._told(native, scene, camera, began)
 
     def progressive(
         self,
@@ -288,13 +384,15 @@ class Renderer:
             depth="depth" in wanted,
             first_seconds=seconds,
         )
-        return self._stages(stages, scene, progress)
+        return self._stages(stages, scene, camera, progress)
 
-    def _stages(self, stages: _sheetsplat.Stages, scene: Scene, progress: Progress | None) -> Iterator[Image]:
+    def _stages(
+        self, stages: _sheetsplat.Stages, scene: Scene, camera: Camera, progress: Progress | None
+    ) -> Iterator[Image]:
         while not stages.done:
             began = time.perf_counter()
             native = self._native.next_stage(stages, progress=progress)
-            yield self._told(native, scene, began)
+            yield self._told(native, scene, camera, began)
 
     def _asked(self, scene: object, camera: object, outputs: object, progress: object) -> tuple[str, ...]:
         instance("Renderer: scene", scene, Scene)
@@ -303,8 +401,12 @@ class Renderer:
             raise complain("Renderer: progress cannot be used", shown(progress), "a function of one number, or None")
         return _outputs(outputs)
 
-    def _told(self, native: _sheetsplat.Image, scene: Scene, began: float) -> Image:
-        image = Image._of(native)
+    def _told(self, native: _sheetsplat.Image, scene: Scene, camera: Camera, began: float) -> Image:
+        def estimate() -> ErrorEstimate:
+            found = self._native.estimate_error(native, scene._native, camera._native, progress=None)
+            return ErrorEstimate._of(found)
+
+        image = Image._of(native, estimate)
         width, height = image.size
         plan = image.plan
         self._tell_idle(plan)
@@ -313,6 +415,9 @@ class Renderer:
             stage = f"stage {image.stats['stage']:.0f} of {image.stats['stages']:.0f}, "
         seconds = time.perf_counter() - began
         _log.info("rendered %s%d x %d on %s in %.3f s", stage, width, height, plan.backend, seconds)
+        for goal in ("max_error", "max_seconds"):
+            if image.stats.get(f"{goal}_kept") == 0:
+                _log.warning("%s is not kept: %s", goal, image.plan.effects[-1].reason)
         if advice.is_empty(image, scene):
             _log.warning("nothing can be seen in the picture: %s", advice.why_empty(scene))
         if _log.isEnabledFor(logging.DEBUG):

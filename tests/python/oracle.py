@@ -367,15 +367,27 @@ def unit(vector: ArrayLike) -> Array:
     return np.asarray(v / np.linalg.norm(v))
 
 
-def shade(colour: Array, gradient: Array, to_camera: Array, weak: float, scene: Scene, turn: Array) -> Array:
-    """Return the shaded colour of points; gradient and to_camera in eye space, turn the rotation from world to eye."""
+def shade(
+    colour: Array,
+    gradient: Array,
+    to_camera: Array,
+    weak: float,
+    scene: Scene,
+    turn: Array,
+    points: Array,
+    around: Around | None,
+) -> Array:
+    """Return the shaded colour of points; these, gradient and to_camera in eye space, turn from world to eye."""
+    ambient = 1.0
+    if around is not None and scene.ambient_occlusion is not None:
+        ambient = around.ambient(points)[:, None]
     if not scene.lights:
-        return colour
+        return colour * ambient
     length = np.linalg.norm(gradient, axis=-1)
     bound = np.maximum(length, weak)
     normal = -gradient / np.where(bound > 0, bound, 1)[..., None]
     material = scene.material
-    shaded = colour * material.ambient
+    shaded = colour * material.ambient * ambient
     for light in scene.lights:
         towards = unit(light.direction)
         if light.space == "world":
@@ -388,7 +400,8 @@ def shade(colour: Array, gradient: Array, to_camera: Array, weak: float, scene: 
         reflected = 2 * cosine[..., None] * n - towards
         highlight = np.maximum(0.0, (reflected * to_camera).sum(-1)) ** material.shininess
         amount = colour * material.diffuse + material.specular * highlight[..., None]
-        shaded = shaded + np.asarray(light.color, float) * np.maximum(0.0, cosine)[..., None] * amount
+        reaches = around.light(points, towards)[:, None] if around is not None and scene.shadows else 1.0
+        shaded = shaded + reaches * np.asarray(light.color, float) * np.maximum(0.0, cosine)[..., None] * amount
     return shaded
 
 
@@ -436,6 +449,50 @@ class Camera:
         return 2 * math.tan(math.radians(self.fov_y) / 2) if self.is_perspective else self.height
 
 
+# Section 10: effects
+
+
+@dataclass
+class Clip:
+    """Half spaces (normal, offset) and a box; what is in all of them is kept."""
+
+    planes: Sequence[tuple[Sequence[float], float]] = ()
+    box: tuple[Sequence[float], Sequence[float]] | None = None
+
+    def keeps(self, points: Array, camera: Camera, spacing: float) -> NDArray[np.bool_]:
+        """Return which of the points (..., 3) of eye space are kept."""
+        slack = 1e-6 * spacing
+        # World axes, relative to the eye: what is far away keeps its digits.
+        offset = points @ camera.turn()
+        kept = np.ones(points.shape[:-1], bool)
+        for normal, least in self.planes:
+            length = float(np.linalg.norm(normal))
+            n = np.asarray(normal, float) / length
+            kept &= offset @ n >= least / length - n @ camera.eye - slack
+        if self.box is not None:
+            low, high = np.asarray(self.box, float) - camera.eye
+            kept &= ((offset >= low - slack) & (offset <= high + slack)).all(-1)
+        return kept
+
+
+@dataclass
+class DepthCue:
+    """Colours fade from one depth to another."""
+
+    start: float
+    end: float
+    color: Sequence[float] = (0, 0, 0)
+    strength: float = 1.0
+
+
+@dataclass
+class AmbientOcclusion:
+    """Ambient light fades where the surroundings are dense."""
+
+    radius: float
+    strength: float = 1.0
+
+
 # Section 3, 6, 7: scene and picture
 
 
@@ -453,8 +510,14 @@ class Scene:
     lights: Sequence[Light] = ()
     material: Material = field(default_factory=Material)
     opacity_stop: float = 0.98
-    preintegration: bool = False
+    preintegration: bool | str = False
     filter: str | None = None
+    gradient: str = "sheets"
+    clip: Clip | None = None
+    gradient_opacity: float | None = None
+    depth_cue: DepthCue | None = None
+    shadows: bool = False
+    ambient_occlusion: AmbientOcclusion | None = None
     background: Sequence[float] | None = None
 
     def fields(self) -> list[RegularField | EllipsoidField]:
@@ -503,6 +566,7 @@ class Samples:
     rho: Array  # (S, h + 2, w + 2)
     empty: Array  # (S, h + 2, w + 2)
     weight: Array  # (S, h, w)
+    slope: Array  # (S, h, w, 3) analytic gradient of ρ, eye axes; zeros where the scene takes differences
 
 
 def slice_depth(n: Array, centre: float, spacing: float) -> Array:
@@ -546,7 +610,13 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
     """Return ρ on all slices (sections 2 and 3)."""
     w, h = size
     spacing = scene.spacing()
-    nothing = Samples(np.zeros(0), np.zeros((0, h + 2, w + 2)), np.zeros((0, h + 2, w + 2), bool), np.zeros((0, h, w)))
+    nothing = Samples(
+        np.zeros(0),
+        np.zeros((0, h + 2, w + 2)),
+        np.zeros((0, h + 2, w + 2), bool),
+        np.zeros((0, h, w)),
+        np.zeros((0, h, w, 3)),
+    )
     placed = place(scene, camera, size, nudge)
     if not placed.fields:
         return nothing
@@ -562,6 +632,8 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
     rho = np.zeros((count, (h + 2) * (w + 2)))
     weight = np.zeros((count, (h + 2) * (w + 2)))
     empty = np.ones((count, (h + 2) * (w + 2)), bool)
+    slope = np.zeros((count, (h + 2) * (w + 2), 3))
+    analytic = scene.gradient == "analytic"
     tall = camera.height_at_one()
     x, y = np.meshgrid(
         (2 * (np.arange(-1, w + 1) + 0.5) / w - 1) * tall / 2 * w / h,
@@ -582,6 +654,7 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
                 continue
             some = kernels.picked(near)
             data, weights, reached = np.zeros(x.shape), np.zeros(x.shape), np.zeros(x.shape, bool)
+            data_slope, weight_slope = np.zeros((*x.shape, 3)), np.zeros((*x.shape, 3))
             step = max(1, CHUNK // len(some.centres))
             for p in range(0, len(x), step):
                 part = slice(p, p + step)
@@ -591,6 +664,12 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
                 else:
                     r2 = (delta**2).sum(-1)
                     g, inside = kernel(r2, f.falloff), r2 < 1
+                if analytic:
+                    along = some.turned(rays[part])
+                    slopes = kernel_slopes(delta, along, some, f.falloff, spacing if scene.sampling == "slab" else 0.0)
+                    amounts = np.ones(len(some.values)) if some.weights is None else some.weights
+                    data_slope[part] = np.einsum("pka,k->pa", slopes, amounts * some.values)
+                    weight_slope[part] = np.einsum("pka,k->pa", slopes, amounts)
                 if some.weights is not None:
                     g = g * some.weights
                 data[part] = g @ some.values
@@ -598,10 +677,19 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
                 reached[part] = inside.any(-1)
             rho[s] += np.where(reached, normalised(f, data, weights), 0.0)
             weight[s] += weights
+            if analytic:
+                slope[s] += normalised_slope(f, data, weights, data_slope, weight_slope)
             empty[s] &= ~reached
     rho += np.where(empty, 0.0, nudge.rho)
     shape = (count, h + 2, w + 2)
-    return Samples(all_depth, rho.reshape(shape), empty.reshape(shape), weight.reshape(shape)[:, 1:-1, 1:-1])
+    inner = np.s_[:, 1:-1, 1:-1]
+    return Samples(
+        all_depth,
+        rho.reshape(shape),
+        empty.reshape(shape),
+        weight.reshape(shape)[inner],
+        slope.reshape((*shape, 3))[inner],
+    )
 
 
 def _slab(delta: Array, ray: Array, spacing: float, k: float) -> tuple[Array, Array]:
@@ -619,6 +707,106 @@ def _slab(delta: Array, ray: Array, spacing: float, k: float) -> tuple[Array, Ar
     return g, inside
 
 
+_SLAB_NODES, _SLAB_WEIGHTS = np.polynomial.legendre.leggauss(40)
+
+
+def kernel_slopes(delta: Array, ray: Array, kernels: Kernels, k: float, length: float) -> Array:
+    """Return ∇g in eye axes (P, K, 3), or its mean over a slab of that length along the ray, by quadrature."""
+
+    def pulled(q: Array) -> Array:
+        """Return -2k exp(-k r²) / (1 - exp(-k)) times the transposed inverse of B times q, without the support."""
+        scale = -2 * k * np.exp(-k * (q**2).sum(-1)) / (1 - math.exp(-k))
+        m = kernels.to_sphere
+        return np.stack([scale * sum(m[:, a, b] * q[..., a] for a in range(3)) for b in range(3)], -1)
+
+    if length == 0:
+        return np.where(((delta**2).sum(-1) < 1)[..., None], pulled(delta), 0.0)
+    speed = np.linalg.norm(ray, axis=-1)
+    nearest = -(delta * ray).sum(-1) / speed**2
+    r2 = ((delta + nearest[..., None] * ray) ** 2).sum(-1)
+    half = np.sqrt(np.maximum(0.0, 1 - r2)) / speed
+    t0, t1 = np.maximum(-half, -length / 2 - nearest), np.minimum(half, length / 2 - nearest)
+    inside = (r2 < 1) & (t1 > t0)
+    total = np.zeros(delta.shape)
+    for node, weight in zip(_SLAB_NODES, _SLAB_WEIGHTS, strict=True):
+        t = nearest + (t0 + t1) / 2 + node * (t1 - t0) / 2
+        total += (weight * (t1 - t0) / 2)[..., None] * pulled(delta + t[..., None] * ray)
+    return np.where(inside[..., None], total / length, 0.0)
+
+
+def normalised_slope(
+    f: RegularField | EllipsoidField, data: Array, weights: Array, data_slope: Array, weight_slope: Array
+) -> Array:
+    """Return ∇ρ of the sums D and W and their gradients (section 10)."""
+    if f.normalization == "none":
+        return data_slope
+    if f.normalization == "lattice":
+        return data_slope / f.mass()
+    above = weights > f.w0
+    w = np.where(above, weights, 1.0)[:, None]
+    return np.where(above[:, None], (w * data_slope - data[:, None] * weight_slope) / w**2, data_slope / f.w0)
+
+
+def density(scene: Scene, placed: Placed, points: Array, nudge: Nudge) -> tuple[Array, NDArray[np.bool_]]:
+    """Return ρ by point sampling and what is empty, at points (P, 3) of eye space."""
+    rho, empty = np.zeros(len(points)), np.ones(len(points), bool)
+    for f, kernels in placed.fields:
+        step = max(1, CHUNK // len(kernels.centres))
+        for p in range(0, len(points), step):
+            part = slice(p, p + step)
+            r2 = (kernels.turned(points[part][:, None, :] - kernels.centres) ** 2).sum(-1)
+            g = kernel(r2, f.falloff)
+            if kernels.weights is not None:
+                g = g * kernels.weights
+            reached = (r2 < 1).any(-1)
+            rho[part] += np.where(reached, normalised(f, g @ kernels.values, g.sum(-1)), 0.0)
+            empty[part] &= ~reached
+    return rho + np.where(empty, 0.0, nudge.rho), empty
+
+
+class Around:
+    """What takes light on its way to points of eye space (section 10, shadows and ambient occlusion)."""
+
+    def __init__(self, scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> None:
+        self.scene, self.camera, self.nudge = scene, camera, nudge
+        self.placed = place(scene, camera, size, nudge)
+
+    def left(self, points: Array, direction: Array, most: float = math.inf) -> Array:
+        """Return the product of 1 - α along the direction, one slice distance after the other."""
+        spacing = self.scene.spacing()
+        # No support is farther away than the farthest centre and the largest reach of all.
+        far = 0.0
+        for _, kernels in self.placed.fields:
+            longest = np.broadcast_to(np.linalg.norm(kernels.factor, axis=(1, 2)), (len(kernels.centres),))
+            gaps = np.linalg.norm(points[:, None, :] - kernels.centres, axis=-1) + longest
+            far = max(far, float(gaps.max(initial=0.0)))
+        left = np.ones(len(points))
+        step = 1
+        while step <= most and step * spacing <= far:
+            there = points + step * spacing * direction
+            rho, empty = density(self.scene, self.placed, there, self.nudge)
+            alpha = slice_opacity(self.scene.transfer_function(rho)[:, 3], np.array(spacing / self.scene.length()))
+            if self.scene.clip is not None:
+                empty = empty | ~self.scene.clip.keeps(there, self.camera, spacing)
+            left *= np.where(empty, 1.0, 1 - alpha)
+            step += 1
+        return left
+
+    def light(self, points: Array, towards: Array) -> Array:
+        """Return the share of a light that reaches the points."""
+        return self.left(points, towards)
+
+    def ambient(self, points: Array) -> Array:
+        """Return the share of ambient light that reaches the points."""
+        occlusion = self.scene.ambient_occlusion
+        assert occlusion is not None
+        most = max(1, math.floor(occlusion.radius / self.scene.spacing() + 1e-6))
+        grid = [np.array(v, float) for v in np.ndindex(3, 3, 3)]
+        around = [v - 1 for v in grid if np.abs(v - 1).sum() in (1, 3)]
+        open_share = np.mean([self.left(points, self.camera.turn() @ unit(v), most) for v in around], axis=0)
+        return np.asarray(1 - occlusion.strength * (1 - open_share))
+
+
 def normalised(f: RegularField | EllipsoidField, data: Array, weights: Array) -> Array:
     """Return ρ of the sums D and W (section 2)."""
     if f.normalization == "none":
@@ -629,7 +817,7 @@ def normalised(f: RegularField | EllipsoidField, data: Array, weights: Array) ->
 
 
 def gradients(samples: Samples, camera: Camera, size: tuple[int, int], spacing: float) -> Array:
-    """Return ∇ρ in eye space on slices 1 ... S - 2 of the samples, (S - 2, h, w, 3) (section 5)."""
+    """Return differences of ρ in eye space on slices 1 ... S - 2 of the samples, (S - 2, h, w, 3) (section 5)."""
     w, h = size
     rho = samples.rho
     pixel = np.full(len(samples.depth) - 2, camera.height_at_one() / h)
@@ -668,38 +856,95 @@ def render(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge | N
     turn = camera.turn()
     rho, empty = samples.rho[1:-1, 1:-1, 1:-1], samples.empty[1:-1, 1:-1, 1:-1]
     depths = samples.depth[1:-1]
-    coverage = samples.weight.sum(0) * spacing * stretch
+    kept = kept_points(scene, camera, size, depths)
+    coverage = (samples.weight[1:-1] * kept).sum(0) * spacing * stretch
     depth = np.full((h, w), np.inf)
     found = max(len(depths) - 2, 0)
     if scene.mode in ("xray", "mip"):
         if scene.mode == "xray":
-            scalar = rho.sum(0) * spacing * stretch
+            scalar = (rho * kept).sum(0) * spacing * stretch
         else:
-            scalar = np.maximum(0.0, rho.max(0)) if found else np.zeros((h, w))
+            scalar = np.maximum(0.0, np.where(kept, rho, 0.0).max(0)) if found else np.zeros((h, w))
         return Picture(None, scalar, coverage, depth, found)
     rgba = np.zeros((h, w, 4))
     if found:
-        slopes = gradients(samples, camera, size, spacing)
+        slopes = samples.slope[1:-1] if scene.gradient == "analytic" else gradients(samples, camera, size, spacing)
         weak = 1e-3 * scene.transfer_function.span() / length
+        around = Around(scene, camera, size, nudge) if scene.shadows or scene.ambient_occlusion is not None else None
 
-        def shaded(colour: Array, gradient: Array, at: Array) -> Array:
-            return shade(colour, gradient, to_camera[at], weak, scene, turn)
+        def shaded(colour: Array, gradient: Array, at: Array, t: Array) -> Array:
+            points = ray_points(camera, size, at, t)
+            lit = shade(colour, gradient, to_camera[at], weak, scene, turn, points, around)
+            cue = scene.depth_cue
+            if cue is None:
+                return lit
+            share = (cue.strength * np.clip((t - cue.start) / (cue.end - cue.start), 0, 1))[:, None]
+            return lit * (1 - share) + np.asarray(cue.color, float) * share
 
         paint = _isosurface if scene.mode == "isosurface" else _composite
-        paint(scene, rho, empty, depths, slopes, shaded, spacing * stretch, length, nudge, rgba, depth)
+        paint(scene, rho, empty, kept, depths, slopes, shaded, spacing * stretch, length, nudge, rgba, depth)
     if scene.background is not None:
         rgba[..., :3] += (1 - rgba[..., 3:]) * np.asarray(scene.background, float)
         rgba[..., 3] = 1
     return Picture(rgba, None, coverage, depth, found)
 
 
-Shader = Callable[[Array, Array, Array], Array]
+def ray_points(camera: Camera, size: tuple[int, int], at: NDArray[np.bool_], t: Array) -> Array:
+    """Return where the rays of those pixels are at depths t, eye space (P, 3)."""
+    w, h = size
+    tall = camera.height_at_one()
+    x = np.broadcast_to((2 * (np.arange(w) + 0.5) / w - 1) * tall / 2 * w / h, (h, w))[at]
+    y = np.broadcast_to(((1 - 2 * (np.arange(h) + 0.5) / h) * tall / 2)[:, None], (h, w))[at]
+    scale = t if camera.is_perspective else 1.0
+    return np.stack([x * scale, y * scale, -t], -1)
+
+
+def kept_points(scene: Scene, camera: Camera, size: tuple[int, int], depths: Array) -> NDArray[np.bool_]:
+    """Return which points of slices clipping keeps, (S, h, w)."""
+    w, h = size
+    kept = np.ones((len(depths), h, w), bool)
+    if scene.clip is None:
+        return kept
+    everywhere = np.ones((h, w), bool)
+    for s, t in enumerate(depths):
+        eye = ray_points(camera, size, everywhere, np.full(h * w, t))
+        kept[s] = scene.clip.keeps(eye, camera, scene.spacing()).reshape(h, w)
+    return kept
+
+
+def gradient_share(scene: Scene, gradient: Array) -> Array:
+    """Return what gradient opacity multiplies by."""
+    if scene.gradient_opacity is None:
+        return np.ones(len(gradient))
+    return np.minimum(1.0, np.linalg.norm(gradient, axis=-1) / scene.gradient_opacity)
+
+
+def first_order(tf: TransferFunction, first: Array, last: Array, lengths: Array) -> tuple[Array, Array]:
+    """Return opacity and premultiplied colour of an interval with ρ from first to last."""
+    tau, tau_c = ramp_means(tf, first, last)
+    alpha = -np.expm1(-lengths * tau)
+    return alpha, alpha[:, None] * tau_c / np.where(tau > 0, tau, 1)[:, None]
+
+
+def second_order(tf: TransferFunction, rho: Sequence[Array], lengths: Array) -> tuple[Array, Array]:
+    """Return opacity and premultiplied colour of an interval between the second and the third of four slices."""
+    middle = (9 * (rho[1] + rho[2]) - rho[0] - rho[3]) / 16
+    a1, c1 = first_order(tf, rho[1], rho[2], lengths)
+    front, c_front = first_order(tf, rho[1], middle, lengths / 2)
+    back, c_back = first_order(tf, middle, rho[2], lengths / 2)
+    a2 = front + (1 - front) * back
+    c2 = c_front + (1 - front)[:, None] * c_back
+    return np.clip((4 * a2 - a1) / 3, 0, 1), np.maximum((4 * c2 - c1) / 3, 0)
+
+
+Shader = Callable[[Array, Array, Array, Array], Array]
 
 
 def _composite(
     scene: Scene,
     rho: Array,
     empty: Array,
+    kept: Array,
     depths: Array,
     slopes: Array,
     shaded: Shader,
@@ -711,20 +956,28 @@ def _composite(
 ) -> None:
     tf = scene.transfer_function
     stop = scene.opacity_stop + nudge.stop
+    is_open = kept & ~empty
     for s in range(len(depths) - 1):
         live = rgba[..., 3] < stop
         if scene.preintegration:
-            at = live & ~(empty[s] & empty[s + 1])
-            tau, tau_c = ramp_means(tf, rho[s][at], rho[s + 1][at])
-            alpha = -np.expm1(-step[at] * tau / length)
-            colour = tau_c / np.where(tau > 0, tau, 1)[:, None]
+            at = live & (is_open[s] | is_open[s + 1])
             gradient = (slopes[s][at] + slopes[s + 1][at]) / 2
+            lengths = step[at] / length * gradient_share(scene, gradient)
+            if scene.preintegration == "second_order":
+                four = [rho[n][at] if 0 <= n < len(rho) else np.zeros(at.sum()) for n in range(s - 1, s + 3)]
+                alpha, premultiplied = second_order(tf, four, lengths)
+            else:
+                alpha, premultiplied = first_order(tf, rho[s][at], rho[s + 1][at], lengths)
+            colour = premultiplied / np.where(alpha > 0, alpha, 1)[:, None]
+            t = np.full(alpha.shape, (depths[s] + depths[s + 1]) / 2)
         else:
-            at = live & ~empty[s]
+            at = live & is_open[s]
             classified = tf(rho[s][at])
-            alpha, colour = slice_opacity(classified[:, 3], step[at] / length), classified[:, :3]
             gradient = slopes[s][at]
-        colour = shaded(colour, gradient, at)
+            share = gradient_share(scene, gradient)
+            alpha, colour = slice_opacity(classified[:, 3] * share, step[at] / length), classified[:, :3]
+            t = np.full(alpha.shape, depths[s])
+        colour = shaded(colour, gradient, at, t)
         before = rgba[..., 3].copy()
         left = 1 - before[at]
         rgba[at, :3] += (left * alpha)[:, None] * colour
@@ -737,6 +990,7 @@ def _isosurface(
     scene: Scene,
     rho: Array,
     empty: Array,
+    kept: Array,
     depths: Array,
     slopes: Array,
     shaded: Shader,
@@ -749,12 +1003,12 @@ def _isosurface(
     iso = float(scene.iso_value or 0.0)
     colour = scene.transfer_function(np.array(iso))[:3]
     for s in range(len(depths) - 1):
-        at = (rgba[..., 3] == 0) & ((rho[s] < iso) != (rho[s + 1] < iso))
+        at = (rgba[..., 3] == 0) & ((rho[s] < iso) != (rho[s + 1] < iso)) & kept[s] & kept[s + 1]
         share = (iso - rho[s][at]) / (rho[s + 1][at] - rho[s][at])
         gradient = slopes[s][at] * (1 - share)[:, None] + slopes[s + 1][at] * share[:, None]
-        rgba[at, :3] = shaded(np.broadcast_to(colour, gradient.shape), gradient, at)
-        rgba[at, 3] = 1
         depth[at] = depths[s] + share * (depths[s + 1] - depths[s])
+        rgba[at, :3] = shaded(np.broadcast_to(colour, gradient.shape), gradient, at, depth[at])
+        rgba[at, 3] = 1
 
 
 # Section 9: ambiguous pixels and gentle scenes

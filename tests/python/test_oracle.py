@@ -374,6 +374,134 @@ def test_a_wrong_formula_of_ellipsoids_is_seen(
     assert reference_excess(parts, reference_renderer, scattered.build) > 1000
 
 
+# Effects beyond the papers
+
+EFFECTS = range(90)
+MADE_OF_CLASSES = {"clip": "Clip", "depth_cue": "DepthCue", "ambient_occlusion": "AmbientOcclusion"}
+
+
+def with_effects(parts: dict[str, Any], seed: int) -> dict[str, Any]:
+    """Return a scene with effects in it, as the mode allows."""
+    rng = np.random.default_rng([10, seed])
+    scene = parts["scene"]
+    eye, target = np.array(parts["camera"]["eye"]), np.array(parts["camera"]["target"])
+    away = float(np.linalg.norm(target - eye))
+    if rng.random() < 0.6:
+        planes = []
+        for _ in range(rng.integers(0, 3)):
+            normal = rng.uniform(0.2, 3) * np.array(pick(rng, direction(rng), (0.0, 0.0, 1.0)))
+            planes.append((tuple(normal.tolist()), float(normal @ target + rng.normal() * 0.3)))
+        scene["clip"] = {"planes": planes}
+        if rng.random() < 0.5:
+            low, high = target - rng.uniform(0.1, 3, 3), target + rng.uniform(0.1, 3, 3)
+            scene["clip"]["box"] = (tuple(low.tolist()), tuple(high.tolist()))
+    if rng.random() < 0.5:
+        scene["gradient"] = "analytic"
+    if scene["preintegration"] and rng.random() < 0.6:
+        scene["preintegration"] = "second_order"
+    if scene["mode"] in ("xray", "mip"):
+        return parts
+    if rng.random() < 0.4:
+        start = away + rng.normal() * 0.3
+        scene["depth_cue"] = {
+            "start": float(start),
+            "end": float(start + rng.uniform(0.1, 2)),
+            "color": tuple(rng.random(3).tolist()),
+            "strength": float(rng.random()),
+        }
+    around = rng.random()
+    if around < 0.25:
+        scene["shadows"] = True
+    elif around < 0.4:
+        scene["ambient_occlusion"] = {"radius": float(rng.uniform(0.05, 1)), "strength": float(rng.random())}
+    elif around < 0.7 and scene["mode"] == "composite":
+        scene["gradient_opacity"] = float(rng.uniform(0.05, 1.5))
+    if around < 0.4:
+        parts["size"] = tuple(min(n, 6) for n in parts["size"])
+    return parts
+
+
+def effect_scene(seed: int) -> dict[str, Any]:
+    """Return the parts of a scene with effects: lattices and scattered kernels by turns."""
+    return with_effects((random_scene, scattered.random_scene)[seed % 2](300 + seed), seed)
+
+
+def build_effects(module: ModuleType, parts: dict[str, Any]) -> Any:
+    """Return scene, camera and size made of a module's classes, effects included."""
+    made = {
+        name: getattr(module, MADE_OF_CLASSES[name])(**value) if name in MADE_OF_CLASSES else value
+        for name, value in parts["scene"].items()
+    }
+    return scattered.build(module, {**parts, "scene": made})
+
+
+@pytest.mark.parametrize("seed", EFFECTS)
+def test_reference_is_the_oracle_of_effects(seed: int, reference_renderer: ss.Renderer) -> None:
+    assert reference_excess(effect_scene(seed), reference_renderer, build_effects) <= 1
+
+
+def test_random_effects_show_something() -> None:
+    parts = [effect_scene(seed) for seed in EFFECTS]
+    for name in ("clip", "depth_cue", "shadows", "ambient_occlusion", "gradient_opacity"):
+        assert sum(name in one["scene"] for one in parts) >= 5, name
+    shown = [np.abs(expected(oracle.render(*build_effects(oracle, one)))).max() for one in parts[:24]]
+    assert np.mean(np.array(shown) > 1e-3) > 0.6
+
+
+def steeper(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return gradients of kernels that are a thousandth too steep."""
+    return lambda *arguments: 1.001 * original(*arguments)
+
+
+def without_romberg(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return intervals of first order."""
+    return lambda tf, rho, lengths: oracle.first_order(tf, rho[1], rho[2], lengths)
+
+
+def farther_planes(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return what is kept where planes are a tenth of a slice distance farther."""
+    return lambda self, points, camera, spacing: original(
+        self, points - 0.1 * spacing * (camera.turn() @ [0.6, 0.0, 0.8]), camera, spacing
+    )
+
+
+def from_here(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return what is left of light where the first point is the lit one itself."""
+
+    def left(self: Any, points: Any, towards: Any, most: float = math.inf) -> Any:
+        return original(self, points - self.scene.spacing() * towards, towards, most)
+
+    return left
+
+
+def opacity_of_alpha(original: Callable[..., Any]) -> Callable[..., Any]:
+    """Return shares of gradient opacity that are squared."""
+    return lambda *arguments: original(*arguments) ** 2
+
+
+WRONG_EFFECTS: dict[str, tuple[Any, str, Callable[..., Any], dict[str, Any]]] = {
+    "gradient": (oracle, "kernel_slopes", steeper, {"gradient": "analytic", "gradient_opacity": 3.0}),
+    "quotient": (oracle, "normalised_slope", steeper, {"gradient": "analytic", "gradient_opacity": 3.0}),
+    "second order": (oracle, "second_order", without_romberg, {"preintegration": "second_order"}),
+    "clip": (oracle.Clip, "keeps", farther_planes, {"clip": {"planes": [((0.6, 0.0, 0.8), 0.05)]}}),
+    "shadows": (oracle.Around, "left", from_here, {"shadows": True}),
+    "occlusion": (oracle.Around, "left", from_here, {"ambient_occlusion": {"radius": 0.5}}),
+    "opacity": (oracle, "gradient_share", opacity_of_alpha, {"gradient_opacity": 3.0}),
+}
+
+
+@pytest.mark.parametrize("formula", WRONG_EFFECTS)
+def test_a_wrong_formula_of_effects_is_seen(
+    formula: str, monkeypatch: pytest.MonkeyPatch, reference_renderer: ss.Renderer
+) -> None:
+    owner, name, wrong, effects = WRONG_EFFECTS[formula]
+    field = scattered.cloud(np.random.default_rng(17), 20, 2.0, 6.0, w0=0.3)
+    parts = scattered.parts([field], scattered.central(), size=(10, 9), **effects)
+    assert reference_excess(parts, reference_renderer, build_effects) <= 1
+    monkeypatch.setattr(owner, name, wrong(getattr(owner, name)))
+    assert reference_excess(parts, reference_renderer, build_effects) > 1000
+
+
 def one_kernel(**scene: Any) -> dict[str, Any]:
     """Return an x-ray of one ellipsoid that is not divided by anything."""
     field = {

@@ -40,11 +40,87 @@ def field(ball):
         {"background": (1, 1)},
         {"background": (1, np.nan, 1)},
         {"background": "no colour"},
+        {"preintegration": "third_order"},
+        {"preintegration": 2},
+        {"gradient": "exact"},
+        {"gradient_opacity": 0},
+        {"gradient_opacity": "steep"},
+        {"clip": ((0, 0, 1), 0)},
+        {"depth_cue": (0, 1)},
+        {"shadows": "yes"},
+        {"ambient_occlusion": 3},
     ],
 )
 def test_scene_options_without_meaning_are_refused(field, options):
     with pytest.raises(ss.InvalidInput, match="wanted"):
         ss.Scene(field, GRAY, **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "sides"),
+    [
+        ({"mode": "xray", "shadows": True}, ("shadows", "xray")),
+        ({"mode": "mip", "ambient_occlusion": ss.AmbientOcclusion(1)}, ("ambient_occlusion", "mip")),
+        ({"mode": "mip", "depth_cue": ss.DepthCue(0, 1)}, ("depth_cue", "mip")),
+        ({"mode": "xray", "gradient_opacity": 3}, ("gradient_opacity=3", "xray")),
+        ({"mode": "isosurface", "iso_value": 1, "gradient_opacity": 3}, ("gradient_opacity=3", "isosurface")),
+        ({"mode": "xray", "preintegration": "second_order"}, ("preintegration", "xray")),
+        ({"shadows": True, "gradient_opacity": 3}, ("shadows", "gradient_opacity=3")),
+        (
+            {"ambient_occlusion": ss.AmbientOcclusion(1), "gradient_opacity": 3},
+            ("ambient_occlusion", "gradient_opacity=3"),
+        ),
+    ],
+)
+def test_effects_that_contradict_name_both_sides(field, options, sides):
+    with pytest.raises(ss.InvalidInput) as error:
+        ss.Scene(field, GRAY, **options)
+    assert all(side in str(error.value) for side in sides)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: ss.Clip(planes=[((0, 0, 0), 1)]),
+        lambda: ss.Clip(planes=[((0, 0, 1), math.nan)]),
+        lambda: ss.Clip(planes=[(0, 0, 1, 1)]),
+        lambda: ss.Clip(planes=[((0, 1), 1)]),
+        lambda: ss.Clip(planes="xyz"),
+        lambda: ss.Clip(planes=(((0, 0, 1), n) for n in range(10**9))),
+        lambda: ss.Clip(box=((1, 0, 0), (0, 1, 1))),
+        lambda: ss.Clip(box=((0, 0, 0), (1, 1, math.inf))),
+        lambda: ss.Clip(box=(0, 1)),
+        lambda: ss.DepthCue(1, 1),
+        lambda: ss.DepthCue(0, math.inf),
+        lambda: ss.DepthCue(0, 1, strength=1.5),
+        lambda: ss.DepthCue(0, 1, color="dark"),
+        lambda: ss.DepthCue(0, 1, color=(0, 0, math.nan)),
+        lambda: ss.AmbientOcclusion(0),
+        lambda: ss.AmbientOcclusion(math.inf),
+        lambda: ss.AmbientOcclusion(1, math.nan),
+        lambda: ss.AmbientOcclusion("wide"),
+    ],
+)
+def test_effects_without_meaning_are_refused(make):
+    with pytest.raises(ss.InvalidInput, match="Clip|DepthCue|AmbientOcclusion"):
+        make()
+
+
+def test_effects_are_values(field):
+    assert ss.Clip(planes=[((0, 0, 2), 1)]) == ss.Clip(planes=(((0.0, 0.0, 2.0), 1.0),))
+    assert ss.Clip(box=((0, 0, 0), (1, 1, 1))) != ss.Clip()
+    assert ss.DepthCue(0, 1) == ss.DepthCue(0.0, 1.0, (0, 0, 0), 1.0)
+    assert hash(ss.AmbientOcclusion(2)) == hash(ss.AmbientOcclusion(2.0, 1.0))
+    assert "radius=2.0" in repr(ss.AmbientOcclusion(2))
+
+
+def test_scenes_are_replaced_by_others(field):
+    scene = ss.Scene(field, GRAY, lights=iter([ss.Light()]), slice_spacing=0.5)
+    other = scene.replace(mode="mip", lights=())
+    assert (other.mode, other.lights, other.slice_spacing) == ("mip", (), 0.5)
+    assert (scene.mode, scene.replace().lights) == ("composite", (ss.Light(),))
+    with pytest.raises(ss.InvalidInput, match="colour"):
+        scene.replace(colour=1)
 
 
 @pytest.mark.parametrize("field", [None, [], "bonsai.nrrd", np.zeros((2, 2, 2)), [None]])

@@ -3,13 +3,25 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "sheetsplat/render_plan.hpp"
+#include "sheetsplat/scene.hpp"
 #include "sheetsplat/types.hpp"
 
 namespace sheetsplat {
+
+/// What trades error for time in a picture.
+struct Settings {
+    double slice_spacing = 1.0; ///< world units
+    Sampling sampling = Sampling::point;
+    bool preintegration = false;
+    bool second_order = false;
+    double opacity_stop = 0.98;
+    Precision precision = Precision::automatic;
+};
 
 /// Row 0 at the top. Exactly one of rgba and scalar is filled.
 struct Image {
@@ -20,6 +32,17 @@ struct Image {
     std::vector<float> depth;    ///< h * w, when asked for; infinite where nothing is
     std::shared_ptr<const RenderPlan> plan;
     std::map<std::string, double> stats; ///< seconds per stage, slices, kernels drawn and culled, bytes
+    /// What stood in place of the scene's own settings (RendererOptions::max_error and max_seconds); else nothing.
+    std::optional<Settings> settings;
+};
+
+/// How far a picture is from the converged one (slice distance towards 0, A_stop = 1, exact arithmetic), told without
+/// it. Distances are those of compare().
+struct ErrorEstimate {
+    Size size{};
+    double rmse = 0.0;
+    std::vector<ErrorShare> budget; ///< by cause; causes are independent: rmse^2 is the sum of their squares
+    std::vector<float> map;         ///< h * w: each pixel's own, rmse^2 is the mean of their squares
 };
 
 /// Distances of two pictures: over premultiplied RGBA in [0, 1], or scalars divided by max(1, largest reference value).

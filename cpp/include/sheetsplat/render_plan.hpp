@@ -20,12 +20,14 @@ struct Effect {
     bool on = false;
     std::string reason;  ///< one sentence: why it is on or off
     bool forced = false; ///< true where the caller decided
+    double error = 0.0;  ///< root mean square error that it adds to the picture: its shares of the error budget
 };
 
 /// One place where a picture may differ from the reference.
 struct ErrorShare {
     std::string cause;
-    double rmse = 0.0; ///< bound or estimate
+    double rmse = 0.0;    ///< bound or estimate
+    std::string effect{}; ///< that owes it
 };
 
 struct RenderPlan {
@@ -44,6 +46,8 @@ struct RenderPlan {
 
     /// True where the effect exists and is on.
     [[nodiscard]] bool has(const std::string& effect) const;
+    /// Of all causes together: they are independent, so their squares add up.
+    [[nodiscard]] double expected_error() const;
 };
 
 const char* to_string(Backend value);

@@ -25,7 +25,17 @@ struct RendererOptions {
     int tile_size = 0;                     ///< largest edge of an image tile in pixels; 0: what the device can do
     int tags_per_clear = 0; ///< depth tags before the depth buffer is cleared; 0: what its resolution allows
     int threads = 0;        ///< of backend cpu, at most 1024; 0: as many as the process may run on at once
+    /// Root mean square distance from the converged picture (ErrorEstimate::rmse) that pictures may have, at least
+    /// least_max_error: the renderer takes the cheapest settings that keep it, in place of those of the scene that are
+    /// at their defaults (slice_spacing, sampling, preintegration, opacity_stop). What differs from the default stays.
+    std::optional<double> max_error{};
+    /// Seconds that a picture may take once the renderer knows the scene: it takes the settings of the smallest error.
+    /// Where max_error is given too, a time that does not suffice for it is kept all the same.
+    std::optional<double> max_seconds{};
 };
+
+/// What float32 pictures resolve.
+constexpr double least_max_error = 6e-8;
 
 /// Called between slices with the share that is done, 0 to 1. Returning false stops the rendering (Cancelled).
 using Progress = std::function<bool(double)>;
@@ -51,6 +61,13 @@ class Renderer {
     /// The picture. Throws InvalidInput, Unsupported, OutOfMemory, DeviceUnavailable, Cancelled.
     [[nodiscard]] Image render(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs = {},
                                const Progress& progress = {});
+
+    /// How far a picture of this renderer (or its last stage) is from the converged one, from further pictures of the
+    /// same view: at half the slice distance, and where these are causes without a stop and in float64. Takes some four
+    /// times as long as the picture. Throws InvalidInput where the picture is a coarse stage, or none of this scene;
+    /// else as render.
+    [[nodiscard]] ErrorEstimate estimate_error(const Image& image, const Scene& scene, const Camera& camera,
+                                               const Progress& progress = {});
 
     /// The same in stages, as Stages makes them. False where on_stage ended it before the last one.
     bool render_progressive(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,

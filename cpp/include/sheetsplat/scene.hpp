@@ -27,6 +27,42 @@ enum class Filter {
          ///< 10)
 };
 
+/// Where gradients come from (IMAGE FORMATION section 5; project page, section 10).
+enum class Gradient {
+    sheets,   ///< central differences of the sheets' sums
+    analytic, ///< sums of the kernels' own derivatives
+};
+
+/// What is kept of the picture's points: those in all half spaces and in the box (section 10). World coordinates.
+struct Clip {
+    /// Points x with dot(normal, x) >= offset are kept. `normal` need not have unit length.
+    struct Plane {
+        Vec3 normal{0.0, 0.0, 1.0};
+        double offset = 0.0;
+    };
+    std::vector<Plane> planes{};
+    std::optional<Box> box{};
+
+    /// True where nothing is cut off.
+    [[nodiscard]] bool empty() const { return planes.empty() && !box; }
+    /// The planes, and the box as six of them.
+    [[nodiscard]] std::vector<Plane> half_spaces() const;
+};
+
+/// Shaded colours fade to `color` between two depths: by `strength` from `end` on (section 10).
+struct DepthCue {
+    double start = 0.0; ///< depth t, world units
+    double end = 1.0;   ///< above start
+    Vec3 color{0.0, 0.0, 0.0};
+    double strength = 1.0; ///< 0 to 1
+};
+
+/// Ambient light fades where its surroundings are dense (section 10).
+struct AmbientOcclusion {
+    double radius = 1.0;   ///< how far away what occludes may be, world units
+    double strength = 1.0; ///< 0 to 1
+};
+
 /// A directional light. `direction` points towards the light; it need not have unit length.
 struct Light {
     Vec3 direction{0.0, 0.0, 1.0};
@@ -56,7 +92,14 @@ struct Scene {
     Material material{};
     double opacity_stop = 0.98;  ///< 1 = never
     bool preintegration = false; ///< [EKE01]
+    bool second_order = false;   ///< of pre-integration: Romberg's step over the interval and its halves (section 10)
     Filter filter = Filter::none;
+    Gradient gradient = Gradient::sheets;
+    Clip clip{};
+    std::optional<double> gradient_opacity{}; ///< g1: opacity is multiplied by min(1, |grad rho| / g1)
+    std::optional<DepthCue> depth_cue{};
+    bool shadows = false; ///< of all lights
+    std::optional<AmbientOcclusion> ambient_occlusion{};
     std::optional<Vec3> background{};
 
     /// The default slice distance of all fields: the smallest of theirs; 1 where no field has a kernel.

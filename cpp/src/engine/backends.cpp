@@ -96,6 +96,7 @@ void draw_on_gl(sheet::SheetRenderer& renderer, const Request& request, const Re
     job.plan = &plan;
     job.tile_size = options.tile_size;
     job.tags_per_clear = options.tags_per_clear;
+    job.volumes = &indexed.volumes;
     job.progress = &request.progress;
     renderer.render(job, image);
     image.stats["kernels_drawn"] = static_cast<double>(drawn);
@@ -124,6 +125,7 @@ void draw_on_cpu(simd::CpuRenderer& renderer, const Request& request, const Rend
     job.tile_size = options.tile_size;
     job.threads = options.threads;
     job.progress = &request.progress;
+    job.volumes = &indexed.volumes;
     // Pictures can be done before the renderer finds time to ask.
     report(request.progress, 0.0);
     renderer.render(job, image);

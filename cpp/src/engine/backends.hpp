@@ -9,6 +9,7 @@
 #include "sheetsplat/image.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "view/frame.hpp"
+#include "view/light_volume.hpp"
 #include "work.hpp"
 
 namespace sheetsplat {
@@ -44,6 +45,7 @@ struct Indexed {
     std::vector<const RunsEntry*> runs;
     std::vector<const GridEntry*> grids;
     std::size_t visible = 0, all = 0, bytes = 0;
+    LightVolumes volumes; ///< where the plan has shadows or ambient occlusion
 };
 
 /// Each fills the picture, and its stats: kernels_drawn, bytes_view and bytes_device (not the reference), seconds_draw.

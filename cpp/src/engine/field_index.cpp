@@ -88,7 +88,16 @@ std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
 /// Slices beyond its own that a slice's colour depends on: slabs average over a spacing of depth, crossings and
 /// intervals reach one further; where both hold, their sum.
 int slices_beyond(const DrawPlan& plan) {
-    return (plan.sampling == Sampling::slab ? 1 : 0) + (plan.mode == Mode::isosurface || plan.preintegration ? 1 : 0);
+    // (Second order looks at four slices.)
+    return (plan.second_order ? 2 : 0) + (plan.sampling == Sampling::slab ? 1 : 0) +
+           (plan.mode == Mode::isosurface || plan.preintegration ? 1 : 0);
+}
+
+/// Whether what a classification of slices cannot show may still be left out: the cubic of second order overshoots, and
+/// what casts shadows on an isosurface need not cross it.
+bool may_cull(const DrawPlan& plan) {
+    return plan.culling && !plan.coverage && !(plan.second_order && plan.preintegration) &&
+           !(plan.mode == Mode::isosurface && (plan.shadows || plan.ambient_occlusion));
 }
 
 const TransferFunction* asked_function(const Scene& scene, const DrawPlan& plan) {
@@ -126,7 +135,7 @@ const RunsEntry& FieldIndex::runs_of(const std::shared_ptr<const Field>& field, 
     query.transfer_function = asked_function(scene, plan);
     query.weights_matter = plan.weight || !plan.culling;
     // Coverage needs every kernel; elsewhere one whose value is 0 adds nothing where weights do not count.
-    query.cull = plan.culling && !plan.coverage;
+    query.cull = may_cull(plan);
     query.stencil_world = plan.gradient ? std::max(frame.largest_pixel(), frame.slice_spacing * slant) : 0.0;
     query.isosurface = plan.mode == Mode::isosurface;
     query.iso_value = scene.iso_value.value_or(0.0);
@@ -190,7 +199,7 @@ const GridEntry& FieldIndex::grid_of(const std::shared_ptr<const Field>& field, 
     query.transfer_function = asked_function(scene, plan);
     query.weights_matter = plan.weight || !plan.culling;
     // A filter makes kernels as large as a pixel is at their own depth, which has no bound behind the eye.
-    query.cull = plan.culling && !plan.coverage && !(plan.filter && frame.cut_by_near);
+    query.cull = may_cull(plan) && !(plan.filter && frame.cut_by_near);
     query.isosurface = plan.mode == Mode::isosurface;
     query.iso_value = scene.iso_value.value_or(0.0);
     query.alone = scene.fields.size() == 1;

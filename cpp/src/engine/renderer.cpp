@@ -47,6 +47,7 @@ void check_options(const RendererOptions& options) {
                       "1 to " + std::to_string(most_threads) + ", or 0 for as many as the process may run on",
                       "correct threads"});
     }
+    check_goals(options);
 }
 
 void check_size(Size size) {
@@ -79,6 +80,38 @@ void check_finite(const std::vector<float>& sums, const char* next) {
     }
 }
 
+/// The scene as it is drawn: where only ambient light comes back, its share is in the colours and the lights are gone.
+Scene with_ambient_colors(const Scene& scene) {
+    Scene drawn = scene;
+    std::vector<TransferPoint> points = scene.transfer_function.points();
+    for (TransferPoint& point : points) {
+        point.color *= scene.material.ambient;
+    }
+    drawn.transfer_function = TransferFunction(std::move(points));
+    drawn.lights.clear();
+    return drawn;
+}
+
+/// The picture of a scene of which nothing can be seen.
+void leave_blank(const Request& request, Image& image) {
+    const std::size_t pixels =
+        static_cast<std::size_t>(request.size.width) * static_cast<std::size_t>(request.size.height);
+    if (is_scalar(request.scene)) {
+        image.scalar.assign(pixels, 0.0F);
+    } else {
+        image.rgba.assign(4 * pixels, 0.0F);
+    }
+    if (request.outputs.coverage) {
+        image.coverage.assign(pixels, 0.0F);
+    }
+    if (request.outputs.depth) {
+        image.depth.assign(pixels, std::numeric_limits<float>::infinity());
+    }
+    for (const char* name : {"seconds_view", "seconds_draw", "bytes_view", "bytes_device", "kernels_drawn"}) {
+        image.stats[name] = 0.0;
+    }
+}
+
 void put_background(std::vector<float>& rgba, const Vec3& background) {
     for (std::size_t pixel = 0; pixel < rgba.size(); pixel += 4) {
         const double behind = 1.0 - static_cast<double>(rgba[pixel + 3]);
@@ -108,6 +141,13 @@ sheet::SheetRenderer* Renderer::State::gl(bool needed) {
         }
     }
     return sheets_.get();
+}
+
+simd::CpuRenderer& Renderer::State::processor() {
+    if (!processor_) {
+        processor_ = std::make_unique<simd::CpuRenderer>();
+    }
+    return *processor_;
 }
 
 std::vector<Backend> Renderer::State::candidates() {
@@ -177,9 +217,11 @@ Prepared Renderer::State::prepare(const Request& request) {
                                 [this](const Field& field, const Vec3& from, const Vec3& direction) {
                                     return index_.reach_along(field, from, direction);
                                 });
+    facts_.forget_others(scene);
     const ViewFacts facts = facts_of(scene, request.camera, prepared.frame, facts_);
     prepared.plan = choose_plan(request, facts);
     prepared.work = work_of(scene, facts);
+    set_prices(prepared.work, scene, request.camera.projection(), prepared.plan.precision == Precision::float64);
     for (std::size_t field = 0; field < scene.fields.size(); ++field) {
         const RegularField* regular = as_regular(scene.fields[field].get());
         if (regular != nullptr && !prepared.plan.filter) {
@@ -196,7 +238,6 @@ Prepared Renderer::State::prepare(const Request& request) {
 Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prepared, const Frame& frame) {
     const Scene& scene = request.scene;
     const double slant = largest_slant(frame);
-    facts_.forget_others(scene);
     index_.forget_others(scene);
     Indexed indexed;
     for (const std::size_t field : prepared.view_fields) {
@@ -218,16 +259,28 @@ Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prep
 }
 
 void Renderer::State::draw(const Request& request, const Prepared& prepared, const Frame& drawn_like, Image& image) {
+    if (prepared.plan.ambient_only && !request.scene.lights.empty()) {
+        const Scene ambient = with_ambient_colors(request.scene);
+        draw({ambient, request.camera, request.size, request.outputs, request.progress}, prepared, drawn_like, image);
+        return;
+    }
     const auto indexing = Clock::now();
-    const Indexed indexed = find_drawn(request, prepared, drawn_like);
+    Indexed indexed = find_drawn(request, prepared, drawn_like);
     image.stats["seconds_index"] = seconds_since(indexing);
-    if (prepared.plan.summary.backend == Backend::gl) {
+    if ((prepared.plan.shadows || prepared.plan.ambient_occlusion) && !prepared.plan.blank) {
+        indexed.volumes = light_.of(
+            request, prepared, indexed, options_,
+            [this](const Field& field, const Vec3& from, const Vec3& direction) {
+                return index_.reach_along(field, from, direction);
+            },
+            processor(), image);
+    }
+    if (prepared.plan.blank) {
+        leave_blank(request, image);
+    } else if (prepared.plan.summary.backend == Backend::gl) {
         draw_on_gl(*sheets_, request, options_, prepared, indexed, image);
     } else {
-        if (!processor_) {
-            processor_ = std::make_unique<simd::CpuRenderer>();
-        }
-        draw_on_cpu(*processor_, request, options_, prepared, indexed, image);
+        draw_on_cpu(processor(), request, options_, prepared, indexed, image);
     }
     if (request.scene.background && !is_scalar(request.scene)) {
         put_background(image.rgba, *request.scene.background);
@@ -237,6 +290,18 @@ void Renderer::State::draw(const Request& request, const Prepared& prepared, con
     stats["kernels_culled"] = static_cast<double>(indexed.all - indexed.visible);
     stats["bytes_index"] = static_cast<double>(indexed.bytes);
     stats["bytes"] = stats["bytes_index"] + stats["bytes_view"] + stats["bytes_device"];
+}
+
+void Renderer::State::note_pace(Backend backend, bool coarse, double pace) {
+    const auto at = static_cast<std::size_t>(backend);
+    const std::size_t kind = coarse ? 1 : 0;
+    auto& recent = recent_paces_[at][kind];
+    if (!timed_[at][kind]) {
+        recent.fill(pace);
+    }
+    recent = {recent[1], recent[2], pace};
+    paces_[at][kind] = pace;
+    timed_[at][kind] = true;
 }
 
 Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
@@ -269,8 +334,7 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     image.plan = std::make_shared<const RenderPlan>(prepared.plan.summary);
     // An index is made once and says nothing about the next picture.
     const double drawn = seconds_since(drawing) - image.stats["seconds_index"];
-    paces_[static_cast<std::size_t>(backend)][drawn_like != nullptr ? 1 : 0] =
-        drawn / expected_seconds(prepared.work, 1.0, 1.0, threads());
+    note_pace(backend, drawn_like != nullptr, drawn / expected_seconds(prepared.work, 1.0, 1.0, threads()));
     return image;
 }
 
@@ -283,12 +347,12 @@ Renderer::Renderer(Renderer&&) noexcept = default;
 Renderer& Renderer::operator=(Renderer&&) noexcept = default;
 
 RenderPlan Renderer::plan(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs) {
-    return state_->prepare({scene, camera, size, outputs, {}}).plan.summary;
+    return state_->plan_chosen({scene, camera, size, outputs, {}});
 }
 
 Image Renderer::render(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
                        const Progress& progress) {
-    return state_->render({scene, camera, size, outputs, progress});
+    return state_->render_chosen({scene, camera, size, outputs, progress});
 }
 
 } // namespace sheetsplat

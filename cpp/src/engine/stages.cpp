@@ -6,6 +6,8 @@
 #include <optional>
 #include <utility>
 
+#include "coarse_view.hpp"
+#include "error_estimate.hpp"
 #include "renderer_state.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -13,7 +15,6 @@ namespace sheetsplat {
 
 namespace {
 
-constexpr double pi = 3.14159265358979323846;
 constexpr int coarsest = 32;
 /// Above, slices would miss the smallest kernels of a field: in default slice distances, which are half of these.
 constexpr double largest_spacing = 2.0;
@@ -43,21 +44,6 @@ struct Coarse {
     Step step;
     Image image;
 };
-
-Size size_of(Size full, const Step& step) {
-    const auto cover = [&](int pixels) { return step.pixels == 1 ? pixels : (pixels - 1) / step.pixels + 2; };
-    return {cover(full.width), cover(full.height)};
-}
-
-/// The camera that sees `size` pixels, each `step.pixels` times as wide as those of the full picture.
-Camera camera_of(const Camera& full, Size full_size, Size size, const Step& step) {
-    const double taller = static_cast<double>(size.height) * step.pixels / full_size.height;
-    if (full.projection() == Projection::orthographic) {
-        return Camera::orthographic(full.eye(), full.target(), full.up(), full.height() * taller);
-    }
-    const double angle = 2.0 * std::atan(full.half_height() * taller) * 180.0 / pi;
-    return Camera::perspective(full.eye(), full.target(), full.up(), angle, full.near());
-}
 
 /// One axis of a bilinear interpolation: for each pixel the two neighbours and the weight of the second.
 struct Neighbours {
@@ -121,8 +107,8 @@ std::size_t channel_count(const Image& image) { return image.rgba.empty() ? 1 : 
 
 /// Distance of two stages, on the grid of the finer one, as section 8 measures it.
 double distance(const Coarse& coarse, const Coarse& fine, Size full) {
-    const Grid from{size_of(full, coarse.step), coarse.step.pixels};
-    const Grid to{size_of(full, fine.step), fine.step.pixels};
+    const Grid from{coarse_size(full, coarse.step.pixels), coarse.step.pixels};
+    const Grid to{coarse_size(full, fine.step.pixels), fine.step.pixels};
     const std::vector<float> a = interpolated(channels_of(coarse.image), channel_count(coarse.image), from, to);
     return compare(a, channels_of(fine.image), static_cast<int>(channel_count(fine.image))).rmse;
 }
@@ -137,19 +123,12 @@ double spacing_of(int pixels, double most) {
     return std::clamp(pixels / pixels_before_slices, 1.0, std::max(1.0, most));
 }
 
-double expected_error(const RenderPlan& plan) {
-    double squares = 0.0;
-    for (const ErrorShare& share : plan.error_budget) {
-        squares += share.rmse * share.rmse;
-    }
-    return std::sqrt(squares);
-}
-
 } // namespace
 
 struct Stages::State {
     Renderer::State* renderer;
-    Scene scene;
+    Scene asked; ///< as the caller has it
+    Scene scene; ///< with what was chosen for max_error or max_seconds
     Camera camera;
     Size size;
     Outputs outputs;
@@ -188,12 +167,12 @@ struct Stages::State {
     }
 
     Coarse draw(const Step& step, const Progress& progress) {
-        const Size coarse_size = size_of(size, step);
-        const Camera coarse_camera = camera_of(camera, size, coarse_size, step);
+        const Camera through = coarse_camera(camera, size, step.pixels);
         Scene coarse_scene = scene;
         coarse_scene.reference_length = frame.reference_length;
         coarse_scene.slice_spacing = frame.slice_spacing * step.spacing;
-        return {step, renderer->render({coarse_scene, coarse_camera, coarse_size, outputs, progress}, &frame)};
+        return {step,
+                renderer->render({coarse_scene, through, coarse_size(size, step.pixels), outputs, progress}, &frame)};
     }
 
     [[nodiscard]] double order_of(double newer) const {
@@ -235,12 +214,25 @@ struct Stages::State {
 
 Stages::Stages(Renderer& renderer, const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
                double first_seconds)
-    : state_(new State{
-          renderer.state_.get(), scene, camera, size, outputs, Frame{}, {}, std::nullopt, 0, std::nullopt, 0.0}) {
+    : state_(new State{renderer.state_.get(),
+                       scene,
+                       scene,
+                       camera,
+                       size,
+                       outputs,
+                       Frame{},
+                       {},
+                       std::nullopt,
+                       0,
+                       std::nullopt,
+                       0.0}) {
     if (!(first_seconds > 0.0)) {
         throw InvalidInput(Complaint{"the picture cannot be made in stages",
                                      "first_seconds = " + std::to_string(first_seconds), "more than 0",
                                      "leave it out for 0.05"});
+    }
+    if (const Chosen* chosen = renderer.state_->choose({scene, camera, size, outputs, {}})) {
+        state_->scene = with_settings(scene, chosen->choice.settings);
     }
     state_->choose_steps(first_seconds);
 }
@@ -259,8 +251,10 @@ Image Stages::next(const Progress& progress) {
     const bool last = state.next + 1 == state.steps.size();
     Image image;
     if (last) {
-        image = state.renderer->render({state.scene, state.camera, state.size, state.outputs, progress});
-        image.stats["estimated_rmse"] = expected_error(*image.plan);
+        image = state.renderer->render_chosen({state.asked, state.camera, state.size, state.outputs, progress});
+        if (!image.settings) {
+            image.stats["estimated_rmse"] = image.plan->expected_error();
+        }
     } else {
         image = state.coarse_stage(state.steps[state.next], progress);
     }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "index/visible_runs.hpp"
+
 namespace sheetsplat {
 
 namespace {
@@ -86,6 +88,9 @@ const FieldFacts::Entry& FieldFacts::of(const std::shared_ptr<const Field>& fiel
             made->weights = survey_weights(*ellipsoids);
         }
     }
+    if (const RegularField* regular = as_regular(field.get()); regular != nullptr && regular->size() > 0) {
+        made->peak = lattice_ripple(*regular).upper;
+    }
     entries_.push_back(std::move(made));
     return *entries_.back();
 }
@@ -110,6 +115,9 @@ ViewFacts facts_of(const Scene& scene, const Camera& camera, const Frame& frame,
     facts.largest_pixel = frame.largest_pixel();
     facts.largest_slant = largest_slant(frame);
     facts.cut_by_near = frame.cut_by_near;
+    // A crossing or an interval lies beyond its slice.
+    facts.nearest_depth = frame.depth_of(-1);
+    facts.farthest_depth = frame.depth_of(frame.slices);
     facts.widest_slab = 0.0;
     facts.largest_splat_px = 0.0;
     facts.largest_overlap = 0.0;
@@ -123,6 +131,9 @@ ViewFacts facts_of(const Scene& scene, const Camera& camera, const Frame& frame,
             add_facts(*ellipsoids, fields.of(field), scene, camera, frame, facts);
         } else {
             add_facts(*as_regular(field.get()), scene, camera, frame, facts);
+            if (const auto& peak = fields.of(field).peak) {
+                facts.lattice_peaks.emplace(field.get(), *peak);
+            }
         }
     }
     return facts;

@@ -23,6 +23,7 @@ class FieldFacts {
         std::shared_ptr<const Field> field;
         KernelFacts kernels;                ///< scattered fields
         std::optional<WeightFacts> weights; ///< weighted ones
+        std::optional<double> peak;         ///< lattices: largest W / C
     };
     const Entry& of(const std::shared_ptr<const Field>& field);
     void forget_others(const Scene& scene);

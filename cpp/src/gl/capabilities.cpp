@@ -303,6 +303,7 @@ Capabilities read_capabilities(const Api& gl, const std::string& platform) {
     gl.GetIntegerv(GL_MAX_DRAW_BUFFERS, &c.max_draw_buffers);
     c.max_draw_buffers = std::min(c.max_draw_buffers, attachments);
     gl.GetIntegerv(GL_MAX_TEXTURE_IMAGE_UNITS, &c.max_texture_units);
+    gl.GetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &c.max_buffer_texels);
     GLfloat point_sizes[2] = {1.0F, 1.0F};
     gl.GetFloatv(GL_POINT_SIZE_RANGE, point_sizes);
 

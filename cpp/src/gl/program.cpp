@@ -488,7 +488,10 @@ void Program::set(const std::string& uniform, double x, double y, double z) cons
     handle_.api().Uniform3d(location(uniform), x, y, z);
 }
 
-void Program::use() const { handle_.api().UseProgram(name()); }
+void Program::use() const {
+    handle_.api().UseProgram(name());
+    used_ = true;
+}
 
 GLint Program::location(const std::string& uniform) const {
     const auto known = locations_.find(uniform);

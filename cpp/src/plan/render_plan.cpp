@@ -1,11 +1,20 @@
 #include "sheetsplat/render_plan.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace sheetsplat {
 
 bool RenderPlan::has(const std::string& effect) const {
     return std::any_of(effects.begin(), effects.end(), [&](const Effect& e) { return e.on && e.name == effect; });
+}
+
+double RenderPlan::expected_error() const {
+    double squares = 0.0;
+    for (const ErrorShare& share : error_budget) {
+        squares += share.rmse * share.rmse;
+    }
+    return std::sqrt(squares);
 }
 
 const char* to_string(Backend value) {

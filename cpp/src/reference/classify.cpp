@@ -4,6 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include <glm/common.hpp>
+
 namespace sheetsplat::reference {
 
 namespace {
@@ -162,6 +164,23 @@ ColorOpacity preintegrate(const TransferFunction& function, double front, double
         return {};
     }
     return {means.emission / means.extinction, -std::expm1(-lengths * means.extinction)};
+}
+
+ColorOpacity preintegrate_second_order(const TransferFunction& function, const std::array<double, 4>& rho,
+                                       double lengths) {
+    const double middle = (9.0 * (rho[1] + rho[2]) - rho[0] - rho[3]) / 16.0;
+    const ColorOpacity whole = preintegrate(function, rho[1], rho[2], lengths);
+    const ColorOpacity front = preintegrate(function, rho[1], middle, 0.5 * lengths);
+    const ColorOpacity back = preintegrate(function, middle, rho[2], 0.5 * lengths);
+
+    const double left = (1.0 - front.opacity) * back.opacity;
+    const Vec3 of_halves = front.opacity * front.color + left * back.color;
+    const double opacity = std::clamp((4.0 * (front.opacity + left) - whole.opacity) / 3.0, 0.0, 1.0);
+    if (opacity == 0.0) {
+        return {};
+    }
+    const Vec3 premultiplied = glm::max((4.0 * of_halves - whole.opacity * whole.color) / 3.0, Vec3(0.0));
+    return {premultiplied / opacity, opacity};
 }
 
 } // namespace sheetsplat::reference

@@ -63,6 +63,27 @@ Profile::Profile(double falloff)
     : falloff_(falloff), root_falloff_(std::sqrt(falloff)), edge_(std::exp(-falloff)),
       gain_(-1.0 / std::expm1(-falloff)) {}
 
+double Profile::gaussian(double b_squared, double from, double to) const {
+    const double length = to - from;
+    if (root_falloff_ * length < thin) {
+        double sum = 0.0;
+        for (const Node& node : gauss_legendre_5) {
+            const double u = from + 0.5 * length * (1.0 + node.place);
+            sum += node.weight * std::exp(-falloff_ * (b_squared + u * u));
+        }
+        return 0.5 * length * sum;
+    }
+    return std::exp(-falloff_ * b_squared) * 0.5 * root_pi / root_falloff_ *
+           (std::erf(root_falloff_ * to) - std::erf(root_falloff_ * from));
+}
+
+Profile::Moments Profile::moments(double b_squared, double from, double to) const {
+    // exp(-k r^2) at the nearer end, less that at the farther one, as a product that does not cancel.
+    const double first = -std::exp(-falloff_ * (b_squared + from * from)) *
+                         std::expm1(-falloff_ * (to - from) * (to + from)) / (2.0 * falloff_);
+    return {gain_ * gaussian(b_squared, from, to), gain_ * first};
+}
+
 double Profile::integral(double b_squared, double from, double to) const {
     const double length = to - from;
     if (root_falloff_ * length < thin) {
@@ -73,9 +94,7 @@ double Profile::integral(double b_squared, double from, double to) const {
         }
         return std::max(0.0, 0.5 * length * sum);
     }
-    const double gaussian = std::exp(-falloff_ * b_squared) * 0.5 * root_pi / root_falloff_ *
-                            (std::erf(root_falloff_ * to) - std::erf(root_falloff_ * from));
-    return std::max(0.0, (gaussian - edge_ * length) * gain_);
+    return std::max(0.0, (gaussian(b_squared, from, to) - edge_ * length) * gain_);
 }
 
 KernelShape::KernelShape(const Mat3& axes_eye, const Vec3& semi_axes)
@@ -201,7 +220,7 @@ Interval KernelShape::bounds_in_row(double y_0, double slope_y, double front, do
 }
 
 Chord KernelShape::mean(const Profile& profile, const Vec3& beside, double slope_x, double slope_y, double front,
-                        double back) const {
+                        double back, bool with_slope) const {
     const Vec3 per_depth = to_unit(Vec3(slope_x, slope_y, -1.0));
     const double speed = length_of(per_depth);
     const Vec3 along = per_depth / speed;
@@ -219,7 +238,13 @@ Chord KernelShape::mean(const Profile& profile, const Vec3& beside, double slope
     if (from >= to) {
         return {};
     }
-    return {true, profile.integral(b_squared, from, to) / (speed * (back - front))};
+    const double all = speed * (back - front);
+    Chord chord{true, profile.integral(b_squared, from, to) / all};
+    if (with_slope) {
+        const Profile::Moments moments = profile.moments(b_squared, from, to);
+        chord.slope = slope_to_eye(-2.0 * profile.falloff() / all * (moments.zeroth * foot + moments.first * along));
+    }
+    return chord;
 }
 
 WorldKernels::WorldKernels(const Field& field) : regular_(as_regular(&field)), ellipsoids_(as_ellipsoids(&field)) {

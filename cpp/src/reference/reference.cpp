@@ -5,11 +5,13 @@
 
 #include "base/memory.hpp"
 #include "reference/classify.hpp"
+#include "reference/clip.hpp"
 #include "reference/composite.hpp"
 #include "reference/screen.hpp"
 #include "reference/shade.hpp"
 #include "reference/slices.hpp"
 #include "reference/sums.hpp"
+#include "reference/surroundings.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat::reference {
@@ -26,15 +28,26 @@ void check_size(Size size) {
     }
 }
 
+bool has_analytic_gradients(const Scene& scene) {
+    return scene.gradient == Gradient::analytic && calls_for_gradients(scene);
+}
+
+// Shadows are of lights.
+bool needs_surroundings(const Scene& scene) {
+    return (scene.shadows && !scene.lights.empty()) || scene.ambient_occlusion.has_value();
+}
+
 void check_memory(Size size, const Scene& scene, const Request& request, std::size_t pictures) {
     // One product, so that no sum of two can run over: pictures lack the border, but that is little.
     const std::uint64_t pixels =
         static_cast<std::uint64_t>(size.width + 2LL) * static_cast<std::uint64_t>(size.height + 2LL);
     const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
-    const std::uint64_t a_sheet = sizeof(double) + 1 + (request.coverage ? sizeof(double) : 0);
+    const bool slopes = has_analytic_gradients(scene);
+    const std::uint64_t a_sheet =
+        sizeof(double) + 1 + (request.coverage ? sizeof(double) : 0) + (slopes ? sizeof(Vec3) : 0);
     const std::uint64_t a_picture =
         ((scalar ? 1U : 4U) + (request.coverage ? 1U : 0U) + (request.depth ? 1U : 0U)) * sizeof(double);
-    const std::uint64_t scratch = 2 * sizeof(double);
+    const std::uint64_t scratch = 2 * (sizeof(double) + (slopes ? sizeof(Vec3) : 0));
     const std::string what = "the reference's sheets and picture";
     require_memory(checked_product(pixels, sheets_in_window * a_sheet + scratch + pictures * a_picture, what), what,
                    "Ask for a smaller picture.");
@@ -61,14 +74,9 @@ ZeroKernels zero_kernels(const Scene& scene, const Field& field, const Request& 
 class RollingSheets {
   public:
     RollingSheets(const Screen& screen, const Slices& slices, const std::vector<std::unique_ptr<FieldSums>>& fields,
-                  bool weights)
-        : slices_(slices), fields_(fields), next_(slices.first - 2) {
-        for (std::size_t n = 0; n < sheets_in_window; ++n) {
-            sheets_.emplace_back(screen, weights);
-        }
-        sums_.d.resize(sheets_.front().rho.size());
-        sums_.w.resize(sheets_.front().rho.size());
-    }
+                  bool weights, bool gradients)
+        : slices_(slices), fields_(fields), next_(slices.first - 2),
+          sheets_(sheets_in_window, Sheet(screen, weights, gradients)), sums_(sheets_.front()) {}
 
     /// The window around slice n; asked for n from the slice before the first on, one after the other.
     [[nodiscard]] SheetWindow around(std::int64_t n) {
@@ -108,6 +116,11 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
     const Screen screen(camera, size);
     const Slices slices = find_slices(scene, camera, screen, radius_factor);
     const Shader shader(scene, camera);
+    const Clipping clipping(scene, camera);
+    std::optional<Surroundings> surroundings;
+    if (slices.count > 0 && needs_surroundings(scene)) {
+        surroundings.emplace(scene, camera, screen, clipping, radius_factor);
+    }
 
     std::vector<std::unique_ptr<FieldSums>> fields;
     std::size_t kernels_drawn = 0;
@@ -120,20 +133,24 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
     }
     std::vector<Compositor> compositors;
     for (const Nudge& nudge : nudges) {
-        compositors.emplace_back(scene, screen, slices, shader, request, nudge);
+        compositors.emplace_back(scene, screen, slices, shader, clipping, surroundings ? &*surroundings : nullptr,
+                                 request, nudge);
     }
 
+    const auto report = [&](std::int64_t intervals) {
+        const double done = static_cast<double>(intervals) / static_cast<double>(slices.count + 1);
+        if (request.progress && !request.progress(done)) {
+            throw Cancelled("Rendering was stopped by its progress callback.");
+        }
+    };
     if (slices.count > 0) {
-        RollingSheets sheets(screen, slices, fields, request.coverage);
+        RollingSheets sheets(screen, slices, fields, request.coverage, has_analytic_gradients(scene));
         for (std::int64_t n = slices.first - 1; n <= slices.last(); ++n) {
             const SheetWindow window = sheets.around(n);
             for (Compositor& compositor : compositors) {
-                compositor.add(window);
+                compositor.add(window, [&] { report(n - slices.first + 1); });
             }
-            const double done = static_cast<double>(n - slices.first + 2) / static_cast<double>(slices.count + 1);
-            if (request.progress && !request.progress(done)) {
-                throw Cancelled("Rendering was stopped by its progress callback.");
-            }
+            report(n - slices.first + 2);
         }
     }
 

@@ -24,7 +24,8 @@ Vec3 gradient_eye(const Screen& screen, const Sheet& before, const Sheet& here, 
 Shader::Shader(const Scene& scene, const Camera& camera)
     : material_(scene.material),
       weakest_gradient_(1e-3 * (scene.transfer_function.v_max() - scene.transfer_function.v_min()) /
-                        scene.reference_distance()) {
+                        scene.reference_distance()),
+      shadows_(scene.shadows), occlusion_(scene.ambient_occlusion.has_value()) {
     for (const Light& light : scene.lights) {
         Vec3 direction = light.direction;
         if (light.space == LightSpace::world) {
@@ -44,12 +45,13 @@ Vec3 Shader::normal(const Vec3& gradient) const {
     return -gradient / std::max(length, weakest_gradient_);
 }
 
-Vec3 Shader::shade(const Vec3& color, const Vec3& gradient, const Vec3& to_viewer) const {
+Vec3 Shader::shade(const Vec3& color, const Vec3& gradient, const Lighting& lighting) const {
+    const double open = occlusion_ ? lighting.surroundings->ambient(lighting.point, lighting.rho_shift) : 1.0;
     if (!lit()) {
-        return color;
+        return color * open;
     }
     const Vec3 outward = normal(gradient);
-    Vec3 shaded = color * material_.ambient;
+    Vec3 shaded = color * (material_.ambient * open);
     for (const DirectedLight& light : lights_) {
         double facing = glm::dot(outward, light.direction);
         Vec3 turned = outward;
@@ -61,8 +63,10 @@ Vec3 Shader::shade(const Vec3& color, const Vec3& gradient, const Vec3& to_viewe
             continue;
         }
         const Vec3 reflected = 2.0 * facing * turned - light.direction;
-        const double highlight = std::pow(std::max(0.0, glm::dot(reflected, to_viewer)), material_.shininess);
-        shaded += light.color * facing * (color * material_.diffuse + Vec3(material_.specular * highlight));
+        const double highlight = std::pow(std::max(0.0, glm::dot(reflected, lighting.to_viewer)), material_.shininess);
+        const double reaches =
+            shadows_ ? lighting.surroundings->light(lighting.point, light.direction, lighting.rho_shift) : 1.0;
+        shaded += reaches * light.color * facing * (color * material_.diffuse + Vec3(material_.specular * highlight));
     }
     return shaded;
 }

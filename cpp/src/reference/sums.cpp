@@ -46,23 +46,63 @@ void require_finite_sums(const Field& field) {
 
 } // namespace
 
-Sheet::Sheet(const Screen& screen, bool weights)
+Sheet::Sheet(const Screen& screen, bool weights, bool gradients)
     : rho(pixels_with_border(screen)), reached(pixels_with_border(screen)),
-      weight(weights ? pixels_with_border(screen) : 0), stride_(static_cast<std::size_t>(screen.width() + 2)) {}
+      weight(weights ? pixels_with_border(screen) : 0), gradient(gradients ? pixels_with_border(screen) : 0),
+      stride_(static_cast<std::size_t>(screen.width() + 2)) {}
 
 void Sheet::clear() {
     std::fill(rho.begin(), rho.end(), 0.0);
     std::fill(reached.begin(), reached.end(), static_cast<unsigned char>(0));
     std::fill(weight.begin(), weight.end(), 0.0);
+    std::fill(gradient.begin(), gradient.end(), Vec3(0.0));
+}
+
+SheetSums::SheetSums(const Sheet& like)
+    : d(like.rho.size()), w(like.rho.size()), slope_d(like.gradient.size()), slope_w(like.gradient.size()) {}
+
+void SheetSums::clear() {
+    std::fill(d.begin(), d.end(), 0.0);
+    std::fill(w.begin(), w.end(), 0.0);
+    std::fill(slope_d.begin(), slope_d.end(), Vec3(0.0));
+    std::fill(slope_w.begin(), slope_w.end(), Vec3(0.0));
+}
+
+Normaliser::Normaliser(const Field& field, double radius_factor)
+    : normalization_(field.normalization()), w0_(field.w0()),
+      // C is the kernel's mass, which follows its radius; the filter keeps it.
+      lattice_constant_(WorldKernels(field).lattice_constant() * radius_factor * radius_factor * radius_factor) {}
+
+double Normaliser::rho(double d, double w) const {
+    switch (normalization_) {
+    case Normalization::none:
+        return d;
+    case Normalization::lattice:
+        return d / lattice_constant_;
+    case Normalization::threshold:
+        return d / std::max(w0_, w);
+    }
+    return d;
+}
+
+Vec3 Normaliser::gradient(double d, double w, const Vec3& slope_d, const Vec3& slope_w) const {
+    switch (normalization_) {
+    case Normalization::none:
+        return slope_d;
+    case Normalization::lattice:
+        return slope_d / lattice_constant_;
+    case Normalization::threshold:
+        // The square of W need not fit.
+        return w > w0_ ? (slope_d - d / w * slope_w) / w : slope_d / w0_;
+    }
+    return slope_d;
 }
 
 FieldSums::FieldSums(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen,
                      const Slices& slices, double radius_factor, ZeroKernels zero_kernels)
-    : field_(field), screen_(screen), slices_(slices), sampling_(scene.sampling), zero_kernels_(zero_kernels),
+    : screen_(screen), slices_(slices), sampling_(scene.sampling), zero_kernels_(zero_kernels),
       eye_kernels_(field, scene, camera, screen, radius_factor), profile_(field.kernel().falloff),
-      // C is the kernel's mass, which follows its radius; the filter keeps it.
-      lattice_constant_(WorldKernels(field).lattice_constant() * radius_factor * radius_factor * radius_factor),
-      next_(slices.first) {
+      normaliser_(field, radius_factor), next_(slices.first) {
     require_finite_sums(field);
     sort_kernels();
 }
@@ -155,7 +195,7 @@ void FieldSums::splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, 
     if (depth.empty()) {
         return;
     }
-    const bool point = sampling_ == Sampling::point;
+    const bool point = sampling_ == Sampling::point, with_slope = !sums.slope_d.empty();
     const Vec3& centre = kernel.centre;
     // Less the centre's: of what the support reaches, and of the whole slab.
     const double front = depth.lower - kernel.depth(), back = depth.upper - kernel.depth();
@@ -183,6 +223,7 @@ void FieldSums::splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, 
         for (int i = columns.first; i <= columns.last; ++i) {
             const double dx = screen_.ndc_x(i) * half_width - centre.x;
             double g = 0.0;
+            Vec3 slope(0.0);
             if (point) {
                 const Vec3 q = kernel.shape.to_unit(Vec3(dx, dy, dz));
                 const double r_squared = glm::dot(q, q);
@@ -190,37 +231,32 @@ void FieldSums::splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, 
                     continue;
                 }
                 g = profile_.at(r_squared);
+                if (with_slope) {
+                    slope = kernel.shape.slope_to_eye(profile_.slope(r_squared) * q);
+                }
             } else {
-                const Chord chord =
-                    kernel.shape.mean(profile_, Vec3(dx, dy, 0.0), screen_.slope_x(i), slope_y, slab_front, slab_back);
+                const Chord chord = kernel.shape.mean(profile_, Vec3(dx, dy, 0.0), screen_.slope_x(i), slope_y,
+                                                      slab_front, slab_back, with_slope);
                 if (!chord.reached) {
                     continue;
                 }
                 g = chord.mean;
+                slope = chord.slope;
             }
             const std::size_t at = sheet.index(i, j);
             sums.d[at] += kernel.value * g;
             sums.w[at] += kernel.weight * g;
+            if (with_slope) {
+                sums.slope_d[at] += kernel.value * slope;
+                sums.slope_w[at] += kernel.weight * slope;
+            }
             sheet.reached[at] = 1;
         }
     }
 }
 
-double FieldSums::normalise(double d, double w) const {
-    switch (field_.normalization()) {
-    case Normalization::none:
-        return d;
-    case Normalization::lattice:
-        return d / lattice_constant_;
-    case Normalization::threshold:
-        return d / std::max(field_.w0(), w);
-    }
-    return d;
-}
-
 void FieldSums::add_next(Sheet& sheet, SheetSums& sums) {
-    std::fill(sums.d.begin(), sums.d.end(), 0.0);
-    std::fill(sums.w.begin(), sums.w.end(), 0.0);
+    sums.clear();
     const std::int64_t n = next_++;
     const std::size_t begins = static_cast<std::size_t>(n - slices_.first);
     for (std::uint64_t at = offsets_[begins]; at < offsets_[begins + 1]; ++at) {
@@ -233,7 +269,11 @@ void FieldSums::add_next(Sheet& sheet, SheetSums& sums) {
     held_.erase(std::remove_if(held_.begin(), held_.end(), [n](const Held& held) { return held.last <= n; }),
                 held_.end());
     for (std::size_t pixel = 0; pixel < sheet.rho.size(); ++pixel) {
-        sheet.rho[pixel] += normalise(sums.d[pixel], sums.w[pixel]);
+        sheet.rho[pixel] += normaliser_.rho(sums.d[pixel], sums.w[pixel]);
+    }
+    for (std::size_t pixel = 0; pixel < sheet.gradient.size(); ++pixel) {
+        sheet.gradient[pixel] +=
+            normaliser_.gradient(sums.d[pixel], sums.w[pixel], sums.slope_d[pixel], sums.slope_w[pixel]);
     }
     for (std::size_t pixel = 0; pixel < sheet.weight.size(); ++pixel) {
         sheet.weight[pixel] += sums.w[pixel];

@@ -9,14 +9,14 @@
 
 namespace sheetsplat::sheet {
 
-Classification::Classification(const gl::Api& gl, const TransferFunction& function, double value_unit) {
+Classification::Classification(const gl::Api& gl, const TransferFunction& function, double value_unit, double origin) {
     const auto& points = function.points();
     const auto count = static_cast<int>(points.size());
     last_ = count - 1;
     std::vector<float> texels(static_cast<std::size_t>(count) * 8, 0.0F);
     std::vector<float> values(points.size());
     for (std::size_t p = 0; p < points.size(); ++p) {
-        values[p] = static_cast<float>(points[p].value / value_unit);
+        values[p] = static_cast<float>((points[p].value - origin) / value_unit);
     }
     for (std::size_t p = 0; p < points.size(); ++p) {
         float* row0 = texels.data() + 4 * p;

@@ -11,8 +11,8 @@ namespace sheetsplat::sheet {
 class Classification {
   public:
     Classification() = default;
-    /// value_unit: the amount of rho that sheets call 1.
-    Classification(const gl::Api& gl, const TransferFunction& function, double value_unit);
+    /// value_unit: the amount of rho that sheets call 1; origin: the rho that they call 0.
+    Classification(const gl::Api& gl, const TransferFunction& function, double value_unit, double origin);
     /// Binds the textures and sets the uniforms of lib/transfer.glsl.
     void bind(const gl::Program& program) const;
 

@@ -1,5 +1,7 @@
 #include "resources.hpp"
 
+#include <algorithm>
+
 #include "sheet/embedded_glsl.hpp"
 
 namespace sheetsplat::sheet {
@@ -23,6 +25,11 @@ const gl::Program& Resources::program(const std::string& vertex, const std::stri
     return programs_.emplace(std::move(key), std::move(made)).first->second;
 }
 
+std::size_t Resources::programs_used() const {
+    return static_cast<std::size_t>(
+        std::count_if(programs_.begin(), programs_.end(), [](const auto& entry) { return entry.second.used(); }));
+}
+
 SectionPass& Resources::section_pass() {
     if (!section_pass_) {
         section_pass_ = std::make_unique<SectionPass>(*gl_);
@@ -42,6 +49,13 @@ Gather& Resources::gather() {
         gather_ = std::make_unique<Gather>(*gl_);
     }
     return *gather_;
+}
+
+LightTextures& Resources::light() {
+    if (!light_) {
+        light_ = std::make_unique<LightTextures>(*gl_);
+    }
+    return *light_;
 }
 
 const Targets& Resources::targets(const TargetShape& shape) {

@@ -11,6 +11,7 @@
 #include "gather.hpp"
 #include "gl/objects.hpp"
 #include "gl/program.hpp"
+#include "light_textures.hpp"
 #include "paper_slicing.hpp"
 #include "section_pass.hpp"
 #include "targets.hpp"
@@ -25,6 +26,9 @@ class Resources {
     /// The program of two stages under these defines, compiled at its first use.
     const gl::Program& program(const std::string& vertex, const std::string& fragment, const gl::Defines& defines,
                                const std::vector<std::string>& outputs);
+    /// Programs that were compiled in this context, and those of them that were put to use.
+    [[nodiscard]] std::size_t programs() const { return programs_.size(); }
+    [[nodiscard]] std::size_t programs_used() const;
     /// Surfaces of this shape; those of another shape are given back first.
     const Targets& targets(const TargetShape& shape);
 
@@ -36,6 +40,9 @@ class Resources {
     /// Made at their first use; null where they were not used.
     PaperSlicing& paper_slicing();
     Gather& gather();
+    /// Made at its first use.
+    LightTextures& light();
+    [[nodiscard]] std::size_t light_bytes() const { return light_ ? light_->bytes() : 0; }
     [[nodiscard]] std::size_t comparison_bytes() const {
         return (paper_slicing_ ? paper_slicing_->bytes() : 0) + (gather_ ? gather_->bytes() : 0);
     }
@@ -50,6 +57,7 @@ class Resources {
     std::unique_ptr<SectionPass> section_pass_;
     std::unique_ptr<PaperSlicing> paper_slicing_;
     std::unique_ptr<Gather> gather_;
+    std::unique_ptr<LightTextures> light_;
 };
 
 } // namespace sheetsplat::sheet

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <ctime>
 #include <limits>
+#include <numeric>
 #include <random>
 
 #include "base/memory.hpp"
@@ -103,7 +104,9 @@ void SheetRenderer::render(const Job& job, Image& image) {
 
     Classification classification;
     if (plan.mode == Mode::composite) {
-        classification = Classification(gl, job.scene->transfer_function, plan.value_unit);
+        const std::vector<double> pivots = pivots_of(plan, *job.scene);
+        classification = Classification(gl, job.scene->transfer_function, plan.value_unit,
+                                        std::accumulate(pivots.begin(), pivots.end(), 0.0));
     }
     int edge = std::min(capabilities.max_texture_size, capabilities.max_viewport) - 2 * Tile::border;
     // A viewport that is widened for sprites must fit too.
@@ -146,6 +149,10 @@ void SheetRenderer::render(const Job& job, Image& image) {
     }
     if (plan.gather) {
         state_->resources->gather().prepare(*job.ellipsoids.front().view, *job.ellipsoids.front().traversal);
+    }
+    if (plan.shadows || plan.ambient_occlusion) {
+        state_->resources->light().upload(*job.volumes, plan.shadows, plan.ambient_occlusion,
+                                          capabilities.max_buffer_texels);
     }
     // Reading the last picture back waited for all of its drawing.
     state_->resources->samples.rewind();
@@ -224,10 +231,13 @@ void SheetRenderer::render(const Job& job, Image& image) {
     if (plan.count_fragments) {
         image.stats["fragments"] += static_cast<double>(fragments);
     }
+    image.stats["programs"] = static_cast<double>(state_->resources->programs());
+    image.stats["programs_used"] = static_cast<double>(state_->resources->programs_used());
     image.stats["tiles"] = static_cast<double>(tiles.size());
     const SectionPass* sections = state_->resources->sections();
-    image.stats["bytes_device"] = static_cast<double>(bytes + (sections != nullptr ? sections->bytes() : 0) +
-                                                      state_->resources->comparison_bytes());
+    image.stats["bytes_device"] =
+        static_cast<double>(bytes + (sections != nullptr ? sections->bytes() : 0) + state_->resources->light_bytes() +
+                            state_->resources->comparison_bytes());
 }
 
 Seconds SheetRenderer::fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets,

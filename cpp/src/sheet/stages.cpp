@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "plan/pivot.hpp"
 #include "sheet/sheet_renderer.hpp"
 
 namespace sheetsplat::sheet {
@@ -22,6 +23,37 @@ void define(const std::array<std::pair<const char*, bool>, count>& switches, gl:
 }
 
 } // namespace
+
+bool splats_slopes(const DrawPlan& plan) { return plan.fine_gradient || plan.analytic_gradient; }
+
+namespace {
+
+/// Whether what adds to a target adds changes too: those of weights only where quotients need them.
+bool slopes_of(const DrawPlan& plan, const SplatTarget& target) {
+    return splats_slopes(plan) && (!target.weights_alone || plan.threshold || target.own >= 0);
+}
+
+/// Values are counted from their middle. Modes that show rho itself have no use for that; what is drawn for comparison
+/// does not do it.
+bool pivots(const DrawPlan& plan) {
+    const bool classified = plan.mode == Mode::composite || plan.mode == Mode::isosurface;
+    return classified && !plan.own_sheets.empty() && !plan.paper_slicing && !plan.gather;
+}
+
+} // namespace
+
+std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene) {
+    std::vector<double> result;
+    for (std::size_t field = 0; field < plan.own_sheets.size(); ++field) {
+        if (plan.own_sheets[field] >= 0) {
+            const double pivot = pivots(plan) ? pivot_of(*scene.fields[field]) : 0.0;
+            // As float32 has it in the sheets' unit, so that all who use it mean the same number.
+            const auto rounded = static_cast<double>(static_cast<float>(pivot / plan.value_unit));
+            result.push_back(rounded * plan.value_unit);
+        }
+    }
+    return result;
+}
 
 Steps make_steps(const DrawPlan& plan, const Frame& frame) {
     Steps steps;
@@ -60,17 +92,19 @@ gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const Spl
         defines["SLAB_NODES"] = std::to_string(plan.slab_nodes);
         defines["SLAB_PIECES"] = std::to_string(plan.slab_pieces);
     }
-    const std::array<std::pair<const char*, bool>, 11> switches{{
+    const std::array<std::pair<const char*, bool>, 13> switches{{
         {"GENERAL", general},
         {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"SEPARABLE", separable},
         {"NONNEGATIVE", separable && !target.weight && view.field != nullptr && view.field->value_range()[0] >= 0.0},
         {"TWO_TARGETS", plan.packing == Packing::wide},
         {"POINTS", plan.points},
-        {"FINE", plan.fine_gradient},
+        {"FINE", slopes_of(plan, target)},
         {"FINE_XY", plan.fine_across},
         {"FINE_Z", plan.fine_along},
-        {"WEIGHT", target.weight && !plan.fine_gradient},
+        {"ANALYTIC", plan.analytic_gradient},
+        {"PIVOT", pivots(plan) && target.own >= 0 && !target.weights_alone},
+        {"WEIGHT", target.weight && !splats_slopes(plan)},
         {"WEIGHT_ALONE", target.weights_alone},
     }};
     define(switches, defines);
@@ -88,18 +122,20 @@ gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const Sp
         // long.
         defines["SLAB_PIECES"] = thin || medium ? "1" : "4";
     }
-    const std::array<std::pair<const char*, bool>, 12> switches{{
+    const std::array<std::pair<const char*, bool>, 14> switches{{
         {"BARE", plan.bare_fill},
         {"RESIDENT", plan.resident_sections},
         {"PRECISE_PLACES", is_precise(group)},
         {"SPRITE", group == SectionGroup::sprite},
-        {"COMPACT", group == SectionGroup::compact && !plan.fine_gradient && plan.packing == Packing::wide},
+        {"COMPACT", group == SectionGroup::compact && !slopes_of(plan, target) && plan.packing == Packing::wide},
         {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"TWO_TARGETS", plan.packing == Packing::wide && !target.narrow},
-        {"FINE", plan.fine_gradient},
+        {"FINE", slopes_of(plan, target)},
         {"FINE_XY", plan.fine_across},
         {"FINE_Z", plan.fine_along},
-        {"WEIGHT", target.weight && !plan.fine_gradient},
+        {"ANALYTIC", plan.analytic_gradient},
+        {"PIVOT", pivots(plan) && target.own >= 0 && !target.weights_alone},
+        {"WEIGHT", target.weight && !splats_slopes(plan)},
         {"WEIGHT_ALONE", target.weights_alone},
     }};
     define(switches, defines);
@@ -115,11 +151,12 @@ std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& 
         }
     };
     add("sheet");
-    if (plan.fine_gradient) {
+    if (slopes_of(plan, target)) {
         add("x");
         add("y");
         add("z");
-    } else if (target.weight) {
+    }
+    if (target.weight && !splats_slopes(plan)) {
         add("weight");
     }
     return names;
@@ -133,7 +170,7 @@ gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 21> switches{{
+    const std::array<std::pair<const char*, bool>, 28> switches{{
         {"CLASSIFY", plan.mode == Mode::composite},
         {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
         {"MODE_XRAY", plan.mode == Mode::xray},
@@ -143,7 +180,8 @@ gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
         {"EMPTY_TEST", plan.empty_test},
         {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"GRADIENT", plan.gradient},
-        {"SLOPES", plan.fine_gradient},
+        {"SLOPES", splats_slopes(plan)},
+        {"ANALYTIC", plan.analytic_gradient},
         {"FINE_XY", plan.fine_across},
         {"FINE_Z", plan.fine_along},
         {"SPECULAR", plan.specular},
@@ -152,13 +190,22 @@ gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
         {"STOP", plan.stop},
         {"READ_IMAGE", plan.read_image},
         {"PREINTEGRATION", plan.preintegration},
+        {"SECOND_ORDER", plan.second_order},
+        {"CLIP", plan.clip},
+        {"GRADIENT_OPACITY", plan.gradient_opacity},
+        {"DEPTH_CUE", plan.depth_cue},
+        {"SHADOWS", plan.shadows},
+        {"OCCLUSION", plan.ambient_occlusion},
         {"DEPTH_OUT", plan.depth},
         {"COVERAGE", plan.coverage},
         {"COMPENSATED", plan.compensated},
     }};
     define(switches, defines);
     if (plan.gradient) {
-        defines["LIGHTS"] = std::to_string(lights);
+        defines["LIGHTS"] = std::to_string(plan.lit ? lights : 0);
+    }
+    if (plan.shadows || plan.ambient_occlusion) {
+        defines["VOLUMES"] = std::to_string((plan.shadows ? lights : 0) + (plan.ambient_occlusion ? 1 : 0));
     }
     return defines;
 }

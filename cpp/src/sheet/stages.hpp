@@ -34,8 +34,13 @@ struct SplatTarget {
     int own = -1;               ///< number of the field's own sheets; -1: the sheets of all fields
     bool weight = false;        ///< weights go along
     bool narrow = false;        ///< one sheet instead of two
-    bool weights_alone = false; ///< the second splat pass of fine gradients, which adds weights and their differences
+    bool weights_alone = false; ///< the second splat pass where changes are splatted: weights, and theirs
 };
+/// Changes along x, y and z are splatted beside the sums: differences between neighbours, or derivatives.
+bool splats_slopes(const DrawPlan& plan);
+/// What the values of fields with sheets of their own are less by there: the middle of those that lie far from 0, else
+/// 0, in scene order and the scalar's unit. The sheets of all hold rho less the sum of these.
+std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene);
 gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target);
 gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const SplatTarget& target);
 std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& target);

@@ -8,30 +8,20 @@ namespace sheetsplat::sheet {
 
 bool TargetShape::operator==(const TargetShape& other) const {
     return width == other.width && height == other.height && sheet_format == other.sheet_format && wide == other.wide &&
-           weight == other.weight && fine == other.fine && shared_depth == other.shared_depth && depth == other.depth &&
-           coverage == other.coverage && compensated == other.compensated && copies == other.copies && own == other.own;
+           weight == other.weight && slopes == other.slopes && weight_slopes == other.weight_slopes &&
+           shared_depth == other.shared_depth && depth == other.depth && coverage == other.coverage &&
+           compensated == other.compensated && copies == other.copies && own == other.own;
 }
 
 namespace {
 
-/// Attachments of one sheet as the splat shader's outputs are numbered.
-void append(std::vector<const gl::Texture*>& list, const std::vector<const Sheet*>& sheets, const TargetShape& shape,
-            bool weights) {
-    if (!shape.fine) {
-        for (const Sheet* sheet : sheets) {
-            list.push_back(&sheet->value);
-        }
-        if (shape.weight) {
-            for (const Sheet* sheet : sheets) {
-                list.push_back(&sheet->weight);
-            }
-        }
-        return;
-    }
+/// Attachments as the splat shaders' outputs are numbered: the values of all sheets or their weights, then what
+/// changes.
+void append(std::vector<const gl::Texture*>& list, const std::vector<const Sheet*>& sheets, bool weights, bool slopes) {
     for (const Sheet* sheet : sheets) {
         list.push_back(weights ? &sheet->weight : &sheet->value);
     }
-    for (int axis = 0; axis < 3; ++axis) {
+    for (int axis = 0; slopes && axis < 3; ++axis) {
         for (const Sheet* sheet : sheets) {
             list.push_back(weights ? &sheet->weight_slope[axis] : &sheet->slope[axis]);
         }
@@ -40,24 +30,59 @@ void append(std::vector<const gl::Texture*>& list, const std::vector<const Sheet
 
 } // namespace
 
+Sheet Targets::make_sheet(bool weight, bool weight_slopes) const {
+    const auto texture = [&](bool wanted) {
+        return wanted ? gl::Texture(*gl_, shape_.sheet_format, shape_.width, shape_.height) : gl::Texture();
+    };
+    Sheet sheet;
+    sheet.value = texture(true);
+    sheet.weight = texture(weight);
+    for (int axis = 0; axis < 3; ++axis) {
+        sheet.slope[axis] = texture(shape_.slopes);
+        sheet.weight_slope[axis] = texture(shape_.slopes && weight_slopes);
+    }
+    return sheet;
+}
+
+Targets::Ways Targets::make_ways(const std::vector<Sheet>& sheets, bool weight) const {
+    const gl::Texture* tags = shape_.shared_depth ? &depth_tags_ : nullptr;
+    const bool weight_slopes = static_cast<bool>(sheets.front().weight_slope[0]);
+    Ways ways;
+    for (std::size_t r = 0; r < sheets.size(); ++r) {
+        const auto made = [&](bool both, bool weights, const gl::Texture* depth) {
+            std::vector<const Sheet*> drawn{&sheets[r]};
+            if (both && shape_.wide) {
+                drawn.push_back(&sheets[(r + 1) % sheets.size()]);
+            }
+            std::vector<const gl::Texture*> colors;
+            append(colors, drawn, weights, weights ? weight_slopes : shape_.slopes);
+            if (weight && !shape_.slopes) {
+                append(colors, drawn, true, false);
+            }
+            return gl::Framebuffer(*gl_, colors, depth);
+        };
+        ways.values.push_back(made(true, false, tags));
+        ways.clear.push_back(made(false, false, nullptr));
+        if (shape_.wide) {
+            ways.one.push_back(made(false, false, tags));
+        }
+        if (weight && shape_.slopes) {
+            ways.weights.push_back(made(true, true, tags));
+            ways.clear_weights.push_back(made(false, true, nullptr));
+            if (shape_.wide) {
+                ways.one_weights.push_back(made(false, true, tags));
+            }
+        }
+    }
+    return ways;
+}
+
 Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_(shape) {
     const int w = shape.width;
     const int h = shape.height;
     const int count = shape.wide ? 3 : 2;
-    sheets_.resize(static_cast<std::size_t>(count));
-    for (Sheet& sheet : sheets_) {
-        sheet.value = gl::Texture(gl, shape.sheet_format, w, h);
-        if (shape.weight) {
-            sheet.weight = gl::Texture(gl, shape.sheet_format, w, h);
-        }
-        if (shape.fine) {
-            for (int axis = 0; axis < 3; ++axis) {
-                sheet.slope[axis] = gl::Texture(gl, shape.sheet_format, w, h);
-                if (shape.weight) {
-                    sheet.weight_slope[axis] = gl::Texture(gl, shape.sheet_format, w, h);
-                }
-            }
-        }
+    for (int r = 0; r < count; ++r) {
+        sheets_.push_back(make_sheet(shape.weight, shape.weight_slopes));
     }
     if (shape.shared_depth) {
         depth_tags_ = gl::Texture(gl, GL_DEPTH_COMPONENT32F, w, h);
@@ -93,65 +118,34 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
     if (tags != nullptr) {
         depth_fbo_ = gl::Framebuffer(gl, {}, tags);
     }
-    for (int r = 0; r < (shape.wide ? 3 : 1); ++r) {
-        const Sheet& front = sheets_[static_cast<std::size_t>(r)];
-        std::vector<const Sheet*> pair{&front};
-        if (shape.wide) {
-            pair.push_back(&sheets_[static_cast<std::size_t>((r + 1) % 3)]);
-        }
-        std::vector<const gl::Texture*> colors;
-        append(colors, pair, shape, false);
-        splat_.emplace_back(gl, colors, tags);
-        if (shape.fine && shape.weight) {
-            colors.clear();
-            append(colors, pair, shape, true);
-            splat_weight_.emplace_back(gl, colors, tags);
-        }
-    }
-    for (int r = 0; r < count; ++r) {
-        std::vector<const gl::Texture*> colors;
-        append(colors, {&sheets_[static_cast<std::size_t>(r)]}, shape, false);
-        clear_.emplace_back(gl, colors, nullptr);
-        if (shape.wide && !shape.fine) {
-            splat_one_.emplace_back(gl, colors, tags);
-        }
-        if (shape.fine && shape.weight) {
-            colors.clear();
-            append(colors, {&sheets_[static_cast<std::size_t>(r)]}, shape, true);
-            clear_weight_.emplace_back(gl, colors, nullptr);
-        }
-    }
-    TargetShape own_shape = shape;
-    own_shape.weight = true;
-    own_shape.fine = false;
+    ways_ = make_ways(sheets_, shape.weight);
     for (int field = 0; field < shape.own; ++field) {
         Own& own = own_.emplace_back();
-        own.sheets.resize(shape.wide ? 3 : 1);
-        for (Sheet& sheet : own.sheets) {
-            sheet.value = gl::Texture(gl, shape.sheet_format, w, h);
-            sheet.weight = gl::Texture(gl, shape.sheet_format, w, h);
+        for (int r = 0; r < (shape.wide ? 3 : 1); ++r) {
+            own.sheets.push_back(make_sheet(true, true));
         }
-        for (std::size_t r = 0; r < own.sheets.size(); ++r) {
-            std::vector<const Sheet*> pair{&own.sheets[r]};
-            std::vector<const gl::Texture*> colors;
-            append(colors, pair, own_shape, false);
-            own.clear.emplace_back(gl, colors, nullptr);
-            own.splat_one.emplace_back(gl, colors, tags);
-            if (shape.wide) {
-                pair.push_back(&own.sheets[(r + 1) % 3]);
-            }
-            colors.clear();
-            append(colors, pair, own_shape, false);
-            own.splat.emplace_back(gl, colors, tags);
+        own.ways = make_ways(own.sheets, true);
+    }
+    for (int r = 0; shape.own > 0 && r < count; ++r) {
+        const std::vector<const Sheet*> sheet{&sheets_[static_cast<std::size_t>(r)]};
+        std::vector<const gl::Texture*> colors;
+        append(colors, sheet, false, shape.slopes);
+        if (shape.weight) {
+            append(colors, sheet, true, false);
         }
+        sum_.emplace_back(gl, colors, nullptr);
     }
     if (!shape.wide) {
+        const std::vector<const Sheet*> sheet{&sheets_[1]};
         std::vector<const gl::Texture*> colors;
-        append(colors, {&sheets_[1]}, shape, false);
+        append(colors, sheet, false, shape.slopes);
+        if (shape.weight && !shape.slopes) {
+            append(colors, sheet, true, false);
+        }
         copy_ = gl::Framebuffer(gl, colors, tags);
-        if (shape.fine && shape.weight) {
+        if (shape.weight && shape.slopes) {
             colors.clear();
-            append(colors, {&sheets_[1]}, shape, true);
+            append(colors, sheet, true, shape.weight_slopes);
             copy_weight_ = gl::Framebuffer(gl, colors, tags);
         }
     }
@@ -161,36 +155,37 @@ std::size_t Targets::bytes() const {
     std::size_t sum = depth_tags_.bytes() + image_.bytes() + image_depth_.bytes() + image_coverage_.bytes() +
                       image_copy_.bytes() + image_depth_copy_.bytes() + image_coverage_copy_.bytes() +
                       image_error_.bytes() + image_error_copy_.bytes();
-    for (const Own& own : own_) {
-        for (const Sheet& sheet : own.sheets) {
-            sum += sheet.value.bytes() + sheet.weight.bytes();
-        }
-    }
-    for (const Sheet& sheet : sheets_) {
+    const auto add = [&](const Sheet& sheet) {
         sum += sheet.value.bytes() + sheet.weight.bytes();
         for (int axis = 0; axis < 3; ++axis) {
             sum += sheet.slope[axis].bytes() + sheet.weight_slope[axis].bytes();
         }
+    };
+    for (const Own& own : own_) {
+        for (const Sheet& sheet : own.sheets) {
+            add(sheet);
+        }
+    }
+    for (const Sheet& sheet : sheets_) {
+        add(sheet);
     }
     return sum;
 }
 
-void Targets::clear_sheet(int r) const {
+void Targets::clear(const Ways& ways, int r) const {
     const auto at = static_cast<std::size_t>(r);
-    clear_[at].bind();
+    ways.clear[at].bind();
     gl_->ClearColor(0.0F, 0.0F, 0.0F, 0.0F);
     gl_->Clear(GL_COLOR_BUFFER_BIT);
-    if (!clear_weight_.empty()) {
-        clear_weight_[at].bind();
+    if (!ways.clear_weights.empty()) {
+        ways.clear_weights[at].bind();
         gl_->Clear(GL_COLOR_BUFFER_BIT);
     }
 }
 
-void Targets::clear_own(int field, int r) const {
-    own_[static_cast<std::size_t>(field)].clear[static_cast<std::size_t>(r)].bind();
-    gl_->ClearColor(0.0F, 0.0F, 0.0F, 0.0F);
-    gl_->Clear(GL_COLOR_BUFFER_BIT);
-}
+void Targets::clear_sheet(int r) const { clear(ways_, r); }
+
+void Targets::clear_own(int field, int r) const { clear(own_[static_cast<std::size_t>(field)].ways, r); }
 
 void Targets::clear_tags() const {
     if (shape_.shared_depth) {
@@ -201,11 +196,16 @@ void Targets::clear_tags() const {
     }
 }
 
-void Targets::clear_all() const {
+void Targets::clear_all(float empty) const {
     gl_->Disable(GL_SCISSOR_TEST);
     gl_->ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     for (int r = 0; r < static_cast<int>(sheets_.size()); ++r) {
         clear_sheet(r);
+    }
+    if (empty != 0.0F) {
+        const float values[4] = {empty, empty, empty, empty};
+        ways_.clear.back().bind();
+        gl_->ClearBufferfv(GL_COLOR, 0, values);
     }
     for (std::size_t field = 0; field < own_.size(); ++field) {
         for (std::size_t r = 0; r < own_[field].sheets.size(); ++r) {

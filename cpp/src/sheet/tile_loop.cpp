@@ -4,10 +4,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include <glm/geometric.hpp>
 
 #include "interop.h"
+#include "view/kept_slices.hpp"
 
 namespace sheetsplat::sheet {
 
@@ -21,6 +23,8 @@ constexpr int most_tags = 1 << 18;
 constexpr float tag_step = 1.0F / (1 << 20);
 /// A_stop that float32 would round to 0 must still let an empty pixel go on.
 constexpr double smallest_stop = 1.2e-38;
+/// Slice distances that a depth cue takes at least.
+constexpr double shortest_cue = 1e-6;
 /// Depth of splats where nothing is tagged: behind opaque pixels (0), before a clear buffer (1).
 constexpr float middle = 0.0F;
 /// Records of one draw call: 16 MiB.
@@ -38,7 +42,8 @@ TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, con
                                                               : GL_RGBA32F;
     shape.wide = plan.packing == Packing::wide;
     shape.weight = plan.weight;
-    shape.fine = plan.fine_gradient;
+    shape.slopes = splats_slopes(plan);
+    shape.weight_slopes = plan.threshold;
     shape.shared_depth =
         plan.elimination || plan.tagging == Tagging::depth_bounds || plan.tagging == Tagging::depth_equal;
     shape.depth = plan.depth;
@@ -53,7 +58,7 @@ TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, con
 
 double largest_sprite(const DrawPlan& plan, const Capabilities& capabilities) {
     // Guards make viewports larger by a sprite's radius.
-    return !plan.points || plan.fine_gradient || plan.sampling == Sampling::slab
+    return !plan.points || splats_slopes(plan) || plan.sampling == Sampling::slab
                ? 0.0
                : 0.5 * static_cast<double>(capabilities.max_point_size) - 1.0;
 }
@@ -64,6 +69,9 @@ TileLoop::TileLoop(const Job& job, const gl::Api& gl, const Capabilities& capabi
       plan_(*job.plan), frame_(*job.frame), tile_(tile), steps_(make_steps(*job.plan, *job.frame)),
       marks_(tile, steps_.history + 1),
       tags_limit_(job.tags_per_clear > 0 ? std::min(job.tags_per_clear, most_tags) : most_tags), fragments_(gl) {
+    for (const double pivot : pivots_of(plan_, *job.scene)) {
+        pivots_.push_back(static_cast<float>(pivot / plan_.value_unit));
+    }
     for (const RegularPart& part : job.regular) {
         makers_.emplace_back(*part.view, frame_, tile_, job.layout, plan_.fine_gradient ? 1 : 0);
     }
@@ -89,7 +97,11 @@ float TileLoop::tag_of(int batch) const {
 void TileLoop::run(const std::function<void(double)>& progress) {
     targets_ = &resources_.targets(shape_of(plan_, capabilities_, tile_));
     gl_.Viewport(0, 0, tile_.target_width(), tile_.target_height());
-    targets_->clear_all();
+    // Slabs before the first one are read, but no pass divides them: there rho is 0.
+    targets_->clear_all(-std::accumulate(pivots_.begin(), pivots_.end(), 0.0F));
+    if (plan_.clip) {
+        make_clip();
+    }
     // Slabs that no batch was drawn to yet stay clear: those before the first slice and after the last.
     for (std::int64_t pass = 0; pass < steps_.passes; ++pass) {
         marks_.next_batch();
@@ -158,22 +170,14 @@ void TileLoop::splat(std::int64_t pass) {
 
 void TileLoop::bind_target(const SplatTarget& target, std::int64_t pass) const {
     const int r = targets_->shape().wide ? ring(pass) : 0;
-    if (target.own >= 0) {
-        target.narrow ? targets_->bind_splat_own_one(target.own, r) : targets_->bind_splat_own(target.own, r);
-    } else if (target.narrow) {
-        targets_->bind_splat_one(r);
-    } else if (plan_.fine_gradient) {
-        targets_->bind_splat_fine(r, target.weights_alone);
-    } else {
-        targets_->bind_splat(r);
-    }
+    targets_->bind_splat(target.own, r, target.weights_alone, target.narrow);
 }
 
 template <class Draw>
 void TileLoop::for_each_target(std::size_t field, bool narrow, Draw&& draw) const {
     const int own = plan_.own_sheets.empty() ? -1 : plan_.own_sheets[field];
     draw(SplatTarget{own, plan_.weight || own >= 0, narrow, false});
-    if (plan_.fine_gradient && plan_.weight) {
+    if (splats_slopes(plan_) && (plan_.weight || own >= 0)) {
         draw(SplatTarget{own, true, narrow, true});
     }
 }
@@ -220,6 +224,10 @@ void TileLoop::splat_regular(std::size_t part, std::int64_t pass, std::int64_t f
         bind_target(target, pass);
         const gl::Program& program = resources_.program("splat.vert", "splat.frag", splat_defines(plan_, view, target),
                                                         splat_outputs(plan_, target));
+        program.use();
+        if (target.own >= 0) {
+            program.set("pivot", pivots_[static_cast<std::size_t>(target.own)]);
+        }
         draw_kernels(program, view, maker, first_slab, made);
     });
 }
@@ -399,6 +407,9 @@ void TileLoop::draw_records(const EllipsoidView& view, std::size_t numbered, std
         program.set("exact_depth", frame_.depth_of(first_slab));
         program.set("exact_spacing", frame_.slice_spacing);
     }
+    if (target.own >= 0) {
+        program.set("pivot", pivots_[static_cast<std::size_t>(target.own)]);
+    }
     set_offsets(program, first_slab);
     int guard = 0;
     if (group == SectionGroup::sprite) {
@@ -500,6 +511,12 @@ void TileLoop::resolve(std::int64_t pass) {
     gl_.DepthMask(GL_FALSE);
     gl::Defines defines;
     std::vector<std::string> outputs{"sheet_sum"};
+    const bool slopes = splats_slopes(plan_);
+    if (slopes) {
+        defines["SLOPES"] = "1";
+        outputs.insert(outputs.end(), {"x_sum", "y_sum", "z_sum"});
+    }
+    defines["PIVOT"] = "1";
     if (plan_.weight) {
         defines["WEIGHT"] = "1";
         outputs.emplace_back("weight_sum");
@@ -515,13 +532,24 @@ void TileLoop::resolve(std::int64_t pass) {
         mask(channel);
         gl_.Enable(GL_BLEND);
         gl_.BlendFunc(GL_ONE, GL_ONE);
-        targets_->bind_sheet(wide ? r : 1);
+        targets_->bind_sum(wide ? r : 1);
         program.use();
         const Sheet& sheet = targets_->own_sheet(own, r);
-        sheet.value.bind(UNIT_SHEET_FRONT);
-        sheet.weight.bind(UNIT_WEIGHT_FRONT);
-        program.set("sheet_front_texture", UNIT_SHEET_FRONT);
-        program.set("weight_front_texture", UNIT_WEIGHT_FRONT);
+        const auto bind = [&](const char* name, const gl::Texture& texture, int unit) {
+            texture.bind(unit);
+            program.set(name, unit);
+        };
+        bind("sheet_front_texture", sheet.value, UNIT_SHEET_FRONT);
+        bind("weight_front_texture", sheet.weight, UNIT_WEIGHT_FRONT);
+        program.set("pivot", pivots_[static_cast<std::size_t>(own)]);
+        if (slopes) {
+            bind("x_front_texture", sheet.slope[0], UNIT_SLOPE_X_FRONT);
+            bind("y_front_texture", sheet.slope[1], UNIT_SLOPE_Y_FRONT);
+            bind("z_front_texture", sheet.slope[2], UNIT_SLOPE_Z_FRONT);
+            bind("weight_x_front_texture", sheet.weight_slope[0], UNIT_WEIGHT_X_FRONT);
+            bind("weight_y_front_texture", sheet.weight_slope[1], UNIT_WEIGHT_Y_FRONT);
+            bind("weight_z_front_texture", sheet.weight_slope[2], UNIT_WEIGHT_Z_FRONT);
+        }
         program.set("w0", static_cast<float>(job_.scene->fields[field]->w0()));
         program.set("target_size", static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height()));
         program.set("tag", middle);
@@ -724,16 +752,32 @@ void TileLoop::copy(std::int64_t pass) {
             {{0.0F, 0.0F, static_cast<float>(tile_.target_width()), static_cast<float>(tile_.target_height())}});
     };
     const Sheet& from = targets_->sheet(0);
-    const bool fine = plan_.fine_gradient;
+    const bool slopes = splats_slopes(plan_);
     targets_->bind_copy(false);
-    copy_planes(from.value, fine ? from.slope : nullptr, plan_.weight && !fine ? &from.weight : nullptr);
-    if (fine && plan_.weight) {
+    copy_planes(from.value, slopes ? from.slope : nullptr, plan_.weight && !slopes ? &from.weight : nullptr);
+    if (slopes && plan_.weight) {
         targets_->bind_copy(true);
-        copy_planes(from.weight, from.weight_slope, nullptr);
+        copy_planes(from.weight, targets_->shape().weight_slopes ? from.weight_slope : nullptr, nullptr);
     }
     // The channel is taken up again by the slab four further on.
     targets_->clear_sheet(0);
     gl_.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+void TileLoop::make_clip() {
+    const KeptSlices kept(*job_.scene, *job_.camera, frame_);
+    const int width = tile_.target_width();
+    const int height = tile_.target_height();
+    std::vector<SliceRun> runs(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+    auto run = runs.begin();
+    for (int y = 0; y < height; ++y) {
+        for (int x = 0; x < width; ++x) {
+            *run++ = kept.at(tile_.x + x - Tile::border, tile_.y + y - Tile::border);
+        }
+    }
+    static_assert(sizeof(SliceRun) == 2 * sizeof(GLint), "runs are uploaded as they are");
+    kept_ = gl::Texture(gl_, GL_RG32I, width, height);
+    kept_.upload(GL_RG_INTEGER, GL_INT, runs.data());
 }
 
 void TileLoop::bind_sheets(const gl::Program& program, std::int64_t pass) const {
@@ -754,7 +798,7 @@ void TileLoop::bind_sheets(const gl::Program& program, std::int64_t pass) const 
             bind("weight_back_texture", back.weight, UNIT_WEIGHT_BACK);
         }
     }
-    if (plan_.fine_gradient) {
+    if (splats_slopes(plan_)) {
         bind("x_front_texture", front.slope[0], UNIT_SLOPE_X_FRONT);
         bind("y_front_texture", front.slope[1], UNIT_SLOPE_Y_FRONT);
         bind("z_front_texture", front.slope[2], UNIT_SLOPE_Z_FRONT);
@@ -794,12 +838,32 @@ void TileLoop::set_shading(const gl::Program& program, std::int64_t pass) {
     program.set("depth_step", f(frame_.slice_spacing));
     program.set("first_slab", static_cast<int>(first_slab));
     program.set("last_slab", static_cast<int>(frame_.slices - 1));
+    if (plan_.clip) {
+        kept_.bind(UNIT_CLIP);
+        program.set("clip_texture", UNIT_CLIP);
+    }
+    if (plan_.shadows || plan_.ambient_occlusion) {
+        resources_.light().bind(program, *job_.camera, frame_, first_slab);
+        if (plan_.ambient_occlusion) {
+            program.set("occlusion", f(scene.ambient_occlusion->strength));
+        }
+    }
+    if (plan_.depth_cue) {
+        const DepthCue& depth_cue = *scene.depth_cue;
+        // A step in all but name stays one; its slope must not leave float32.
+        const double length = std::max(depth_cue.end - depth_cue.start, shortest_cue * frame_.slice_spacing);
+        program.set("cue", f(depth_cue.color.x), f(depth_cue.color.y), f(depth_cue.color.z), f(depth_cue.strength));
+        program.set("cue_share", f((frame_.depth_of(first_slab) - depth_cue.start) / length),
+                    f(frame_.slice_spacing / length));
+    }
     if (classification_ != nullptr) {
         classification_->bind(program);
     }
     if (plan_.mode == Mode::isosurface) {
         const TransferPoint at = scene.transfer_function.at(*scene.iso_value);
-        program.set("iso_value", f(*scene.iso_value / plan_.value_unit));
+        const std::vector<double> pivots = pivots_of(plan_, scene);
+        const double less = std::accumulate(pivots.begin(), pivots.end(), 0.0);
+        program.set("iso_value", f((*scene.iso_value - less) / plan_.value_unit));
         program.set("iso_color", f(at.color.x), f(at.color.y), f(at.color.z), f(at.opacity));
     }
     if (plan_.gradient) {
@@ -816,6 +880,9 @@ void TileLoop::set_shading(const gl::Program& program, std::int64_t pass) {
         program.set("material", f(material.ambient), f(material.diffuse), f(material.specular), f(material.shininess));
         program.set("gradient_scale", f(0.5 * reference / frame_.pixel), f(0.5 * reference / frame_.slice_spacing));
         const TransferFunction& function = scene.transfer_function;
+        if (plan_.gradient_opacity) {
+            program.set("full_gradient", f(*scene.gradient_opacity * reference / plan_.value_unit));
+        }
         program.set("weakest_gradient", f(1e-3 * (function.v_max() - function.v_min()) / plan_.value_unit));
     }
 }

@@ -61,6 +61,8 @@ class TileLoop {
     void copy(std::int64_t pass);
     void shade(std::int64_t pass);
     void set_shading(const gl::Program& program, std::int64_t pass);
+    /// Uploads which slices each pixel keeps.
+    void make_clip();
     void bind_sheets(const gl::Program& program, std::int64_t pass) const;
     void draw_touched(const gl::Program& program);
     void eliminate();
@@ -88,6 +90,7 @@ class TileLoop {
     TileMarks marks_;
     std::vector<VertexMaker> makers_;
     std::vector<CellWalk> walks_;
+    std::vector<float> pivots_; ///< of each field with sheets of its own, in the sheets' unit: see pivots_of
     std::vector<ActiveCells> active_;
     std::array<std::vector<SectionRecord>, 2 * section_groups> records_; ///< wide ones, then narrow ones
     std::array<std::vector<SectionRest>, 2 * section_groups> rests_;     ///< of the precise ones
@@ -96,6 +99,7 @@ class TileLoop {
     int tags_limit_;
     int tag_ = 0;      ///< of the newest batch, counted since the tags were cleared
     int untagged_ = 0; ///< passes for which tags are missing, since they were cleared
+    gl::Texture kept_; ///< of each pixel the first slice that the clip keeps, and the last one
     OpacityBuffer opacity_;
     gl::AsyncReadback readback_;
     std::vector<float> readback_pixels_;

@@ -5,8 +5,8 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <new>
-#include <optional>
 
 #include "base/memory.hpp"
 #include "sheetsplat/error.hpp"
@@ -181,6 +181,16 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     if (shared_weight) {
         setup.weight_channel = setup.channels++;
     }
+    const auto three = [&setup] {
+        const int first = setup.channels;
+        setup.channels += 3;
+        return first;
+    };
+    const bool slopes = shading.analytic_gradient;
+    if (slopes) {
+        setup.slope_channel = three();
+        setup.weight_slope_channel = shared_weight ? three() : -1;
+    }
     const auto add_part = [&](std::size_t field) {
         const Field& source = *job.scene->fields[field];
         PartProfile<T> profile;
@@ -192,11 +202,17 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
             OwnSheets<T> own;
             own.value_channel = profile.value_channel = setup.channels++;
             own.weight_channel = profile.weight_channel = setup.channels++;
+            if (slopes) {
+                own.slope_channel = profile.slope_channel = three();
+                own.weight_slope_channel = profile.weight_slope_channel = three();
+            }
             own.w0 = divisor<T>(source.w0());
             setup.own.push_back(own);
         } else {
             profile.value_channel = 0;
             profile.weight_channel = setup.weight_channel;
+            profile.slope_channel = setup.slope_channel;
+            profile.weight_slope_channel = setup.weight_slope_channel;
             if (plan.threshold) {
                 setup.w0 = divisor<T>(source.w0());
             }
@@ -269,6 +285,11 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
     }
 }
 
+[[noreturn]] void out_of_memory() {
+    throw OutOfMemory(Complaint{"the picture cannot be made", "memory that ran out while it was drawn",
+                                "room for its kernels and tiles", "make the picture or the field smaller"});
+}
+
 /// Leaves a task of a picture that has failed elsewhere: that error is the one that counts.
 struct Ended {};
 
@@ -300,7 +321,7 @@ class Report {
 
 struct CpuRenderer::State {
     OwnPool pool;
-    std::optional<SortedView> sorted;
+    std::unique_ptr<SortedView> sorted;
     std::vector<TileScratch<float>> scratch_float;
     std::vector<TileScratch<double>> scratch_double;
 
@@ -332,19 +353,22 @@ struct CpuRenderer::State {
                                           part.view->up_world(), part.view->filtered(), part.visible_version,
                                           bucket_kernels(*part.view, *part.visible, layout, rects, *pool, poll)});
             }
-            sorted = std::move(view);
+            sorted = std::make_unique<SortedView>(std::move(view));
         }
         image.stats["buckets_reused"] = reused ? 1.0 : 0.0;
         image.stats["seconds_bucket"] = seconds_since(start);
         image.stats["bytes_view"] = static_cast<double>(sorted->bytes());
     }
 
+    /// record: what is filled in the picture's place; null: the picture is.
     template <class T>
-    void draw(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, Report& tell, Image& image) {
+    void draw(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions,
+              const AbsorptionRecord* record, Report& tell, Image& image) {
         const auto start = Clock::now();
         const Size size = job.frame->size;
-        const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan);
-        const LoopSetup<T> setup = make_setup(job, shading);
+        const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan, job.volumes);
+        LoopSetup<T> setup = make_setup(job, shading);
+        setup.record = record;
         std::vector<TileScratch<T>>& rooms = scratch<T>();
         rooms.resize(static_cast<std::size_t>(pool->threads()));
         for (TileScratch<T>& room : rooms) {
@@ -430,7 +454,34 @@ struct CpuRenderer::State {
             }
             functions.run(setup, shape, room, between);
         }
-        copy_picture(shape, room.planes, image, size);
+        if (setup.record == nullptr) {
+            copy_picture(shape, room.planes, image, size);
+        }
+    }
+
+    void draw_in(Precision precision, const Job& job, const AbsorptionRecord* record, Report& tell, Image& image) {
+        const int threads = job.threads > 0 ? job.threads : usable_threads();
+        try {
+            if (!pool || pool->threads() != threads || !pool->is_here()) {
+                pool = OwnPool(new ThreadPool(threads));
+            }
+            const int edge = edge_of_tiles(job.frame->size, job.tile_size);
+            const TileLayout layout(job.frame->size, edge);
+            const InstructionSet set = chosen_instruction_set();
+            sort(job, layout, edge, tile_functions_float(set)->rects, tell, image);
+            if (precision == Precision::float64) {
+                draw<double>(job, layout, *tile_functions_double(set), record, tell, image);
+            } else {
+                draw<float>(job, layout, *tile_functions_float(set), record, tell, image);
+            }
+        } catch (const std::bad_alloc&) {
+            forget();
+            out_of_memory();
+        } catch (...) {
+            // What was begun is let go: tiles that were left half-way are no start for others.
+            forget();
+            throw;
+        }
     }
 };
 
@@ -447,38 +498,45 @@ CpuRenderer::CpuRenderer() : state_(std::make_unique<State>()) {}
 CpuRenderer::~CpuRenderer() = default;
 
 void CpuRenderer::render(const Job& job, Image& image) {
-    State& state = *state_;
-    const int threads = job.threads > 0 ? job.threads : usable_threads();
-    const Size size = job.frame->size;
     try {
-        if (!state.pool || state.pool->threads() != threads || !state.pool->is_here()) {
-            state.pool = OwnPool(new ThreadPool(threads));
-        }
+        const Size size = job.frame->size;
         const auto pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
         const bool scalar = job.plan->mode == Mode::xray || job.plan->mode == Mode::mip;
         image.rgba.assign(scalar ? 0 : 4 * pixels, 0.0F);
         image.scalar.assign(scalar ? pixels : 0, 0.0F);
         image.coverage.assign(job.plan->coverage ? pixels : 0, 0.0F);
         image.depth.assign(job.plan->depth ? pixels : 0, std::numeric_limits<float>::infinity());
-        const int edge = edge_of_tiles(size, job.tile_size);
-        const TileLayout layout(size, edge);
-        const InstructionSet set = chosen_instruction_set();
-        Report tell(job.progress);
-        state.sort(job, layout, edge, tile_functions_float(set)->rects, tell, image);
-        if (job.plan->precision == Precision::float64) {
-            state.draw<double>(job, layout, *tile_functions_double(set), tell, image);
-        } else {
-            state.draw<float>(job, layout, *tile_functions_float(set), tell, image);
-        }
     } catch (const std::bad_alloc&) {
-        state.forget();
-        throw OutOfMemory(Complaint{"the picture cannot be made", "memory that ran out while it was drawn",
-                                    "room for its kernels and tiles", "make the picture or the field smaller"});
-    } catch (...) {
-        // What was begun is let go: tiles that were left half-way are no start for others.
-        state.forget();
-        throw;
+        out_of_memory();
     }
+    Report tell(job.progress);
+    state_->draw_in(job.plan->precision, job, nullptr, tell, image);
+}
+
+void CpuRenderer::absorb(const Job& job, int every, LightVolume& volume) {
+    const Frame& frame = *job.frame;
+    const Camera& camera = *job.camera;
+    const std::int64_t planes = (frame.slices + every - 1) / every + 1;
+    volume.counts = {frame.size.width, frame.size.height, static_cast<int>(planes)};
+    volume.per_step = {camera.right_world() / frame.pixel, -camera.up_world() / frame.pixel,
+                       -camera.back_world() / (frame.slice_spacing * every)};
+    volume.origin = camera.eye() - 0.5 * (frame.size.width - 1) * frame.pixel * camera.right_world() +
+                    0.5 * (frame.size.height - 1) * frame.pixel * camera.up_world() -
+                    frame.first_depth * camera.back_world();
+    const auto row = static_cast<std::size_t>(frame.size.width);
+    const std::size_t plane = row * static_cast<std::size_t>(frame.size.height);
+    try {
+        volume.values.assign(plane * static_cast<std::size_t>(planes), 0.0F);
+    } catch (const std::bad_alloc&) {
+        out_of_memory();
+    }
+    const AbsorptionRecord record{volume.values.data(), row, plane, planes, every};
+    // Other views than the picture's must not cost it what was sorted for it.
+    std::unique_ptr<SortedView> kept = std::move(state_->sorted);
+    Image none;
+    Report tell(job.progress);
+    state_->draw_in(job.plan->precision, job, &record, tell, none);
+    state_->sorted = std::move(kept);
 }
 
 } // namespace sheetsplat::simd

@@ -214,13 +214,14 @@ class RowFeed {
         }
     }
 
-    /// First slices, counted from `least`; those beyond `most` under the one after it.
-    HWY_INLINE void slots_of(const Stretch& stretch, std::uint32_t from, std::uint32_t samples, double least,
-                             double most, std::int32_t* slots) const {
+    /// First slices, counted from `least`; those beyond `most` under the one after it. A function of its own: inlined
+    /// twice, it could be rounded in two ways, and kernels would not find the places that were counted for them.
+    HWY_NOINLINE void slots_of(const Stretch& stretch, std::uint32_t from, std::uint32_t samples, double least,
+                               double most, std::int32_t* slots) const {
         for (std::uint32_t i = 0; i < samples; ++i) {
             const auto along = static_cast<double>(static_cast<std::int32_t>(from + i));
             const double first = first_of(stretch.depth + along * stretch.step);
-            slots[i] = static_cast<std::int32_t>(std::min(first, most + 1.0) - least);
+            slots[i] = static_cast<std::int32_t>(std::min(std::max(first, least), most + 1.0) - least);
         }
     }
 
@@ -238,7 +239,9 @@ class RowFeed {
         if (count == 0 || !(least <= last_slice_)) {
             return;
         }
-        most = std::min(most, last_slice_);
+        // A kernel that ends on a slice may have been rounded to the other side of it here.
+        least = std::max(least - 1.0, 0.0);
+        most = std::min(most + 1.0, last_slice_);
         const std::size_t starts = static_cast<std::size_t>(most - least) + 1;
         if (starts > 4 * count + 1024) {
             one_by_one(begin, end);

@@ -9,10 +9,12 @@
 #endif
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <type_traits>
+#include <vector>
 
 #include "hwy/highway.h"
 #include "math-inl.hpp"
@@ -438,6 +440,7 @@ struct GradientScale {
     T across[2] = {T(0), T(0)}; ///< slices n and n + 1
     T along = T(0);
     T weakest = T(0);
+    T full = T(1); ///< from this gradient on, gradient opacity takes nothing
 
     GradientScale(const Shading<T>& shading, std::int64_t n) {
         double scale[2];
@@ -453,8 +456,12 @@ struct GradientScale {
         across[0] = static_cast<T>(scale[0] * unit);
         across[1] = static_cast<T>(scale[1] * unit);
         along = static_cast<T>(shading.gradient_along * unit);
-        weakest = static_cast<T>(
-            std::clamp(shading.weakest_gradient * unit, static_cast<double>(std::numeric_limits<T>::min()), 1e30));
+        const auto positive = [&](double gradient) {
+            return static_cast<T>(
+                std::clamp(gradient * unit, static_cast<double>(std::numeric_limits<T>::min()), 1e30));
+        };
+        weakest = positive(shading.weakest_gradient);
+        full = positive(shading.full_gradient);
     }
 };
 
@@ -485,10 +492,74 @@ HWY_INLINE Normal<D> against_gradient(D d, const T* before, const T* here, const
     }
 }
 
+/// The same from sums of the kernels' own derivatives over columns, rows and slices, which stand in the place of half
+/// the differences.
+template <bool perspective, class D, class T = hn::TFromD<D>>
+HWY_INLINE Normal<D> against_slope(D d, const T* const* slope, std::ptrdiff_t at, T across_scale, T along_scale,
+                                   const Ray<D>& ray) {
+    const auto across = hn::Set(d, T(2) * across_scale);
+    const auto x = hn::Neg(hn::Mul(hn::LoadU(d, slope[0] + at), across));
+    const auto y = hn::Mul(hn::LoadU(d, slope[1] + at), across);
+    const auto z = hn::Mul(hn::LoadU(d, slope[2] + at), hn::Set(d, T(2) * along_scale));
+    if constexpr (perspective) {
+        return {x, y, hn::MulAdd(ray.x, x, hn::MulAdd(ray.y, y, z))};
+    } else {
+        return {x, y, z};
+    }
+}
+
+/// Numbers of a light volume at places (u, v, w), counted in its elements; outside, those of the nearest face.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE V look_up(D d, const LightVolume& volume, const V (&place)[3]) {
+    const hn::Rebind<std::int32_t, D> di;
+    const hn::Rebind<float, D> df;
+    const V zero = hn::Zero(d);
+    V part[3];
+    decltype(hn::Zero(di)) first = hn::Zero(di);
+    std::int32_t steps[3];
+    std::int32_t size = 1;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const int count = volume.counts[axis];
+        const V inside = hn::Min(hn::Max(place[axis], zero), hn::Set(d, static_cast<T>(count - 1)));
+        const V whole = hn::Min(hn::Floor(inside), hn::Set(d, static_cast<T>(std::max(count - 2, 0))));
+        part[axis] = hn::Sub(inside, whole);
+        decltype(first) number;
+        if constexpr (sizeof(T) == 4) {
+            number = hn::ConvertTo(di, whole);
+        } else {
+            number = hn::DemoteTo(di, whole);
+        }
+        first = hn::Add(first, hn::Mul(number, hn::Set(di, size)));
+        steps[axis] = count > 1 ? size : 0;
+        size *= count;
+    }
+    const float* values = volume.values.data();
+    const auto value = [&](int corner) {
+        const std::int32_t offset = ((corner & 1) != 0 ? steps[0] : 0) + ((corner & 2) != 0 ? steps[1] : 0) +
+                                    ((corner & 4) != 0 ? steps[2] : 0);
+        const auto found = hn::GatherIndex(df, values + offset, first);
+        if constexpr (sizeof(T) == 4) {
+            return found;
+        } else {
+            return hn::PromoteTo(d, found);
+        }
+    };
+    const auto mix = [&](V from, V to, V share) { return hn::MulAdd(share, hn::Sub(to, from), from); };
+    const V near = mix(mix(value(0), value(1), part[0]), mix(value(2), value(3), part[0]), part[1]);
+    const V far = mix(mix(value(4), value(5), part[0]), mix(value(6), value(7), part[0]), part[1]);
+    return mix(near, far, part[2]);
+}
+
+/// Light that nothing stands in the way of.
+struct Undimmed {
+    static constexpr bool anything = false;
+};
+
 /// Phong. weakest: g0 in the unit of the gradient, above 0. Lanes outside of `wanted` may come out as anything finite.
-template <bool perspective, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+/// dimmed: what is left of each light and of ambient light.
+template <bool perspective, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>, class Dimmed = Undimmed>
 HWY_INLINE Color<D> shade(D d, const Shading<T>& shading, const Color<D>& color, const Normal<D>& against, T weakest,
-                          const Ray<D>& ray, hn::Mask<D> wanted) {
+                          const Ray<D>& ray, hn::Mask<D> wanted, const Dimmed& dimmed = {}) {
     const V zero = hn::Zero(d);
     const V size =
         hn::Sqrt(hn::MulAdd(against.x, against.x, hn::MulAdd(against.y, against.y, hn::Mul(against.z, against.z))));
@@ -501,14 +572,23 @@ HWY_INLINE Color<D> shade(D d, const Shading<T>& shading, const Color<D>& color,
             to_viewer = hn::Mul(hn::NegMulAdd(normal.x, ray.x, hn::NegMulAdd(normal.y, ray.y, normal.z)), per_slant);
         }
     }
-    const V ambient = hn::Set(d, shading.ambient);
+    V ambient = hn::Set(d, shading.ambient);
+    if constexpr (Dimmed::anything) {
+        ambient = hn::Mul(ambient, dimmed.ambient());
+    }
     Color<D> matt{ambient, ambient, ambient};
     Color<D> shine{zero, zero, zero};
     for (const ShadingLight<T>& light : shading.lights) {
         const V x = hn::Set(d, light.direction[0]), y = hn::Set(d, light.direction[1]),
                 z = hn::Set(d, light.direction[2]);
         const V towards = hn::MulAdd(normal.x, x, hn::MulAdd(normal.y, y, hn::Mul(normal.z, z)));
-        const V facing = shading.two_sided ? hn::Abs(towards) : hn::Max(towards, zero);
+        V facing = shading.two_sided ? hn::Abs(towards) : hn::Max(towards, zero);
+        if constexpr (Dimmed::anything) {
+            // (What looks away needs no look at what is in the way.)
+            if (!hn::AllFalse(d, hn::And(wanted, hn::Gt(facing, zero)))) {
+                facing = hn::Mul(facing, dimmed.light(static_cast<std::size_t>(&light - shading.lights.data())));
+            }
+        }
         matt.red = hn::MulAdd(facing, hn::Set(d, light.diffuse[0]), matt.red);
         if (!shading.gray) {
             matt.green = hn::MulAdd(facing, hn::Set(d, light.diffuse[1]), matt.green);
@@ -548,6 +628,86 @@ HWY_INLINE Color<D> shade(D d, const Shading<T>& shading, const Color<D>& color,
             hn::MulAdd(color.blue, matt.blue, shine.blue)};
 }
 
+// Effects -------------------------------------------------------------------------------------------------------------
+
+/// Columns x0 <= x < x1.
+struct Columns {
+    int x0 = 0, x1 = 0;
+};
+
+/// Pixels of a row on their way through the effects that are on. Each effect goes through the row by itself, so that
+/// none is asked for pixel by pixel and none that is off costs anything.
+template <class T>
+struct EffectRow {
+    static constexpr int room = 128;
+    int y = 0;
+    int begin = 0, past = 0; ///< columns; number x - begin belongs to column x
+    HWY_ALIGN T seen[room];  ///< 1: may show; else 0
+    HWY_ALIGN T share[room]; ///< where the point that is shaded lies, in slice distances behind slice n
+    HWY_ALIGN T faded[room]; ///< what gradient opacity leaves
+    HWY_ALIGN T against_x[room];
+    HWY_ALIGN T against_y[room];
+    HWY_ALIGN T against_z[room];
+    HWY_ALIGN T alpha[room];
+    HWY_ALIGN T red[room];
+    HWY_ALIGN T green[room];
+    HWY_ALIGN T blue[room];
+};
+
+/// Where a row's pixels are in a light volume: start + x per_column + share (per_share + x per_both).
+template <class T>
+struct VolumeRow {
+    const LightVolume* volume = nullptr;
+    T start[3], per_column[3], per_share[3], per_both[3];
+
+    VolumeRow(const VolumeLookup& lookup, bool perspective, int column, int row, double depth, double spacing)
+        : volume(lookup.volume) {
+        for (int axis = 0; axis < 3; ++axis) {
+            const double across = column * lookup.by_column[axis] + row * lookup.by_row[axis];
+            const double deeper = lookup.by_depth[axis];
+            const double from =
+                lookup.constant[axis] + (perspective ? depth * (across + deeper) : across + depth * deeper);
+            start[axis] = static_cast<T>(from);
+            per_column[axis] = static_cast<T>((perspective ? depth : 1.0) * lookup.by_column[axis]);
+            per_share[axis] = static_cast<T>(spacing * (perspective ? across + deeper : deeper));
+            per_both[axis] = static_cast<T>(perspective ? spacing * lookup.by_column[axis] : 0.0);
+        }
+    }
+
+    template <class D, class V = hn::Vec<D>>
+    HWY_INLINE V at(D d, V column, V share) const {
+        const auto place = [&](int axis) {
+            const V along = hn::MulAdd(column, hn::Set(d, per_both[axis]), hn::Set(d, per_share[axis]));
+            return hn::MulAdd(share, along, hn::MulAdd(column, hn::Set(d, per_column[axis]), hn::Set(d, start[axis])));
+        };
+        const V places[3] = {place(0), place(1), place(2)};
+        return look_up(d, *volume, places);
+    }
+};
+
+/// What shadows and ambient occlusion leave of the light at one vector of pixels.
+template <class D>
+struct Dimming {
+    static constexpr bool anything = true;
+    using T = hn::TFromD<D>;
+    using V = hn::Vec<D>;
+    D d;
+    const std::vector<VolumeRow<T>>& rows; ///< a light each, or none
+    const VolumeRow<T>* open;              ///< null: no occlusion
+    T strength;
+    V column, share;
+
+    [[nodiscard]] HWY_INLINE V light(std::size_t number) const {
+        return number < rows.size() && rows[number].volume != nullptr ? rows[number].at(d, column, share)
+                                                                      : hn::Set(d, T(1));
+    }
+    [[nodiscard]] HWY_INLINE V ambient() const {
+        const V one = hn::Set(d, T(1));
+        return open == nullptr ? one
+                               : hn::NegMulAdd(hn::Set(d, strength), hn::Sub(one, open->at(d, column, share)), one);
+    }
+};
+
 // Rows ----------------------------------------------------------------------------------------------------------------
 
 /// One call of shade_slab.
@@ -576,12 +736,18 @@ class SlabShader {
             raise_scalar();
             return;
         case Mode::isosurface:
-            shading_.perspective ? find_crossings<true>() : find_crossings<false>();
+            if (shading_.by_effects) {
+                shading_.perspective ? go_through_effects<Crossings, true>() : go_through_effects<Crossings, false>();
+            } else {
+                shading_.perspective ? find_crossings<true>() : find_crossings<false>();
+            }
             return;
         case Mode::composite:
             break;
         }
-        if (shading_.preintegration) {
+        if (shading_.by_effects) {
+            choose_effects();
+        } else if (shading_.preintegration) {
             shading_.perspective ? add_intervals<true>() : add_intervals<false>();
         } else if (shading_.transfer.stretches <= static_cast<int>(hn::MaxLanes(D()))) {
             add_slices_by<TableInLanes<D>>();
@@ -590,8 +756,46 @@ class SlabShader {
         }
     }
 
+    /// Adds the slice's -ln(1 - alpha) to plane alpha, at most densest_slice.
+    HWY_INLINE void absorb() const {
+        if (shading_.transfer.stretches <= static_cast<int>(hn::MaxLanes(D()))) {
+            absorb_by<TableInLanes<D>>();
+        } else {
+            absorb_by<TableInMemory<D>>();
+        }
+    }
+
   private:
     static constexpr int lanes = static_cast<int>(hn::MaxLanes(D()));
+    static constexpr T densest_slice = T(20);
+
+    template <class Table>
+    HWY_NOINLINE void absorb_by() const {
+        const D d;
+        const Table table(shading_.transfer);
+        const V zero = hn::Zero(d), one = hn::Set(d, T(1)), densest = hn::Set(d, densest_slice);
+        const V below = hn::Set(d, shading_.transfer.below), above = hn::Set(d, shading_.transfer.above);
+        const V exponent = hn::Set(d, shading_.exponent);
+        for (int y = window_.rect.y0; y < window_.rect.y1; ++y) {
+            const Columns kept = columns_kept(y, 0);
+            for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
+                const V rho = hn::LoadU(d, window_.rho[1] + in_sheet(y) + x);
+                M visible = within(d, hn::And(hn::Gt(rho, below), hn::Lt(rho, above)), x, kept);
+                if (shading_.empty_test) {
+                    visible = hn::And(visible, hn::Ne(hn::LoadU(d, window_.weight[0] + in_sheet(y) + x), zero));
+                }
+                if (hn::AllFalse(d, visible)) {
+                    continue;
+                }
+                typename Table::Place place;
+                const V a = hn::IfThenElseZero(visible, table.opacity(d, rho, place));
+                const auto clear = hn::Lt(a, one);
+                const V thin = hn::Mul(exponent, absorption(d, hn::IfThenElseZero(clear, a)));
+                T* sum = picture_.alpha + in_plane(y) + x;
+                hn::StoreU(hn::Add(hn::LoadU(d, sum), hn::IfThenElse(clear, hn::Min(thin, densest), densest)), d, sum);
+            }
+        }
+    }
 
     template <class Table>
     HWY_INLINE void add_slices_by() const {
@@ -818,29 +1022,23 @@ class SlabShader {
                     const Normal<D> against = between_slices<perspective>(d, in_sheets, scale, ray, share);
                     color = shade<perspective>(d, shading_, color, against, scale.weakest, ray, found);
                 }
-                const auto put = [&](T* plane, V value) {
-                    hn::StoreU(hn::IfThenElse(found, value, hn::LoadU(d, plane + at)), d, plane + at);
-                };
-                put(picture_.red, color.red);
-                put(picture_.green, color.green);
-                put(picture_.blue, color.blue);
-                put(picture_.alpha, one);
-                if (picture_.depth != nullptr) {
-                    put(picture_.depth, hn::MulAdd(share, hn::Set(d, static_cast<T>(shading_.slice_spacing)),
-                                                   hn::Set(d, static_cast<T>(depth))));
-                }
-                end_pixels(d, y, found);
+                put_surface(d, at, y, found, share, depth, color);
             }
         }
     }
 
     /// Adds a sheet, times a step along the pixel's ray, to a plane.
+    template <bool clip>
     HWY_INLINE void add_sheet(const T* sheet, T step, T* plane) const {
         const D d;
         const Rect& rect = window_.rect;
         for (int y = rect.y0; y < rect.y1; ++y) {
-            for (int x = first_column(); x < rect.x1; x += lanes) {
-                const V value = hn::LoadU(d, sheet + in_sheet(y) + x);
+            const Columns kept = clip ? columns_kept(y, 0) : Columns{rect.x0, rect.x1};
+            for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
+                V value = hn::LoadU(d, sheet + in_sheet(y) + x);
+                if constexpr (clip) {
+                    value = hn::IfThenElseZero(within(d, hn::Eq(value, value), x, kept), value);
+                }
                 if (hn::AllTrue(d, hn::Eq(value, hn::Zero(d)))) {
                     continue;
                 }
@@ -853,20 +1051,521 @@ class SlabShader {
             }
         }
     }
-    HWY_NOINLINE void add_scalar() const { add_sheet(window_.rho[1], shading_.scalar_step, picture_.scalar); }
-    HWY_NOINLINE void add_coverage() const { add_sheet(window_.weight[0], shading_.coverage_step, picture_.coverage); }
+    HWY_NOINLINE void add_scalar() const {
+        shading_.clip ? add_sheet<true>(window_.rho[1], shading_.scalar_step, picture_.scalar)
+                      : add_sheet<false>(window_.rho[1], shading_.scalar_step, picture_.scalar);
+    }
+    HWY_NOINLINE void add_coverage() const {
+        shading_.clip ? add_sheet<true>(window_.weight[0], shading_.coverage_step, picture_.coverage)
+                      : add_sheet<false>(window_.weight[0], shading_.coverage_step, picture_.coverage);
+    }
 
-    HWY_NOINLINE void raise_scalar() const {
+    template <bool clip>
+    HWY_INLINE void raise() const {
         const D d;
         const V step = hn::Set(d, shading_.scalar_step);
         const Rect& rect = window_.rect;
         for (int y = rect.y0; y < rect.y1; ++y) {
-            for (int x = first_column(); x < rect.x1; x += lanes) {
+            const Columns kept = clip ? columns_kept(y, 0) : Columns{rect.x0, rect.x1};
+            for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
                 T* to = picture_.scalar + in_plane(y) + x;
-                const V value = hn::Mul(hn::LoadU(d, window_.rho[1] + in_sheet(y) + x), step);
+                V value = hn::Mul(hn::LoadU(d, window_.rho[1] + in_sheet(y) + x), step);
+                if constexpr (clip) {
+                    value = hn::IfThenElseZero(within(d, hn::Eq(value, value), x, kept), value);
+                }
                 hn::StoreU(hn::Max(hn::LoadU(d, to), value), d, to);
             }
         }
+    }
+    HWY_NOINLINE void raise_scalar() const { shading_.clip ? raise<true>() : raise<false>(); }
+
+    // Clipping ----------------------------------------------------------------------------------------------------
+
+    /// Of a row of slice n + ahead what clipping keeps: half spaces, so that it is one stretch. In float64.
+    [[nodiscard]] Columns columns_kept(int y, int ahead) const {
+        const Rect& rect = window_.rect;
+        double first = rect.x0, past = rect.x1;
+        const double depth = shading_.first_depth + static_cast<double>(window_.n + ahead) * shading_.slice_spacing;
+        const double wide = shading_.pixel * (shading_.perspective ? depth : 1.0);
+        const double up = (shading_.axis_y - (shape_.y + y)) * wide;
+        for (const KeptHalfSpace& half : shading_.kept) {
+            const double step = half.normal.x * wide;
+            const double at_0 = half.normal.x * ((shape_.x - shading_.axis_x) * wide) + half.normal.y * up -
+                                half.normal.z * depth + half.distance;
+            if (std::abs(step) * 1024.0 <= std::abs(at_0) || step == 0.0) {
+                // No column of a tile lies where this changes.
+                past = at_0 >= 0.0 ? past : first;
+            } else if (step > 0.0) {
+                first = std::max(first, std::ceil(-at_0 / step));
+            } else {
+                past = std::min(past, std::floor(at_0 / -step) + 1.0);
+            }
+        }
+        if (!(first < past)) {
+            return {rect.x0, rect.x0};
+        }
+        return {static_cast<int>(first), static_cast<int>(past)};
+    }
+
+    /// Lanes that are in a stretch of columns.
+    HWY_INLINE M within(D d, M mask, int x, const Columns& columns) const {
+        const int skipped = columns.x0 - x, left = columns.x1 - x;
+        if (skipped > 0) {
+            mask = hn::AndNot(hn::FirstN(d, static_cast<std::size_t>(std::min(skipped, lanes))), mask);
+        }
+        if (left < lanes) {
+            mask = hn::And(mask, hn::FirstN(d, static_cast<std::size_t>(std::max(left, 0))));
+        }
+        return mask;
+    }
+
+    // Effects -----------------------------------------------------------------------------------------------------
+
+    HWY_NOINLINE void choose_effects() const {
+        if (shading_.preintegration) {
+            if (shading_.second_order) {
+                shading_.perspective ? go_through_effects<SecondOrder, true>()
+                                     : go_through_effects<SecondOrder, false>();
+            } else {
+                shading_.perspective ? go_through_effects<Intervals, true>() : go_through_effects<Intervals, false>();
+            }
+        } else if (shading_.transfer.stretches <= static_cast<int>(hn::MaxLanes(D()))) {
+            shading_.perspective ? go_through_effects<Slices<TableInLanes<D>>, true>()
+                                 : go_through_effects<Slices<TableInLanes<D>>, false>();
+        } else {
+            shading_.perspective ? go_through_effects<Slices<TableInMemory<D>>, true>()
+                                 : go_through_effects<Slices<TableInMemory<D>>, false>();
+        }
+    }
+
+    template <class Kind, bool perspective>
+    HWY_NOINLINE void go_through_effects() const {
+        const GradientScale<T> scale(shading_, window_.n);
+        const Rect& rect = window_.rect;
+        EffectRow<T> row;
+        for (row.y = rect.y0; row.y < rect.y1; ++row.y) {
+            if (picture_.row_alive[row.y] == 0) {
+                continue;
+            }
+            const Columns whole{rect.x0, rect.x1};
+            const Columns here = shading_.clip ? columns_kept(row.y, 0) : whole;
+            const Columns after = shading_.clip && Kind::between ? columns_kept(row.y, 1) : whole;
+            for (row.begin = first_column(); row.begin < rect.x1; row.begin += EffectRow<T>::room) {
+                row.past = std::min(row.begin + EffectRow<T>::room, rect.x1);
+                if (!see(Kind(), row, here, after)) {
+                    continue;
+                }
+                if (shading_.gradient) {
+                    shading_.analytic_gradient ? find_gradients<perspective, true, Kind::between>(row, scale)
+                                               : find_gradients<perspective, false, Kind::between>(row, scale);
+                }
+                if constexpr (Kind::has_opacity) {
+                    fade(row, scale);
+                }
+                if (!classify<perspective>(Kind(), row)) {
+                    continue;
+                }
+                if (shading_.shadows || shading_.occlusion) {
+                    light_dimmed<perspective>(row, scale);
+                } else if (shading_.lit) {
+                    light<perspective>(row, scale);
+                }
+                if (shading_.depth_cue) {
+                    cue(row);
+                }
+                put(Kind(), row);
+            }
+        }
+    }
+
+    template <class TableType>
+    struct Slices {
+        using Table = TableType;
+        static constexpr bool between = false; ///< points lie between two slices
+        static constexpr bool has_opacity = true;
+    };
+    struct Intervals {
+        static constexpr bool between = true;
+        static constexpr bool has_opacity = true;
+    };
+    struct SecondOrder : Intervals {};
+    struct Crossings {
+        static constexpr bool between = true;
+        static constexpr bool has_opacity = false;
+    };
+
+    /// Calls visit(column, number in the row, lanes that are seen) for vectors with any.
+    template <class Visit>
+    HWY_INLINE void for_each_seen(const T* seen, const EffectRow<T>& row, const Visit& visit) const {
+        const D d;
+        for (int x = row.begin; x < row.past; x += lanes) {
+            const M there = hn::Gt(hn::Load(d, seen + (x - row.begin)), hn::Zero(d));
+            if (!hn::AllFalse(d, there)) {
+                visit(x, x - row.begin, there);
+            }
+        }
+    }
+
+    /// Fills `seen` with what may show in its place, of lanes that still change. Returns whether any does.
+    template <class May>
+    HWY_INLINE bool see_if(EffectRow<T>& row, T share, const May& may) const {
+        const D d;
+        const V stop = hn::Set(d, shading_.stop), one = hn::Set(d, T(1));
+        bool any = false;
+        for (int x = row.begin; x < row.past; x += lanes) {
+            hn::Store(hn::Set(d, share), d, row.share + (x - row.begin));
+            M seen = may(d, x);
+            if (!hn::AllFalse(d, seen)) {
+                seen = inside(d, hn::And(seen, hn::Lt(hn::LoadU(d, picture_.alpha + in_plane(row.y) + x), stop)), x);
+                any = any || !hn::AllFalse(d, seen);
+            }
+            hn::Store(hn::IfThenElseZero(seen, one), d, row.seen + (x - row.begin));
+        }
+        return any;
+    }
+
+    /// Points of slice n (n + 1) that a kernel reaches, as far as that is looked at, and that are kept.
+    HWY_INLINE M open(D d, M mask, int y, int x, int ahead, const Columns& kept) const {
+        mask = within(d, mask, x, kept);
+        return shading_.empty_test
+                   ? hn::And(mask, hn::Ne(hn::LoadU(d, window_.weight[ahead] + in_sheet(y) + x), hn::Zero(d)))
+                   : mask;
+    }
+
+    template <class Table>
+    HWY_NOINLINE bool see(Slices<Table> /*kind*/, EffectRow<T>& row, const Columns& here,
+                          const Columns& /*after*/) const {
+        return see_if(row, T(0), [&](D d, int x) {
+            const V rho = hn::LoadU(d, window_.rho[1] + in_sheet(row.y) + x);
+            return open(d,
+                        hn::And(hn::Gt(rho, hn::Set(d, shading_.transfer.below)),
+                                hn::Lt(rho, hn::Set(d, shading_.transfer.above))),
+                        row.y, x, 0, here);
+        });
+    }
+
+    HWY_INLINE M open_ends(D d, M mask, int y, int x, const Columns& here, const Columns& after) const {
+        return hn::Or(open(d, mask, y, x, 0, here), open(d, mask, y, x, 1, after));
+    }
+
+    HWY_NOINLINE bool see(Intervals /*kind*/, EffectRow<T>& row, const Columns& here, const Columns& after) const {
+        return see_if(row, T(0.5), [&](D d, int x) {
+            const V front = hn::LoadU(d, window_.rho[1] + in_sheet(row.y) + x);
+            const V back = hn::LoadU(d, window_.rho[2] + in_sheet(row.y) + x);
+            return open_ends(d,
+                             hn::And(hn::Gt(hn::Max(front, back), hn::Set(d, shading_.transfer.below)),
+                                     hn::Lt(hn::Min(front, back), hn::Set(d, shading_.transfer.above))),
+                             row.y, x, here, after);
+        });
+    }
+
+    /// rho in the middle of an interval: of the cubic through four slices.
+    HWY_INLINE V middle(D d, V front, V back, std::ptrdiff_t at) const {
+        const V outer = hn::Add(hn::LoadU(d, window_.rho[0] + at), hn::LoadU(d, window_.rho[3] + at));
+        return hn::Mul(hn::MulSub(hn::Set(d, T(9)), hn::Add(front, back), outer), hn::Set(d, T(0.0625)));
+    }
+
+    HWY_NOINLINE bool see(SecondOrder /*kind*/, EffectRow<T>& row, const Columns& here, const Columns& after) const {
+        return see_if(row, T(0.5), [&](D d, int x) {
+            const std::ptrdiff_t at = in_sheet(row.y) + x;
+            const V front = hn::LoadU(d, window_.rho[1] + at), back = hn::LoadU(d, window_.rho[2] + at);
+            const V between = middle(d, front, back, at);
+            const V most = hn::Max(between, hn::Max(front, back)), least = hn::Min(between, hn::Min(front, back));
+            return open_ends(d,
+                             hn::And(hn::Gt(most, hn::Set(d, shading_.transfer.below)),
+                                     hn::Lt(least, hn::Set(d, shading_.transfer.above))),
+                             row.y, x, here, after);
+        });
+    }
+
+    HWY_NOINLINE bool see(Crossings /*kind*/, EffectRow<T>& row, const Columns& here, const Columns& after) const {
+        const D d;
+        const V iso = hn::Set(d, shading_.iso_value), zero = hn::Zero(d), one = hn::Set(d, T(1));
+        const auto ends = [&](int x, V& front, V& back) {
+            front = hn::LoadU(d, window_.rho[1] + in_sheet(row.y) + x);
+            back = hn::LoadU(d, window_.rho[2] + in_sheet(row.y) + x);
+        };
+        const bool any = see_if(row, T(0), [&](D, int x) {
+            V front, back;
+            ends(x, front, back);
+            const M crossed = hn::Xor(hn::Lt(front, iso), hn::Lt(back, iso));
+            return within(d, within(d, crossed, x, here), x, after);
+        });
+        for_each_seen(row.seen, row, [&](int x, int number, M found) {
+            V front, back;
+            ends(x, front, back);
+            const V step = hn::IfThenElse(found, hn::Sub(back, front), one);
+            const V way = hn::IfThenElseZero(found, hn::Sub(iso, front));
+            hn::Store(hn::Min(hn::Max(hn::Div(way, step), zero), one), d, row.share + number);
+        });
+        return any;
+    }
+
+    template <bool perspective, bool analytic, bool between>
+    HWY_NOINLINE void find_gradients(EffectRow<T>& row, const GradientScale<T>& scale) const {
+        const D d;
+        for_each_seen(row.seen, row, [&](int x, int number, M) {
+            const Ray<D> ray = ray_if<perspective>(d, x, row.y);
+            const std::ptrdiff_t at = in_sheet(row.y) + x;
+            const auto of = [&](int ahead) {
+                if constexpr (analytic) {
+                    return against_slope<perspective>(d, window_.slope[ahead], at, scale.across[ahead], scale.along,
+                                                      ray);
+                } else {
+                    return against_gradient<perspective>(d, window_.rho[ahead] + at, window_.rho[ahead + 1] + at,
+                                                         window_.rho[ahead + 2] + at, shape_.stride,
+                                                         scale.across[ahead], scale.along, ray);
+                }
+            };
+            Normal<D> against = of(0);
+            if constexpr (between) {
+                const Normal<D> back = of(1);
+                const V share = hn::Load(d, row.share + number);
+                const auto mix = [&](V from, V to) { return hn::MulAdd(share, hn::Sub(to, from), from); };
+                against = {mix(against.x, back.x), mix(against.y, back.y), mix(against.z, back.z)};
+            }
+            hn::Store(against.x, d, row.against_x + number);
+            hn::Store(against.y, d, row.against_y + number);
+            hn::Store(against.z, d, row.against_z + number);
+        });
+    }
+    [[nodiscard]] HWY_INLINE Normal<D> against_of(D d, const EffectRow<T>& row, int number) const {
+        return {hn::Load(d, row.against_x + number), hn::Load(d, row.against_y + number),
+                hn::Load(d, row.against_z + number)};
+    }
+
+    /// What gradient opacity leaves; 1 without it.
+    HWY_NOINLINE void fade(EffectRow<T>& row, const GradientScale<T>& scale) const {
+        const D d;
+        const V one = hn::Set(d, T(1));
+        if (!shading_.gradient_opacity) {
+            for (int number = 0; number < row.past - row.begin; number += lanes) {
+                hn::Store(one, d, row.faded + number);
+            }
+            return;
+        }
+        const V full = hn::Set(d, scale.full);
+        for_each_seen(row.seen, row, [&](int, int number, M) {
+            const Normal<D> against = against_of(d, row, number);
+            const V size = hn::Sqrt(
+                hn::MulAdd(against.x, against.x, hn::MulAdd(against.y, against.y, hn::Mul(against.z, against.z))));
+            hn::Store(hn::Div(hn::Min(size, full), full), d, row.faded + number);
+        });
+    }
+
+    /// Keeps colours, and opacities of the slices as they are composited; returns whether any is above 0.
+    HWY_INLINE bool keep(EffectRow<T>& row, int number, V alpha, const Color<D>& color) const {
+        const D d;
+        hn::Store(alpha, d, row.alpha + number);
+        hn::Store(color.red, d, row.red + number);
+        hn::Store(color.green, d, row.green + number);
+        hn::Store(color.blue, d, row.blue + number);
+        return !hn::AllFalse(d, hn::Gt(alpha, hn::Zero(d)));
+    }
+    [[nodiscard]] HWY_INLINE Color<D> color_of(D d, const EffectRow<T>& row, int number) const {
+        return {hn::Load(d, row.red + number), hn::Load(d, row.green + number), hn::Load(d, row.blue + number)};
+    }
+    /// Calls looks(column, number, lanes, colour), which returns opacities, for what is seen; of the rest they are 0.
+    template <class Looks>
+    HWY_INLINE bool classify_by(EffectRow<T>& row, const Looks& looks) const {
+        const D d;
+        const V zero = hn::Zero(d);
+        for (int number = 0; number < row.past - row.begin; number += lanes) {
+            hn::Store(zero, d, row.alpha + number);
+        }
+        bool any = false;
+        for_each_seen(row.seen, row, [&](int x, int number, M seen) {
+            Color<D> color{zero, zero, zero};
+            const V alpha = looks(x, number, seen, color);
+            any = keep(row, number, alpha, color) || any;
+        });
+        return any;
+    }
+
+    template <bool perspective>
+    HWY_INLINE V exponent_at(D d, int x, int y) const {
+        const V exponent = hn::Set(d, shading_.exponent);
+        if constexpr (perspective) {
+            return hn::Mul(exponent, ray(d, x, y).slant);
+        } else {
+            return exponent;
+        }
+    }
+
+    template <bool perspective, class Table>
+    HWY_NOINLINE bool classify(Slices<Table> /*kind*/, EffectRow<T>& row) const {
+        const D d;
+        const Table table(shading_.transfer);
+        return classify_by(row, [&](int x, int number, M seen, Color<D>& color) {
+            typename Table::Place place;
+            const V rho = hn::LoadU(d, window_.rho[1] + in_sheet(row.y) + x);
+            V alpha = hn::IfThenElseZero(seen, table.opacity(d, rho, place));
+            alpha = hn::Mul(alpha, hn::IfThenElseZero(seen, hn::Load(d, row.faded + number)));
+            if (shading_.correct) {
+                alpha = opacity_over(d, alpha, exponent_at<perspective>(d, x, row.y));
+            }
+            color = table.color(d, place);
+            return alpha;
+        });
+    }
+
+    template <bool perspective>
+    HWY_NOINLINE bool classify(Intervals /*kind*/, EffectRow<T>& row) const {
+        const D d;
+        return classify_by(row, [&](int x, int number, M seen, Color<D>& color) {
+            const V front = hn::LoadU(d, window_.rho[1] + in_sheet(row.y) + x);
+            const V back = hn::LoadU(d, window_.rho[2] + in_sheet(row.y) + x);
+            const V faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
+            const V mean = hn::Mul(ramp_absorption(d, shading_.ramps, front, back, seen, color), faded);
+            return veil(d, hn::Mul(exponent_at<perspective>(d, x, row.y), mean));
+        });
+    }
+
+    template <bool perspective>
+    HWY_NOINLINE bool classify(SecondOrder /*kind*/, EffectRow<T>& row) const {
+        const D d;
+        const V zero = hn::Zero(d), one = hn::Set(d, T(1)), half = hn::Set(d, T(0.5));
+        return classify_by(row, [&](int x, int number, M seen, Color<D>& color) {
+            const std::ptrdiff_t at = in_sheet(row.y) + x;
+            const V front = hn::LoadU(d, window_.rho[1] + at), back = hn::LoadU(d, window_.rho[2] + at);
+            const V between = middle(d, front, back, at);
+            const V faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
+            const V over_all = hn::Mul(exponent_at<perspective>(d, x, row.y), faded);
+            const V over_half = hn::Mul(over_all, half);
+            Color<D> whole, first, second;
+            const auto opacity = [&](V from, V to, V over, Color<D>& looks) {
+                return veil(d, hn::Mul(over, ramp_absorption(d, shading_.ramps, from, to, seen, looks)));
+            };
+            const V whole_alpha = opacity(front, back, over_all, whole);
+            const V first_alpha = opacity(front, between, over_half, first);
+            const V second_alpha = hn::Mul(opacity(between, back, over_half, second), hn::Sub(one, first_alpha));
+            const V four = hn::Set(d, T(4)), third = hn::Set(d, T(1) / T(3));
+            const auto step = [&](V halves, V once) { return hn::Mul(hn::MulSub(four, halves, once), third); };
+            const V alpha = hn::Min(step(hn::Add(first_alpha, second_alpha), whole_alpha), one);
+            // Where next to nothing is left of the opacity, its inverse would leave the format.
+            const M some = hn::And(seen, hn::Gt(alpha, hn::Set(d, T(1e-30))));
+            const V per_alpha = hn::Div(one, hn::IfThenElse(some, alpha, one));
+            const auto mix = [&](V c, V c1, V c2) {
+                const V halves = hn::MulAdd(first_alpha, c1, hn::Mul(second_alpha, c2));
+                return hn::Mul(hn::Max(step(halves, hn::Mul(whole_alpha, c)), zero), per_alpha);
+            };
+            color = {mix(whole.red, first.red, second.red), mix(whole.green, first.green, second.green),
+                     mix(whole.blue, first.blue, second.blue)};
+            return hn::IfThenElseZero(some, alpha);
+        });
+    }
+
+    template <bool perspective>
+    HWY_NOINLINE bool classify(Crossings /*kind*/, EffectRow<T>& row) const {
+        const D d;
+        return classify_by(row, [&](int, int, M seen, Color<D>& color) {
+            color = {hn::Set(d, shading_.iso_color[0]), hn::Set(d, shading_.iso_color[1]),
+                     hn::Set(d, shading_.iso_color[2])};
+            return hn::IfThenElseZero(seen, hn::Set(d, T(1)));
+        });
+    }
+
+    HWY_INLINE void keep_color(EffectRow<T>& row, int number, const Color<D>& color) const {
+        const D d;
+        hn::Store(color.red, d, row.red + number);
+        hn::Store(color.green, d, row.green + number);
+        hn::Store(color.blue, d, row.blue + number);
+    }
+
+    template <bool perspective>
+    HWY_NOINLINE void light(EffectRow<T>& row, const GradientScale<T>& scale) const {
+        const D d;
+        for_each_seen(row.alpha, row, [&](int x, int number, M visible) {
+            keep_color(row, number,
+                       shade<perspective>(d, shading_, color_of(d, row, number), against_of(d, row, number),
+                                          scale.weakest, ray_if<perspective>(d, x, row.y), visible));
+        });
+    }
+
+    template <bool perspective>
+    HWY_NOINLINE void light_dimmed(EffectRow<T>& row, const GradientScale<T>& scale) const {
+        const D d;
+        const double depth = shading_.first_depth + static_cast<double>(window_.n) * shading_.slice_spacing;
+        const auto in = [&](const VolumeLookup& lookup) {
+            return VolumeRow<T>(lookup, perspective, shape_.x, shape_.y + row.y, depth, shading_.slice_spacing);
+        };
+        std::vector<VolumeRow<T>> rows;
+        if (shading_.shadows) {
+            for (const VolumeLookup& lookup : shading_.shadow_of) {
+                rows.push_back(in(lookup));
+            }
+        }
+        const VolumeRow<T> openness = in(shading_.openness);
+        for_each_seen(row.alpha, row, [&](int x, int number, M visible) {
+            const Dimming<D> dimming{d,
+                                     rows,
+                                     shading_.occlusion ? &openness : nullptr,
+                                     shading_.occlusion_strength,
+                                     hn::Iota(d, static_cast<T>(x)),
+                                     hn::Load(d, row.share + number)};
+            Color<D> color = color_of(d, row, number);
+            if (shading_.lit) {
+                color = shade<perspective>(d, shading_, color, against_of(d, row, number), scale.weakest,
+                                           ray_if<perspective>(d, x, row.y), visible, dimming);
+            } else {
+                const V ambient = dimming.ambient();
+                color = {hn::Mul(color.red, ambient), hn::Mul(color.green, ambient), hn::Mul(color.blue, ambient)};
+            }
+            keep_color(row, number, color);
+        });
+    }
+
+    HWY_NOINLINE void cue(EffectRow<T>& row) const {
+        const D d;
+        const double depth = shading_.first_depth + static_cast<double>(window_.n) * shading_.slice_spacing;
+        const auto share_of = [](double share) { return static_cast<T>(std::clamp(share, -1e30, 1e30)); };
+        const V at_slice = hn::Set(d, share_of((depth - shading_.cue_start) * shading_.cue_per_depth));
+        const V per_slice = hn::Set(d, share_of(shading_.slice_spacing * shading_.cue_per_depth));
+        const V strength = hn::Set(d, shading_.cue_strength), zero = hn::Zero(d), one = hn::Set(d, T(1));
+        for_each_seen(row.alpha, row, [&](int, int number, M) {
+            const V way = hn::MulAdd(hn::Load(d, row.share + number), per_slice, at_slice);
+            const V share = hn::Mul(hn::Min(hn::Max(way, zero), one), strength);
+            const Color<D> color = color_of(d, row, number);
+            const auto mix = [&](V from, T to) { return hn::MulAdd(share, hn::Sub(hn::Set(d, to), from), from); };
+            keep_color(row, number,
+                       {mix(color.red, shading_.cue_color[0]), mix(color.green, shading_.cue_color[1]),
+                        mix(color.blue, shading_.cue_color[2])});
+        });
+    }
+
+    template <class Kind>
+    HWY_NOINLINE void put(Kind /*kind*/, const EffectRow<T>& row) const {
+        const D d;
+        for_each_seen(row.alpha, row, [&](int x, int number, M visible) {
+            const std::ptrdiff_t at = in_plane(row.y) + x;
+            put_behind(d, at, row.y, visible, hn::LoadU(d, picture_.alpha + at), hn::Load(d, row.alpha + number),
+                       color_of(d, row, number));
+        });
+    }
+    HWY_NOINLINE void put(Crossings /*kind*/, const EffectRow<T>& row) const {
+        const D d;
+        const double depth = shading_.first_depth + static_cast<double>(window_.n) * shading_.slice_spacing;
+        for_each_seen(row.alpha, row, [&](int x, int number, M found) {
+            put_surface(d, in_plane(row.y) + x, row.y, found, hn::Load(d, row.share + number), depth,
+                        color_of(d, row, number));
+        });
+    }
+
+    /// What is opaque, in front of all.
+    HWY_INLINE void put_surface(D d, std::ptrdiff_t at, int y, M found, V share, double depth,
+                                const Color<D>& color) const {
+        const auto store = [&](T* plane, V value) {
+            hn::StoreU(hn::IfThenElse(found, value, hn::LoadU(d, plane + at)), d, plane + at);
+        };
+        store(picture_.red, color.red);
+        store(picture_.green, color.green);
+        store(picture_.blue, color.blue);
+        store(picture_.alpha, hn::Set(d, T(1)));
+        if (picture_.depth != nullptr) {
+            store(picture_.depth, hn::MulAdd(share, hn::Set(d, static_cast<T>(shading_.slice_spacing)),
+                                             hn::Set(d, static_cast<T>(depth))));
+        }
+        end_pixels(d, y, found);
     }
 
     const Shading<T>& shading_;
@@ -882,6 +1581,13 @@ template <class T>
 HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
                            TilePicture<T>& picture) {
     SlabShader<T>(shading, shape, window, picture).run();
+}
+
+/// Adds what slice n takes of light that goes straight through it, as -ln(1 - alpha), to the plane alpha of a tile.
+template <class T>
+HWY_INLINE void absorb_slab(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
+                            TilePicture<T>& picture) {
+    SlabShader<T>(shading, shape, window, picture).absorb();
 }
 
 } // namespace sheetsplat::simd::HWY_NAMESPACE

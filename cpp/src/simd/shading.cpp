@@ -7,6 +7,8 @@
 
 #include <glm/geometric.hpp>
 
+#include "plan/make_plan.hpp"
+
 namespace sheetsplat::simd {
 
 namespace {
@@ -262,6 +264,82 @@ void add_lights(const Scene& scene, const Camera& camera, const DrawPlan& plan, 
     shading.two_sided = plan.two_sided;
 }
 
+/// A point on a plane is kept however its coordinates are rounded: in slice distances (conventions, section 10).
+constexpr double on_a_plane = 1e-6;
+
+std::vector<KeptHalfSpace> kept_of(const Clip& clip, const Camera& camera, double slice_spacing) {
+    std::vector<KeptHalfSpace> kept;
+    for (const Clip::Plane& plane : clip.half_spaces()) {
+        // Scaled first: the length of a normal may be beyond float64's squares.
+        const Vec3 size = glm::abs(plane.normal);
+        const double largest = std::max({size.x, size.y, size.z});
+        const Vec3 scaled = plane.normal / largest;
+        const double length = glm::length(scaled);
+        const Vec3 normal = scaled / length;
+        kept.push_back({Vec3(glm::dot(normal, camera.right_world()), glm::dot(normal, camera.up_world()),
+                             glm::dot(normal, camera.back_world())),
+                        glm::dot(normal, camera.eye()) - plane.offset / largest / length + on_a_plane * slice_spacing});
+    }
+    return kept;
+}
+
+VolumeLookup lookup_of(const LightVolume& volume, const Camera& camera, const Frame& frame) {
+    VolumeLookup lookup;
+    lookup.volume = &volume;
+    const auto along = [&](const Vec3& direction) {
+        return Vec3(glm::dot(direction, volume.per_step[0]), glm::dot(direction, volume.per_step[1]),
+                    glm::dot(direction, volume.per_step[2]));
+    };
+    // Pixel (i, j) looks along ((i - axis_x) right + (axis_y - j) up) pixel - back.
+    lookup.by_column = frame.pixel * along(camera.right_world());
+    lookup.by_row = -frame.pixel * along(camera.up_world());
+    const Vec3 corner =
+        -0.5 * (frame.size.width - 1) * lookup.by_column - 0.5 * (frame.size.height - 1) * lookup.by_row;
+    lookup.constant = along(camera.eye() - volume.origin);
+    lookup.by_depth = -along(camera.back_world());
+    (frame.projection == Projection::perspective ? lookup.by_depth : lookup.constant) += corner;
+    return lookup;
+}
+
+template <class T>
+void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
+                 const LightVolumes* volumes, Shading<T>& shading) {
+    shading.clip = plan.clip;
+    if (plan.clip) {
+        shading.kept = kept_of(scene.clip, camera, frame.slice_spacing);
+    }
+    shading.second_order = plan.second_order && plan.preintegration;
+    shading.analytic_gradient = plan.analytic_gradient && plan.gradient;
+    shading.gradient_opacity = plan.gradient_opacity;
+    if (plan.gradient_opacity) {
+        shading.full_gradient = *scene.gradient_opacity / plan.value_unit * frame.reference_length;
+    }
+    shading.depth_cue = plan.depth_cue;
+    if (plan.depth_cue) {
+        const DepthCue& cue = *scene.depth_cue;
+        shading.cue_start = cue.start;
+        shading.cue_per_depth = 1.0 / std::max(cue.end - cue.start, std::numeric_limits<double>::min());
+        shading.cue_strength = static_cast<T>(cue.strength);
+        for (int c = 0; c < 3; ++c) {
+            shading.cue_color[c] = number<T>(cue.color[c]);
+        }
+    }
+    shading.shadows = plan.shadows && volumes != nullptr;
+    if (shading.shadows) {
+        for (const auto& volume : volumes->lights) {
+            shading.shadow_of.push_back(volume ? lookup_of(*volume, camera, frame) : VolumeLookup{});
+        }
+        shading.shadow_of.resize(scene.lights.size());
+    }
+    shading.occlusion = plan.ambient_occlusion && volumes != nullptr && volumes->openness != nullptr;
+    if (shading.occlusion) {
+        shading.openness = lookup_of(*volumes->openness, camera, frame);
+        shading.occlusion_strength = static_cast<T>(scene.ambient_occlusion->strength);
+    }
+    shading.by_effects = shading.clip || shading.second_order || shading.analytic_gradient ||
+                         shading.gradient_opacity || shading.depth_cue || shading.shadows || shading.occlusion;
+}
+
 } // namespace
 
 template <class T>
@@ -298,7 +376,8 @@ TransferTable<T> make_transfer_table(const TransferFunction& function, double va
 }
 
 template <class T>
-Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan) {
+Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
+                        const LightVolumes* volumes) {
     Shading<T> shading;
     shading.mode = plan.mode;
     shading.perspective = frame.projection == Projection::perspective;
@@ -328,9 +407,12 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
             shading.iso_color[c] = number<T>(at.color[c]);
         }
     }
-    if (plan.gradient) {
-        shading.lit = true;
+    shading.gradient = plan.gradient;
+    shading.lit = plan.lit && plan.gradient;
+    if (shading.lit) {
         add_lights(scene, camera, plan, shading);
+    }
+    if (plan.gradient) {
         shading.gradient_across = 0.5 * frame.reference_length / frame.pixel;
         shading.gradient_along = 0.5 * frame.reference_length / frame.slice_spacing;
         shading.weakest_gradient = 1e-3 * (function.v_max() - function.v_min()) / plan.value_unit;
@@ -341,12 +423,15 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.axis_x = 0.5 * (frame.size.width - 1);
     shading.axis_y = 0.5 * (frame.size.height - 1);
     shading.pixel = frame.pixel;
+    add_effects(scene, camera, frame, plan, volumes, shading);
     return shading;
 }
 
 template TransferTable<float> make_transfer_table<float>(const TransferFunction&, double);
 template TransferTable<double> make_transfer_table<double>(const TransferFunction&, double);
-template Shading<float> make_shading<float>(const Scene&, const Camera&, const Frame&, const DrawPlan&);
-template Shading<double> make_shading<double>(const Scene&, const Camera&, const Frame&, const DrawPlan&);
+template Shading<float> make_shading<float>(const Scene&, const Camera&, const Frame&, const DrawPlan&,
+                                            const LightVolumes*);
+template Shading<double> make_shading<double>(const Scene&, const Camera&, const Frame&, const DrawPlan&,
+                                              const LightVolumes*);
 
 } // namespace sheetsplat::simd

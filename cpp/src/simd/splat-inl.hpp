@@ -79,6 +79,10 @@ struct Target {
     T* value;
     T* weight; ///< null: not summed
     int stride;
+    /// Of derivatives of both over columns, rows and slices: three sheets each, one after the other. Null: not summed.
+    T* slope;
+    T* weight_slope;
+    std::size_t sheet; ///< elements from one sheet to the next
 };
 
 /// A pixel's place as a number that fits an int whatever it was.
@@ -95,6 +99,36 @@ HWY_INLINE void add_bell(D d, V bell_less_edge, V value, V weight, hn::TFromD<D>
     if constexpr (with_weight) {
         hn::StoreU(hn::MulAdd(weight, t, hn::LoadU(d, weights)), d, weights);
     }
+}
+
+/// Half the derivative of -r^2 over columns, rows and slices, and what they are multiplied by.
+template <class D>
+struct Slope {
+    hn::Vec<D> column, row, slice;
+};
+
+/// Adds bell times slope times `value` (and `weight`) to sheets of derivatives, at element `at`. Those of 2^(-falloff
+/// r^2) are this with 2 falloff in value and weight.
+template <bool with_weight, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void add_slope(D d, V bell, const Slope<D>& slope, V value, V weight, const Target<T>& to,
+                          std::ptrdiff_t at) {
+    const V slopes[3] = {slope.column, slope.row, slope.slice};
+    const auto add = [&](V much, T* sheets) {
+        for (const V& one : slopes) {
+            hn::StoreU(hn::MulAdd(much, one, hn::LoadU(d, sheets + at)), d, sheets + at);
+            sheets += to.sheet;
+        }
+    };
+    add(hn::Mul(bell, value), to.slope);
+    if constexpr (with_weight) {
+        add(hn::Mul(bell, weight), to.weight_slope);
+    }
+}
+/// The Gaussian where it is above its end, else 0.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V inside_support(D d, V bell, V edge) {
+    (void)d;
+    return hn::IfThenElseZero(hn::Gt(bell, edge), bell);
 }
 
 /// exp2(-falloff (at + i step)^2) for i = 0 ... count - 1, whole vectors.
@@ -154,8 +188,42 @@ HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const 
     }
 }
 
-/// Adds kernels of one field to the sheets of slices n ... n + covered_slices - 1.
-template <class T>
+/// (at + i step) step for i = 0 ... count - 1, whole vectors.
+template <class D, class T = hn::TFromD<D>>
+HWY_INLINE void lines(D d, T at, T step, int count, T* out) {
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto steps = hn::Set(d, step);
+    for (int i = 0; i < count; i += lanes) {
+        const auto place = hn::MulAdd(steps, hn::Iota(d, static_cast<T>(i)), hn::Set(d, at));
+        hn::Store(hn::Mul(place, steps), d, out + i);
+    }
+}
+
+/// As separable_rows of one slice, with the derivatives.
+template <bool with_weight, class D, class T = hn::TFromD<D>>
+HWY_INLINE void separable_slopes(D d, const Target<T>& to, const T* bell_x, const T* bell_y, T bell_z, const T* slope_x,
+                                 const T* slope_y, T slope_z, T edge_t, T value_t, T weight_t, T steep, int x0, int x1,
+                                 int y0, int y1) {
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto edge = hn::Set(d, edge_t), value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
+    const auto steep_value = hn::Set(d, steep * value_t), steep_weight = hn::Set(d, steep * weight_t);
+    const Target<T> sheets = to;
+    for (int x = x0; x < x1; x += lanes) {
+        const auto column = hn::Mul(hn::LoadU(d, bell_x + (x - x0)), hn::Set(d, bell_z));
+        Slope<D> slope{hn::LoadU(d, slope_x + (x - x0)), hn::Zero(d), hn::Set(d, slope_z)};
+        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * sheets.stride + x;
+        for (int y = 0; y < y1 - y0; ++y, at += sheets.stride) {
+            const auto bell = hn::Mul(column, hn::Set(d, bell_y[y]));
+            slope.row = hn::Set(d, slope_y[y]);
+            add_bell<with_weight>(d, hn::Sub(bell, edge), value, weight, sheets.value + at,
+                                  with_weight ? sheets.weight + at : nullptr);
+            add_slope<with_weight>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight, sheets, at);
+        }
+    }
+}
+
+/// Adds kernels of one field to the sheets of slices n ... n + covered_slices - 1; slopes: their derivatives too.
+template <class T, bool slopes>
 class Splatter {
   public:
     /// targets: the sheets of these slices. live: where anything can still be seen.
@@ -242,38 +310,61 @@ class Splatter {
         }
         bells(middling, k, at_z, shape.ds, covered_slices, bell_z);
         through_[count - 1].add(box);
-        const auto rows = [&](auto d) {
-            for (int slice = 0; slice < count;) {
-                const auto add = [&](auto together) {
-                    separable_rows<with_weight, together.value>(d, targets_ + slice, bell_x, bell_y, bell_z + slice,
-                                                                profile_.edge, section.value, weight, start, box.x1,
-                                                                box.y0, box.y1);
-                    slice += together.value;
-                };
-                switch (std::min(count - slice, 5)) {
-                case 1:
-                    add(std::integral_constant<int, 1>());
-                    break;
-                case 2:
-                    add(std::integral_constant<int, 2>());
-                    break;
-                case 3:
-                    add(std::integral_constant<int, 3>());
-                    break;
-                case 4:
-                    add(std::integral_constant<int, 4>());
-                    break;
-                default:
-                    add(std::integral_constant<int, 5>());
+        if constexpr (slopes) {
+            HWY_ALIGN T slope_x[most_edge];
+            HWY_ALIGN T slope_y[most_edge];
+            HWY_ALIGN T slope_z[covered_slices + 16];
+            lines(wide, at_x, shape.X, box.x1 - start, slope_x);
+            lines(wide, at_y, shape.Y2, height, slope_y);
+            lines(middling, at_z, shape.ds, covered_slices, slope_z);
+            const auto slice_by_slice = [&](auto d) {
+                for (int slice = 0; slice < count; ++slice) {
+                    separable_slopes<with_weight>(d, targets_[slice], bell_x, bell_y, bell_z[slice], slope_x, slope_y,
+                                                  slope_z[slice], profile_.edge, section.value, weight, steep(), start,
+                                                  box.x1, box.y0, box.y1);
                 }
+            };
+            if (size == 0) {
+                slice_by_slice(narrow);
+            } else if (size == 1) {
+                slice_by_slice(middling);
+            } else {
+                slice_by_slice(wide);
             }
-        };
-        if (size == 0) {
-            rows(narrow);
-        } else if (size == 1) {
-            rows(middling);
         } else {
-            rows(wide);
+            const auto rows = [&](auto d) {
+                for (int slice = 0; slice < count;) {
+                    const auto add = [&](auto together) {
+                        separable_rows<with_weight, together.value>(d, targets_ + slice, bell_x, bell_y, bell_z + slice,
+                                                                    profile_.edge, section.value, weight, start, box.x1,
+                                                                    box.y0, box.y1);
+                        slice += together.value;
+                    };
+                    switch (std::min(count - slice, 5)) {
+                    case 1:
+                        add(std::integral_constant<int, 1>());
+                        break;
+                    case 2:
+                        add(std::integral_constant<int, 2>());
+                        break;
+                    case 3:
+                        add(std::integral_constant<int, 3>());
+                        break;
+                    case 4:
+                        add(std::integral_constant<int, 4>());
+                        break;
+                    default:
+                        add(std::integral_constant<int, 5>());
+                    }
+                }
+            };
+            if (size == 0) {
+                rows(narrow);
+            } else if (size == 1) {
+                rows(middling);
+            } else {
+                rows(wide);
+            }
         }
         return count;
     }
@@ -325,6 +416,7 @@ class Splatter {
         HWY_ALIGN T scale[room]; ///< depth in perspective, else 1
         HWY_ALIGN T a1[room];
         HWY_ALIGN T a2[room];
+        HWY_ALIGN T s[room];
         HWY_ALIGN T s2[room];
         HWY_ALIGN T rest[room]; ///< 1 - s^2
         HWY_ALIGN T middle_x[room];
@@ -373,6 +465,7 @@ class Splatter {
             hn::Store(scale, d, e.scale + slice);
             hn::Store(a1, d, e.a1 + slice);
             hn::Store(a2, d, e.a2 + slice);
+            hn::Store(s, d, e.s + slice);
             hn::Store(s2, d, e.s2 + slice);
             hn::Store(rest, d, e.rest + slice);
             hn::Store(middle_x, d, e.middle_x + slice);
@@ -446,6 +539,29 @@ class Splatter {
         }
     }
 
+    /// What a derivative of 2^(-falloff r^2) is multiplied by beside half that of -r^2.
+    [[nodiscard]] HWY_INLINE T steep() const { return T(-2) * profile_.root_falloff * profile_.root_falloff; }
+
+    /// How q changes from slice to slice along a pixel's ray; in perspective rays part.
+    struct AlongRay {
+        T X, Y1, Y2, d1, d2, d3;
+        template <class D, class V = hn::Vec<D>>
+        [[nodiscard]] HWY_INLINE V first(D d, V column, T row) const {
+            return hn::MulAdd(hn::Set(d, X), column, hn::Set(d, Y1 * row + d1));
+        }
+        [[nodiscard]] HWY_INLINE T second(T row) const { return Y2 * row + d2; }
+    };
+    [[nodiscard]] HWY_INLINE AlongRay along_ray(const RowShape<T>& shape) const {
+        const T spread = setup_.perspective ? static_cast<T>(setup_.slice_spacing) : T(0);
+        return {spread * shape.X, spread * shape.Y1, spread * shape.Y2, shape.d1, shape.d2, shape.ds};
+    }
+    /// r dr over columns, rows and slices at q = (q1, q2, s).
+    template <class D, class V = hn::Vec<D>>
+    HWY_INLINE Slope<D> slope_at(D d, const AlongRay& along, T X, T Y1, T Y2, V q1, T q2, T s, V column, T row) const {
+        return {hn::Mul(q1, hn::Set(d, X)), hn::MulAdd(q1, hn::Set(d, Y1), hn::Set(d, q2 * Y2)),
+                hn::MulAdd(q1, along.first(d, column, row), hn::Set(d, q2 * along.second(row) + s * along.d3))};
+    }
+
     template <bool with_weight, class D>
     HWY_INLINE void walk(D d, const Target<T>& to, const RowShape<T>& shape, const Ellipses& e, int slice, T value_t,
                          T weight_t, int x0, int x1, int y0, int y1) const {
@@ -460,19 +576,30 @@ class Splatter {
         const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
         const auto edge = hn::Set(d, profile_.edge);
         const auto minus_k = hn::Set(d, -k);
+        const auto steep_value = hn::Set(d, steep() * value_t), steep_weight = hn::Set(d, steep() * weight_t);
+        const AlongRay along = along_ray(shape);
         for (int x = start, column = 0; x < x1; x += lanes, ++column) {
             const int first = static_cast<int>(columns.first[column]), past = static_cast<int>(columns.past[column]);
             if (first >= past) {
                 continue;
             }
             const int ridge = static_cast<int>(columns.ridge[column]);
-            const auto at_row_0 = hn::MulAdd(hn::Set(d, X), hn::Iota(d, static_cast<T>(x)), hn::Set(d, a1));
+            const auto columns_of = hn::Iota(d, static_cast<T>(x));
+            const auto at_row_0 = hn::MulAdd(hn::Set(d, X), columns_of, hn::Set(d, a1));
             const auto add_rows = [&](int y, int end, int step, auto g, auto h) {
                 T* values = to.value + static_cast<std::ptrdiff_t>(y) * to.stride + x;
                 T* weights = with_weight ? to.weight + static_cast<std::ptrdiff_t>(y) * to.stride + x : nullptr;
                 const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(to.stride) * step;
                 for (; y != end; y += step) {
                     add_bell<with_weight>(d, hn::Sub(g, edge), value, weight, values, weights);
+                    if constexpr (slopes) {
+                        const T row = static_cast<T>(y);
+                        const auto slope =
+                            slope_at(d, along, X, Y1, Y2, hn::MulAdd(hn::Set(d, Y1), hn::Set(d, row), at_row_0),
+                                     Y2 * row + a2, e.s[slice], columns_of, row);
+                        add_slope<with_weight>(d, inside_support(d, g, edge), slope, steep_value, steep_weight, to,
+                                               static_cast<std::ptrdiff_t>(y) * to.stride + x);
+                    }
                     g = hn::Mul(g, h);
                     h = hn::Mul(h, q);
                     values += stride;
@@ -533,6 +660,8 @@ class Splatter {
         const auto scale = hn::Set(d, -profile_.falloff_log2);
         const auto edge = hn::Set(d, profile_.edge);
         const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
+        const auto steep_value = hn::Set(d, steep() * value_t), steep_weight = hn::Set(d, steep() * weight_t);
+        const AlongRay along = along_ray(shape);
         for (int y = y0; y < y1; ++y) {
             const T q2 = Y2 * static_cast<T>(y) + e.a2[slice];
             const T inside = e.rest[slice] - q2 * q2;
@@ -546,10 +675,16 @@ class Splatter {
             const auto height = hn::Set(d, q2 * q2 + e.s2[slice]);
             const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * to.stride;
             for (int x = left; x < right; x += lanes) {
-                const auto q1 = hn::MulAdd(hn::Set(d, X), hn::Iota(d, static_cast<T>(x)), hn::Set(d, b));
+                const auto column = hn::Iota(d, static_cast<T>(x));
+                const auto q1 = hn::MulAdd(hn::Set(d, X), column, hn::Set(d, b));
                 const auto bell = exp2_nonpositive(d, hn::Mul(scale, hn::MulAdd(q1, q1, height)));
                 add_bell<with_weight>(d, hn::Sub(bell, edge), value, weight, to.value + at + x,
                                       with_weight ? to.weight + at + x : nullptr);
+                if constexpr (slopes) {
+                    const auto slope = slope_at(d, along, X, Y1, Y2, q1, q2, e.s[slice], column, static_cast<T>(y));
+                    add_slope<with_weight>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight, to,
+                                           at + x);
+                }
             }
         }
     }
@@ -568,6 +703,7 @@ class Splatter {
         const V k = hn::Set(d, -profile_.falloff_log2), edge = hn::Set(d, profile_.edge);
         const V root_k = hn::Set(d, profile_.root_falloff);
         const V value = hn::Set(d, section.value), weight = hn::Set(d, weight_t);
+        const V steep_value = hn::Set(d, steep() * section.value), steep_weight = hn::Set(d, steep() * weight_t);
         const V w3 = hn::Set(d, shape.ds);
         int drawn = 0;
         for (int slice = 0; slice < count; ++slice) {
@@ -612,10 +748,27 @@ class Splatter {
                     const V widest = hn::Mul(rate, length);
                     const V beside = exp2_nonpositive(d, hn::Mul(k, p2));
                     V mean;
+                    // Of the way along the ray from its nearest approach, times the Gaussian: where slopes are summed.
+                    V moment = zero;
                     if (hn::AllTrue(d, hn::Lt(widest, hn::Set(d, thin())))) {
-                        mean = quadrature<Nodes6<T>>(d, low, high, nearest, hn::Mul(k, speed2), beside);
+                        mean = quadrature<Nodes6<T>>(d, low, high, nearest, hn::Mul(k, speed2), beside, moment);
                     } else {
                         mean = closed_form(d, low, high, nearest, rate, beside);
+                        if constexpr (slopes) {
+                            moment = moment_over(d, low, high, nearest, hn::Mul(k, speed2), rate, beside);
+                        }
+                    }
+                    if constexpr (slopes) {
+                        // The mean of q times the Gaussian: at the ray's nearest approach q is w x (q x w) / w^2.
+                        const V share = hn::Mul(mean, per_speed2);
+                        const V m1 = hn::MulAdd(moment, w1, hn::Mul(share, hn::MulSub(w2, c3, hn::Mul(w3, c2))));
+                        const V m2 = hn::MulAdd(moment, w2, hn::Mul(share, hn::MulSub(w3, c1, hn::Mul(w1, c3))));
+                        const V m3 = hn::MulAdd(moment, w3, hn::Mul(share, hn::MulSub(w1, c2, hn::Mul(w2, c1))));
+                        const Slope<hn::CappedTag<T, 16>> slope{
+                            hn::Mul(m1, hn::Set(d, X)), hn::MulAdd(m1, hn::Set(d, Y1), hn::Mul(m2, hn::Set(d, Y2))),
+                            hn::MulAdd(m1, w1, hn::MulAdd(m2, w2, hn::Mul(m3, w3)))};
+                        const V there = hn::IfThenElseZero(hn::Gt(length, zero), one);
+                        add_slope<with_weight>(d, there, slope, steep_value, steep_weight, to, at + x);
                     }
                     const V rest = hn::Sub(mean, hn::Mul(edge, length));
                     add_bell<false>(d, rest, value, weight, to.value + at + x, nullptr);
@@ -643,18 +796,33 @@ class Splatter {
     static constexpr T thin() { return sizeof(T) == 4 ? T(1.4) : T(0.25); }
 
     template <class Nodes, class D, class V>
-    HWY_INLINE V quadrature(D d, V low, V high, V nearest, V scale, V beside) const {
+    HWY_INLINE V quadrature(D d, V low, V high, V nearest, V scale, V beside, V& moment) const {
         const V half = hn::Mul(hn::Sub(high, low), hn::Set(d, T(0.5)));
         const V middle = hn::Sub(hn::Mul(hn::Add(high, low), hn::Set(d, T(0.5))), nearest);
-        V sum = hn::Zero(d);
+        V sum = hn::Zero(d), weighted = hn::Zero(d);
         for (int n = 0; n < Nodes::pairs; ++n) {
             const V off = hn::Mul(half, hn::Set(d, Nodes::node[n]));
             const V a = hn::Sub(middle, off), b = hn::Add(middle, off);
-            const V bells = hn::Add(exp2_nonpositive(d, hn::Mul(scale, hn::Mul(a, a))),
-                                    exp2_nonpositive(d, hn::Mul(scale, hn::Mul(b, b))));
-            sum = hn::MulAdd(hn::Set(d, Nodes::share[n]), bells, sum);
+            const V bell_a = exp2_nonpositive(d, hn::Mul(scale, hn::Mul(a, a)));
+            const V bell_b = exp2_nonpositive(d, hn::Mul(scale, hn::Mul(b, b)));
+            sum = hn::MulAdd(hn::Set(d, Nodes::share[n]), hn::Add(bell_a, bell_b), sum);
+            if constexpr (slopes) {
+                weighted = hn::MulAdd(hn::Set(d, Nodes::share[n]), hn::MulAdd(a, bell_a, hn::Mul(b, bell_b)), weighted);
+            }
+        }
+        if constexpr (slopes) {
+            moment = hn::Mul(hn::Mul(weighted, half), beside);
         }
         return hn::Mul(hn::Mul(sum, half), beside);
+    }
+
+    /// Integral of p exp2(scale p^2) times `beside` over p = low - nearest ... high - nearest; scale = -log2(e) rate^2.
+    template <class D, class V>
+    HWY_INLINE V moment_over(D d, V low, V high, V nearest, V scale, V rate, V beside) const {
+        const V a = hn::Sub(low, nearest), b = hn::Sub(high, nearest);
+        const V over = hn::Sub(exp2_nonpositive(d, hn::Mul(scale, hn::Mul(a, a))),
+                               exp2_nonpositive(d, hn::Mul(scale, hn::Mul(b, b))));
+        return hn::Div(hn::Mul(hn::Mul(over, beside), hn::Set(d, T(0.5))), hn::Mul(rate, rate));
     }
 
     template <class D, class V>

@@ -33,7 +33,7 @@ class TileLoop {
     void run(const std::function<bool()>& between) {
         std::int64_t n = next_start();
         if (n == none) {
-            return;
+            return; // (What is recorded there is 0 from the start.)
         }
         const std::int64_t lag = setup_.intervals ? 2 : 1;
         while (true) {
@@ -59,6 +59,9 @@ class TileLoop {
                     break;
                 }
             }
+        }
+        if (setup_.record != nullptr) {
+            record_until((setup_.record->planes - 1) * setup_.record->every);
         }
         // What is left in the ring would be found by the next tile.
         for (Slot& slot : slots_) {
@@ -106,6 +109,11 @@ class TileLoop {
 
     /// Adds what starts at slice n, or is drawn again from there on; false where `between` said so.
     bool splat(std::int64_t n, const std::function<bool()>& between) {
+        return setup_.slope_channel >= 0 ? splat_with<true>(n, between) : splat_with<false>(n, between);
+    }
+    /// slopes: derivatives too.
+    template <bool slopes>
+    bool splat_with(std::int64_t n, const std::function<bool()>& between) {
         auto& again = scratch_.again[static_cast<std::size_t>(n) % covered_slices];
         // The list of this slice becomes that of slice n + covered_slices: what is drawn again is taken out first.
         const std::size_t waiting = again.size();
@@ -118,11 +126,11 @@ class TileLoop {
             }
             Target<T> targets[covered_slices];
             for (int slice = 0; slice < covered_slices; ++slice) {
-                targets[slice] = {plane(n + slice, profile.value_channel),
-                                  profile.weight_channel >= 0 ? plane(n + slice, profile.weight_channel) : nullptr,
-                                  shape_.stride};
+                const auto sheet = [&](int channel) { return channel >= 0 ? plane(n + slice, channel) : nullptr; };
+                targets[slice] = {sheet(profile.value_channel), sheet(profile.weight_channel),       shape_.stride,
+                                  sheet(profile.slope_channel), sheet(profile.weight_slope_channel), elements_};
             }
-            Splatter<T> splatter(setup_, profile, live_, static_cast<std::int32_t>(n), targets);
+            Splatter<T, slopes> splatter(setup_, profile, live_, static_cast<std::int32_t>(n), targets);
             const bool shared_shape = kernels.shapes.size() == 1, shared_extra = kernels.extras.empty();
             const auto slices_left = [&](std::int64_t last) {
                 return static_cast<int>(std::min<std::int64_t>(last + 1 - n, covered_slices));
@@ -239,6 +247,9 @@ class TileLoop {
             const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * shape_.stride;
             T* rho = plane(slot.slice, 0) + at;
             T* weight = setup_.weight_channel >= 0 ? plane(slot.slice, setup_.weight_channel) + at : nullptr;
+            if (setup_.slope_channel >= 0) {
+                divide_slopes(slot.slice, at, rect);
+            }
             for (int x = rect.x0; x < rect.x1; x += lanes) {
                 auto sum = hn::LoadU(d, rho + x);
                 if (setup_.threshold) {
@@ -257,7 +268,51 @@ class TileLoop {
         }
     }
 
+    /// A row of the derivatives of rho, in the place of those of the sums of the fields that share sheets; while the
+    /// sums themselves are still there.
+    void divide_slopes(std::int64_t n, std::ptrdiff_t row, const Rect& rect) {
+        const hn::CappedTag<T, 16> d;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        for (int x = rect.x0; x < rect.x1; x += lanes) {
+            const std::ptrdiff_t at = row + x;
+            const auto load = [&](int channel) { return hn::LoadU(d, plane(n, channel) + at); };
+            // (D' W - D W') / W^2 where W > w0, else D' / w0.
+            const auto quotient = [&](int value, int weight, int slope, int weight_slope, T w0) {
+                const auto least = hn::Set(d, w0), w = load(weight);
+                const auto per_divisor = hn::Div(hn::Set(d, T(1)), hn::Max(least, w));
+                const auto rho = hn::IfThenElseZero(hn::Gt(w, least), hn::Mul(load(value), per_divisor));
+                return hn::Mul(hn::NegMulAdd(rho, load(weight_slope), load(slope)), per_divisor);
+            };
+            for (int axis = 0; axis < 3; ++axis) {
+                auto sum = setup_.threshold ? quotient(0, setup_.weight_channel, setup_.slope_channel + axis,
+                                                       setup_.weight_slope_channel + axis, setup_.w0)
+                                            : load(setup_.slope_channel + axis);
+                for (const OwnSheets<T>& own : setup_.own) {
+                    sum = hn::Add(sum, quotient(own.value_channel, own.weight_channel, own.slope_channel + axis,
+                                                own.weight_slope_channel + axis, own.w0));
+                }
+                hn::StoreU(sum, d, plane(n, setup_.slope_channel + axis) + at);
+            }
+        }
+    }
+
+    /// Writes what light has lost so far to the planes up to slice n.
+    void record_until(std::int64_t n) {
+        const AbsorptionRecord& record = *setup_.record;
+        for (; recorded_ < record.planes && recorded_ * record.every <= n; ++recorded_) {
+            float* out = record.values + static_cast<std::size_t>(recorded_) * record.plane +
+                         static_cast<std::size_t>(shape_.y) * record.row + static_cast<std::size_t>(shape_.x);
+            const T* sums = scratch_.planes.alpha;
+            for (int y = 0; y < shape_.height; ++y, out += record.row, sums += shape_.stride) {
+                std::transform(sums, sums + shape_.width, out, [](T sum) { return static_cast<float>(sum); });
+            }
+        }
+    }
+
     void shade(std::int64_t n) {
+        if (setup_.record != nullptr) {
+            record_until(n);
+        }
         const Slot* here = find(n);
         const Slot* after = setup_.intervals ? find(n + 1) : nullptr;
         if (here == nullptr && after == nullptr) {
@@ -284,6 +339,17 @@ class TileLoop {
         if (setup_.keep_weight) {
             window.weight[0] = here != nullptr ? plane(n, setup_.weight_channel) : scratch_.zeros.data();
             window.weight[1] = after != nullptr ? plane(n + 1, setup_.weight_channel) : scratch_.zeros.data();
+        }
+        if (setup_.slope_channel >= 0) {
+            for (int axis = 0; axis < 3; ++axis) {
+                const int channel = setup_.slope_channel + axis;
+                window.slope[0][axis] = here != nullptr ? plane(n, channel) : scratch_.zeros.data();
+                window.slope[1][axis] = after != nullptr ? plane(n + 1, channel) : scratch_.zeros.data();
+            }
+        }
+        if (setup_.record != nullptr) {
+            absorb_slab(*setup_.shading, shape_, window, scratch_.planes);
+            return;
         }
         const int alive = scratch_.planes.alive;
         shade_slab(*setup_.shading, shape_, window, scratch_.planes);
@@ -373,6 +439,7 @@ class TileLoop {
     Slot slots_[ring_slots];
     std::vector<std::size_t> next_ = std::vector<std::size_t>(scratch_.kernels.size(), 0);
     std::int64_t last_touched_ = -1;
+    std::int64_t recorded_ = 0; ///< planes
     std::uint64_t drawn_ = 0;
 };
 

@@ -17,6 +17,7 @@ from sheetsplat.errors import Error
 _COMMANDS = {
     "render": "Render a volume into a picture.",
     "plan": "Show what the scene calls for, effect by effect, with the reason.",
+    "accuracy": "Measure what accuracy costs in time: table, JSON and plot.",
     "info": "Show sizes, ranges, histogram and memory of a volume.",
     "devices": "Show backends and contexts that could be made here, and why others could not.",
     "compare": "Compare two pictures: RMSE, P99.9, maximum and FLIP.",

@@ -16,6 +16,7 @@ import click
 from click.core import ParameterSource
 
 from sheetsplat.renderer import BACKENDS, MOST_THREADS, PACKINGS, PRECISIONS, TAGGINGS
+from sheetsplat.scene import GRADIENTS
 
 # Generic for type checkers from click 8.4 on, and never at run time before.
 if TYPE_CHECKING:
@@ -87,7 +88,9 @@ class Numbers(_ParamType):
             numbers *= 2
         if len(numbers) != self._count:
             self.fail(f"{_short(value)}: wanted {self.name}, {self._count} numbers", param, ctx)
-        if not all(abs(number) < 2**31 if self._whole else math.isfinite(number) for number in numbers):
+        if not self._whole and not all(map(math.isfinite, numbers)):
+            self.fail(f"{_short(value)}: wanted finite numbers", param, ctx)
+        if self._whole and not all(abs(number) < 2**31 for number in numbers):
             self.fail(f"{_short(value)}: wanted numbers that are not so large", param, ctx)
         if self._positive and min(numbers) <= 0:
             self.fail(f"{_short(value)}: wanted numbers above 0", param, ctx)
@@ -191,6 +194,46 @@ class ColormapType(_ParamType):
         if not all(low < high for low, high in itertools.pairwise(values)) or not all(map(math.isfinite, values)):
             self.fail(f"{value!r}: {wanted}", param, ctx)
         return ColorPairs(values, colors)
+
+
+class CueType(_ParamType):
+    """Auto, or the two depths between which colours fade, perhaps with a strength."""
+
+    name = "auto | START,END[,STRENGTH]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return "auto", or the numbers."""
+        if not isinstance(value, str) or value.strip().lower() == "auto":
+            return value if not isinstance(value, str) else "auto"
+        try:
+            numbers = [_finite(part) for part in value.split(",")]
+            if len(numbers) == 2:
+                numbers.append(1.0)
+            start, end, strength = numbers
+        except ValueError:
+            start = end = strength = math.nan
+        if not (start < end and 0.0 <= strength <= 1.0):
+            self.fail(f"{_short(value)}: wanted auto, or 3,8, or 3,8,0.7: start below end, strength 0 to 1", param, ctx)
+        return start, end, strength
+
+
+class OcclusionType(_ParamType):
+    """A radius, perhaps with a strength."""
+
+    name = "RADIUS[,STRENGTH]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return radius and strength."""
+        if not isinstance(value, str):
+            return value
+        try:
+            numbers = [_finite(part) for part in value.split(",")]
+            radius, strength = numbers if len(numbers) == 2 else (*numbers, 1.0)
+        except ValueError:
+            radius = strength = math.nan
+        if not (radius > 0.0 and 0.0 <= strength <= 1.0):
+            self.fail(f"{_short(value)}: wanted 5, or 5,0.7: a radius above 0, strength 0 to 1", param, ctx)
+        return radius, strength
 
 
 class ColorType(_ParamType):
@@ -330,6 +373,12 @@ field_options: list[Callable[[Any], Any]] = [
         help="[default: lattice; scattered: threshold, or what the file says]",
     ),
     click.option("--w0", type=Real(above=0.0), help="Threshold of --normalization threshold.  [default: 1]"),
+    click.option(
+        "--prefilter",
+        is_flag=True,
+        help="Volumes: let the sum of the kernels pass through the samples; sharper. Best with "
+        "--radius 2.5 --falloff 7.",
+    ),
     click.option("--nan", type=click.Choice(["error", "skip"]), help="What a NaN sample is.  [default: error]"),
 ]
 
@@ -386,8 +435,45 @@ look_options: list[Callable[[Any], Any]] = [
         show_default=True,
         help="Classify between slices. [composite]",
     ),
+    click.option("--second-order", is_flag=True, help="Pre-integrate by second order. [composite]"),
     click.option(
         "--filter", type=click.Choice(["ewa"]), help="Widen kernels that are smaller than a pixel or a slice distance."
+    ),
+    click.option(
+        "--gradient",
+        type=click.Choice(GRADIENTS),
+        default="sheets",
+        show_default=True,
+        help="Where normals come from: differences, or the kernels' own derivatives. [composite, isosurface]",
+    ),
+    click.option(
+        "--clip-plane",
+        "clip_planes",
+        type=Numbers("NX,NY,NZ,OFFSET", 4),
+        multiple=True,
+        help="Keep the points x with N·x ≥ OFFSET, world units; may be repeated.",
+    ),
+    click.option(
+        "--clip-box", type=Numbers("X0,Y0,Z0,X1,Y1,Z1", 6), help="Keep what is between two corners, world units."
+    ),
+    click.option(
+        "--gradient-opacity",
+        type=Real(above=0.0),
+        help="Hide what changes by less than this much per world unit. [composite]",
+    ),
+    click.option(
+        "--depth-cue",
+        type=CueType(),
+        help="Let colours fade between two depths; auto: those of the field. [composite, isosurface]",
+    ),
+    click.option(
+        "--depth-cue-color", type=ColorType(), help="What they fade to. [composite, isosurface; default: black]"
+    ),
+    click.option("--shadows", is_flag=True, help="Let lights cast shadows. [composite, isosurface]"),
+    click.option(
+        "--ambient-occlusion",
+        type=OcclusionType(),
+        help="Dim ambient light by what is nearer than a radius in world units. [composite, isosurface]",
     ),
 ]
 
@@ -441,6 +527,18 @@ renderer_options: list[Callable[[Any], Any]] = [
         type=click.IntRange(min=1, max=MOST_THREADS),
         help='Of backend "cpu"; as many as the process may run on unless given.',
     ),
+    click.option(
+        "--max-error",
+        type=Real(above=0.0),
+        help="Root mean square error that the picture may have against closer and closer slices: the cheapest settings "
+        "that keep it are chosen, where options leave them open.",
+    ),
+    click.option(
+        "--max-seconds",
+        type=Real(above=0.0),
+        help="How long drawing may take, about: settings of the smallest error are chosen. Goes before --max-error. "
+        "The first picture takes longer, by the trials of settings.",
+    ),
     click.option("--allow-inexact", is_flag=True, help="Let settings through that cannot keep the error bound."),
 ]
 
@@ -454,10 +552,16 @@ def scene_options(function: Function) -> Function:
 
 _LOOK = ("cmap", "opacity", "clim", "shading", "background", "mode", "iso_value", "slice_spacing", "sampling")
 _LOOK_TOO = ("reference_length", "opacity_stop", "preintegration", "filter")
+_EFFECTS = ("second_order", "gradient", "gradient_opacity", "depth_cue", "depth_cue_color", "shadows")
+_EFFECTS_TOO = ("ambient_occlusion", "clip_planes", "clip_box")
 _VIEW = ("direction", "up", "azimuth", "elevation", "zoom", "target", "projection", "fov_y", "margin")
-_RENDERER = ("backend", "device", "precision", "tagging", "packing", "threads", "allow_inexact")
+_RENDERER = (
+    *("backend", "device", "precision", "tagging", "packing", "threads"),
+    *("max_error", "max_seconds", "allow_inexact"),
+)
 _FIELD = (
-    *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "nan", "dtype", "offset", "name"),
+    *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan"),
+    *("dtype", "offset", "name"),
     *("grid", "scalar", "particles", "support", "fit", "neighbors", "min_scale", "log"),
 )
 
@@ -482,7 +586,7 @@ def array_shape(shape: tuple[int, ...] | None) -> tuple[int, ...] | None:
 
 
 # What options of the command line are called where it is not the name of the parameter.
-_SPELLED = {"iso_value": "--iso", "fov_y": "--fov"}
+_SPELLED = {"iso_value": "--iso", "fov_y": "--fov", "clip_planes": "--clip-plane"}
 # A default that says nothing in a mode may be said aloud; it is no mistake about the picture.
 _HARMLESS = ("shading", "opacity_stop")
 
@@ -499,7 +603,7 @@ def check_mode(options: dict[str, Any], outputs: tuple[str, ...] = ()) -> None:
     context = click.get_current_context()
     given = [
         name
-        for name in (*_LOOK, *_LOOK_TOO)
+        for name in (*_LOOK, *_LOOK_TOO, *_EFFECTS, *_EFFECTS_TOO)
         if name in options
         and context.get_parameter_source(name) is ParameterSource.COMMANDLINE
         # Switched off where it is off anyway.
@@ -524,9 +628,17 @@ def for_command_line(message: str) -> str:
 
 _WORDS = (
     (r"pass allow_inexact=True", "give --allow-inexact"),
+    (r"max_(error|seconds)\b", r"--max-\1"),
+    (r"leave slice_spacing out", "leave out --slice-spacing"),
+    (r'use backend="(\w+)"', r"use --backend \1"),
+    (r'precision="(\w+)"', r"--precision \1"),
+    (r"leave opacity_stop at its default", "leave out --opacity-stop"),
     (r"correct effects=", "correct --effect NAME=on|off"),
     (r"from effects=", "from --effect"),
     (r'pass nan="skip"', "give --nan skip"),
+    (r'which nan="skip" leaves out', "which --nan skip leaves out"),
+    (r'normalization="(\w+)"', r"--normalization \1"),
+    (r"prefilter=True", "--prefilter"),
     (r"give name=\.\.\. to choose", "give --name NAME to choose"),
     (r"pass min_scale(=\w+)?", "give --min-scale"),
     (r"use fit\.nearest", "give --neighbors 32"),
@@ -537,6 +649,33 @@ _WORDS = (
     (r'preintegration only in mode="composite"', "--preintegration only in --mode composite"),
     (r'turn preintegration off or use mode="composite"', "leave out --preintegration or use --mode composite"),
 )
+
+
+def scene_effects(options: dict[str, Any]) -> dict[str, Any]:
+    """Return what `Scene` takes for the options of effects; a depth cue by the camera is left out."""
+    from sheetsplat.scene import AmbientOcclusion, Clip, DepthCue
+
+    effects: dict[str, Any] = {name: options[name] for name in ("gradient", "gradient_opacity", "shadows")}
+    if options["second_order"]:
+        source = click.get_current_context().get_parameter_source("preintegration")
+        if source is ParameterSource.COMMANDLINE and not options["preintegration"]:
+            raise click.UsageError("--second-order is a kind of pre-integration; leave out --no-preintegration")
+        effects["preintegration"] = "second_order"
+    if options["clip_planes"] or options["clip_box"]:
+        box = options["clip_box"]
+        effects["clip"] = Clip(
+            planes=[(plane[:3], plane[3]) for plane in options["clip_planes"]],
+            box=None if box is None else (box[:3], box[3:]),
+        )
+    if options["ambient_occlusion"] is not None:
+        effects["ambient_occlusion"] = AmbientOcclusion(*options["ambient_occlusion"])
+    cue, color = options["depth_cue"], options["depth_cue_color"]
+    if color is not None and cue is None:
+        raise click.UsageError("--depth-cue-color is the colour of --depth-cue; give that too, for example auto")
+    if cue is not None and cue != "auto":
+        start, end, strength = cue
+        effects["depth_cue"] = DepthCue(start, end, color or (0, 0, 0), strength)
+    return effects
 
 
 def prepare(path: Path, options: dict[str, Any]) -> tuple[Any, Any, Any, tuple[int, int]]:
@@ -551,7 +690,11 @@ def prepare(path: Path, options: dict[str, Any]) -> tuple[Any, Any, Any, tuple[i
     size = image_size(options["size"])
     given = {name: options[name] for name in _FIELD}
     fields = api.to_fields(path, shape=array_shape(options["shape"]), **given)
-    scene = api.compose_scene(fields, **{name: options[name] for name in _LOOK + _LOOK_TOO})
+    look = {name: options[name] for name in _LOOK + _LOOK_TOO} | scene_effects(options)
+    free = options["max_error"] is not None or options["max_seconds"] is not None
+    scene = api.compose_scene(fields, **look, spacing_is_free=free)
     camera = api.compose_camera(scene, size, **{name: options[name] for name in _VIEW})
+    if options["depth_cue"] == "auto":
+        scene = scene.replace(depth_cue=api.fitting_depth_cue(scene, camera, options["depth_cue_color"] or (0, 0, 0)))
     renderer = Renderer(effects=effects, **{name: options[name] for name in _RENDERER})
     return scene, camera, renderer, size

@@ -1,4 +1,7 @@
 // What a scene calls for, and why.
+#include <cmath>
+#include <sstream>
+
 #include <gtest/gtest.h>
 
 #include "plan/make_plan.hpp"
@@ -30,6 +33,7 @@ Capabilities software() {
     Capabilities capabilities;
     capabilities.renderer = "a rasteriser in software";
     capabilities.software = true;
+    capabilities.float16_blend_rounds = false;
     capabilities.max_point_size = 255.0F;
     capabilities.texture_barrier = true;
     return capabilities;
@@ -202,6 +206,7 @@ ViewFacts ellipsoid_facts() {
 Capabilities hardware() {
     Capabilities capabilities = software();
     capabilities.software = false;
+    capabilities.float16_blend_rounds = true;
     capabilities.renderer = "a device";
     capabilities.version = "4.6";
     capabilities.version_major = 4;
@@ -429,6 +434,60 @@ TEST(PlanOfEllipsoids, FiguresForBenchmarksAreNoPictures) {
     EXPECT_THROW(plan_of(scene, forcing("preshaded", true, true), {}, view), Unsupported) << "lattices alone";
 }
 
+TEST(Plan, TakesSixteenBitsOnlyWhereTheyKeepTheirBound) {
+    const auto chosen = [](const Scene& scene, const Capabilities& device, const Outputs& outputs = {}) {
+        const DrawPlan plan = plan_of(scene, {}, outputs, facts(), device);
+        EXPECT_EQ(plan.summary.has("float16"), plan.precision == Precision::float16);
+        EXPECT_EQ(plan.summary.precision, plan.precision);
+        return plan.precision;
+    };
+    const Scene plain = plain_scene();
+    EXPECT_EQ(chosen(plain, hardware()), Precision::float16);
+    EXPECT_LE(plan_of(plain, {}, {}, facts(), hardware()).summary.expected_error(), 1.0 / 510.0);
+    expect_parts(reason_of(plan_of(plain, {}, {}, facts(), hardware()), "float16"), {"whole picture"});
+    EXPECT_EQ(chosen(plain, software()), Precision::float32) << "no gain";
+    Capabilities cutting = hardware();
+    cutting.float16_blend_rounds = false;
+    EXPECT_EQ(chosen(plain, cutting), Precision::float32) << "long sums come out dark";
+    EXPECT_EQ(chosen(plain, hardware(), {true, false}), Precision::float32) << "coverage is a number";
+    Scene scene = plain;
+    scene.lights = {Light{}};
+    EXPECT_EQ(chosen(scene, hardware()), Precision::float32) << "differences of sums";
+    scene = plain;
+    scene.mode = Mode::xray;
+    EXPECT_EQ(chosen(scene, hardware()), Precision::float32) << "numbers";
+    scene = plain;
+    scene.transfer_function = TransferFunction({{0.0, {0, 0, 0}, 0.0}, {0.1, {1, 1, 1}, 0.01}, {1.0, {0, 0, 0}, 0.01}});
+    EXPECT_EQ(chosen(scene, hardware()), Precision::float32) << "steep";
+    expect_parts(reason_of(plan_of(scene, {}, {}, facts(), hardware()), "float16"), {"33.5", "kernels at a point"});
+    // Wider kernels overlap more, whatever the view says.
+    RegularFieldOptions wide;
+    wide.radius = 3.0;
+    wide.falloff = 8.0;
+    scene = plain;
+    scene.fields = {
+        std::make_shared<RegularField>(std::vector<float>(8, 1.0F), std::array<std::size_t, 3>{2, 2, 2}, wide)};
+    EXPECT_EQ(chosen(scene, hardware()), Precision::float32);
+    expect_parts(reason_of(plan_of(scene, {}, {}, facts(), hardware()), "float16"), {"113.1"});
+    scene = plain;
+    scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.01, {1, 1, 1}, 0.01}});
+    EXPECT_EQ(chosen(scene, hardware()), Precision::float32) << "values a hundred times the window";
+
+    // Forced beyond, the error tells what was expected.
+    RendererOptions half;
+    half.precision = Precision::float16;
+    EXPECT_NO_THROW(static_cast<void>(plan_of(plain, half, {}, facts(), hardware())));
+    const std::string message =
+        message_of<Unsupported>([&] { static_cast<void>(plan_of(scene, half, {}, facts(), hardware())); });
+    half.allow_inexact = true;
+    const double expected = plan_of(scene, half, {}, facts(), hardware()).summary.expected_error();
+    EXPECT_GT(expected, 1.0 / 510.0);
+    std::ostringstream figure;
+    figure.precision(4);
+    figure << expected;
+    expect_parts(message, {"float16", "an expected error of " + figure.str(), "0.001961", "allow_inexact"});
+}
+
 TEST(PlanOfEllipsoids, BudgetGrowsWithTheOverlap) {
     const Scene scene = scene_of({scattered()});
     const auto noise = [&](double overlap, Precision precision) {
@@ -439,11 +498,12 @@ TEST(PlanOfEllipsoids, BudgetGrowsWithTheOverlap) {
         options.allow_inexact = true;
         return plan_of(scene, options, {}, view).summary.error_budget.front().rmse;
     };
-    for (const Precision precision : {Precision::float32, Precision::float16, Precision::uint8}) {
-        EXPECT_EQ(noise(5.0, precision), noise(20.0, precision)) << "fewer than on a lattice count as many";
+    EXPECT_EQ(noise(1.0, Precision::uint8), 1.0) << "sums of weights end at 1";
+    for (const Precision precision : {Precision::float32, Precision::float16}) {
+        EXPECT_GT(noise(20.0, precision), 1.5 * noise(5.0, precision)) << to_string(precision);
         EXPECT_GT(noise(1000.0, precision), 1.5 * noise(100.0, precision)) << to_string(precision);
     }
-    EXPECT_NEAR(noise(400.0, Precision::float32), 20.0 * 6e-8, 1e-12);
+    EXPECT_NEAR(noise(400.0, Precision::float32), 0.6 * 20.0 * 6e-8, 1e-12);
     // Stores that cut off drift with the number of sums, rounding ones with its root.
     EXPECT_NEAR(noise(4000.0, Precision::float16) / noise(400.0, Precision::float16), 10.0, 1e-9);
     ViewFacts crowded = ellipsoid_facts();
@@ -461,7 +521,7 @@ TEST(PlanOfEllipsoids, BoundsValuesByWhatWeightsLeaveOfThem) {
         RendererOptions options;
         options.allow_inexact = true;
         const Scene scene = scene_of({scattered(values, weights, normalization, w0)});
-        return plan_of(scene, options, {}, view).summary.error_budget.front().rmse / (6e-8 * std::sqrt(33.5));
+        return plan_of(scene, options, {}, view).summary.error_budget.front().rmse / (0.6 * 6e-8 * std::sqrt(5.0));
     };
     // Window 1: the bound on |rho| itself.
     EXPECT_NEAR(ratio_of({0.5, 7.0}, {}, Normalization::threshold, 1.0), 7.0, 1e-9);
@@ -494,11 +554,53 @@ TEST(PlanOfEllipsoids, BoundsValuesByWhatWeightsLeaveOfThem) {
     surface.mode = Mode::isosurface;
     surface.iso_value = 6e8;
     EXPECT_NO_THROW(plan_of(surface, {}, {}, view));
-    Scene lit = scene_of({scattered({0.5, 50.0}), scattered({0.5, 0.6}, {}, Normalization::none)});
+    Scene lit = scene_of({scattered({49.5, 50.0}), scattered({0.5, 0.6}, {}, Normalization::none)});
     lit.lights = {Light{}};
-    EXPECT_THROW(plan_of(lit, {}, {}, view), Unsupported) << "quotients that are lit, though of several fields";
-    lit.fields[0] = scattered({0.5, 5.0});
-    EXPECT_NO_THROW(plan_of(lit, {}, {}, view));
+    EXPECT_NO_THROW(plan_of(lit, {}, {}, view)) << "in sheets of their own quotients count from their values' middle";
+    EXPECT_THROW(plan_of(lit, forcing("gather", true), {}, view, hardware()), Unsupported);
+}
+
+TEST(PlanOfEllipsoids, RefusesLitQuotientsOfNextToNothing) {
+    ViewFacts view = ellipsoid_facts();
+    view.kernels = 2;
+    view.smallest_radius_px = 4.0;
+    const auto draw = [&](double w0, bool lit, bool analytic, Mode mode = Mode::composite) {
+        Scene scene = scene_of({scattered({0.5, 0.7}, {}, Normalization::threshold, w0)});
+        scene.lights = lit ? std::vector<Light>{Light{}} : std::vector<Light>{};
+        scene.gradient = analytic ? Gradient::analytic : Gradient::sheets;
+        scene.mode = mode;
+        scene.iso_value = 0.6;
+        static_cast<void>(plan_of(scene, {}, {}, view));
+    };
+    EXPECT_NO_THROW(draw(1e-9, true, false)) << "neighbouring quotients are no splatted differences";
+    view.smallest_pixel = view.largest_pixel = view.reference_length / 10.0;
+    EXPECT_NO_THROW(draw(1.0 / 45.0, true, false));
+    EXPECT_THROW(draw(1e-5, true, false), Unsupported);
+    EXPECT_NO_THROW(draw(1e-9, false, false)) << "not lit";
+    EXPECT_NO_THROW(draw(1e-3, true, false, Mode::isosurface)) << "what is near a surface is no shell of little weight";
+    EXPECT_THROW(draw(1e-6, true, false, Mode::isosurface), Unsupported);
+    EXPECT_NO_THROW(draw(1.0 / 90.0, true, true));
+    EXPECT_THROW(draw(1e-5, true, true), Unsupported);
+    EXPECT_THROW(draw(1e-5, true, true, Mode::isosurface), Unsupported);
+}
+
+TEST(PlanOfEllipsoids, RefusesLitQuotientsThatAreFarMagnified) {
+    ViewFacts view = ellipsoid_facts();
+    Scene scene = scene_of({scattered({0.5, 0.7})});
+    scene.lights = {Light{}};
+    view.kernels = 2;
+    view.densest_overlap = 1000.0;
+    view.slices = 1000;
+    view.smallest_radius_px = 1.0;
+    view.smallest_pixel = view.largest_pixel = view.reference_length / 700.0;
+    EXPECT_NO_THROW(plan_of(scene, {}, {}, view));
+    view.smallest_pixel = view.largest_pixel = view.reference_length / 900.0;
+    EXPECT_THROW(plan_of(scene, {}, {}, view), Unsupported);
+    view.smallest_radius_px = 2.0;
+    EXPECT_NO_THROW(plan_of(scene, {}, {}, view)) << "what changes over two pixels";
+    view.smallest_radius_px = 1.0;
+    scene.gradient = Gradient::analytic;
+    EXPECT_NO_THROW(plan_of(scene, {}, {}, view));
 }
 
 TEST(PlanOfEllipsoids, RefusesWeightsThatSheetsCannotHold) {

@@ -83,8 +83,10 @@ TEST(PlanOfCpu, ListsEffectsOfThePictureAlone) {
     for (const Effect& effect : plan.summary.effects) {
         EXPECT_GT(effect.reason.size(), 10U) << effect.name;
         names.push_back(effect.name);
+        // Of these two it says how it does without them.
+        const bool told = effect.name == "elimination" || effect.name == "opacity_buffer";
         for (const char* name : of_gl) {
-            EXPECT_NE(effect.name, name) << "a way of drawing on GL";
+            EXPECT_TRUE(told || effect.name != name) << name << " is a way of drawing on GL";
         }
     }
     for (const char* name : {"classification",

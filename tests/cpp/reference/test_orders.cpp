@@ -74,6 +74,59 @@ TEST(Orders, Preintegration) {
     EXPECT_LT(found.wrong, 1.4);
 }
 
+TEST(Orders, SecondOrderOfPreintegration) {
+    // Kernels whose edges are so low that rho bends nowhere, and a function without corners inside its range.
+    RegularFieldOptions options;
+    options.radius = 3.0;
+    options.falloff = 20.0;
+    Scene scene = make_scene(blobs(options),
+                             TransferFunction({{0.0, Vec3(0.1, 0.2, 0.9), 0.0}, {3.0, Vec3(1.0, 0.5, 0.1), 0.9}}));
+    scene.preintegration = true;
+    const Orders first = orders(scene, oblique_camera());
+    scene.second_order = true;
+    const Orders second = orders(scene, oblique_camera());
+    report("pre-integration of first order", first);
+    report("pre-integration of second order", second);
+    EXPECT_GE(second.right, 2.7);
+    EXPECT_LT(second.finest, 1e-2 * first.finest);
+    EXPECT_LT(second.wrong, 1.4);
+    EXPECT_GE(first.right, 1.7);
+    EXPECT_LT(first.right, 2.3) << "what the first order cannot";
+}
+
+TEST(Orders, SheetsTendToAnalyticGradients) {
+    // Pixel and distance of slices are halved together: differences of second order.
+    RegularFieldOptions options;
+    options.falloff = 12.0;
+    options.radius = 2.5;
+    Scene scene = make_scene(blobs(options));
+    scene.lights = two_lights();
+    scene.mode = Mode::isosurface;
+    scene.iso_value = 0.05;
+    std::vector<double> steps, errors, one_sided;
+    for (int halving = 0; halving < 4; ++halving) {
+        const double step = 0.4 / (1 << halving);
+        scene.slice_spacing = step;
+        // One pixel, as wide as a slice is thick.
+        const Camera camera =
+            Camera::orthographic(Vec3(4.3, 4.2, 20.0), Vec3(4.3, 4.2, 3.0), Vec3(0.0, 1.0, 0.0), step);
+        scene.gradient = Gradient::sheets;
+        const Picture sheets = render(scene, camera, Size{1, 1});
+        scene.gradient = Gradient::analytic;
+        const Picture analytic = render(scene, camera, Size{1, 1});
+        steps.push_back(step);
+        errors.push_back(root_mean_square(sheets.rgba, analytic.rgba));
+        // A camera half a pixel beside: what differences that are not central would show.
+        const Camera beside = Camera::orthographic(Vec3(4.3 + 0.5 * step, 4.2, 20.0), Vec3(4.3 + 0.5 * step, 4.2, 3.0),
+                                                   Vec3(0.0, 1.0, 0.0), step);
+        one_sided.push_back(root_mean_square(sheets.rgba, render(scene, beside, Size{1, 1}).rgba));
+    }
+    std::printf("sheets to analytic gradients: order %.2f, finest %.1e; beside %.2f\n", fitted_order(steps, errors),
+                errors.back(), fitted_order(steps, one_sided));
+    EXPECT_GE(fitted_order(steps, errors), 1.7);
+    EXPECT_LT(fitted_order(steps, one_sided), 1.4);
+}
+
 TEST(Orders, StepsAndOpacityStopCostAnOrder) {
     Scene steps = make_scene(
         blobs(),

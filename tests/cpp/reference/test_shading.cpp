@@ -46,7 +46,7 @@ Scene lit(const std::vector<Light>& lights, const Material& material) {
 
 Vec3 lit_color(const std::vector<Light>& lights, const Material& material, const Vec3& color, const Vec3& gradient,
                const Vec3& viewer = Vec3(0.0, 0.0, 1.0)) {
-    return Shader(lit(lights, material), front_camera(2.0)).shade(color, gradient, viewer);
+    return Shader(lit(lights, material), front_camera(2.0)).shade(color, gradient, {viewer});
 }
 
 void expect_color(const Vec3& actual, const Vec3& expected) {
@@ -105,7 +105,7 @@ TEST(Phong, WeakGradientsFade) {
     expect_color(lit_color({head}, material, Vec3(1.0), Vec3(0.0)), Vec3(0.0));
     Scene scene = lit({head}, material);
     scene.reference_length = 0.1;
-    expect_color(Shader(scene, front_camera(2.0)).shade(Vec3(1.0), Vec3(0.0, 0.0, -1e-3), Vec3(0.0, 0.0, 1.0)),
+    expect_color(Shader(scene, front_camera(2.0)).shade(Vec3(1.0), Vec3(0.0, 0.0, -1e-3), {Vec3(0.0, 0.0, 1.0)}),
                  Vec3(0.1));
 }
 
@@ -115,8 +115,8 @@ TEST(Phong, WorldLightsTurnWithTheWorld) {
     // Seen from +x with z up: the world's x is towards the viewer, y to the right, z up.
     const Scene scene = lit({{Vec3(0.6, 0.8, 0.0), Vec3(1.0), LightSpace::world}}, material);
     const Shader shader(scene, camera);
-    EXPECT_NEAR(shader.shade(Vec3(1.0), Vec3(0.0, 0.0, -1.0), Vec3(0.0, 0.0, 1.0)).x, 0.6, 1e-15);
-    EXPECT_NEAR(shader.shade(Vec3(1.0), Vec3(-1.0, 0.0, 0.0), Vec3(0.0, 0.0, 1.0)).x, 0.8, 1e-15);
+    EXPECT_NEAR(shader.shade(Vec3(1.0), Vec3(0.0, 0.0, -1.0), {Vec3(0.0, 0.0, 1.0)}).x, 0.6, 1e-15);
+    EXPECT_NEAR(shader.shade(Vec3(1.0), Vec3(-1.0, 0.0, 0.0), {Vec3(0.0, 0.0, 1.0)}).x, 0.8, 1e-15);
 }
 
 TEST(Isosurface, DepthOfABall) {

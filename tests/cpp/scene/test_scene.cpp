@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -73,6 +74,104 @@ TEST(Scene, centres_are_those_of_all_fields) {
 }
 
 TEST(Scene, what_is_given_by_default_is_valid) { EXPECT_NO_THROW(good().validate()); }
+
+TEST(Scene, clipping_has_a_meaning) {
+    accepted([](Scene& s) { s.clip.planes = {{Vec3(0.0, 2.0, 0.0), -1.0}}; });
+    accepted([](Scene& s) { s.clip.box = Box{Vec3(0.0), Vec3(0.0)}; });
+    expect_parts(refused([](Scene& s) { s.clip.planes = {{}, {Vec3(0.0), 1.0}}; }), {"clip", "plane 1"});
+    expect_parts(refused([](Scene& s) { s.clip.planes = {{Vec3(nan, 0.0, 1.0), 1.0}}; }), {"clip", "NaN"});
+    expect_parts(refused([](Scene& s) { s.clip.planes = {{Vec3(1.0), infinity}}; }), {"clip", "offset"});
+    expect_parts(refused([](Scene& s) {
+                     s.clip.box = Box{Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 1.0)};
+                 }),
+                 {"clip", "lower one first"});
+    EXPECT_TRUE(good().clip.empty());
+    Clip clip;
+    clip.box = Box{Vec3(1.0, 2.0, 3.0), Vec3(4.0, 5.0, 6.0)};
+    clip.planes = {{Vec3(1.0), 2.0}};
+    EXPECT_FALSE(clip.empty());
+    const std::vector<Clip::Plane> planes = clip.half_spaces();
+    ASSERT_EQ(planes.size(), 7U);
+    const auto inside = [&](const Vec3& point) {
+        return std::all_of(planes.begin(), planes.end(), [&](const Clip::Plane& plane) {
+            return plane.normal.x * point.x + plane.normal.y * point.y + plane.normal.z * point.z >= plane.offset;
+        });
+    };
+    EXPECT_TRUE(inside(Vec3(1.0, 2.0, 3.0)));
+    EXPECT_TRUE(inside(Vec3(4.0, 5.0, 6.0)));
+    for (int axis = 0; axis < 3; ++axis) {
+        Vec3 below(2.0, 3.0, 4.0), above = below;
+        below[axis] = clip.box->lower[axis] - 1e-9;
+        above[axis] = clip.box->upper[axis] + 1e-9;
+        EXPECT_FALSE(inside(below));
+        EXPECT_FALSE(inside(above));
+    }
+}
+
+TEST(Scene, numbers_of_effects_have_a_meaning) {
+    for (const double bad : {0.0, -1.0, nan, infinity}) {
+        expect_parts(refused([&](Scene& s) { s.gradient_opacity = bad; }), {"gradient_opacity", "above 0"});
+        expect_parts(refused([&](Scene& s) {
+                         s.ambient_occlusion = AmbientOcclusion{bad, 1.0};
+                     }),
+                     {"ambient_occlusion", "radius"});
+    }
+    for (const double bad : {-0.1, 1.1, nan}) {
+        expect_parts(refused([&](Scene& s) { s.ambient_occlusion = AmbientOcclusion{1.0, bad}; }), {"strength"});
+        expect_parts(refused([&](Scene& s) { s.depth_cue = DepthCue{0.0, 1.0, Vec3(0.0), bad}; }), {"strength"});
+    }
+    expect_parts(refused([](Scene& s) { s.depth_cue = DepthCue{2.0, 2.0, Vec3(0.0), 1.0}; }), {"nearer one first"});
+    expect_parts(refused([](Scene& s) { s.depth_cue = DepthCue{0.0, infinity, Vec3(0.0), 1.0}; }), {"depth_cue"});
+    expect_parts(refused([](Scene& s) { s.depth_cue = DepthCue{0.0, 1.0, Vec3(nan), 1.0}; }), {"colour"});
+}
+
+TEST(Scene, effects_that_contradict_name_both_sides) {
+    const auto in_mode = [](Mode mode, const std::function<void(Scene&)>& change) {
+        return refused([&](Scene& s) {
+            s.mode = mode;
+            s.iso_value = 0.5;
+            change(s);
+        });
+    };
+    const std::function<void(Scene&)> cue = [](Scene& s) { s.depth_cue = DepthCue{}; };
+    const std::function<void(Scene&)> shadows = [](Scene& s) { s.shadows = true; };
+    const std::function<void(Scene&)> occlusion = [](Scene& s) { s.ambient_occlusion = AmbientOcclusion{}; };
+    const std::function<void(Scene&)> opacity = [](Scene& s) { s.gradient_opacity = 2.0; };
+    for (const Mode mode : {Mode::xray, Mode::mip}) {
+        const char* const name = mode == Mode::xray ? "mode=\"xray\"" : "mode=\"mip\"";
+        expect_parts(in_mode(mode, cue), {"depth_cue", name});
+        expect_parts(in_mode(mode, shadows), {"shadows=true", name});
+        expect_parts(in_mode(mode, occlusion), {"ambient_occlusion", name});
+        expect_parts(in_mode(mode, opacity), {"gradient_opacity=2", name});
+    }
+    expect_parts(in_mode(Mode::isosurface, opacity), {"gradient_opacity=2", "mode=\"isosurface\""});
+    for (const auto& change : {cue, shadows, occlusion}) {
+        accepted([&](Scene& s) {
+            s.mode = Mode::isosurface;
+            s.iso_value = 0.5;
+            change(s);
+        });
+        accepted(change);
+    }
+    accepted(opacity);
+    expect_parts(refused([&](Scene& s) {
+                     shadows(s);
+                     opacity(s);
+                 }),
+                 {"shadows=true", "gradient_opacity=2"});
+    expect_parts(refused([&](Scene& s) {
+                     occlusion(s);
+                     opacity(s);
+                 }),
+                 {"ambient_occlusion", "gradient_opacity=2"});
+    expect_parts(refused([](Scene& s) { s.second_order = true; }), {"second_order=true", "preintegration=false"});
+    accepted([](Scene& s) { s.second_order = s.preintegration = true; });
+    // Effects that change nothing are no mistake.
+    accepted([](Scene& s) {
+        s.gradient = Gradient::analytic;
+        s.mode = Mode::xray;
+    });
+}
 
 TEST(Scene, needs_fields) {
     expect_parts(refused([](Scene& s) { s.fields.clear(); }), {"nothing to show", "at least one field"});

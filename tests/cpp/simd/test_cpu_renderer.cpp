@@ -7,6 +7,7 @@
 #include <numeric>
 #include <string>
 
+#include <glm/geometric.hpp>
 #include <gtest/gtest.h>
 
 #include "sheetsplat/error.hpp"
@@ -93,6 +94,22 @@ std::vector<Kind> kinds() {
     };
 }
 
+/// Two planes and a box around most of it.
+void clip(Scene& scene) {
+    const Box box = scene.centres_world();
+    const Vec3 size = box.extent(), centre = box.centre();
+    const Vec3 tilted(1.0, -0.4, 0.3), steep(0.1, 0.2, -2.0);
+    scene.clip.planes = {{tilted, glm::dot(tilted, centre - 0.21 * size)},
+                         {steep, glm::dot(steep, centre + 0.17 * size)}};
+    scene.clip.box = Box{centre - 0.47 * size, centre + 0.53 * size};
+}
+
+void cue(Scene& scene, const Camera& camera) {
+    const double depth = -camera.to_eye(scene.centres_world().centre()).z;
+    const double size = glm::length(scene.centres_world().extent());
+    scene.depth_cue = DepthCue{depth - 0.3 * size, depth + 0.4 * size, Vec3(0.9, 0.7, 0.5), 0.8};
+}
+
 std::vector<Named> matrix() {
     struct View {
         const char* name;
@@ -105,12 +122,33 @@ std::vector<Named> matrix() {
         const char* name;
         Mode mode;
         bool preintegration;
+        void (*add_effects)(Scene&, const Camera&);
     };
-    const How hows[] = {{"composite", Mode::composite, false},
-                        {"preintegration", Mode::composite, true},
-                        {"isosurface", Mode::isosurface, false},
-                        {"xray", Mode::xray, false},
-                        {"mip", Mode::mip, false}};
+    const auto plain = [](Scene&, const Camera&) {};
+    const auto second_order = [](Scene& scene, const Camera&) { scene.second_order = true; };
+    const auto derivatives = [](Scene& scene, const Camera& camera) {
+        scene.gradient = Gradient::analytic;
+        clip(scene);
+        cue(scene, camera);
+    };
+    const auto faded = [](Scene& scene, const Camera& camera) {
+        // (Widened kernels are low.)
+        scene.gradient_opacity = (scene.filter == Filter::ewa ? 0.02 : 0.1) / scene.reference_distance();
+        clip(scene);
+        cue(scene, camera);
+    };
+    const auto clipped = [](Scene& scene, const Camera&) { clip(scene); };
+    const How hows[] = {{"composite", Mode::composite, false, plain},
+                        {"preintegration", Mode::composite, true, plain},
+                        {"isosurface", Mode::isosurface, false, plain},
+                        {"xray", Mode::xray, false, plain},
+                        {"mip", Mode::mip, false, plain},
+                        {"second order", Mode::composite, true, second_order},
+                        {"derivatives", Mode::composite, false, derivatives},
+                        {"faded", Mode::composite, true, faded},
+                        {"clipped isosurface", Mode::isosurface, false, derivatives},
+                        {"clipped xray", Mode::xray, false, clipped},
+                        {"clipped mip", Mode::mip, false, clipped}};
     std::vector<Named> all;
     for (const Kind& kind : kinds()) {
         for (const View& view : views) {
@@ -119,6 +157,10 @@ std::vector<Named> matrix() {
                     continue;
                 }
                 for (const How& how : hows) {
+                    if (kind.slender && how.add_effects != +plain && how.add_effects != +second_order) {
+                        // Of few needles a clip leaves next to nothing.
+                        continue;
+                    }
                     Shot shot = shot_of(kind.fields, view.camera(*kind.fields.back()));
                     Scene& scene = shot.scene;
                     scene.sampling = sampling;
@@ -129,6 +171,7 @@ std::vector<Named> matrix() {
                     if (kind.slice_spacing > 0.0) {
                         scene.slice_spacing = kind.slice_spacing;
                     }
+                    how.add_effects(scene, shot.camera);
                     shot.size = {34, 30};
                     shot.outputs = {how.mode == Mode::composite, how.mode == Mode::composite};
                     all.push_back({std::string(kind.name) + " " + view.name +
@@ -221,6 +264,13 @@ std::vector<Named> some_scenes() {
                 one.name += " preintegration";
                 one.shot.scene.preintegration = true;
                 all.push_back(one);
+                one.name += " and effects";
+                one.shot.scene.second_order = true;
+                one.shot.scene.gradient = Gradient::analytic;
+                one.shot.scene.gradient_opacity = 0.5 / shot.scene.reference_distance();
+                clip(one.shot.scene);
+                cue(one.shot.scene, shot.camera);
+                all.push_back(one);
             }
         }
     };
@@ -259,6 +309,137 @@ TEST(CpuRenderer, ThreadsAndFormerPicturesChangeNoBit) {
                 EXPECT_EQ(again.depth, first.depth) << one.name << " again, threads " << threads;
             }
         }
+    }
+}
+
+/// What light loses on its way is what the picture of the flat, unlit scene is made of.
+TEST(CpuRenderer, AbsorptionIsThatOfTheUnlitPicture) {
+    for (const auto& field : std::vector<std::shared_ptr<const Field>>{ball(12), cloud(80, 0.16, 4.0)}) {
+        Shot shot = shot_of({field}, askew(*field, Projection::orthographic, 1.1));
+        shot.size = {57, 41};
+        shot.scene.lights.clear();
+        shot.scene.slice_spacing = 0.7 * shot.scene.default_slice_spacing();
+        clip(shot.scene);
+        for (const Precision precision : {Precision::float32, Precision::float64}) {
+            const CpuDrawing drawing(shot, precision);
+            CpuRenderer renderer;
+            const Image image = drawing.draw(renderer);
+            LightVolume volume;
+            renderer.absorb(drawing.job_with({}), 1, volume);
+            EXPECT_EQ(drawing.draw(renderer).stats.at("buckets_reused"), 1.0);
+            const Frame& frame = drawing.frame();
+            const int slices = static_cast<int>(frame.slices);
+            ASSERT_EQ(volume.counts, (std::array<int, 3>{57, 41, slices + 1}));
+            double densest = 0.0;
+            for (int y = 0; y < 41; ++y) {
+                for (int x = 0; x < 57; ++x) {
+                    EXPECT_EQ(volume.values[volume.index(x, y, 0)], 0.0F);
+                    const auto lost = static_cast<double>(volume.values[volume.index(x, y, slices)]);
+                    const auto alpha = static_cast<double>(image.rgba[static_cast<std::size_t>(y * 57 + x) * 4 + 3]);
+                    EXPECT_NEAR(-std::expm1(-lost), alpha, 2e-6);
+                    densest = std::max(densest, alpha);
+                    for (int n = 0; n < slices; ++n) {
+                        EXPECT_LE(volume.values[volume.index(x, y, n)], volume.values[volume.index(x, y, n + 1)]);
+                    }
+                }
+            }
+            EXPECT_GT(densest, 0.3);
+            // Where its elements lie: at the pixels' centres on the slices.
+            for (const auto& [x, y, n] : {std::array<int, 3>{31, 20, slices / 2}, {17, 29, slices - 3}}) {
+                const double right = (x - 28.0) * frame.pixel, up = (20.0 - y) * frame.pixel;
+                const Vec3 world = shot.camera.eye() + right * shot.camera.right_world() + up * shot.camera.up_world() -
+                                   frame.depth_of(n) * shot.camera.back_world();
+                EXPECT_NEAR(volume.at(world), static_cast<double>(volume.values[volume.index(x, y, n)]), 1e-6);
+                const Vec3 behind = world - 0.5 * frame.slice_spacing * shot.camera.back_world();
+                EXPECT_NEAR(volume.at(behind),
+                            0.5 * static_cast<double>(volume.values[volume.index(x, y, n)] +
+                                                      volume.values[volume.index(x, y, n + 1)]),
+                            1e-6);
+            }
+            EXPECT_EQ(volume.at(shot.camera.eye() + 1e4 * shot.camera.back_world()), 0.0);
+            LightVolume by_threads, coarse;
+            renderer.absorb(drawing.job_with({0, 3}), 1, by_threads);
+            EXPECT_EQ(by_threads.values, volume.values);
+            renderer.absorb(drawing.job_with({}), 3, coarse);
+            const int planes = (slices + 2) / 3 + 1;
+            ASSERT_EQ(coarse.counts[2], planes);
+            for (int p = 0; p < planes; ++p) {
+                const auto size = static_cast<std::ptrdiff_t>(57 * 41);
+                const int n = std::min(3 * p, slices);
+                EXPECT_TRUE(std::equal(coarse.values.begin() + p * size, coarse.values.begin() + (p + 1) * size,
+                                       volume.values.begin() + n * size))
+                    << p;
+            }
+        }
+    }
+}
+
+/// What is left of light that comes from where a scene's light is.
+std::shared_ptr<const LightVolume> light_of(const Shot& shot, const Vec3& towards) {
+    const Box box = shot.scene.fields.front()->supports_world();
+    const double size = glm::length(box.extent());
+    Shot along{shot.scene,
+               Camera::orthographic(box.centre() + size * towards, box.centre(), Vec3(0.3, 1.0, 0.1), size)};
+    along.scene.lights.clear();
+    along.scene.mode = Mode::composite;
+    along.scene.preintegration = along.scene.shadows = false;
+    along.scene.ambient_occlusion.reset();
+    along.size = {40, 40};
+    CpuRenderer renderer;
+    LightVolume volume;
+    const CpuDrawing drawing(along, Precision::float32);
+    renderer.absorb(drawing.job_with({}), 1, volume);
+    for (float& value : volume.values) {
+        value = std::exp(-value);
+    }
+    return std::make_shared<const LightVolume>(std::move(volume));
+}
+
+TEST(CpuRenderer, LightVolumesAreLookedUpAlikeByEverySet) {
+    const SetChoice choice;
+    for (const Named& one : some_scenes()) {
+        Shot shot = one.shot;
+        if (shot.scene.mode == Mode::xray || shot.scene.mode == Mode::mip || shot.scene.gradient_opacity ||
+            shot.scene.fields.size() > 1) {
+            continue;
+        }
+        shot.scene.shadows = true;
+        shot.scene.ambient_occlusion = AmbientOcclusion{0.3, 0.9};
+        LightVolumes volumes;
+        volumes.lights = {light_of(shot, Vec3(0.6, 0.8, 0.0)), light_of(shot, Vec3(-0.8, 0.0, 0.6))};
+        volumes.openness = light_of(shot, Vec3(0.0, 0.6, 0.8));
+        const auto draw = [&](Precision precision, const LightVolumes* from) {
+            const CpuDrawing drawing(shot, precision);
+            simd::Job job = drawing.job_with({});
+            job.volumes = from;
+            Image image;
+            image.size = shot.size;
+            CpuRenderer().render(job, image);
+            return image;
+        };
+        choose_instruction_set("");
+        const Image fine = draw(Precision::float64, &volumes);
+        // Of light a part is left, nowhere more than all.
+        const Image bright = draw(Precision::float64, nullptr);
+        EXPECT_GT(distance(fine, bright).rms, 1e-3) << one.name;
+        for (std::size_t n = 0; n < fine.rgba.size(); ++n) {
+            ASSERT_LE(fine.rgba[n], bright.rgba[n] + 1e-6F) << one.name;
+        }
+        for (const std::string& set : instruction_sets()) {
+            choose_instruction_set(set);
+            const Raised raised;
+            const Image image = draw(Precision::float32, &volumes), wide = draw(Precision::float64, &volumes);
+            EXPECT_EQ(raised.names(), "") << one.name << " " << set;
+            const bool jumps = shot.scene.mode == Mode::isosurface;
+            EXPECT_LE(distance(image, fine).rms, jumps ? 1e-5 : 2e-6) << one.name << " " << set;
+            EXPECT_LE(distance(wide, fine).most, 1.3e-7) << one.name << " " << set;
+        }
+        // Volumes that lie a twentieth of an element elsewhere are seen.
+        LightVolumes moved = volumes;
+        auto other = std::make_shared<LightVolume>(*volumes.lights[0]);
+        other->origin += 0.05 * other->per_step[0] / glm::dot(other->per_step[0], other->per_step[0]);
+        moved.lights[0] = other;
+        EXPECT_GT(distance(draw(Precision::float64, &moved), fine).rms, 1e-5) << one.name;
     }
 }
 

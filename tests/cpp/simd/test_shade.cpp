@@ -4,6 +4,7 @@
 #define HWY_TARGET_INCLUDE "simd/test_shade.cpp"
 #include "hwy/foreach_target.h"
 
+#include "plan/make_plan.hpp"
 #include "shade-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -552,7 +553,7 @@ Case random_case(Random& random, Mode mode, bool preintegration, bool perspectiv
         light.space = random.chance(0.5) ? LightSpace::world : LightSpace::eye;
         c.scene.lights.push_back(light);
     }
-    c.plan.gradient = lights > 0;
+    c.plan.gradient = c.plan.lit = lights > 0;
     c.scene.material.two_sided = c.plan.two_sided = c.plan.gradient && random.chance(0.5);
     c.plan.specular = c.plan.gradient && random.chance(0.5);
     c.scene.material.specular = c.plan.specular ? random.uniform(0.1, 0.8) : 0.0;

@@ -32,6 +32,7 @@ struct Capabilities {
     int subpixel_bits = 4;               ///< of positions in the rasteriser
     int max_draw_buffers = 8;            ///< of one framebuffer
     int max_texture_units = 16;          ///< of the fragment stage
+    int max_buffer_texels = 65536;       ///< of a buffer texture
     int depth_bits = 24;                 ///< of a GL_DEPTH_COMPONENT24 texture, as the driver stores it
     std::vector<std::string> extensions; ///< of those that are used
     std::vector<std::string>

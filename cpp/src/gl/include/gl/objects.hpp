@@ -127,6 +127,7 @@ class BufferTexture {
     BufferTexture() = default;
     BufferTexture(const Api& gl, GLenum internal_format, const Buffer& buffer);
     void bind(int unit) const;
+    explicit operator bool() const { return static_cast<bool>(handle_); }
 
   private:
     Handle<delete_texture> handle_;

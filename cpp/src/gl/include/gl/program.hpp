@@ -50,6 +50,8 @@ class Program {
                              const std::vector<std::string>& captured);
 
     void use() const;
+    /// True once use() was called.
+    [[nodiscard]] bool used() const { return used_; }
     [[nodiscard]] GLuint name() const { return handle_.name(); }
     explicit operator bool() const { return static_cast<bool>(handle_); }
     /// -1 where the compiler removed it: setting it then does nothing.
@@ -75,6 +77,7 @@ class Program {
   private:
     Handle<delete_program> handle_;
     mutable std::map<std::string, GLint> locations_;
+    mutable bool used_ = false;
 };
 
 } // namespace sheetsplat::gl

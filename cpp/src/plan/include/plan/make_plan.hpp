@@ -69,6 +69,11 @@ struct ViewFacts {
     std::size_t kernels = 0;    ///< of all fields
     /// What is known of weighted fields; of others it is looked for in all kernels.
     std::map<const Field*, WeightFacts> weights{};
+    /// What is known of lattices: largest W / C; of others it is computed.
+    std::map<const Field*, double> lattice_peaks{};
+    /// Depths between which slices, slabs and crossings lie, world units.
+    double nearest_depth = -std::numeric_limits<double>::infinity();
+    double farthest_depth = std::numeric_limits<double>::infinity();
 };
 
 /// Everything that the slice loops switch on. One flag an effect; the summary lists them with reasons. What is a way of
@@ -93,8 +98,19 @@ struct DrawPlan {
     bool gather = false;        ///< each pixel looks for the ellipsoids that reach it
     /// Longest over shortest semi-axis from which on an ellipsoid is placed in float64.
     double precise_aspect = std::numeric_limits<double>::infinity();
-    bool filter = false; ///< kernels are widened by pixel and slice distance
-    bool gradient = false;
+    bool filter = false;   ///< kernels are widened by pixel and slice distance
+    bool gradient = false; ///< gradients are made, for light or for gradient_opacity
+    bool lit = false;      ///< colours are multiplied by light: gradient is on too
+    /// Lights, lit by none of which anything changes: colours are multiplied by the ambient coefficient and no more.
+    bool ambient_only = false;
+    bool analytic_gradient = false; ///< gradients are sums of the kernels' own derivatives
+    bool gradient_opacity = false;  ///< opacity is multiplied by min(1, |grad rho| / g1)
+    bool clip = false;              ///< points outside Scene::clip are transparent
+    bool depth_cue = false;         ///< colours fade with depth
+    bool second_order = false;      ///< of pre-integration
+    bool shadows = false;
+    bool ambient_occlusion = false;
+    bool blank = false; ///< the clip leaves nothing: the picture is empty whatever else is on
     bool specular = false;
     bool two_sided = false;
     bool opacity_correction = false;

@@ -3,13 +3,16 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
+#include "reference/clip.hpp"
 #include "reference/reference.hpp"
 #include "reference/screen.hpp"
 #include "reference/shade.hpp"
 #include "reference/slices.hpp"
 #include "reference/sums.hpp"
+#include "reference/surroundings.hpp"
 #include "sheetsplat/scene.hpp"
 
 namespace sheetsplat::reference {
@@ -26,16 +29,20 @@ struct Nudge {
     double stop = 0.0; ///< added to A_stop
 };
 
+/// True where light or opacity depends on gradients.
+bool calls_for_gradients(const Scene& scene);
+
 /// One picture. The sheets may feed several that differ in their nudges.
 class Compositor {
   public:
     /// What is referred to must live as long as this.
     Compositor(const Scene& scene, const Screen& screen, const Slices& slices, const Shader& shader,
-               const Request& request, const Nudge& nudge);
+               const Clipping& clipping, const Surroundings* surroundings, const Request& request, const Nudge& nudge);
 
     /// Adds slice n, or the interval from slice n to n + 1 in isosurface mode and with preintegration. Wanted for every
     /// n in turn, from the one before the first slice to the last.
-    void add(const SheetWindow& window);
+    /// `poll` is called between rows of pixels that look around themselves, which takes long.
+    void add(const SheetWindow& window, const std::function<void()>& poll);
     /// The picture, background behind it.
     [[nodiscard]] Picture finish();
 
@@ -53,8 +60,15 @@ class Compositor {
     void add_scalar(const SheetWindow& window, const Pixel& pixel);
 
     [[nodiscard]] double rho(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
-    [[nodiscard]] bool empty(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
+    /// True where clipping keeps the point of slice n + ahead.
+    [[nodiscard]] bool kept(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
+    /// True where the point is neither empty nor cut off.
+    [[nodiscard]] bool open(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
     [[nodiscard]] Vec3 gradient(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
+    /// What the opacity is multiplied by: 1 but for gradient opacity.
+    [[nodiscard]] double gradient_share(const Vec3& gradient) const;
+    /// The colour that is composited: lit, and faded with depth.
+    [[nodiscard]] Vec3 shaded(const Pixel& pixel, const Vec3& color, const Vec3& gradient, double depth) const;
     [[nodiscard]] bool stopped(const Pixel& pixel) const;
     void put_behind(const Pixel& pixel, const Vec3& color, double alpha, double depth);
 
@@ -62,6 +76,9 @@ class Compositor {
     const Screen& screen_;
     const Slices& slices_;
     const Shader& shader_;
+    const Clipping& clipping_;
+    const Surroundings* surroundings_; ///< nothing where nobody needs them
+    bool needs_gradient_;
     double rho_shift_; // world's rho, what the nudge comes to
     double stop_;
     double reference_distance_; // world units

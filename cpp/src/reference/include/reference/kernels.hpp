@@ -17,6 +17,7 @@ namespace sheetsplat::reference {
 class Profile {
   public:
     explicit Profile(double falloff);
+    [[nodiscard]] double falloff() const { return falloff_; }
 
     /// g for r^2 < 1; the caller has made sure that the point is inside.
     [[nodiscard]] double at(double r_squared) const {
@@ -26,12 +27,26 @@ class Profile {
                gain_;
     }
 
+    /// What q is multiplied by in the derivative of g by q: -2 k exp(-k r^2) / (1 - exp(-k)), at r^2 < 1.
+    [[nodiscard]] double slope(double r_squared) const {
+        return -2.0 * falloff_ * gain_ * std::exp(-falloff_ * r_squared);
+    }
+
+    /// Integrals of exp(-k r^2) / (1 - exp(-k)) and of that times u over the part of a line that `integral` knows.
+    struct Moments {
+        double zeroth = 0.0, first = 0.0;
+    };
+    [[nodiscard]] Moments moments(double b_squared, double from, double to) const;
+
     /// Integral of g over the part of a line that begins and ends at `from` and `to` (units of the support's radius
     /// along the line, 0 next to the centre), at the squared distance b_squared < 1 from the centre; both ends are
     /// inside the ball. Closed form of IMAGE FORMATION section 3, Gauss-Legendre where its differences would cancel.
     [[nodiscard]] double integral(double b_squared, double from, double to) const;
 
   private:
+    /// Integral of exp(-k (b^2 + u^2)).
+    [[nodiscard]] double gaussian(double b_squared, double from, double to) const;
+
     double falloff_, root_falloff_, edge_, gain_;
 };
 
@@ -39,6 +54,7 @@ class Profile {
 struct Chord {
     bool reached = false; ///< false where the support does not meet the line between the two depths
     double mean = 0.0;    ///< of g over all depths from front to back, zero outside of the support
+    Vec3 slope{0.0};      ///< the same of the gradient of g, eye space; where it was asked for
 };
 
 /// The two ends of something; nothing where lower > upper.
@@ -63,6 +79,9 @@ class KernelShape {
     /// q = B^-1 d for an eye-space difference d from the centre.
     [[nodiscard]] Vec3 to_unit(const Vec3& from_centre_eye) const { return to_unit_ * from_centre_eye; }
 
+    /// B^-T v: the gradient in eye space of what has the gradient v by q.
+    [[nodiscard]] Vec3 slope_to_eye(const Vec3& by_unit) const { return by_unit * to_unit_; }
+
     /// Bounds of x (y) over the part of the support between two depths: those of the cross-section where both are the
     /// same. Never too small.
     [[nodiscard]] Interval bounds_x(double front, double back) const {
@@ -75,10 +94,10 @@ class KernelShape {
     /// of pixels). Never too small; all of bounds_x where rounding leaves nothing better.
     [[nodiscard]] Interval bounds_in_row(double y_0, double slope_y, double front, double back) const;
 
-    /// Mean of g between two depths along the line that moves by (slope_x, slope_y, -1) per unit of depth and is at
-    /// `beside` at the centre's depth.
+    /// Mean of g, and of its gradient where wanted, between two depths along the line that moves by (slope_x, slope_y,
+    /// -1) per unit of depth and is at `beside` at the centre's depth.
     [[nodiscard]] Chord mean(const Profile& profile, const Vec3& beside, double slope_x, double slope_y, double front,
-                             double back) const;
+                             double back, bool with_slope = false) const;
 
   private:
     KernelShape() = default;

@@ -37,7 +37,8 @@ struct Request {
     double nudge_rho = 0.0;
     double nudge_radius = 0.0;
     double nudge_stop = 0.0;
-    /// Called between slices with the share done; returning false throws Cancelled.
+    /// Called between slices with the share done, with shadows or ambient occlusion between rows of pixels; returning
+    /// false throws Cancelled.
     std::function<bool(double)> progress{};
 };
 

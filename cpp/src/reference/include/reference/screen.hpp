@@ -31,6 +31,10 @@ class Screen {
         return perspective_ ? ndc_x(column) * half_height_ * aspect_ : 0.0;
     }
     [[nodiscard]] double slope_y(int row) const { return perspective_ ? ndc_y(row) * half_height_ : 0.0; }
+    /// Where the pixel's ray is at a depth, eye space.
+    [[nodiscard]] Vec3 point(int column, int row, double depth) const {
+        return {ndc_x(column) * half_width(depth), ndc_y(row) * half_height(depth), -depth};
+    }
     /// s: length of the pixel's ray per unit of depth, 1 / cos theta.
     [[nodiscard]] double secant(int column, int row) const;
     /// Unit vector from anything on the pixel's ray towards the camera.

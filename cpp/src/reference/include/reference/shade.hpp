@@ -5,6 +5,7 @@
 
 #include "reference/screen.hpp"
 #include "reference/sums.hpp"
+#include "reference/surroundings.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
 
@@ -13,6 +14,14 @@ namespace sheetsplat::reference {
 /// Eye-space gradient of rho at a pixel of the sheet `here` at `depth`, between its neighbours `before` and `after`.
 Vec3 gradient_eye(const Screen& screen, const Sheet& before, const Sheet& here, const Sheet& after, double depth,
                   double spacing, int column, int row);
+
+/// A point that is shaded, and what may take its light.
+struct Lighting {
+    Vec3 to_viewer{0.0, 0.0, 1.0};              ///< V
+    Vec3 point{0.0};                            ///< eye space
+    const Surroundings* surroundings = nullptr; ///< nothing where the scene has neither shadows nor ambient occlusion
+    double rho_shift = 0.0;                     ///< of the surroundings, as a nudge of section 9
+};
 
 /// Lights and material of a scene as one camera sees them.
 class Shader {
@@ -23,8 +32,8 @@ class Shader {
     [[nodiscard]] bool lit() const { return !lights_.empty(); }
     /// N from the gradient.
     [[nodiscard]] Vec3 normal(const Vec3& gradient) const;
-    /// The lit colour; to_viewer is V.
-    [[nodiscard]] Vec3 shade(const Vec3& color, const Vec3& gradient, const Vec3& to_viewer) const;
+    /// The lit colour.
+    [[nodiscard]] Vec3 shade(const Vec3& color, const Vec3& gradient, const Lighting& lighting) const;
 
   private:
     struct DirectedLight {
@@ -34,6 +43,7 @@ class Shader {
     std::vector<DirectedLight> lights_;
     Material material_;
     double weakest_gradient_; // g_0
+    bool shadows_, occlusion_;
 };
 
 } // namespace sheetsplat::reference

@@ -14,7 +14,7 @@ namespace sheetsplat::reference {
 /// rho of one slice at the pixels -1 ... width, -1 ... height.
 class Sheet {
   public:
-    Sheet(const Screen& screen, bool weights);
+    Sheet(const Screen& screen, bool weights, bool gradients = false);
 
     void clear();
     [[nodiscard]] std::size_t index(int column, int row) const {
@@ -24,14 +24,31 @@ class Sheet {
     std::vector<double> rho;            ///< 0 where empty
     std::vector<unsigned char> reached; ///< 1 where any kernel reaches; the others are empty
     std::vector<double> weight;         ///< W of all fields together; without elements where nobody asked
+    std::vector<Vec3> gradient;         ///< analytic, eye space; without elements where nobody asked
 
   private:
     std::size_t stride_;
 };
 
-/// D and W of one field on one slice.
+/// D and W of one field on one slice; their gradients where the sheet has gradients, eye space.
 struct SheetSums {
+    explicit SheetSums(const Sheet& like);
+    void clear();
     std::vector<double> d, w;
+    std::vector<Vec3> slope_d, slope_w;
+};
+
+/// rho, and its gradient, of a field from its sums: one normalisation.
+class Normaliser {
+  public:
+    Normaliser(const Field& field, double radius_factor);
+    [[nodiscard]] double rho(double d, double w) const;
+    [[nodiscard]] Vec3 gradient(double d, double w, const Vec3& slope_d, const Vec3& slope_w) const;
+
+  private:
+    Normalization normalization_;
+    double w0_;
+    double lattice_constant_; ///< C
 };
 
 /// Kernels of value 0 (or weight 0) add nothing to D. They matter where W is asked for, where it normalises, or where
@@ -68,16 +85,14 @@ class FieldSums {
     [[nodiscard]] bool is_drawn(const EyeKernel& kernel, const SliceRange& met) const;
     void sort_kernels();
     void splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, Sheet& sheet) const;
-    [[nodiscard]] double normalise(double d, double w) const;
 
-    const Field& field_;
     const Screen& screen_;
     Slices slices_;
     Sampling sampling_;
     ZeroKernels zero_kernels_;
     EyeKernels eye_kernels_;
     Profile profile_;
-    double lattice_constant_;
+    Normaliser normaliser_;
     std::vector<std::uint64_t> offsets_; ///< where the kernels of each first slice begin; one more at the end
     std::vector<std::uint64_t> kernels_; ///< numbers, in the field's order within one first slice
     std::int64_t next_;                  ///< slice

@@ -14,6 +14,7 @@
 #include "sheetsplat/image.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "view/cell_walk.hpp"
+#include "view/light_volume.hpp"
 #include "view/slab_batches.hpp"
 
 namespace sheetsplat::sheet {
@@ -47,6 +48,7 @@ struct Job {
     const DrawPlan* plan = nullptr;
     std::vector<RegularPart> regular;
     std::vector<EllipsoidPart> ellipsoids;
+    const LightVolumes* volumes = nullptr; ///< where the plan has shadows or ambient occlusion
     BatchLayout layout{};
     int tile_size = 0;      ///< largest edge of an image tile, pixels; 0: what the device can do
     int tags_per_clear = 0; ///< 0: what the depth buffer resolves

@@ -16,6 +16,7 @@
 #include "simd/threads.hpp"
 #include "view/ellipsoid_view.hpp"
 #include "view/frame.hpp"
+#include "view/light_volume.hpp"
 
 namespace sheetsplat::simd {
 
@@ -48,6 +49,7 @@ struct Job {
     int tile_size = 0; ///< largest edge of an image tile, pixels; 0: what fits the cache
     int threads = 0;   ///< 0: as many as the process may run on
     const Progress* progress = nullptr;
+    const LightVolumes* volumes = nullptr; ///< where the plan has shadows or ambient occlusion
 };
 
 /// The instruction set that was chosen for this processor, in words: "AVX-512, 16 lanes".
@@ -69,6 +71,10 @@ class CpuRenderer {
     /// Fills the picture and adds to its stats: kernels_drawn, bytes_view, bytes_device, seconds_bucket, seconds_draw,
     /// tiles, threads, buckets_reused. Throws OutOfMemory, Cancelled, Error; it can be used again after each.
     void render(const Job& job, Image& image);
+    /// What light loses on its way through the scene: -ln of what is left of it before slice m every, m = 0, 1, ... up
+    /// to one at or behind the last slice, for each pixel of an orthographic view. The plan must be one of slices that
+    /// are points, unlit. What was sorted for pictures stays. Throws as render does.
+    void absorb(const Job& job, int every, LightVolume& volume);
 
   private:
     struct State;

@@ -6,10 +6,14 @@
 #include <cstdint>
 #include <vector>
 
-#include "plan/make_plan.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
 #include "view/frame.hpp"
+#include "view/light_volume.hpp"
+
+namespace sheetsplat {
+struct DrawPlan;
+}
 
 namespace sheetsplat::simd {
 
@@ -75,14 +79,40 @@ struct ShadingLight {
     T specular[3] = {};  ///< colour times specular coefficient
 };
 
+/// A half space that is kept, in eye space: dot(normal, x) + distance >= 0. World units.
+struct KeptHalfSpace {
+    Vec3 normal{0.0};
+    double distance = 0.0; ///< with what a point on the plane is allowed
+};
+
+/// How much of the light from somewhere reaches a point: a number between 0 and 1 in a LightVolume. The places of its
+/// elements follow from pixel (i, j) of the picture and depth t: orthographic constant + i by_column + j by_row + t
+/// by_depth, perspective constant + t (i by_column + j by_row + by_depth). In float64: rounded once they are relative
+/// to a row of a tile.
+struct VolumeLookup {
+    const LightVolume* volume = nullptr; ///< null: everything is reached
+    Vec3 constant{0.0}, by_column{0.0}, by_row{0.0}, by_depth{0.0};
+};
+
 /// What shade_slab reads. Lengths of gradients are in reference lengths.
 template <class T>
 struct Shading {
     Mode mode = Mode::composite;
     bool perspective = false;
     bool preintegration = false;
+    bool second_order = false;
     bool empty_test = false;
+    bool gradient = false; ///< for light, or for opacity
     bool lit = false;
+    /// Rows go through the effects one after the other: of what follows, anything is on, or preintegration of second
+    /// order.
+    bool by_effects = false;
+    bool clip = false;
+    bool analytic_gradient = false;
+    bool gradient_opacity = false;
+    bool depth_cue = false;
+    bool shadows = false;
+    bool occlusion = false;
     bool specular = false;
     bool two_sided = false;
     bool gray = false;    ///< all lights are
@@ -109,17 +139,31 @@ struct Shading {
     /// depth. In float64: a slab's own scale is put in before they are rounded.
     double gradient_across = 0.0, gradient_along = 0.0;
     double weakest_gradient = 0.0; ///< g0
+    double full_gradient = 1.0;    ///< g1
+
+    std::vector<KeptHalfSpace> kept;     ///< all of them
+    std::vector<VolumeLookup> shadow_of; ///< a light
+    VolumeLookup openness;               ///< what ambient occlusion leaves open of a point's surroundings
+    T occlusion_strength = T(0);
+    /// Depth cue: its share at depth t is cue_strength clamp((t - cue_start) cue_per_depth, 0, 1).
+    double cue_start = 0.0, cue_per_depth = 0.0;
+    T cue_strength = T(0);
+    T cue_color[3] = {};
 
     double first_depth = 0.0, slice_spacing = 1.0; ///< world units
     /// Perspective: slope of the ray of pixel (i, j) is ((i - axis_x) pixel, (axis_y - j) pixel).
     double axis_x = 0.0, axis_y = 0.0, pixel = 0.0;
 };
 
+/// volumes: where the plan has shadows or ambient occlusion; not owned.
 template <class T>
-Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan);
+Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
+                        const LightVolumes* volumes = nullptr);
 
-extern template Shading<float> make_shading<float>(const Scene&, const Camera&, const Frame&, const DrawPlan&);
-extern template Shading<double> make_shading<double>(const Scene&, const Camera&, const Frame&, const DrawPlan&);
+extern template Shading<float> make_shading<float>(const Scene&, const Camera&, const Frame&, const DrawPlan&,
+                                                   const LightVolumes*);
+extern template Shading<double> make_shading<double>(const Scene&, const Camera&, const Frame&, const DrawPlan&,
+                                                     const LightVolumes*);
 
 /// For tests: the transfer function alone. value_unit: the amount of rho that sheets call 1.
 template <class T>

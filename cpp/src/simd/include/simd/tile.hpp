@@ -56,6 +56,9 @@ struct SlabWindow {
     /// W of slices n and n + 1, in sheets too; 0 where a point is empty. Null unless the plan has empty_test or
     /// coverage.
     const T* weight[2] = {nullptr, nullptr};
+    /// Derivatives of rho of slices n and n + 1 over columns, rows and slices (in perspective along the pixel's ray),
+    /// one step of each. Null unless the plan has analytic_gradient.
+    const T* slope[2][3] = {};
     /// Pixels of the tile (without border) outside of which slice n (for intervals: n and n + 1 both) is empty.
     Rect rect;
 };

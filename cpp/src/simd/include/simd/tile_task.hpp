@@ -27,13 +27,25 @@ struct PartProfile {
     T root_falloff = 0; ///< sqrt(k)
     int value_channel = 0;
     int weight_channel = -1; ///< -1: weights are not summed
+    /// The first of three: derivatives over columns, rows and slices. -1: not summed.
+    int slope_channel = -1, weight_slope_channel = -1;
 };
 
 /// A field that is divided by its own weights before fields are added.
 template <class T>
 struct OwnSheets {
     int value_channel = 0, weight_channel = 0;
+    int slope_channel = -1, weight_slope_channel = -1;
     T w0 = 1;
+};
+
+/// Where a picture writes what light has lost on its way to each slice, as -ln of what is left: an element a pixel, in
+/// rows, and a plane for every few slices, the last one at or behind the end.
+struct AbsorptionRecord {
+    float* values = nullptr;
+    std::size_t row = 0, plane = 0; ///< elements from row to row and from plane to plane
+    std::int64_t planes = 0;
+    std::int64_t every = 1; ///< slices from plane to plane
 };
 
 /// The same for all tiles of a picture.
@@ -46,7 +58,10 @@ struct LoopSetup {
     bool threshold = false;  ///< these are divided by max(w0, W)
     T w0 = 1;
     std::vector<OwnSheets<T>> own;
-    bool keep_weight = false; ///< W is read after the division (empty points, coverage)
+    /// Derivatives are summed beside values; these channels hold those of rho in the end.
+    int slope_channel = -1, weight_slope_channel = -1;
+    const AbsorptionRecord* record = nullptr; ///< null: a picture is drawn
+    bool keep_weight = false;                 ///< W is read after the division (empty points, coverage)
     bool slab = false;
     bool perspective = false;
     bool intervals = false; ///< pre-integration, isosurface

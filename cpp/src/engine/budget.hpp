@@ -1,0 +1,69 @@
+// From an error or a time that is asked for to settings: the cheapest that keep the one, or the best within the other.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sheetsplat/image.hpp"
+
+namespace sheetsplat {
+
+/// What may be chosen. The rest is as the caller has it.
+struct Freedom {
+    bool spacing = true;
+    bool sampling = true; ///< towards slab, that is
+    bool preintegration = true;
+    bool stop = true;
+};
+
+struct Goal {
+    std::optional<double> error;   ///< root mean square
+    std::optional<double> seconds; ///< of one picture
+    /// Of the error that is asked for, what is aimed at: errors are estimates.
+    double aimed_share = 0.85;
+};
+
+/// Errors and times of settings, as far as they can be known before the picture is drawn.
+class Judge {
+  public:
+    Judge() = default;
+    Judge(const Judge&) = delete;
+    Judge& operator=(const Judge&) = delete;
+    virtual ~Judge() = default;
+    /// Distance from the converged picture; nothing where the scene cannot be drawn with these settings.
+    virtual std::optional<double> error(const Settings& settings) = 0;
+    /// The part of it that the stop has.
+    virtual double stop_error(const Settings& settings) = 0;
+    virtual double seconds(const Settings& settings) = 0;
+    /// An error that no settings get below, as far as is known, and what makes it.
+    struct Floor {
+        double error = 0.0;
+        std::string cause;
+        std::string way_out;
+    };
+    virtual Floor floor() { return {}; }
+};
+
+struct Choice {
+    Settings settings;
+    double error = 0.0;   ///< expected
+    double seconds = 0.0; ///< expected
+    bool error_kept = true;
+    bool seconds_kept = true;
+    std::vector<std::string> looked_at; ///< kinds of settings that were compared, in words
+};
+
+/// Slice distances between which is chosen, in those of `start`.
+constexpr double coarsest_spacing = 4.0;
+constexpr double finest_spacing = 1.0 / 256.0;
+
+/// start: the scene's settings, with the default slice distance unless the scene gives one. Throws InvalidInput where
+/// an error is asked for that what is fixed does not allow, Unsupported where it is out of reach of everything that was
+/// tried.
+Choice choose_settings(const Settings& start, const Freedom& freedom, const Goal& goal, Judge& judge);
+
+/// "point sampling", "second-order pre-integration" and the like.
+std::string kind_of(const Settings& settings);
+
+} // namespace sheetsplat

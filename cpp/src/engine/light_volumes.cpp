@@ -1,0 +1,378 @@
+#include "light_volumes.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <new>
+
+#include <glm/geometric.hpp>
+
+#include "sheetsplat/error.hpp"
+#include "simd/cpu_renderer.hpp"
+#include "view/ellipsoid_view.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+/// Of one volume, elements: 96 MiB.
+constexpr double most_elements = 24.0 * (1 << 20);
+/// What surroundings leave open is a mean over directions and distances, which hardly changes from one slice to the
+/// next: 16 MiB.
+constexpr double most_open_elements = 4.0 * (1 << 20);
+/// Of all volumes together: 256 MiB.
+constexpr double most_elements_of_all = 64.0 * (1 << 20);
+/// Those of a few scenes, or of the stages of one picture.
+constexpr std::size_t most_kept = 32;
+/// Grids are this much coarser until they fit.
+constexpr double coarser = 1.25;
+
+/// The plan of the same scene as light goes through it: slices that are points, and nothing but their opacity.
+DrawPlan through(const DrawPlan& plan, const Scene& scene) {
+    DrawPlan made = plan;
+    made.mode = Mode::composite;
+    made.sampling = Sampling::point;
+    made.projection = Projection::orthographic;
+    made.preintegration = made.second_order = false;
+    made.gradient = made.lit = made.analytic_gradient = made.gradient_opacity = false;
+    made.specular = made.two_sided = made.depth_cue = made.shadows = made.ambient_occlusion = false;
+    made.stop = made.coverage = made.depth = false;
+    made.empty_test = !scene.transfer_function.transparent_over(0.0, 0.0);
+    made.weight = made.threshold || made.empty_test;
+    return made;
+}
+
+/// Step of the grids on which light is kept: a slice distance, or twice, four times ... as much where pixels are
+/// larger. Few different ones, so that a camera that moves a little closer asks for no other.
+double light_step(const Frame& frame) {
+    const double pixels = std::clamp(frame.smallest_pixel() / frame.slice_spacing, 1.0, 1e6);
+    return frame.slice_spacing * std::exp2(std::floor(std::log2(pixels)));
+}
+
+/// Of openness, a mean over directions and a radius.
+double open_step(double slice_spacing, double steps) { return slice_spacing * std::clamp(0.25 * steps, 1.0, 2.0); }
+
+/// A scene that is looked at along a light, towards where it goes.
+struct LightView {
+    Camera camera;
+    Size size;
+    int every = 1;
+    double step = 0.0;
+};
+
+/// The view of all supports with elements of about `step`, or as many as fit.
+LightView view_of(const Scene& scene, const Vec3& towards_light, double step, double elements, const Reach& reach) {
+    const Vec3 middle = scene.centres_world().centre();
+    const Vec3 size = glm::abs(towards_light);
+    const Vec3 up = size.y <= size.x && size.y <= size.z ? Vec3(0.0, 1.0, 0.0)
+                    : size.x <= size.z                   ? Vec3(1.0, 0.0, 0.0)
+                                                         : Vec3(0.0, 0.0, 1.0);
+    const Camera aligned = Camera::orthographic(middle, middle - towards_light, up, 1.0);
+    const auto extent = [&](const Vec3& direction) {
+        std::array<double, 2> all{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+        for (const auto& field : scene.fields) {
+            if (field->size() > 0) {
+                const std::array<double, 2> own =
+                    reach ? reach(*field, middle, direction) : field->reach_along(middle, direction);
+                all = {std::min(all[0], own[0]), std::max(all[1], own[1])};
+            }
+        }
+        return all;
+    };
+    const auto across = extent(aligned.right_world()), upwards = extent(aligned.up_world()),
+               along = extent(aligned.back_world());
+    const double spacing = scene.slice_distance();
+    LightView view{aligned, {}, 1, step};
+    // Beyond an edge lies an element that nothing reaches: what is outside of the grid has its number.
+    const auto count = [](double length, double pitch) { return std::ceil(length / pitch) + 3.0; };
+    for (;; view.step *= coarser) {
+        view.every = static_cast<int>(std::clamp(std::round(view.step / spacing), 1.0, 1e6));
+        const double wide = count(across[1] - across[0], view.step), high = count(upwards[1] - upwards[0], view.step);
+        const double deep = count(along[1] - along[0], spacing * view.every);
+        if (wide * high * deep <= elements && wide < 16384.0 && high < 16384.0) {
+            view.size = {static_cast<int>(wide), static_cast<int>(high)};
+            break;
+        }
+    }
+    const Vec3 eye = middle + 0.5 * (across[0] + across[1]) * aligned.right_world() +
+                     0.5 * (upwards[0] + upwards[1]) * aligned.up_world();
+    view.camera = Camera::orthographic(eye, eye - towards_light, up, view.step * view.size.height);
+    return view;
+}
+
+/// -ln of what is left of light on its way to the planes of a volume.
+LightVolume absorption(const Request& request, const DrawPlan& plan, const Indexed& indexed, const Prepared& prepared,
+                       const RendererOptions& options, const Reach& reach, const LightView& view,
+                       simd::CpuRenderer& processor) {
+    const Scene& scene = request.scene;
+    const Frame frame = make_frame(scene, view.camera, view.size, reach);
+    simd::Job job;
+    std::vector<FieldView> lattices;
+    lattices.reserve(indexed.runs.size());
+    for (std::size_t part = 0; part < indexed.runs.size(); ++part) {
+        const std::size_t field = prepared.view_fields[part];
+        lattices.push_back(make_field_view(*as_regular(scene.fields[field].get()), view.camera, frame, Sampling::point,
+                                           plan.value_unit));
+        job.regular.push_back({field, &lattices.back(), &indexed.runs[part]->runs});
+    }
+    std::vector<EllipsoidView> scattered;
+    scattered.reserve(indexed.grids.size());
+    for (std::size_t part = 0; part < indexed.grids.size(); ++part) {
+        const GridEntry& entry = *indexed.grids[part];
+        scattered.emplace_back(*entry.kernels, view.camera, frame, Sampling::point,
+                               plan.filter ? Filter::ewa : Filter::none, plan.value_unit, 1.0);
+        job.ellipsoids.push_back({prepared.ellipsoid_fields[part], entry.kernels, &scattered.back(), &entry.grid,
+                                  &entry.visible, entry.version});
+    }
+    job.scene = &scene;
+    job.camera = &view.camera;
+    job.frame = &frame;
+    job.plan = &plan;
+    job.tile_size = options.tile_size;
+    job.threads = options.threads;
+    // (The picture itself has not begun.)
+    const Progress nothing_yet =
+        request.progress ? Progress([&request](double) { return request.progress(0.0); }) : Progress();
+    job.progress = &nothing_yet;
+    LightVolume volume;
+    processor.absorb(job, view.every, volume);
+    return volume;
+}
+
+/// In the place of the absorption on the way to each point: what `steps` slices ahead leave of light, and as many
+/// behind, added up.
+void look_around(int every, double steps, LightVolume& volume) {
+    const std::size_t plane = static_cast<std::size_t>(volume.counts[0]) * static_cast<std::size_t>(volume.counts[1]);
+    const int planes = volume.counts[2];
+    const std::vector<float> sums = std::move(volume.values);
+    volume.values.assign(sums.size(), 0.0F);
+    /// Absorption before a slice, between two planes.
+    struct Between {
+        const float* from;
+        const float* to;
+        float share;
+        [[nodiscard]] float at(std::size_t element) const {
+            return from[element] + share * (to[element] - from[element]);
+        }
+    };
+    const auto before = [&](double slice) {
+        const double place = std::clamp(slice / every, 0.0, static_cast<double>(planes - 1));
+        const int whole = std::min(static_cast<int>(place), std::max(planes - 2, 0));
+        const auto start = [&](int number) { return sums.data() + static_cast<std::size_t>(number) * plane; };
+        return Between{start(whole), start(std::min(whole + 1, planes - 1)), static_cast<float>(place - whole)};
+    };
+    for (int n = 0; n < planes; ++n) {
+        const double slice = static_cast<double>(n) * every;
+        const Between far = before(slice - steps), here = before(slice);
+        const Between after = before(slice + 1.0), behind = before(slice + 1.0 + steps);
+        float* out = volume.values.data() + static_cast<std::size_t>(n) * plane;
+        for (std::size_t element = 0; element < plane; ++element) {
+            const float ahead = here.at(element) - far.at(element), past = behind.at(element) - after.at(element);
+            // Most of space is empty.
+            out[element] = (ahead > 0.0F ? std::exp(-ahead) : 1.0F) + (past > 0.0F ? std::exp(-past) : 1.0F);
+        }
+    }
+}
+
+/// The world's directions, one of each opposite pair.
+std::array<Vec3, 7> directions() {
+    const double third = 1.0 / std::sqrt(3.0);
+    return {Vec3(1.0, 0.0, 0.0),       Vec3(0.0, 1.0, 0.0),        Vec3(0.0, 0.0, 1.0),
+            Vec3(third, third, third), Vec3(third, third, -third), Vec3(third, -third, third),
+            Vec3(-third, third, third)};
+}
+
+/// A grid along the world's axes over all supports, empty.
+LightVolume world_grid(const Scene& scene, double step, double elements) {
+    Box box;
+    for (const auto& field : scene.fields) {
+        if (field->size() == 0) {
+            continue;
+        }
+        const Box own = field->supports_world();
+        if (box.empty()) {
+            box = own;
+        }
+        box.lower = glm::min(box.lower, own.lower);
+        box.upper = glm::max(box.upper, own.upper);
+    }
+    LightVolume volume;
+    const Vec3 extent = box.extent();
+    for (;; step *= coarser) {
+        const Vec3 counts = glm::ceil(extent / step) + 2.0;
+        if (counts.x * counts.y * counts.z <= elements) {
+            for (int axis = 0; axis < 3; ++axis) {
+                volume.counts[static_cast<std::size_t>(axis)] = static_cast<int>(counts[axis]);
+                Vec3 per_step(0.0);
+                per_step[axis] = 1.0 / step;
+                volume.per_step[static_cast<std::size_t>(axis)] = per_step;
+            }
+            volume.origin = box.centre() - 0.5 * step * (counts - 1.0);
+            break;
+        }
+    }
+    volume.values.assign(static_cast<std::size_t>(volume.counts[0]) * static_cast<std::size_t>(volume.counts[1]) *
+                             static_cast<std::size_t>(volume.counts[2]),
+                         0.0F);
+    return volume;
+}
+
+void add(const LightVolume& from, LightVolume& to) {
+    const Vec3 steps(1.0 / to.per_step[0].x, 1.0 / to.per_step[1].y, 1.0 / to.per_step[2].z);
+    std::size_t element = 0;
+    for (int w = 0; w < to.counts[2]; ++w) {
+        for (int v = 0; v < to.counts[1]; ++v) {
+            for (int u = 0; u < to.counts[0]; ++u, ++element) {
+                to.values[element] += static_cast<float>(from.at(to.origin + Vec3(u, v, w) * steps));
+            }
+        }
+    }
+}
+
+bool same(const std::vector<TransferPoint>& a, const std::vector<TransferPoint>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const TransferPoint& x, const TransferPoint& y) {
+        return x.value == y.value && x.opacity == y.opacity;
+    });
+}
+
+bool same(const Clip& a, const Clip& b) {
+    const auto first = a.half_spaces(), second = b.half_spaces();
+    return std::equal(
+        first.begin(), first.end(), second.begin(), second.end(),
+        [](const Clip::Plane& x, const Clip::Plane& y) { return x.normal == y.normal && x.offset == y.offset; });
+}
+
+/// The light's direction in the world, of unit length.
+Vec3 world_direction(const Light& light, const Camera& camera) {
+    const Vec3 size = glm::abs(light.direction);
+    const Vec3 unit = glm::normalize(light.direction / std::max({size.x, size.y, size.z}));
+    return light.space == LightSpace::world
+               ? unit
+               : unit.x * camera.right_world() + unit.y * camera.up_world() + unit.z * camera.back_world();
+}
+
+} // namespace
+
+bool LightVolumeCache::Origin::operator==(const Origin& other) const {
+    return fields == other.fields && versions == other.versions && same(points, other.points) &&
+           same(clip, other.clip) && slice_spacing == other.slice_spacing &&
+           reference_length == other.reference_length && filter == other.filter && precision == other.precision;
+}
+
+template <class Serves, class Make>
+std::shared_ptr<const LightVolume> LightVolumeCache::find(const Serves& serves, const Make& make) {
+    auto found = std::find_if(entries_.begin(), entries_.end(), serves);
+    if (found == entries_.end()) {
+        entries_.push_back(make());
+        found = std::prev(entries_.end());
+    }
+    std::rotate(entries_.begin(), found, std::next(found));
+    return entries_.front().volume;
+}
+
+void LightVolumeCache::tidy(const Scene& scene, std::size_t used) {
+    std::size_t number = 0;
+    double elements = 0.0;
+    entries_.erase(std::remove_if(entries_.begin(), entries_.end(),
+                                  [&](const Entry& entry) {
+                                      elements += static_cast<double>(entry.volume->values.size());
+                                      return ++number > used && (entry.turns || entry.origin.fields != scene.fields ||
+                                                                 elements > most_elements_of_all || number > most_kept);
+                                  }),
+                   entries_.end());
+}
+
+LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepared, const Indexed& indexed,
+                                  const RendererOptions& options, const Reach& reach, simd::CpuRenderer& processor,
+                                  Image& image) {
+    const auto start = Clock::now();
+    const Scene& scene = request.scene;
+    const DrawPlan plan = through(prepared.plan, scene);
+    Origin origin{scene.fields,
+                  {},
+                  scene.transfer_function.points(),
+                  plan.clip ? scene.clip : Clip{},
+                  prepared.frame.slice_spacing,
+                  prepared.frame.reference_length,
+                  plan.filter,
+                  plan.precision};
+    for (const RunsEntry* entry : indexed.runs) {
+        origin.versions.push_back(entry->version);
+    }
+    for (const GridEntry* entry : indexed.grids) {
+        origin.versions.push_back(entry->version);
+    }
+    std::size_t used = 0;
+    LightVolumes volumes;
+    const double spacing = prepared.frame.slice_spacing;
+    const std::size_t grids = (prepared.plan.shadows ? scene.lights.size() : 0) + 1;
+    const double elements = std::min(most_elements, most_elements_of_all / static_cast<double>(grids));
+    try {
+        if (prepared.plan.shadows && prepared.frame.slices > 0) {
+            const double step = light_step(prepared.frame);
+            for (const Light& light : scene.lights) {
+                const Vec3 direction = world_direction(light, request.camera);
+                volumes.lights.push_back(find(
+                    [&](const Entry& entry) {
+                        return entry.direction == direction && entry.step == step && entry.origin == origin;
+                    },
+                    [&] {
+                        LightVolume made = absorption(request, plan, indexed, prepared, options, reach,
+                                                      view_of(scene, direction, step, elements, reach), processor);
+                        for (float& value : made.values) {
+                            value = std::exp(-std::min(value, 80.0F));
+                        }
+                        return Entry{origin,
+                                     direction,
+                                     step,
+                                     0.0,
+                                     light.space == LightSpace::eye,
+                                     std::make_shared<const LightVolume>(std::move(made))};
+                    }));
+                ++used;
+            }
+        }
+        if (prepared.plan.ambient_occlusion && prepared.frame.slices > 0) {
+            const double steps = std::max(1.0, std::floor(scene.ambient_occlusion->radius / spacing + 1e-6));
+            volumes.openness = find(
+                [&](const Entry& entry) {
+                    return entry.direction == Vec3(0.0) && entry.radius == steps && entry.origin == origin;
+                },
+                [&] {
+                    LightVolume open = world_grid(scene, open_step(spacing, steps), most_open_elements);
+                    const double step = 1.0 / open.per_step[0].x;
+                    for (const Vec3& direction : directions()) {
+                        const LightView view = view_of(scene, direction, step, 4.0 * most_open_elements, reach);
+                        LightVolume around =
+                            absorption(request, plan, indexed, prepared, options, reach, view, processor);
+                        look_around(view.every, steps, around);
+                        add(around, open);
+                    }
+                    for (float& value : open.values) {
+                        value *= 1.0F / 14.0F;
+                    }
+                    return Entry{origin, Vec3(0.0), step,
+                                 steps,  false,     std::make_shared<const LightVolume>(std::move(open))};
+                });
+            ++used;
+        }
+    } catch (const std::bad_alloc&) {
+        throw OutOfMemory(Complaint{"shadows or ambient occlusion cannot be drawn", "memory that ran out",
+                                    "room for what light finds on its way", "leave them out"});
+    }
+    tidy(scene, used);
+    std::size_t bytes = 0;
+    for (const Entry& entry : entries_) {
+        bytes += entry.volume->bytes();
+    }
+    image.stats["seconds_light"] = seconds_since(start);
+    image.stats["bytes_light"] = static_cast<double>(bytes);
+    return volumes;
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,55 @@
+// What light finds on its way: transmittance of a scene towards each light, and how open the surroundings of each point
+// are, on grids. Made by the processor for all backends. Source: project page of conventions, section 10.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "backends.hpp"
+#include "view/light_volume.hpp"
+
+namespace sheetsplat {
+
+/// Keeps volumes between pictures: those of world lights, and openness, serve every view of a scene.
+class LightVolumeCache {
+  public:
+    /// For a plan with shadows or ambient occlusion; volumes that it does not call for are left out. Adds to the stats
+    /// seconds_light and bytes_light. Throws OutOfMemory, Cancelled.
+    LightVolumes of(const Request& request, const Prepared& prepared, const Indexed& indexed,
+                    const RendererOptions& options, const Reach& reach, simd::CpuRenderer& processor, Image& image);
+
+  private:
+    /// What a volume was made from; the fields are kept so that no other one gets their address.
+    struct Origin {
+        std::vector<std::shared_ptr<const Field>> fields;
+        std::vector<std::uint64_t> versions; ///< of what is drawn
+        std::vector<TransferPoint> points;
+        Clip clip;
+        double slice_spacing = 0.0, reference_length = 0.0;
+        bool filter = false;
+        Precision precision = Precision::float32;
+
+        [[nodiscard]] bool operator==(const Origin& other) const;
+    };
+    struct Entry {
+        Origin origin;
+        Vec3 direction{0.0}; ///< world, towards the light; openness: 0
+        double step = 0.0;   ///< what an element spans, world units
+        double radius = 0.0; ///< of ambient occlusion, in slice distances
+        bool turns = false;  ///< with the camera
+        std::shared_ptr<const LightVolume> volume;
+    };
+
+    /// Puts the entry first for which `serves` holds, or a new one.
+    template <class Serves, class Make>
+    std::shared_ptr<const LightVolume> find(const Serves& serves, const Make& make);
+    /// Lets go of what belongs to other fields, of lights that have turned away, and of what is too much.
+    void tidy(const Scene& scene, std::size_t used);
+
+    std::vector<Entry> entries_; ///< the last used ones first
+};
+
+} // namespace sheetsplat

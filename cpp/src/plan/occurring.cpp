@@ -1,0 +1,125 @@
+#include "occurring.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <glm/geometric.hpp>
+
+#include "index/visible_runs.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+/// Rounding of sums and quotients in float32 must not carry rho past a bound.
+constexpr double rounding = 1e-5;
+/// Points so many slice distances before a plane count as on it.
+constexpr double on_the_plane = 1e-6;
+
+/// The most that kernels of value 1 and weight 1 add up to anywhere, over the divisor of normalisation lattice.
+double peak_of(const Field& field, const ViewFacts& view) {
+    const auto known = view.lattice_peaks.find(&field);
+    if (known != view.lattice_peaks.end()) {
+        return known->second;
+    }
+    const RegularField* regular = as_regular(&field);
+    return regular != nullptr ? lattice_ripple(*regular).upper : infinity;
+}
+
+/// 0 stays 0, however often it is added.
+double times(double value, double factor) { return value == 0.0 ? 0.0 : value * factor; }
+
+Range values_of(const Field& field, const Scene& scene, const ViewFacts& view) {
+    if (field.size() == 0) {
+        return {};
+    }
+    const auto [low, high] = field.value_range();
+    Range range{std::min(low, 0.0), std::max(high, 0.0)};
+    if (field.normalization() == Normalization::threshold) {
+        return range;
+    }
+    double factor = infinity;
+    // Widened kernels of a lattice keep their mass but no longer lie as the bound of the ripple takes them.
+    if (const RegularField* regular = as_regular(&field); regular != nullptr && scene.filter == Filter::none) {
+        factor =
+            peak_of(field, view) * (field.normalization() == Normalization::none ? regular->lattice_constant() : 1.0);
+    }
+    return {times(range.lower, factor), times(range.upper, factor)};
+}
+
+/// Smallest and largest dot(normal, x) over a box.
+Range along(const Box& box, const Vec3& normal) {
+    Range range;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double a = normal[axis] * box.lower[axis];
+        const double b = normal[axis] * box.upper[axis];
+        range.lower += std::min(a, b);
+        range.upper += std::max(a, b);
+    }
+    return range;
+}
+
+} // namespace
+
+Range occurring_values(const Scene& scene, const ViewFacts& view) {
+    Range sum;
+    for (const auto& field : scene.fields) {
+        const Range one = values_of(*field, scene, view);
+        sum.lower += one.lower;
+        sum.upper += one.upper;
+    }
+    const double spread = sum.upper - sum.lower;
+    // The cubic through four slices leaves the range of the two in its middle by an eighth of the spread at most.
+    const double beyond = spread * (rounding + (scene.second_order ? 0.125 : 0.0));
+    return {sum.lower == 0.0 && !scene.second_order ? 0.0 : sum.lower - beyond,
+            sum.upper == 0.0 && !scene.second_order ? 0.0 : sum.upper + beyond};
+}
+
+double most_opaque(const TransferFunction& function, const Range& values) {
+    if (function.transparent_over(values.lower, values.upper)) {
+        return 0.0;
+    }
+    double largest = std::max(function.at(values.lower).opacity, function.at(values.upper).opacity);
+    for (const TransferPoint& point : function.points()) {
+        if (point.value >= values.lower && point.value <= values.upper) {
+            largest = std::max(largest, point.opacity);
+        }
+    }
+    return largest;
+}
+
+Kept kept_by(const Scene& scene, const ViewFacts& view) {
+    Box supports;
+    for (const auto& field : scene.fields) {
+        const Box own = field->size() > 0 ? field->supports_world() : Box{};
+        if (own.empty()) {
+            continue;
+        }
+        supports =
+            supports.empty() ? own : Box{glm::min(supports.lower, own.lower), glm::max(supports.upper, own.upper)};
+    }
+    if (scene.clip.empty() || supports.empty()) {
+        return Kept::everything;
+    }
+    if (scene.filter != Filter::none) {
+        return Kept::something;
+    }
+    // A slab reaches half a slice distance beyond its middle, and a crossing has an end beyond the supports.
+    const double slices = (scene.sampling == Sampling::slab ? 0.5 : 0.0) + (scene.mode == Mode::isosurface ? 1.0 : 0.0);
+    const double margin = slices * view.slice_spacing * view.largest_slant;
+    bool everything = true;
+    for (const Clip::Plane& plane : scene.clip.half_spaces()) {
+        const Range reach = along(supports, plane.normal);
+        const double beyond = margin * glm::length(plane.normal);
+        const double closed = on_the_plane * view.slice_spacing * glm::length(plane.normal);
+        if (reach.upper + beyond + closed < plane.offset) {
+            return Kept::nothing;
+        }
+        everything = everything && reach.lower - beyond >= plane.offset;
+    }
+    return everything ? Kept::everything : Kept::something;
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,303 @@
+// What the sums of a scene's kernels come to, and the errors that follow from it.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "effects.hpp"
+#include "occurring.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+/// Kernels that overlap at a point of a lattice at radius 2: 4/3 pi 2^3.
+constexpr double usual_overlap = 33.5;
+/// Root mean square errors of light looked up in volumes, over what a step takes away, where the smallest kernels reach
+/// over two steps of their grids and the transfer function is not steep and shows nothing at 0: seen were at most 0.004
+/// and 0.008 (of the ambient share).
+constexpr double shadow_error = 0.01;
+constexpr double occlusion_error = 0.025;
+/// In other scenes they were seen to grow: with the step over the kernel to the power of 1.5; up to 7 times by steps of
+/// the transfer function, 4 times by kernels that end with a jump, 4 times by the filter, 5 times by radii of ambient
+/// occlusion beyond some steps.
+constexpr double resolved_radius = 2.0, hardness_of_thin = 1.5;
+constexpr double gentle_steps = 4.0, most_of_steps = 8.0;
+constexpr double hardness_of_borders = 5.0, hardness_of_filter = 4.0;
+constexpr double near_steps = 8.0, most_of_far = 5.0;
+/// Root mean square over a picture, of all that shadows do.
+constexpr double most_of_whole = 0.3;
+/// Values are counted in units of at least this.
+constexpr double least_unit = 1e-300;
+/// -ln(1 - a) of what counts as opaque stays a number.
+constexpr double largest_absorbed = 0.999;
+/// Volume of the unit ball.
+constexpr double ball = 4.18879020478639;
+/// What is lit is this many times as noisy as sums are, where a pixel is a reference length.
+constexpr double gradient_noise = 1.0;
+/// In few bits noise is larger than weak gradients, which turns normals; most where quotients hardly change.
+constexpr double gradient_noise_16 = 2.0;
+constexpr double quotient_noise_16 = 10.0;
+/// Rounding of a sum that grows from 0 to its size: a third of the last step's in theory, seen at up to a half.
+constexpr double rounded_sum = 0.6;
+
+/// What the kernels of a field are worth in sums.
+struct Amounts {
+    double low = 0.0, high = 0.0; ///< of what a kernel stands for in rho: f where weights are divided out, else m f
+    double largest = 0.0;         ///< bound on its part of |rho|
+    double heaviest = 0.0;        ///< largest of |m f|
+    double most_weight = 0.0;     ///< largest m
+    double least_weight = std::numeric_limits<double>::infinity(); ///< smallest m above 0
+};
+
+double overlap_of(const ViewFacts& view) { return std::max(usual_overlap, view.largest_overlap); }
+
+/// What a filter leaves of a kernel's height, at most: its mass in a kernel of a pixel's and a slice distance's size.
+double filtered_height(const Scene& scene, const ViewFacts& view, const Vec3& axes) {
+    if (scene.filter == Filter::none) {
+        return 1.0;
+    }
+    return std::min(1.0, axes.x / view.smallest_pixel * (axes.y / view.smallest_pixel) * (axes.z / view.slice_spacing));
+}
+
+template <class Height>
+WeightFacts survey_weights(const EllipsoidField& field, Height&& height) {
+    WeightFacts facts;
+    facts.low = std::numeric_limits<double>::infinity();
+    facts.high = -facts.low;
+    for (std::size_t i = 0; i < field.size(); ++i) {
+        const double weight = field.weight(i) * height(field.semi_axes(i));
+        const double product = weight * field.value(i);
+        facts.low = std::min(facts.low, product);
+        facts.high = std::max(facts.high, product);
+        facts.most = std::max(facts.most, weight);
+        if (weight > 0.0) {
+            facts.least = std::min(facts.least, weight);
+        }
+        // m f g / max(w0, W), where W is at least m g.
+        facts.alone = std::max(facts.alone, std::abs(product) / std::max(field.w0(), weight));
+    }
+    return facts;
+}
+
+Amounts amounts_of(const Field& field, const Scene& scene, const ViewFacts& view) {
+    const double overlap = overlap_of(view);
+    Amounts amounts;
+    const auto [low, high] = field.value_range();
+    amounts.low = low;
+    amounts.high = high;
+    amounts.largest = amounts.heaviest = std::max(std::abs(low), std::abs(high));
+    amounts.most_weight = amounts.least_weight = 1.0;
+    const EllipsoidField* ellipsoids = as_ellipsoids(&field);
+    const bool divided = field.normalization() == Normalization::threshold;
+    if (ellipsoids == nullptr || ellipsoids->size() == 0) {
+        return amounts;
+    }
+    if (ellipsoids->arrays().weights.empty()) {
+        amounts.largest *= divided ? std::min(1.0, overlap / std::max(field.w0(), 1.0)) : 1.0;
+        return amounts;
+    }
+    const auto known = view.weights.find(&field);
+    const WeightFacts weights =
+        scene.filter == Filter::none && known != view.weights.end()
+            ? known->second
+            : survey_weights(*ellipsoids, [&](const Vec3& axes) { return filtered_height(scene, view, axes); });
+    Amounts weighted;
+    weighted.low = weights.low;
+    weighted.high = weights.high;
+    weighted.most_weight = weights.most;
+    weighted.least_weight = weights.least;
+    weighted.heaviest = std::max(std::abs(weighted.low), std::abs(weighted.high));
+    // A mean is never larger than the largest value; where w0 divides, it is no larger than what overlaps adds up to.
+    weighted.largest = divided ? std::min(amounts.largest, overlap * weights.alone) : weighted.heaviest;
+    if (divided) {
+        weighted.low = low;
+        weighted.high = high;
+    }
+    return weighted;
+}
+
+/// Kernels that overlap at a point. A lattice's supports over its cells; of scattered kernels where they are densest.
+double crowd_of(const Scene& scene, const ViewFacts& view) {
+    double crowd = 0.0;
+    for (const auto& field : scene.fields) {
+        if (const RegularField* regular = as_regular(field.get()); regular != nullptr && regular->size() > 0) {
+            // C is the kernel's mass over the cell.
+            crowd += ball / regular->kernel().unit_mass() * regular->lattice_constant();
+        }
+    }
+    return std::max({1.0, crowd, 2.0 * view.densest_overlap, view.largest_overlap});
+}
+
+/// Root mean square of the slopes of opacity, times a factor, and of colours over the part of a range that the transfer
+/// function's window covers.
+double mean_slope(const TransferFunction& function, const Range& values, double of_opacity) {
+    double squares = 0.0;
+    double length = 0.0;
+    const auto& points = function.points();
+    for (std::size_t n = 0; n + 1 < points.size(); ++n) {
+        const TransferPoint& p = points[n];
+        const TransferPoint& q = points[n + 1];
+        const double width = std::min(q.value, values.upper) - std::max(p.value, values.lower);
+        if (!(width > 0.0)) {
+            continue;
+        }
+        double change = of_opacity * std::abs(q.opacity - p.opacity);
+        for (int c = 0; c < 3; ++c) {
+            change = std::max(change, std::abs(q.color[c] - p.color[c]));
+        }
+        const double slope = change / (q.value - p.value);
+        squares += slope * slope * width;
+        length += width;
+    }
+    return length > 0.0 ? std::sqrt(squares / length) : 0.0;
+}
+
+} // namespace
+
+double unit_of_values(const Scene& scene, const ViewFacts& view) {
+    double largest = 0.0;
+    for (const auto& field : scene.fields) {
+        largest = std::max(largest, amounts_of(*field, scene, view).largest);
+    }
+    if (largest == 0.0) {
+        largest = 1.0;
+    }
+    if (scene.mode == Mode::composite) {
+        const double window = scene.transfer_function.v_max() - scene.transfer_function.v_min();
+        // A window wider than the values would push them towards 0 of the sheets' range; nothing is gained by that.
+        largest = window > 0.0 ? window : largest;
+    }
+    // What is below has no inverse.
+    return std::max(largest, least_unit);
+}
+
+WeightFacts survey_weights(const EllipsoidField& field) {
+    return survey_weights(field, [](const Vec3&) { return 1.0; });
+}
+
+SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& plan) {
+    const double unit = plan.value_unit;
+    SumFacts facts;
+    facts.overlap = overlap_of(view);
+    facts.least_scale = std::numeric_limits<double>::infinity();
+    double spread = 0.0;
+    for (const auto& field : scene.fields) {
+        const Amounts amounts = amounts_of(*field, scene, view);
+        facts.largest = std::max(facts.largest, amounts.largest);
+        spread = std::max(spread, amounts.high - amounts.low);
+        facts.sum = std::max({facts.sum, facts.overlap * amounts.heaviest / unit, facts.overlap * amounts.most_weight});
+        if (field->normalization() == Normalization::threshold) {
+            facts.least_scale = std::min(facts.least_scale, std::max(field->w0(), amounts.least_weight));
+            facts.weight_range =
+                std::max(facts.weight_range, amounts.most_weight / std::max(field->w0(), least_divisor));
+        }
+    }
+    facts.resolved = plan.mode == Mode::isosurface && spread > 0.0 ? spread : unit;
+    facts.ratio = facts.largest / facts.resolved;
+    const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
+    const double per_length = view.slice_spacing * view.largest_slant / view.reference_length;
+    facts.steepness = scalar || plan.mode == Mode::isosurface
+                          ? 1.0
+                          : std::max(1.0, scene.transfer_function.steepest() * unit * per_length);
+    facts.crowd = crowd_of(scene, view);
+    facts.bend = scalar || plan.mode == Mode::isosurface
+                     ? 1.0
+                     : std::max(1.0, unit * mean_slope(scene.transfer_function, occurring_values(scene, view),
+                                                       std::max(1.0, per_length)));
+    return facts;
+}
+
+bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan) {
+    if (plan.mode != Mode::composite || !plan.preintegration) {
+        return false;
+    }
+    if (plan.clip) {
+        return true;
+    }
+    bool negative = false;
+    for (const auto& field : scene.fields) {
+        negative = negative || (field->size() > 0 && field->value_range()[0] < 0.0);
+    }
+    // Between ends of 0 the cubic is an eighth of the largest value at most, and has the other sign.
+    const double overshoot = 0.125 * sums.largest;
+    return plan.second_order && !scene.transfer_function.transparent_over(-overshoot, negative ? overshoot : 0.0);
+}
+
+double sum_noise(Precision precision, bool truncates, double crowd) {
+    switch (precision) {
+    case Precision::uint8:
+        return crowd / 255.0;
+    case Precision::float16:
+        // What is cut off adds up; what is rounded walks at random.
+        return truncates ? crowd * 0.15 / 1024.0 : std::sqrt(crowd) / 4096.0;
+    case Precision::float64:
+        return rounded_sum * float64_epsilon * std::sqrt(crowd);
+    default:
+        return rounded_sum * float32_epsilon * std::sqrt(crowd);
+    }
+}
+
+void expect_errors(const ViewFacts& view, const SumFacts& sums, double noise, DrawPlan& plan) {
+    auto& budget = plan.summary.error_budget;
+    // Numbers of 8 bits have fixed steps, all others steps of their own size.
+    const double times = plan.precision == Precision::uint8 ? std::max(1.0, sums.ratio) : sums.ratio;
+    const std::string in = std::string(" in ") + to_string(plan.precision);
+    budget.push_back({"sums" + in, std::min(noise * times * sums.bend, 1.0), "sums"});
+    if (plan.lit) {
+        const double nearest = std::min(view.smallest_pixel, view.slice_spacing);
+        const bool splatted = plan.fine_gradient || plan.analytic_gradient;
+        const double magnified = splatted ? 1.0 : std::max(1.0, view.reference_length / nearest);
+        const bool few_bits = plan.precision == Precision::float16 || plan.precision == Precision::uint8;
+        const double turned = !few_bits                ? gradient_noise
+                              : lights_quotients(plan) ? quotient_noise_16
+                                                       : gradient_noise_16;
+        const double rounding = sum_noise(plan.precision, false, sums.crowd);
+        budget.push_back({"gradients" + in, std::min(rounding * times * turned * magnified, 1.0), "gradient"});
+    }
+    budget.push_back({"pictures in float32", float32_epsilon, "classification"});
+}
+
+void expect_light_errors(const Scene& scene, const ViewFacts& view, double opacity, DrawPlan& plan) {
+    if (!plan.shadows && !plan.ambient_occlusion) {
+        return;
+    }
+    const double length = std::max(view.slice_spacing, view.largest_pixel);
+    const double taken = -std::expm1(std::log1p(-std::min(opacity, largest_absorbed)) * length / view.reference_length);
+    double brightest = 0.0;
+    const bool surface = scene.mode == Mode::isosurface;
+    for (const TransferPoint& point : surface ? std::vector<TransferPoint>{scene.transfer_function.at(*scene.iso_value)}
+                                              : scene.transfer_function.points()) {
+        brightest = std::max({brightest, std::abs(point.color.x), std::abs(point.color.y), std::abs(point.color.z)});
+    }
+    // Grids follow what changes over several steps.
+    const double radius = view.smallest_radius_px * view.largest_pixel;
+    double hardness = std::max(1.0, std::pow(resolved_radius * length / radius, hardness_of_thin));
+    const double steps =
+        scene.transfer_function.steepest() * plan.value_unit * view.slice_spacing / view.reference_length;
+    hardness *=
+        scene.transfer_function.has_steps() ? most_of_steps : std::clamp(steps / gentle_steps, 1.0, most_of_steps);
+    hardness *= scene.transfer_function.transparent_over(0.0, 0.0) ? 1.0 : hardness_of_borders;
+    // Their volumes widen kernels across and along the light.
+    hardness *= plan.filter ? hardness_of_filter : 1.0;
+    auto& budget = plan.summary.error_budget;
+    const auto owe = [&](const char* cause, double error, double whole, const char* effect) {
+        budget.push_back({cause, std::min(error * taken * hardness, most_of_whole) * whole, effect});
+    };
+    if (plan.shadows) {
+        double light = 0.0;
+        for (const Light& one : scene.lights) {
+            light += std::max({std::abs(one.color.x), std::abs(one.color.y), std::abs(one.color.z)});
+        }
+        owe("shadows from a volume", shadow_error,
+            light * (std::abs(scene.material.diffuse) * brightest + std::abs(scene.material.specular)), "shadows");
+    }
+    if (plan.ambient_occlusion) {
+        const double share = plan.lit || plan.ambient_only ? std::abs(scene.material.ambient) : 1.0;
+        const double far = std::clamp(scene.ambient_occlusion->radius / (near_steps * length), 1.0, most_of_far);
+        owe("occlusion from a volume", occlusion_error * far, share * brightest * scene.ambient_occlusion->strength,
+            "ambient_occlusion");
+    }
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,51 @@
+// rho at any point: what section 3 calls point sampling, away from slices and pixels. For shadows and ambient
+// occlusion. Source: IMAGE FORMATION section 2.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "reference/kernels.hpp"
+#include "reference/screen.hpp"
+#include "reference/sums.hpp"
+#include "sheetsplat/camera.hpp"
+#include "sheetsplat/scene.hpp"
+
+namespace sheetsplat::reference {
+
+/// The kernels of one field in the cells of a grid in eye space, each in all cells that the box around its support
+/// meets.
+class PointSums {
+  public:
+    /// What is referred to must live as long as this. Throws OutOfMemory.
+    PointSums(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen, double radius_factor);
+
+    struct Value {
+        double rho = 0.0;
+        bool empty = true;
+    };
+    [[nodiscard]] Value at(const Vec3& point_eye) const;
+    /// Box around all supports, eye space; empty() where there is no kernel.
+    [[nodiscard]] const Box& supports_eye() const { return box_; }
+
+  private:
+    struct Cells {
+        std::array<std::size_t, 3> first, last;
+    };
+    [[nodiscard]] Cells cells_of(const Box& box) const;
+    [[nodiscard]] std::size_t cell_along(int axis, double place) const;
+    /// visit(cell) for every cell that the kernel's box meets.
+    template <class Visit>
+    void for_each_cell(const EyeKernel& kernel, Visit&& visit) const;
+
+    std::vector<EyeKernel> kernels_;
+    Profile profile_;
+    Normaliser normaliser_;
+    Box box_;
+    std::array<std::size_t, 3> cells_{1, 1, 1}; ///< along x, y, z
+    std::vector<std::uint64_t> offsets_;        ///< where each cell's kernels begin; one more at the end
+    std::vector<std::uint32_t> members_;        ///< places in kernels_, rising within a cell
+};
+
+} // namespace sheetsplat::reference

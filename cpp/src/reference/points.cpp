@@ -1,0 +1,118 @@
+#include "reference/points.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include "base/checks.hpp"
+#include "base/memory.hpp"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat::reference {
+
+namespace {
+
+constexpr std::size_t most_cells_along = 64;
+const char* const next_step = "Leave shadows and ambient occlusion out, or render fewer kernels.";
+
+// The box around a kernel's support, wide enough for any rounding: the kernel's own end decides.
+Box box_around(const EyeKernel& kernel) {
+    const double half_depth = kernel.shape.half_depth() * (1.0 + 1e-12);
+    const Interval x = kernel.shape.bounds_x(-half_depth, half_depth);
+    const Interval y = kernel.shape.bounds_y(-half_depth, half_depth);
+    return {kernel.centre + Vec3(x.lower, y.lower, -half_depth), kernel.centre + Vec3(x.upper, y.upper, half_depth)};
+}
+
+} // namespace
+
+PointSums::PointSums(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen,
+                     double radius_factor)
+    : profile_(field.kernel().falloff), normaliser_(field, radius_factor) {
+    const std::string what = "the reference's grid of kernels";
+    if (field.size() > 0xFFFFFFFFULL) {
+        throw OutOfMemory(Complaint{"Shadows and ambient occlusion do not fit",
+                                    text_of_count(field.size()) + " kernels", "at most 2^32", next_step});
+    }
+    require_memory(checked_product(field.size(), sizeof(EyeKernel), what), what, next_step);
+    const EyeKernels seen(field, scene, camera, screen, radius_factor);
+    kernels_.reserve(field.size());
+    seen.for_each([&](std::uint64_t, const EyeKernel& kernel) {
+        const Box box = box_around(kernel);
+        box_ = kernels_.empty() ? box : Box{glm::min(box_.lower, box.lower), glm::max(box_.upper, box.upper)};
+        kernels_.push_back(kernel);
+    });
+    // About one cell a kernel.
+    const auto along = static_cast<std::size_t>(std::cbrt(static_cast<double>(kernels_.size())));
+    cells_.fill(std::clamp(along, std::size_t{1}, most_cells_along));
+
+    const std::size_t cells = cells_[0] * cells_[1] * cells_[2];
+    offsets_.assign(cells + 1, 0);
+    for (const EyeKernel& kernel : kernels_) {
+        for_each_cell(kernel, [&](std::size_t cell) { ++offsets_[cell + 1]; });
+    }
+    for (std::size_t cell = 0; cell < cells; ++cell) {
+        offsets_[cell + 1] += offsets_[cell];
+    }
+    require_memory(checked_product(offsets_.back(), sizeof(std::uint32_t), what), what, next_step);
+    members_.resize(offsets_.back());
+    std::vector<std::uint64_t> next(offsets_.begin(), offsets_.end() - 1);
+    for (std::size_t number = 0; number < kernels_.size(); ++number) {
+        for_each_cell(kernels_[number],
+                      [&](std::size_t cell) { members_[next[cell]++] = static_cast<std::uint32_t>(number); });
+    }
+}
+
+std::size_t PointSums::cell_along(int axis, double place) const {
+    const double cells = static_cast<double>(cells_[static_cast<std::size_t>(axis)]);
+    const double share = (place - box_.lower[axis]) / (box_.upper[axis] - box_.lower[axis]);
+    return static_cast<std::size_t>(std::clamp(std::floor(share * cells), 0.0, cells - 1.0));
+}
+
+PointSums::Cells PointSums::cells_of(const Box& box) const {
+    Cells cells{};
+    for (int axis = 0; axis < 3; ++axis) {
+        cells.first[static_cast<std::size_t>(axis)] = cell_along(axis, box.lower[axis]);
+        cells.last[static_cast<std::size_t>(axis)] = cell_along(axis, box.upper[axis]);
+    }
+    return cells;
+}
+
+template <class Visit>
+void PointSums::for_each_cell(const EyeKernel& kernel, Visit&& visit) const {
+    const Cells cells = cells_of(box_around(kernel));
+    for (std::size_t z = cells.first[2]; z <= cells.last[2]; ++z) {
+        for (std::size_t y = cells.first[1]; y <= cells.last[1]; ++y) {
+            for (std::size_t x = cells.first[0]; x <= cells.last[0]; ++x) {
+                visit((z * cells_[1] + y) * cells_[0] + x);
+            }
+        }
+    }
+}
+
+PointSums::Value PointSums::at(const Vec3& point_eye) const {
+    if (kernels_.empty() || point_eye != glm::clamp(point_eye, box_.lower, box_.upper)) {
+        return {};
+    }
+    // Rounding is monotonic: a point inside a kernel's box is in one of its cells.
+    const std::size_t cell =
+        (cell_along(2, point_eye.z) * cells_[1] + cell_along(1, point_eye.y)) * cells_[0] + cell_along(0, point_eye.x);
+    double d = 0.0, w = 0.0;
+    bool empty = true;
+    for (std::uint64_t at = offsets_[cell]; at < offsets_[cell + 1]; ++at) {
+        const EyeKernel& kernel = kernels_[members_[at]];
+        const Vec3 q = kernel.shape.to_unit(point_eye - kernel.centre);
+        const double r_squared = glm::dot(q, q);
+        if (r_squared < 1.0) {
+            const double g = profile_.at(r_squared);
+            d += kernel.value * g;
+            w += kernel.weight * g;
+            empty = false;
+        }
+    }
+    return {normaliser_.rho(d, w), empty};
+}
+
+} // namespace sheetsplat::reference

@@ -1,0 +1,64 @@
+#include "view/kept_slices.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <glm/geometric.hpp>
+
+namespace sheetsplat {
+
+namespace {
+
+/// A point so little below a plane, in slice distances, lies on it.
+constexpr double rounding = 1e-6;
+/// Beyond all slices that there can be.
+constexpr double no_end = 1 << 30;
+
+} // namespace
+
+KeptSlices::KeptSlices(const Scene& scene, const Camera& camera, const Frame& frame)
+    : half_columns_(0.5 * frame.size.width), half_rows_(0.5 * frame.size.height), pixel_(frame.pixel),
+      lowest_(-rounding * frame.slice_spacing) {
+    const double spacing = frame.slice_spacing;
+    const double depth = frame.first_depth;
+    for (const Clip::Plane& given : scene.clip.half_spaces()) {
+        // Scaled first: squares of components can leave float64 where the components do not.
+        const double scale = std::max({std::abs(given.normal.x), std::abs(given.normal.y), std::abs(given.normal.z)});
+        const Vec3 scaled = given.normal / scale;
+        const double length = glm::length(scaled);
+        const Vec3 normal = scaled / length;
+        const double eye = glm::dot(normal, camera.eye()) - given.offset / scale / length;
+        const double across = glm::dot(normal, camera.right_world());
+        const double up = glm::dot(normal, camera.up_world());
+        const double back = glm::dot(normal, camera.back_world());
+        if (frame.projection == Projection::perspective) {
+            planes_.push_back(
+                {{eye - depth * back, depth * across, depth * up}, {-spacing * back, spacing * across, spacing * up}});
+        } else {
+            planes_.push_back({{eye - depth * back, across, up}, {-spacing * back, 0.0, 0.0}});
+        }
+    }
+}
+
+SliceRun KeptSlices::at(int column, int row) const {
+    const double x = (column + 0.5 - half_columns_) * pixel_;
+    const double y = (half_rows_ - row - 0.5) * pixel_;
+    double first = -no_end, last = no_end;
+    for (const Plane& plane : planes_) {
+        const double start = plane.start.at(x, y) - lowest_;
+        const double step = plane.step.at(x, y);
+        if (step > 0.0) {
+            first = std::max(first, std::min(std::ceil(-start / step), no_end));
+        } else if (step < 0.0) {
+            last = std::min(last, std::max(std::floor(start / -step), -no_end));
+        } else if (!(start >= 0.0)) {
+            last = first - 1.0;
+        }
+    }
+    if (first > last) {
+        return {};
+    }
+    return {static_cast<std::int32_t>(first), static_cast<std::int32_t>(last)};
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,137 @@
+"""sheetsplat accuracy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import click
+
+from sheetsplat.cli.options import (
+    _RENDERER,
+    _ParamType,
+    as_json,
+    check_mode,
+    common,
+    forced_effects,
+    prepare,
+    scene_options,
+)
+from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
+
+_MOST_REPEATS = 1000
+# What looks for settings itself leaves no setting to be turned.
+_SEEKERS = ("max_error", "max_seconds")
+
+
+class _Knobs(_ParamType):
+    """Names of knobs with commas between them."""
+
+    name = "NAME,NAME,…"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
+        """Return the names."""
+        from sheetsplat.ladder import KNOBS
+
+        names = tuple(part.strip() for part in value.split(",")) if isinstance(value, str) else tuple(value)
+        strange = [name for name in names if name not in KNOBS]
+        if strange:
+            self.fail(f"{', '.join(map(repr, strange))}: wanted any of {', '.join(KNOBS)}", param, ctx)
+        return names
+
+
+@click.command("accuracy")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="The plot: .png, .svg or .pdf.")
+@click.option(
+    "--knobs",
+    type=_Knobs(),
+    help="What is turned: slice_spacing, classification, gradient, cut_off, precision, table_size, opacity_stop, "
+    "filter, image_scale, lattice, kernel, prefilter.  [default: all]",
+)
+@click.option(
+    "--repeats",
+    type=click.IntRange(1, _MOST_REPEATS),
+    default=3,
+    show_default=True,
+    help="Frames that are timed for each setting; the median counts.",
+)
+@click.option(
+    "--reference-seconds",
+    type=click.FloatRange(min=0.0),
+    default=2.0,
+    show_default=True,
+    help="How long the float64 reference may take for a setting, about; 0: no arithmetic errors.",
+)
+@click.option(
+    "--clock",
+    type=click.Choice(["wall", "cpu"]),
+    default="wall",
+    show_default=True,
+    help="Which time counts: by the clock, or that of the processors, which other work disturbs less.",
+)
+@scene_options
+@as_json
+@common
+def command(
+    file: Path,
+    output: Path | None,
+    knobs: tuple[str, ...] | None,
+    repeats: int,
+    reference_seconds: float,
+    clock: Literal["wall", "cpu"],
+    as_json: bool,
+    quiet: bool,
+    **options: Any,
+) -> None:
+    """Measure what accuracy costs in time when FILE is rendered with these options.
+
+    Every choice that trades error for time is turned alone; each setting is timed and held against the float64
+    reference at the same slices and against the converged picture. FILE and options are those of "sheetsplat render".
+    """
+    from sheetsplat.ladder import accuracy
+    from sheetsplat.ladder._plot import check_path, require_matplotlib
+
+    if output is not None:
+        # Before anything takes its time.
+        check_outputs([output], [file, *([options["grid"]] if options["grid"] else [])])
+        if output.suffix.lower() not in (".png", ".svg", ".pdf"):
+            raise click.UsageError(f"{output}: a plot's name ends with .png, .svg or .pdf")
+        check_path(output)
+        require_matplotlib()
+    if any(options.get(name) is not None for name in _SEEKERS):
+        raise click.UsageError(
+            "leave out --max-error and --max-seconds: they choose the settings that are to be turned"
+        )
+    check_mode(options)
+    scene, camera, _, size = prepare(file, options)
+    settings = {name: options[name] for name in _RENDERER if name not in ("backend", *_SEEKERS)}
+    with progress_bar(file.name, quiet=quiet) as progress:
+        report = accuracy(
+            scene,
+            camera,
+            size=size,
+            backend=options["backend"],
+            knobs=knobs,
+            repeats=repeats,
+            reference_seconds=reference_seconds,
+            clock=clock,
+            progress=progress,
+            effects=forced_effects(options["effects"]),
+            **settings,
+        )
+    if output is not None:
+        report.plot(output)
+        say(f"{output}: the plot", quiet=quiet)
+    if as_json:
+        report_json(report.to_dict())
+        return
+    from rich.console import Console
+
+    console = Console()
+    # Files and pipes have no width of their own.
+    if not console.is_terminal:
+        click.echo(str(report))
+        return
+    console.print(report.table())
+    console.print(report.text_below(), markup=False, highlight=False)

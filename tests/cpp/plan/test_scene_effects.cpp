@@ -1,0 +1,387 @@
+// Effects that every backend shares: what calls for them, what of a scene's values makes them idle, and what each owes.
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "plan/make_plan.hpp"
+#include "sheetsplat/error.hpp"
+#include "support.hpp"
+
+namespace sheetsplat {
+namespace {
+
+using test::expect_parts;
+using test::message_of;
+
+/// Values from 0 to 1 at (0..1)^3 with supports of 2 round each: the box from -2 to 3.
+std::shared_ptr<const RegularField> volume(Normalization normalization = Normalization::lattice) {
+    RegularFieldOptions options;
+    options.normalization = normalization;
+    return std::make_shared<RegularField>(std::vector<float>{0.0F, 1.0F, 0.5F, 0.2F, 0.1F, 0.9F, 0.3F, 0.4F},
+                                          std::array<std::size_t, 3>{2, 2, 2}, options);
+}
+
+Scene lit_scene() {
+    Scene scene{{volume()}, TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.5}})};
+    scene.lights = {Light{}};
+    return scene;
+}
+
+DrawPlan plan_of(const Scene& scene, Backend backend = Backend::reference, const RendererOptions& options = {},
+                 double farthest = 10.0) {
+    ViewFacts view;
+    view.size = {64, 64};
+    view.slices = 6;
+    view.kernels = 8;
+    view.smallest_radius_px = 10.0;
+    view.farthest_depth = farthest;
+    Capabilities capabilities;
+    capabilities.renderer = "a device";
+    capabilities.version = "4.5";
+    capabilities.version_major = 4;
+    capabilities.version_minor = 5;
+    capabilities.software = true;
+    capabilities.max_point_size = 255.0F;
+    return make_plan(scene, view, options, {}, Projection::orthographic, backend,
+                     backend == Backend::gl ? &capabilities : nullptr);
+}
+
+const Effect& row(const DrawPlan& plan, const std::string& name) {
+    const auto& all = plan.summary.effects;
+    const auto found = std::find_if(all.begin(), all.end(), [&](const Effect& one) { return one.name == name; });
+    EXPECT_NE(found, all.end()) << name;
+    static const Effect none;
+    return found != all.end() ? *found : none;
+}
+
+RendererOptions forcing(const std::string& name, bool on) {
+    RendererOptions options;
+    options.effects = {{name, on}};
+    return options;
+}
+
+constexpr std::array<Backend, 3> backends{Backend::gl, Backend::cpu, Backend::reference};
+
+TEST(SceneEffects, EveryBackendListsAllOnce) {
+    for (const Backend backend : backends) {
+        std::multiset<std::string> names;
+        for (const Effect& effect : plan_of(lit_scene(), backend).summary.effects) {
+            EXPECT_GT(effect.reason.size(), 10U) << effect.name;
+            names.insert(effect.name);
+        }
+        for (const char* name : {"normalization",
+                                 "weight",
+                                 "gradient",
+                                 "eye_lights",
+                                 "world_lights",
+                                 "specular",
+                                 "two_sided",
+                                 "clip",
+                                 "preintegration",
+                                 "second_order",
+                                 "opacity_stop",
+                                 "elimination",
+                                 "tagging",
+                                 "opacity_buffer",
+                                 "ewa_filter",
+                                 "perspective",
+                                 "slab_sampling",
+                                 "several_fields",
+                                 "isosurface",
+                                 "ambient_only",
+                                 "background",
+                                 "coverage",
+                                 "depth",
+                                 "shadows",
+                                 "gradient_opacity",
+                                 "depth_cue",
+                                 "ambient_occlusion",
+                                 "analytic_gradient",
+                                 "separate_normalization",
+                                 "culling",
+                                 "empty_test",
+                                 "opacity_correction",
+                                 "classification",
+                                 "sums"}) {
+            EXPECT_EQ(names.count(name), 1U) << name << " on " << to_string(backend);
+        }
+        for (const std::string& name : names) {
+            EXPECT_EQ(names.count(name), 1U) << name << " on " << to_string(backend);
+        }
+    }
+}
+
+TEST(SceneEffects, FollowTheScene) {
+    const DrawPlan plain = plan_of(lit_scene());
+    EXPECT_TRUE(plain.lit && plain.gradient);
+    EXPECT_FALSE(plain.clip || plain.analytic_gradient || plain.gradient_opacity || plain.depth_cue ||
+                 plain.second_order || plain.shadows || plain.ambient_occlusion || plain.ambient_only || plain.blank);
+    Scene scene = lit_scene();
+    scene.clip.planes = {{{1, 0, 0}, 0.5}};
+    scene.gradient = Gradient::analytic;
+    scene.gradient_opacity = 0.1;
+    scene.depth_cue = DepthCue{};
+    scene.preintegration = scene.second_order = true;
+    const DrawPlan plan = plan_of(scene);
+    EXPECT_TRUE(plan.clip && plan.analytic_gradient && plan.gradient_opacity && plan.depth_cue && plan.second_order);
+    EXPECT_FALSE(plan.blank);
+    for (const char* name : {"clip", "analytic_gradient", "gradient_opacity", "depth_cue", "second_order"}) {
+        EXPECT_TRUE(row(plan, name).on) << name;
+    }
+    scene = lit_scene();
+    scene.shadows = true;
+    scene.ambient_occlusion = AmbientOcclusion{};
+    EXPECT_TRUE(plan_of(scene).shadows && plan_of(scene).ambient_occlusion);
+}
+
+TEST(SceneEffects, GradientsAreForLightsOrForOpacity) {
+    Scene scene = lit_scene();
+    scene.lights.clear();
+    EXPECT_FALSE(plan_of(scene).gradient);
+    scene.gradient = Gradient::analytic;
+    EXPECT_FALSE(plan_of(scene).analytic_gradient) << "nothing calls for gradients";
+    expect_parts(row(plan_of(scene), "analytic_gradient").reason, {"there are no lights"});
+    scene.gradient_opacity = 0.1;
+    const DrawPlan plan = plan_of(scene);
+    EXPECT_TRUE(plan.gradient && plan.gradient_opacity && plan.analytic_gradient);
+    EXPECT_FALSE(plan.lit || plan.specular || plan.two_sided || plan.shadows);
+    expect_parts(row(plan, "gradient").reason, {"opacity follows the gradient"});
+}
+
+TEST(SceneEffects, LightThatNothingGivesBackCallsForNothing) {
+    for (const int kind : {0, 1}) {
+        Scene scene = lit_scene();
+        scene.shadows = true;
+        scene.material.two_sided = true;
+        if (kind == 0) {
+            scene.material.specular = 0.5;
+            scene.lights[0].color = Vec3(0.0);
+        } else {
+            scene.material.diffuse = 0.0;
+        }
+        const DrawPlan plan = plan_of(scene);
+        EXPECT_TRUE(plan.ambient_only);
+        EXPECT_FALSE(plan.gradient || plan.lit || plan.specular || plan.two_sided || plan.shadows);
+        EXPECT_FALSE(row(plan, "eye_lights").on);
+        scene.ambient_occlusion = AmbientOcclusion{};
+        EXPECT_TRUE(plan_of(scene).ambient_occlusion && plan_of(scene).ambient_only);
+        EXPECT_FALSE(plan_of(scene).gradient) << "ambient light has no direction";
+        scene.ambient_occlusion->strength = 0.0;
+        EXPECT_FALSE(plan_of(scene).ambient_occlusion);
+        scene.ambient_occlusion->strength = 1.0;
+        scene.material.ambient = 0.0;
+        EXPECT_FALSE(plan_of(scene).ambient_occlusion);
+        scene.lights.clear();
+        EXPECT_TRUE(plan_of(scene).ambient_occlusion) << "without lights all colours are ambient";
+        EXPECT_FALSE(plan_of(scene).gradient || plan_of(scene).ambient_only);
+    }
+    Scene scene = lit_scene();
+    scene.material.diffuse = 0.0;
+    scene.material.specular = 0.2;
+    EXPECT_TRUE(plan_of(scene).lit && plan_of(scene).specular);
+    scene.lights.push_back({{0, 0, 1}, {0, 0, 0}, LightSpace::world});
+    EXPECT_TRUE(row(plan_of(scene), "eye_lights").on);
+    expect_parts(row(plan_of(scene), "world_lights").reason, {"1 light of the world"});
+}
+
+TEST(SceneEffects, ValuesThatDoNotOccurCallForNothing) {
+    Scene scene = lit_scene();
+    scene.material.specular = 0.5;
+    scene.gradient_opacity = 0.1;
+    scene.depth_cue = DepthCue{};
+    // The ripple carries 1 to some 1.006 at most.
+    for (const double from : {1.05, 0.99}) {
+        scene.transfer_function = TransferFunction({{from, {1, 1, 1}, 0.0}, {2.0, {1, 1, 1}, 1.0}});
+        const DrawPlan plan = plan_of(scene);
+        const bool occurs = from < 1.04;
+        EXPECT_EQ(plan.gradient, occurs);
+        EXPECT_EQ(plan.lit, occurs);
+        EXPECT_EQ(plan.specular, occurs);
+        EXPECT_EQ(plan.gradient_opacity, occurs);
+        EXPECT_EQ(plan.depth_cue, occurs);
+        EXPECT_FALSE(plan.stop) << "opacity 1 does not occur";
+        if (!occurs) {
+            expect_parts(row(plan, "gradient").reason, {"opacity is 0 over all values that can occur"});
+        }
+    }
+    scene.transfer_function = TransferFunction({{-1.0, {1, 1, 1}, 1.0}, {-0.01, {1, 1, 1}, 0.0}});
+    EXPECT_FALSE(plan_of(scene).gradient) << "no value is below 0";
+    // Unnormalised sums of lattices are larger; those of scattered kernels have no bound.
+    scene.transfer_function = TransferFunction({{1.05, {1, 1, 1}, 0.0}, {2.0, {1, 1, 1}, 1.0}});
+    scene.fields = {volume(Normalization::none)};
+    EXPECT_TRUE(plan_of(scene).gradient);
+    EllipsoidArrays arrays;
+    arrays.centers = {{0, 0, 0}};
+    arrays.radii = {1.0};
+    arrays.values = {1.0};
+    EllipsoidFieldOptions options;
+    options.normalization = Normalization::none;
+    scene.fields = {std::make_shared<EllipsoidField>(arrays, options)};
+    EXPECT_TRUE(plan_of(scene).gradient);
+    scene.transfer_function = TransferFunction({{-1.0, {1, 1, 1}, 1.0}, {-0.01, {1, 1, 1}, 0.0}});
+    EXPECT_FALSE(plan_of(scene).gradient) << "none is below 0, however many overlap";
+    options.normalization = Normalization::threshold;
+    scene.fields = {std::make_shared<EllipsoidField>(arrays, options)};
+    scene.transfer_function = TransferFunction({{1.05, {1, 1, 1}, 0.0}, {2.0, {1, 1, 1}, 1.0}});
+    EXPECT_FALSE(plan_of(scene).gradient) << "a mean is no larger than the largest value";
+    // The cubic of second order leaves the range of the values by an eighth of the spread.
+    scene.preintegration = scene.second_order = true;
+    EXPECT_TRUE(plan_of(scene).gradient);
+}
+
+TEST(SceneEffects, IsovaluesThatDoNotOccurCallForNothing) {
+    Scene scene = lit_scene();
+    scene.mode = Mode::isosurface;
+    for (const auto& [iso, crossed] : std::vector<std::pair<double, bool>>{{0.5, true}, {1.2, false}, {-0.1, false}}) {
+        scene.iso_value = iso;
+        EXPECT_EQ(plan_of(scene).gradient, crossed) << iso;
+        EXPECT_EQ(row(plan_of(scene), "gradient").reason.find("no value crosses") == std::string::npos, crossed);
+    }
+}
+
+TEST(SceneEffects, WhatIsTransparentCastsNoShadows) {
+    Scene scene = lit_scene();
+    scene.mode = Mode::isosurface;
+    scene.iso_value = 0.5;
+    scene.shadows = true;
+    scene.ambient_occlusion = AmbientOcclusion{};
+    EXPECT_TRUE(plan_of(scene).shadows && plan_of(scene).ambient_occlusion);
+    scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.5, {1, 1, 1}, 0.0}, {2.0, {1, 1, 1}, 1.0}});
+    EXPECT_FALSE(plan_of(scene).shadows || plan_of(scene).ambient_occlusion);
+    EXPECT_TRUE(plan_of(scene).lit);
+    expect_parts(row(plan_of(scene), "shadows").reason, {"opacity is 0 over all values"});
+}
+
+TEST(SceneEffects, ScalarModesHaveNoneButClip) {
+    for (const Mode mode : {Mode::xray, Mode::mip}) {
+        Scene scene = lit_scene();
+        scene.mode = mode;
+        scene.clip.box = Box{{0, 0, 0}, {1, 1, 1}};
+        scene.gradient = Gradient::analytic;
+        scene.depth_cue = DepthCue{};
+        scene.shadows = true;
+        scene.ambient_occlusion = AmbientOcclusion{};
+        const DrawPlan plan = plan_of(scene);
+        EXPECT_TRUE(plan.clip);
+        EXPECT_FALSE(plan.gradient || plan.lit || plan.analytic_gradient || plan.depth_cue || plan.shadows ||
+                     plan.ambient_occlusion || plan.ambient_only || plan.second_order);
+    }
+}
+
+TEST(SceneEffects, ClipsThatKeepAllAreOffAndThoseThatKeepNothingDrawNothing) {
+    struct Case {
+        Vec3 normal;
+        double offset;
+        bool on, blank;
+    };
+    // Supports reach from -2 to 3 along each axis.
+    for (const Case& one :
+         {Case{{1, 0, 0}, -2.0, false, false}, Case{{1, 0, 0}, -1.99, true, false},
+          Case{{-2, 0, 0}, -6.0, false, false}, Case{{-2, 0, 0}, -5.9, true, false}, Case{{0, 0, 1}, 3.01, true, true},
+          Case{{0, 0, 1}, 2.99, true, false}, Case{{1, 1, 1}, -6.0, false, false}, Case{{1, 1, 1}, 9.01, true, true}}) {
+        Scene scene = lit_scene();
+        scene.clip.planes = {{one.normal, one.offset}};
+        const DrawPlan plan = plan_of(scene);
+        EXPECT_EQ(plan.clip, one.on) << one.offset;
+        EXPECT_EQ(plan.blank, one.blank) << one.offset;
+    }
+    Scene scene = lit_scene();
+    scene.clip.box = Box{{-2, -2, -2}, {3, 3, 3}};
+    EXPECT_FALSE(plan_of(scene).clip);
+    expect_parts(row(plan_of(scene), "clip").reason, {"keeps all that kernels reach"});
+    // A crossing has an end beyond the supports, and a slab reaches beyond its middle.
+    scene.mode = Mode::isosurface;
+    scene.iso_value = 0.5;
+    EXPECT_TRUE(plan_of(scene).clip);
+    scene.mode = Mode::composite;
+    scene.sampling = Sampling::slab;
+    EXPECT_TRUE(plan_of(scene).clip);
+    scene.clip.box = Box{{-3, -3, -3}, {4, 4, 4}};
+    EXPECT_FALSE(plan_of(scene).clip);
+    scene.clip.box = Box{{10, 10, 10}, {11, 11, 11}};
+    EXPECT_TRUE(plan_of(scene).blank);
+}
+
+TEST(SceneEffects, DepthCuesThatChangeNothingAreOff) {
+    Scene scene = lit_scene();
+    scene.depth_cue = DepthCue{1.0, 2.0, {0, 0, 0}, 0.0};
+    EXPECT_FALSE(plan_of(scene).depth_cue);
+    expect_parts(row(plan_of(scene), "depth_cue").reason, {"strength of 0"});
+    scene.depth_cue = DepthCue{11.0, 12.0, {0, 0, 0}, 1.0};
+    EXPECT_FALSE(plan_of(scene).depth_cue);
+    expect_parts(row(plan_of(scene), "depth_cue").reason, {"behind the last slice"});
+    EXPECT_TRUE(plan_of(scene, Backend::reference, {}, 11.5).depth_cue);
+}
+
+TEST(SceneEffects, WhatHasNoNumbersCannotBeForcedOn) {
+    for (const char* name : {"clip", "gradient_opacity", "depth_cue", "second_order", "shadows", "ambient_occlusion",
+                             "analytic_gradient"}) {
+        const DrawPlan plan = plan_of(lit_scene(), Backend::cpu, forcing(name, true));
+        EXPECT_FALSE(row(plan, name).on) << name;
+        EXPECT_TRUE(row(plan, name).forced) << name;
+        expect_parts(row(plan, name).reason, {"forced on, with nothing to do"});
+    }
+    Scene clipped = lit_scene();
+    clipped.clip.planes = {{{1, 0, 0}, -100.0}};
+    EXPECT_FALSE(plan_of(clipped, Backend::gl).clip);
+    EXPECT_TRUE(plan_of(clipped, Backend::gl, forcing("clip", true)).clip);
+    clipped.clip.planes = {{{1, 0, 0}, 0.5}};
+    EXPECT_THROW(plan_of(clipped, Backend::gl, forcing("clip", false)), Unsupported);
+    RendererOptions inexact = forcing("clip", false);
+    inexact.allow_inexact = true;
+    EXPECT_FALSE(plan_of(clipped, Backend::gl, inexact).clip);
+}
+
+TEST(SceneEffects, ComplaintsNameWhatTheBackendHas) {
+    const auto complaint = [](Backend backend, const char* name) {
+        return message_of<InvalidInput>([&] { (void)plan_of(lit_scene(), backend, forcing(name, true)); });
+    };
+    const std::string of_cpu = complaint(Backend::cpu, "no_such_thing");
+    expect_parts(of_cpu, {"no_such_thing", "of backend cpu", "culling", "depth_cue"});
+    EXPECT_EQ(of_cpu.find("vertex_arrays"), std::string::npos);
+    expect_parts(complaint(Backend::gl, "no_such_thing"), {"of backend gl", "vertex_arrays", "depth_cue"});
+    expect_parts(complaint(Backend::reference, "no_such_thing"), {"backend reference draws what the scene says"});
+    for (const Backend backend : backends) {
+        expect_parts(complaint(backend, "float64"), {"float64", "precision"});
+        // Whatever a plan lists can be forced, or the complaint says what decides it.
+        for (const Effect& effect : plan_of(lit_scene(), backend).summary.effects) {
+            try {
+                (void)plan_of(lit_scene(), backend, forcing(effect.name, true));
+            } catch (const InvalidInput& error) {
+                expect_parts(error.what(), {effect.name.c_str(), "follows from"});
+            } catch (const Unsupported&) {
+                // It is known, but not for this scene or this backend.
+            }
+        }
+    }
+}
+
+TEST(SceneEffects, TheReferenceDrawsWhatTheSceneSays) {
+    for (const Effect& effect : plan_of(lit_scene(), Backend::reference, forcing("gradient", false)).summary.effects) {
+        EXPECT_FALSE(effect.forced);
+        EXPECT_TRUE(effect.name != "gradient" || effect.on);
+    }
+}
+
+TEST(SceneEffects, WhatTheyOweAddsUpToTheBudget) {
+    Scene scene = lit_scene();
+    scene.material.specular = 0.5;
+    for (const Backend backend : backends) {
+        const RenderPlan plan = plan_of(scene, backend).summary;
+        double squares = 0.0;
+        for (const Effect& effect : plan.effects) {
+            EXPECT_GE(effect.error, 0.0);
+            squares += effect.error * effect.error;
+        }
+        EXPECT_NEAR(std::sqrt(squares), plan.expected_error(), 1e-12 * plan.expected_error()) << to_string(backend);
+        EXPECT_EQ(plan.expected_error() > 0.0, backend != Backend::reference);
+        for (const ErrorShare& share : plan.error_budget) {
+            EXPECT_TRUE(plan.has(share.effect)) << share.cause << " is owed by " << share.effect;
+        }
+    }
+}
+
+} // namespace
+} // namespace sheetsplat

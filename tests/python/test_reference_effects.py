@@ -1,0 +1,244 @@
+"""Effects beyond the papers in pictures of the reference, each against a closed form (conventions, section 10)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import sheetsplat as ss
+
+# Half a rounding of a float32 picture, and the float64 sums before it.
+ROUNDING = 2e-7
+WHITE = [(0.0, 1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)]
+
+
+def kernel(r2: float, k: float) -> float:
+    """Return g of a squared radius."""
+    return (math.exp(-k * r2) - math.exp(-k)) / (1 - math.exp(-k))
+
+
+def front(height: float, at: tuple[float, float] = (0.0, 0.0)) -> ss.Camera:
+    """Return a camera that looks along -z at (x, y) from a distance of 20."""
+    return ss.Camera.orthographic((*at, 20.0), (*at, 0.0), height=height)
+
+
+@pytest.mark.parametrize("normalization", ["none", "threshold", "lattice"])
+def test_the_analytic_gradient_of_one_kernel(normalization: str, reference_renderer: ss.Renderer) -> None:
+    """One slice of one ellipsoid: the normal is that of its Gaussian, whatever a pixel's width."""
+    axes, k, at = np.array([1.1, 0.8, 0.9]), 8.0, np.array([0.21, -0.17, 0.4])
+    field = ss.EllipsoidField([(0.0, 0.0, 0.0)], [axes], values=[0.7], normalization=normalization, w0=0.2, falloff=k,
+                              cell_volume=1.0 if normalization == "lattice" else None)  # fmt: skip
+    towards = np.array([0.3, 0.5, 0.8])
+
+    def colour(gradient: str, height: float) -> np.ndarray:
+        scene = ss.Scene(
+            field,
+            [(0.0, 0.5, 0.7, 0.9, 0.1), (1.0, 0.5, 0.7, 0.9, 0.1)],
+            # Slices at 0.4 and -0.4; one is cut off.
+            slice_spacing=0.8,
+            reference_length=0.8,
+            clip=ss.Clip(planes=[((0, 0, 1), 0.0)]),
+            gradient=gradient,
+            lights=[ss.Light(towards)],
+            material=ss.Material(ambient=0.2, diffuse=0.6, specular=0.0),
+        )
+        image = reference_renderer.render(scene, front(height, tuple(at[:2])), size=(1, 1))
+        return np.asarray(image.rgba[0, 0], float)
+
+    inward = -at / axes**2
+    normal = -inward / np.linalg.norm(inward)
+    wanted = np.array([0.5, 0.7, 0.9]) * (0.2 + 0.6 * max(0.0, normal @ towards / np.linalg.norm(towards)))
+    for height in (0.01, 0.4):
+        found = colour("analytic", height)
+        assert found[3] == pytest.approx(0.1, rel=ROUNDING)
+        np.testing.assert_allclose(found[:3] / found[3], wanted, rtol=1e-6)
+    # Differences over two slices of which one does not exist, and over wide pixels, are something else.
+    found = colour("sheets", 0.4)
+    assert np.abs(found[:3] / found[3] - wanted).max() > 1e-2
+
+
+def test_clipping_through_the_middle_halves_an_xray(reference_renderer: ss.Renderer) -> None:
+    field = ss.EllipsoidField([(0.0, 0.0, 0.0)], [1.0], values=[1.0], normalization="none")
+    size, camera = (9, 7), front(1.2)
+
+    def xray(**options: object) -> np.ndarray:
+        scene = ss.Scene(field, WHITE, mode="xray", sampling="slab", slice_spacing=0.05, **options)
+        return np.asarray(reference_renderer.render(scene, camera, size=size).scalar, float)
+
+    whole = xray()
+    assert whole.min() > 1e-3
+    np.testing.assert_allclose(xray(clip=ss.Clip(planes=[((0, 0, 3), 0)])), whole / 2, rtol=ROUNDING)
+    np.testing.assert_allclose(xray(clip=ss.Clip(box=((-9, -9, -9), (9, 9, 0)))), whole / 2, rtol=ROUNDING)
+    assert np.abs(xray(clip=ss.Clip(planes=[((0, 0, 1), 0.051)])) / whole - 0.5).max() > 0.02
+    left = xray(clip=ss.Clip(planes=[((-1, 0, 0), 0.0)]))
+    np.testing.assert_allclose(left[:, :4], whole[:, :4], rtol=ROUNDING)
+    # The middle of the middle column is on the plane, and kept.
+    np.testing.assert_allclose(left[:, 4], whole[:, 4], rtol=ROUNDING)
+    assert not left[:, 5:].any()
+
+
+def test_gradient_opacity_of_a_ramp(reference_renderer: ss.Renderer) -> None:
+    """A scalar that rises by 0.3 along x: opacity is multiplied by 0.3 over the gradient given."""
+    samples = np.broadcast_to(0.3 * np.arange(21.0), (9, 9, 21))
+    field = ss.RegularField(samples, origin=(-10, -4, -4), normalization="threshold", w0=1e-6, radius=3, falloff=8)
+    flat = [(0.0, 0.2, 0.4, 0.8, 0.3), (6.0, 0.2, 0.4, 0.8, 0.3)]
+
+    def opacity(g1: float, **options: object) -> float:
+        box = ss.Clip(box=((-1, -1, -0.6), (1, 1, 0.6)))
+        scene = ss.Scene(field, flat, clip=box, gradient_opacity=g1, opacity_stop=1.0, **options)
+        return float(reference_renderer.render(scene, front(1.0), size=(1, 1)).rgba[0, 0, 3])
+
+    # Two slices, half a unit before and behind the middle.
+    for gradient in ("sheets", "analytic"):
+        wanted = 1 - (1 - 0.3 * 0.3 / 0.5) ** 2
+        assert opacity(0.5, gradient=gradient) == pytest.approx(wanted, abs=2e-3)
+        assert opacity(0.25, gradient=gradient) == pytest.approx(1 - 0.7**2, rel=ROUNDING)
+        assert abs(opacity(0.55, gradient=gradient) - wanted) > 1e-2
+
+
+def test_depth_cue_of_a_flat_surface(reference_renderer: ss.Renderer) -> None:
+    """Every pixel sees the front of a block, whose depth is asked for beside it."""
+    field = ss.RegularField(np.ones((7, 15, 15)), origin=(-7, -7, -3), normalization="threshold")
+    colour, cue = np.array([0.9, 0.5, 0.2]), np.array([0.1, 0.3, 0.8])
+
+    def shown(**options: object) -> tuple[np.ndarray, float]:
+        scene = ss.Scene(field, [(0.0, *colour, 1.0), (1.0, *colour, 1.0)], mode="isosurface", iso_value=0.4, **options)
+        image = reference_renderer.render(scene, front(2.0), size=(1, 1), outputs=("depth",))
+        return np.asarray(image.rgba[0, 0, :3], float), float(image.depth[0, 0])
+
+    plain, depth = shown()
+    np.testing.assert_allclose(plain, colour, rtol=ROUNDING)
+    for start, end, strength, share in (
+        (depth - 1, depth + 3, 0.8, 0.2),
+        (depth - 3, depth - 1, 0.8, 0.8),
+        (depth + 1, depth + 3, 0.8, 0.0),
+    ):
+        found, _ = shown(depth_cue=ss.DepthCue(start, end, tuple(cue), strength))
+        np.testing.assert_allclose(found, colour + share * (cue - colour), atol=1e-6)
+    moved, _ = shown(depth_cue=ss.DepthCue(depth - 1.01, depth + 3, tuple(cue), 0.8))
+    assert np.abs(moved - (colour + 0.2 * (cue - colour))).max() > 1e-4
+
+
+def block(**options: object) -> ss.Scene:
+    """Return a block of constant opacity, 0.2 per unit, supports from -8 to 8; one slice at z = 7.75 is kept."""
+    field = ss.RegularField(np.ones((13, 13, 13)), origin=(-6, -6, -6), normalization="threshold")
+    return ss.Scene(
+        field,
+        [(0.0, 1.0, 0.5, 0.25, 0.2), (1.0, 1.0, 0.5, 0.25, 0.2)],
+        slice_spacing=0.5,
+        reference_length=1.0,
+        opacity_stop=1.0,
+        **options,
+    )
+
+
+def test_ambient_occlusion_under_a_face(reference_renderer: ss.Renderer) -> None:
+    """Just below a face all is free along five directions of 14; deep inside along none."""
+    camera, strength = front(0.2), 0.6
+    for radius, steps in ((0.5, 1), (1.5, 3), (1.49, 2)):
+        taken = strength * (1 - 0.8 ** (0.5 * steps))
+        for offset, share in ((7.75, 9 / 14), (0.25, 1.0)):
+            # What lies in front is seen from inside: the camera's rays begin anywhere, the slice alone is shown.
+            scene = block(ambient_occlusion=ss.AmbientOcclusion(radius, strength))
+            picture = reference_renderer.render(scene, camera, size=(1, 1)).rgba[0, 0]
+            assert picture[3] > 0.9
+            one = block(
+                ambient_occlusion=ss.AmbientOcclusion(radius, strength),
+                clip=ss.Clip(planes=[((0, 0, -1), -offset - 0.01)]),
+                mode="composite",
+            )
+            # Cut off in front, the first slice that is left is like the one under the face.
+            first = reference_renderer.render(one.replace(opacity_stop=1e-6), camera, size=(1, 1)).rgba[0, 0]
+            wanted = 1 - taken * 9 / 14
+            np.testing.assert_allclose(first[:3] / first[3], wanted * np.array([1.0, 0.5, 0.25]), rtol=1e-6)
+            if share == 1.0:
+                uncut = reference_renderer.render(
+                    block(ambient_occlusion=ss.AmbientOcclusion(radius, strength)),
+                    ss.Camera.perspective((0, 0, 0.5), (0, 0, 0), fov_y=1.0, near=0.2),
+                    size=(1, 1),
+                ).rgba[0, 0]
+                # Through the whole block, all but the last slices are deep inside.
+                assert uncut[0] / uncut[3] == pytest.approx(1 - taken, abs=0.1 * taken)
+                assert abs(uncut[0] / uncut[3] - wanted) > 0.1 * taken
+
+
+def test_a_block_casts_its_shadow_on_a_plane(reference_renderer: ss.Renderer) -> None:
+    """Light comes along x through a block beside the view, to the left face of another field."""
+    k = 0.1
+    plane = ss.EllipsoidField([(0.0, 0.0, 0.0)], [1.0], values=[1.0], normalization="none")
+    values = np.full((9, 9, 3), 1e-3)
+    beside = ss.RegularField(values, origin=(6, -4, -4), normalization="threshold", w0=1e-9)
+    steps = [(0.0, 1, 1, 1, 0.0), (5e-4, 1, 1, 1, 0.0), (5e-4, 1, 1, 1, k), (1.0, 1, 1, 1, k)]
+
+    def light(field: object, spacing: float, **options: object) -> float:
+        scene = ss.Scene(
+            field,
+            steps,
+            mode="isosurface",
+            iso_value=0.3,
+            slice_spacing=spacing,
+            reference_length=1.0,
+            lights=[ss.Light((1, 0, 0), space="world")],
+            material=ss.Material(ambient=0, diffuse=1),
+            gradient="analytic",
+            **options,
+        )
+        return float(reference_renderer.render(scene, front(0.01, (0.3, 0.0)), size=(1, 1)).rgba[0, 0, 0])
+
+    spacing = 0.02
+    both = [plane, beside]
+    free = light(both, spacing)
+    assert free > 0.2
+    assert light(plane, spacing) == pytest.approx(free, rel=ROUNDING)
+    # The block reaches from 4 to 10, two beyond its samples along the axis through them; and what is left of the
+    # kernel itself, of which the plane is made.
+    own = math.log(light(plane, spacing, shadows=True) / free) / math.log(1 - k)
+    through = math.log(light(both, spacing, shadows=True) / free) / math.log(1 - k)
+    assert 0 < own < 1
+    assert through - own == pytest.approx(6.0, abs=2 * spacing)
+    cut = ss.Clip(planes=[((-1, 0, 0), -7.0)])
+    assert math.log(light(both, spacing, shadows=True, clip=cut) / free) / math.log(1 - k) - own == pytest.approx(
+        3.0, abs=2 * spacing
+    )
+
+
+def test_second_order_is_nearer_to_the_limit(reference_renderer: ss.Renderer) -> None:
+    """Thin intervals of first order are the limit; second order is there with wide ones."""
+    rng = np.random.default_rng(3)
+    field = ss.EllipsoidField(rng.uniform(-1, 1, (12, 3)), rng.uniform(1.2, 2, 12), values=rng.uniform(0.1, 0.4, 12),
+                              normalization="none", falloff=16)  # fmt: skip
+    colours = [(0.0, 0.1, 0.3, 0.9, 0.0), (3.0, 1.0, 0.6, 0.1, 0.8)]
+
+    def picture(spacing: float, order: object) -> np.ndarray:
+        scene = ss.Scene(
+            field, colours, slice_spacing=spacing, reference_length=0.5, opacity_stop=1.0, preintegration=order
+        )
+        return np.asarray(reference_renderer.render(scene, front(3.0), size=(8, 8)).rgba, float)
+
+    limit = picture(0.005, True)
+    first, second = (np.abs(picture(0.1, order) - limit).max() for order in (True, "second_order"))
+    assert limit.max() > 0.2
+    assert first > 5e-5
+    assert second < first / 20
+
+
+def test_shadows_without_lights_change_nothing(
+    ball: np.ndarray, reference_renderer: ss.Renderer, caplog: pytest.LogCaptureFixture
+) -> None:
+    size = (12, 10)
+    plain = ss.render(ball, size=size, shading=False, renderer=reference_renderer)
+    with caplog.at_level("WARNING", logger="sheetsplat"):
+        same = ss.render(ball, size=size, shading=False, shadows=True, renderer=reference_renderer)
+    assert "shadows" in caplog.text
+    assert np.array_equal(plain.rgba, same.rgba)
+
+
+def test_an_automatic_depth_cue_spans_the_field(ball: np.ndarray, reference_renderer: ss.Renderer) -> None:
+    options = {"size": (16, 14), "renderer": reference_renderer}
+    plain, cued = (np.asarray(ss.render(ball, **options, **more)) for more in ({}, {"depth_cue": "auto"}))
+    assert np.array_equal(plain[..., 3], cued[..., 3])
+    assert 0.1 < cued[..., :3].sum() / plain[..., :3].sum() < 0.9
+    with pytest.raises(ss.InvalidInput, match="depth_cue"):
+        ss.render(ball, **options, depth_cue="far")

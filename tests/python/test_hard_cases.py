@@ -1,0 +1,119 @@
+"""Hard cases stay stable: each has the outcome that hard_cases.py writes down, on every backend."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import replace
+
+import hard_cases as hard
+import numpy as np
+import pytest
+from image_checks import FLOAT32_HARD, log
+
+import sheetsplat as ss
+
+BACKENDS = [pytest.param("gl", marks=pytest.mark.gl), "cpu"]
+# Software OpenGL takes a minute for these.
+ALL = bool(os.environ.get("SHEETSPLAT_ALL_HARD_CASES"))
+
+
+def skip_slow(name: str, backend: str) -> None:
+    if hard.CASES[name].slow and backend == "gl" and not ALL:
+        pytest.skip("a minute of software OpenGL; SHEETSPLAT_ALL_HARD_CASES=1 draws it")
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", hard.CASES)
+def test_the_written_outcome(name: str, backend: str) -> None:
+    skip_slow(name, backend)
+    found = hard.measure(name, backend)
+    log.info(f"hard {name} {backend}: {found}")
+    wrong = hard.fault(hard.CASES[name].outcome_on(backend), found)
+    if wrong and backend in hard.CASES[name].unmet:
+        pytest.xfail(f"{hard.CASES[name].unmet[backend]}: {wrong}")
+    assert not wrong, wrong
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", hard.PROPERTIES)
+def test_the_written_promise(name: str, backend: str) -> None:
+    figure, wrong = hard.PROPERTIES[name].check(backend)
+    log.info(f"hard {name} {backend}: {figure}")
+    assert not wrong, wrong
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("name", [name for name, one in hard.CASES.items() if "gl" in one.but and "cpu" not in one.but])
+def test_what_one_backend_refuses_auto_draws_with_another(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the plan says why."""
+    monkeypatch.delenv("SHEETSPLAT_BACKEND", raising=False)
+    scene, camera, size = hard.build(ss, hard.scene_of(name))
+    # A device that is named comes first, also where it is software.
+    image = ss.Renderer("auto", device=0).render(scene, camera, size=size)
+    assert image.plan.backend == "cpu" and "auto: backend gl: " in image.plan.device
+    found = hard.distance(image, hard.expected_of(name))
+    assert found["rmse"] <= FLOAT32_HARD[0] and found["p99_9"] <= FLOAT32_HARD[1], found
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("name", ["spot_10000_unlit", "window_300_unlit", "signs_10000"])
+def test_half_floats_beyond_their_bound_are_an_error_with_a_figure(name: str) -> None:
+    scene, camera, size = hard.build(ss, hard.scene_of(name))
+    with pytest.raises(ss.Unsupported, match=r"error of [0-9.e+]+.*; wanted at most 0\.00196"):
+        ss.Renderer("gl", precision="float16").render(scene, camera, size=size)
+    inexact = ss.Renderer("gl", precision="float16", allow_inexact=True).render(scene, camera, size=size)
+    # Rightly refused: what was not wanted exact is not.
+    assert inexact.plan.precision == "float16"
+    assert hard.distance(inexact, hard.expected_of(name))["rmse"] > FLOAT32_HARD[0]
+
+
+# Judges must be able to say no
+
+
+@pytest.mark.parametrize("backend", ["cpu"])
+def test_a_picture_that_is_a_little_wrong_fails(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All cases that are drawn, held against references that are off by 3e-4."""
+    missed = []
+    for name, one in hard.CASES.items():
+        if one.slow or one.outcome_on(backend) != hard.WITHIN:
+            continue
+        expected = np.asarray(hard.expected_of(name))
+        off = hard.distance(expected + np.float32(3e-4), expected)
+        found = replace(hard.Measured(bounds=FLOAT32_HARD), rmse=off["rmse"], p99_9=off["p99_9"], ambiguous=0)
+        if not hard.fault(hard.WITHIN, found):
+            missed.append(name)
+    assert not missed
+
+
+def test_faults_are_seen() -> None:
+    good = hard.Measured(pixels=10_000)
+    refused = hard.Measured(refusal=ss.Unsupported("it failed: found this; wanted that; do something"))
+    assert not hard.fault(hard.WITHIN, good)
+    assert hard.fault(hard.WITHIN, replace(good, rmse=1.01e-4)) and hard.fault(
+        hard.WITHIN, replace(good, p99_9=1.01e-3)
+    )
+    assert hard.fault(hard.WITHIN, replace(good, ambiguous=51)) and hard.fault(hard.WITHIN, replace(good, finite=False))
+    assert hard.fault(hard.WITHIN, refused) and hard.fault(hard.TRANSPARENT, good)
+    assert not hard.fault(hard.Refused(ss.Unsupported, "found this"), refused)
+    assert hard.fault(hard.Refused(ss.Unsupported, "found that"), refused)
+    assert hard.fault(hard.Refused(ss.InvalidInput, "found this"), refused)
+    assert hard.fault(hard.Refused(ss.Unsupported, "found this"), good)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, one in hard.CASES.items() if one.outcome == hard.WITHIN and not one.slow]
+)
+def test_cases_show_something(name: str) -> None:
+    """Else they would prove nothing; what must cancel is the one exception."""
+    picture = np.asarray(hard.expected_of(name))
+    assert name.startswith("cancelled") or np.abs(picture).max() > (1e-6 if "faint" in name else 1e-3)
+
+
+def test_the_page_lists_every_case() -> None:
+    """Made by `python tests/python/hard_cases.py --table`."""
+    page = hard.PAGE.read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `(\w[^`]*)` \|", page, re.M)) == {*hard.CASES, *hard.PROPERTIES}
+    # A figure in bold is one that its outcome does not allow.
+    bold = set(re.findall(r"^\| `(\w[^`]*)` \|.*\*\*", page, re.M))
+    assert bold <= {name for name, one in hard.CASES.items() if one.unmet}

@@ -111,7 +111,9 @@ def direction(what: str, value: object) -> Triple:
     return measurable(what, triple(what, value))
 
 
-def measurable(what: str, vector: Triple) -> Triple:
+def measurable(
+    what: str, vector: Triple, advice: str = "divide it by its length; only where it points counts"
+) -> Triple:
     """Return a direction, or InvalidInput where its length over- or underflows. 0 and NaN are for others to judge."""
     x, y, z = vector
     squared = x * x + y * y + z * z
@@ -120,7 +122,7 @@ def measurable(what: str, vector: Triple) -> Triple:
             f"{what} cannot be used",
             f"({x:g}, {y:g}, {z:g})",
             "a direction whose length is between 1e-140 and 1e150",
-            "divide it by its length; only where it points counts",
+            advice,
         )
     return vector
 

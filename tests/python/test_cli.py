@@ -99,6 +99,13 @@ def test_render_gives_what_python_gives(tmp_path, volume, ball):
         ["--direction", "-y", "--up", "z"],
         ["--direction", "1,2,-3"],
         ["--preintegration"],
+        ["--second-order"],
+        ["--gradient", "analytic"],
+        ["--clip-plane", "0,0,1,3", "--clip-plane", "-1,0,0,-9"],
+        ["--clip-box", "2,2,2,12,12,12"],
+        ["--gradient-opacity", 5],
+        ["--depth-cue", "auto", "--depth-cue-color", "white"],
+        ["--shadows", "--ambient-occlusion", "3,0.5"],
         ["--opacity", 0.1],
         ["--opacity", "0,0.1,0.3"],
         ["--background", "white"],
@@ -137,7 +144,7 @@ def test_raw_samples_have_their_shape_as_x_y_z(tmp_path):
 def test_plan_lists_effects_with_reasons(volume):
     result = run("plan", volume, "--size", "30x20", "--no-shading", *BACKEND)
     assert "reference" in result.stdout and "there are no lights" in result.stdout and result.stderr == ""
-    report = json.loads(run("plan", volume, "--json", "--effect", "weight=on", *BACKEND).stdout)
+    report = json.loads(run("plan", volume, "--json", "--effect", "weight=on", "--backend", "cpu").stdout)
     assert next(effect for effect in report["effects"] if effect["name"] == "weight")["forced"]
 
 

@@ -92,7 +92,8 @@ def test_harmless_options_are_told(tmp_path, volume, ball, caplog):
         ({"mode": "isosurface", "iso_value": 7}, "iso value 7 lies outside the values 0 to"),
         ({"clim": (5, 9)}, "goes from 5 to 9"),
         ({"opacity": 0.0, "background": "white"}, "opacity is 0 everywhere"),
-        ({"camera": ss.Camera.orthographic((900, 900, 9), (900, 900, 0), height=5)}, "looks past"),
+        ({"camera": ss.Camera.orthographic((900, 900, 9), (900, 900, 0), height=5)}, "perhaps the camera looks past"),
+        ({"clip": ss.Clip(planes=[((1, 0, 0), 1e6)])}, "the clip cuts off all"),
     ],
 )
 def test_empty_pictures_say_why(ball, caplog, options, reason):

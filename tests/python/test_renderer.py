@@ -204,6 +204,8 @@ def test_inexact_settings_need_a_word(scene, camera):
     [
         ("reference", {"threads": 2}, "threads"),
         ("reference", {"effects": {"points": True}}, "the effect points"),
+        # It draws what the scene says, so nothing is forced on.
+        ("reference", {"effects": {"weight": True}}, "the effect weight"),
         ("reference", {"tagging": "tiles", "packing": "paper"}, "tagging, packing"),
         ("reference", {"tile_size": 64, "tags_per_clear": 8}, "tags_per_clear, tile_size"),
         ("cpu", {"device": 0}, "device"),
@@ -227,7 +229,7 @@ def test_settings_that_say_nothing_are_told_once(backend, settings, words, scene
 @pytest.mark.parametrize(
     ("backend", "settings"),
     [
-        ("reference", {"effects": {"points": False, "weight": True}, "tagging": "off", "packing": "auto"}),
+        ("reference", {"effects": {"points": False}, "tagging": "off", "packing": "auto"}),
         ("cpu", {"threads": 1, "tile_size": 64, "tagging": "tiles", "effects": {"culling": False}}),
         pytest.param("gl", {"device": 0, "tile_size": 64, "tagging": "tiles"}, marks=pytest.mark.gl),
     ],

@@ -127,7 +127,7 @@ def _planes(planes: object) -> tuple[tuple[Triple, float], ...]:
     wanted = "a sequence of planes (normal, offset); () for none"
     if isinstance(planes, str | bytes) or not isinstance(planes, Iterable):
         raise complain("Clip: planes cannot be used", shown(planes), wanted)
-    found = list(islice(planes, _MOST_PLANES + 1))
+    found = _parts(planes, _MOST_PLANES + 1, "Clip: planes", wanted)
     if len(found) > _MOST_PLANES:
         raise complain("Clip: planes cannot be used", f"more than {_MOST_PLANES} planes", "fewer")
     result = []
@@ -179,11 +179,19 @@ class Clip:
         object.__setattr__(self, "_native", _sheetsplat.Clip(planes=planes, box=box))
 
 
+def _parts(value: Iterable[object], most: int, what: str, wanted: str) -> list[object]:
+    """Return the first parts of a sequence; arrays without an axis only say that they can be iterated over."""
+    try:
+        return list(islice(value, most))
+    except TypeError:
+        raise complain(f"{what} cannot be used", shown(value), wanted) from None
+
+
 def _corners(box: object) -> tuple[Triple, Triple]:
     wanted = "two corners ((x0, y0, z0), (x1, y1, z1)), the lower one first"
     if isinstance(box, str | bytes) or not isinstance(box, Iterable):
         raise complain("Clip: box cannot be used", shown(box), wanted)
-    corners = list(islice(box, 3))
+    corners = _parts(box, 3, "Clip: box", wanted)
     if len(corners) != 2:
         raise complain("Clip: box cannot be used", shown(box), wanted)
     lower, upper = triple("Clip: box", corners[0]), triple("Clip: box", corners[1])

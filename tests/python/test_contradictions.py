@@ -194,3 +194,17 @@ def test_pre_integration_is_one_of_three(given: object) -> None:
     """True, False or "second_order"."""
     with pytest.raises(ss.InvalidInput, match="preintegration"):
         scene_of(preintegration=given)
+
+
+@pytest.mark.parametrize("wrong", [np.array(1.0), 3, "xyz", [(1, 0, 0)], [((0, 0, 0), 1)], [((1, 0, 0), float("nan"))]])
+def test_clips_of_no_planes_say_what_was_wanted(wrong):
+    with pytest.raises(ss.InvalidInput, match="Clip"):
+        ss.Clip(planes=wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong", [np.array(1.0), 3, "ab", [(0, 0, 0)], ((1, 0, 0), (0, 1, 1)), ((0, 0, 0), (1, 1, np.inf))]
+)
+def test_clips_of_no_box_say_what_was_wanted(wrong):
+    with pytest.raises(ss.InvalidInput, match="Clip: box"):
+        ss.Clip(box=wrong)

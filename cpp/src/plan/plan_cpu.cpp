@@ -16,9 +16,11 @@ constexpr double walked_noise = 2e-7;
 constexpr double largest_float32_aspect = 512.0;
 /// Places are counted from the corner of an image tile: float32 knows them to some 4e-6 pixels.
 constexpr double least_float32_px = 0.05;
-/// The same where leaning ellipsoids are lit, in scenes of either bound: 1:3 of 0.8 pixels was seen at 3e-4 in
-/// the 99.9th percentile, 1:30 of 0.08 at 4e-4.
-constexpr double least_lit_float32_px = 1.5, least_steep_lit_float32_px = 0.3;
+/// Where leaning ellipsoids that hardly overlap are lit, gradients in their middles are 0, and what rounding of places
+/// makes of them shows, in scenes of either bound: needles of 1:3 of 0.8 to 2.1 pixels, a pixel in the middle of each,
+/// were seen at 2e-4 to 4e-4 in the 99.9th percentile. Larger ones have too few middles for that.
+constexpr double least_lit_float32_px = 16.0, least_steep_lit_float32_px = 0.3;
+constexpr double few_overlaps = 3.0;
 constexpr double gentle_steepness = 10.0;
 /// Longest over shortest semi-axis of what is as good as a sphere.
 constexpr double sphere_aspect = 1.001;
@@ -142,8 +144,10 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "float32 would lose the places of kernels of " + number(view.smallest_radius_px) + " pixels";
     }
     const double least_lit_px = sums.steepness > gentle_steepness ? least_steep_lit_float32_px : least_lit_float32_px;
-    if (plan.gradient && !plan.filter && view.largest_aspect > sphere_aspect && view.smallest_px < least_lit_px) {
-        return "float32 would lose the gradients of ellipsoids of " + number(view.smallest_px) + " pixels";
+    if (plan.gradient && !plan.filter && view.largest_aspect > sphere_aspect && view.largest_overlap < few_overlaps &&
+        view.smallest_px < least_lit_px) {
+        return "float32 would lose the gradients in the middle of ellipsoids of " + number(view.smallest_px) +
+               " pixels";
     }
     if (largest_radius_px(view) > largest_float32_px) {
         return "float32 would lose distances in kernels of " + number(largest_radius_px(view)) + " pixels";

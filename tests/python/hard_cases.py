@@ -64,8 +64,6 @@ class Case:
     like: Callable[[], Parts] | None = None
     # Of a backend that cannot draw it within its bound and says so.
     but: dict[str, Refused] = field(default_factory=dict)
-    # Of a backend that neither keeps the bound nor says so: a fault that is known, and stands in bold in the table.
-    unmet: dict[str, str] = field(default_factory=dict)
     slow: bool = False
 
     def outcome_on(self, backend: str) -> Outcome:
@@ -1210,7 +1208,7 @@ ambiguous ([conventions](conventions.md), section 9; where pixels were left out,
 section 9": RMSE at most 2·10⁻⁵ and P99.9 at most 2·10⁻⁴ for gentle scenes, 10⁻⁴ and 10⁻³ for all others. An outcome
 that names an error is a clear refusal, which says what was found, what was wanted and what to do. float64: the plan
 chose it by itself, as float32 would not keep the bound. `auto` takes the first backend that draws the case. 0: nothing
-can be seen, and every number is exactly 0. A figure in bold is a fault that is known: the bound is missed without an
+can be seen, and every number is exactly 0. A figure in bold would be a fault: the bound missed without an
 error.
 """
 

@@ -30,13 +30,6 @@ constexpr double faster_order = 0.75;
 /// How closely the slice distance of a time is found.
 constexpr int time_steps = 24;
 
-std::string number(double value) {
-    std::ostringstream text;
-    text.precision(3);
-    text << value;
-    return text.str();
-}
-
 Settings at(const Settings& kind, const Settings& start, double spacing) {
     Settings settings = kind;
     settings.slice_spacing = start.slice_spacing * spacing;
@@ -80,18 +73,19 @@ class Search {
         const Judge::Floor floor = judge_.floor();
         if (floor.error > aim_) {
             throw Unsupported(Complaint{"max_error is out of reach",
-                                        floor.cause + " = " + number(floor.error) + " alone, whatever is chosen",
-                                        "max_error = " + number(most) + ", a little less for safety", floor.way_out});
+                                        floor.cause + " = " + short_number(floor.error) + " alone, whatever is chosen",
+                                        "max_error = " + short_number(most) + ", a little less for safety",
+                                        floor.way_out});
         }
         Settings start = start_;
         const double stopped = start.opacity_stop < 1.0 ? judge_.stop_error(start) : 0.0;
         if (freedom_.stop && stopped > 0.0) {
             start.opacity_stop = stop_within(stop_share * aim_, start, stopped);
         } else if (stopped > most) {
-            throw InvalidInput(
-                Complaint{"max_error cannot be kept with this opacity_stop",
-                          "opacity_stop = " + number(start.opacity_stop) + ", which alone leaves " + number(stopped),
-                          "max_error = " + number(most), "leave opacity_stop at its default"});
+            throw InvalidInput(Complaint{"max_error cannot be kept with this opacity_stop",
+                                         "opacity_stop = " + short_number(start.opacity_stop) +
+                                             ", which alone leaves " + short_number(stopped),
+                                         "max_error = " + short_number(most), "leave opacity_stop at its default"});
         }
         for (const Settings& kind : kinds(start, freedom_)) {
             look(kind);
@@ -281,15 +275,15 @@ class Search {
     }
 
     [[noreturn]] void give_up(double most) const {
-        const std::string reached = "errors down to " + number(least_) + ", by " + kind_of(least_at_) + " of slices " +
-                                    number(least_at_.slice_spacing) + " apart";
+        const std::string reached = "errors down to " + short_number(least_) + ", by " + kind_of(least_at_) +
+                                    " of slices " + short_number(least_at_.slice_spacing) + " apart";
         if (!freedom_.spacing) {
             throw InvalidInput(Complaint{"max_error cannot be kept with this slice_spacing",
-                                         "slice_spacing = " + number(start_.slice_spacing) + ", with " + reached,
-                                         "max_error = " + number(most) + ", a little less for safety",
+                                         "slice_spacing = " + short_number(start_.slice_spacing) + ", with " + reached,
+                                         "max_error = " + short_number(most) + ", a little less for safety",
                                          "leave slice_spacing out, or ask for a larger error"});
         }
-        throw Unsupported(Complaint{"max_error is out of reach", reached, "max_error = " + number(most),
+        throw Unsupported(Complaint{"max_error is out of reach", reached, "max_error = " + short_number(most),
                                     "ask for a larger error; precision=\"float64\" may help where slices are many"});
     }
 
@@ -303,6 +297,13 @@ class Search {
 };
 
 } // namespace
+
+std::string short_number(double value) {
+    std::ostringstream text;
+    text.precision(3);
+    text << value;
+    return text.str();
+}
 
 std::string kind_of(const Settings& settings) {
     const char* sampling = settings.sampling == Sampling::slab ? "slab" : "point";

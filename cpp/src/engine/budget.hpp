@@ -9,6 +9,9 @@
 
 namespace sheetsplat {
 
+/// A number for a sentence: three digits.
+std::string short_number(double value);
+
 /// What may be chosen. The rest is as the caller has it.
 struct Freedom {
     bool spacing = true;

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <map>
 #include <memory>
-#include <sstream>
 #include <utility>
 
 #include <glm/geometric.hpp>
@@ -53,13 +52,6 @@ constexpr double least_turn_cosine = 0.9848; ///< of 10 degrees
 constexpr double least_move = 0.125;         ///< of the height of the view
 /// Times that pictures take, over those that they were expected to take: another choice is due beyond.
 constexpr double pace_change = 1.25;
-
-std::string number(double value) {
-    std::ostringstream text;
-    text.precision(3);
-    text << value;
-    return text.str();
-}
 
 bool same(const Clip& a, const Clip& b) {
     const std::vector<Clip::Plane> first = a.half_spaces(), second = b.half_spaces();
@@ -138,18 +130,19 @@ void check_goals(const RendererOptions& options) {
     if (options.max_error) {
         const double error = *options.max_error;
         if (!(error > 0.0) || !std::isfinite(error)) {
-            throw InvalidInput(Complaint{"the renderer cannot be made", "max_error = " + number(error),
+            throw InvalidInput(Complaint{"the renderer cannot be made", "max_error = " + short_number(error),
                                          "a finite root mean square error above 0", "leave it out, or pass 1e-3"});
         }
         if (error < least_max_error) {
             throw InvalidInput(
-                Complaint{"the renderer cannot be made", "max_error = " + number(error),
-                          "at least " + number(least_max_error) + ", what pictures in float32 can resolve",
+                Complaint{"the renderer cannot be made", "max_error = " + short_number(error),
+                          "at least " + short_number(least_max_error) + ", what pictures in float32 can resolve",
                           "ask for a larger error"});
         }
     }
     if (options.max_seconds && (!(*options.max_seconds > 0.0) || !std::isfinite(*options.max_seconds))) {
-        throw InvalidInput(Complaint{"the renderer cannot be made", "max_seconds = " + number(*options.max_seconds),
+        throw InvalidInput(Complaint{"the renderer cannot be made",
+                                     "max_seconds = " + short_number(*options.max_seconds),
                                      "a finite number of seconds above 0", "leave it out, or pass 0.1"});
     }
 }
@@ -177,25 +170,25 @@ Effect Chosen::told(const RendererOptions& options) const {
                : error          ? "settings for max_error"
                                 : "settings for max_seconds";
     row.on = true;
-    std::string reason = kind_of(settings) + ", slices " + number(settings.slice_spacing) + " apart (default " +
-                         number(scene.default_slice_spacing()) + "), opacity stop " +
-                         std::string(settings.opacity_stop < 1.0 ? number(settings.opacity_stop) : "off");
+    std::string reason = kind_of(settings) + ", slices " + short_number(settings.slice_spacing) + " apart (default " +
+                         short_number(scene.default_slice_spacing()) + "), opacity stop " +
+                         std::string(settings.opacity_stop < 1.0 ? short_number(settings.opacity_stop) : "off");
     if (settings.precision == Precision::float64) {
         reason += ", float64";
     }
-    reason += ": expected are an error of " + number(choice.error) + " from the converged picture and " +
-              number(choice.seconds) + " s";
+    reason += ": expected are an error of " + short_number(choice.error) + " from the converged picture and " +
+              short_number(choice.seconds) + " s";
     std::string looked;
     for (const std::string& kind : choice.looked_at) {
         looked += (looked.empty() ? "" : ", ") + kind;
     }
     if (error) {
-        reason += choice.error_kept ? "; max_error = " + number(*options.max_error) + " is kept"
-                                    : "; max_error = " + number(*options.max_error) + " is not kept";
+        reason += choice.error_kept ? "; max_error = " + short_number(*options.max_error) + " is kept"
+                                    : "; max_error = " + short_number(*options.max_error) + " is not kept";
     }
     if (seconds) {
-        reason += choice.seconds_kept ? "; max_seconds = " + number(*options.max_seconds) + " is kept"
-                                      : "; max_seconds = " + number(*options.max_seconds) +
+        reason += choice.seconds_kept ? "; max_seconds = " + short_number(*options.max_seconds) + " is kept"
+                                      : "; max_seconds = " + short_number(*options.max_seconds) +
                                             " is not kept: nothing that was looked at is faster";
     }
     row.reason = reason + (mended ? "; refined after a check through other pixels" : "") + "; looked at " + looked;

@@ -246,6 +246,26 @@ TEST(PlanOfCpu, TakesFloat64WhereFloat32WouldNotDo) {
     EXPECT_EQ(plan_of(lit_scene(), facts(), options).precision, Precision::float64) << "asked for";
 }
 
+TEST(PlanOfCpu, TakesFloat64ForTheMiddlesOfLitEllipsoidsThatHardlyOverlap) {
+    ViewFacts view = facts();
+    view.largest_aspect = 3.0;
+    view.smallest_px = view.smallest_radius_px = 2.0;
+    view.largest_overlap = view.densest_overlap = 1.0;
+    EXPECT_EQ(plan_of(lit_scene(), view).precision, Precision::float64);
+    Scene unlit = lit_scene();
+    unlit.lights.clear();
+    EXPECT_EQ(plan_of(unlit, view).precision, Precision::float32);
+    ViewFacts crowded = view;
+    crowded.largest_overlap = 20.0;
+    EXPECT_EQ(plan_of(lit_scene(), crowded).precision, Precision::float32);
+    ViewFacts round = view;
+    round.largest_aspect = 1.0;
+    EXPECT_EQ(plan_of(lit_scene(), round).precision, Precision::float32);
+    ViewFacts large = view;
+    large.smallest_px = large.smallest_radius_px = 20.0;
+    EXPECT_EQ(plan_of(lit_scene(), large).precision, Precision::float32);
+}
+
 TEST(PlanOfCpu, RefusesWhatFloat64WouldNotDo) {
     Scene scene = lit_scene();
     scene.lights.clear();

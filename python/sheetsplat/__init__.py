@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 # First of all: on the command line it is for Ctrl-C while the others are read.
 from sheetsplat import _interrupt as _interrupt
 from sheetsplat._sheetsplat import __version__
+from sheetsplat.accuracy import AccuracyReport, AccuracyRow, accuracy
 from sheetsplat.api import open, render
 from sheetsplat.camera import Camera
 from sheetsplat.device import Device, devices
@@ -33,9 +34,6 @@ if TYPE_CHECKING:
     from sheetsplat import fit as fit
     from sheetsplat import io as io
     from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
-    from sheetsplat.ladder import AccuracyReport as AccuracyReport
-    from sheetsplat.ladder import AccuracyRow as AccuracyRow
-    from sheetsplat.ladder import accuracy as accuracy
     from sheetsplat.ripple import lattice_ripple as lattice_ripple
 
 __all__ = [
@@ -79,9 +77,6 @@ logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
 
 # Read when first asked for, so that importing the package stays quick.
 _LATE = {
-    "AccuracyReport": ("sheetsplat.ladder", "AccuracyReport"),
-    "AccuracyRow": ("sheetsplat.ladder", "AccuracyRow"),
-    "accuracy": ("sheetsplat.ladder", "accuracy"),
     "datasets": ("sheetsplat.datasets", None),
     "fit": ("sheetsplat.fit", None),
     "io": ("sheetsplat.io", None),

@@ -284,7 +284,7 @@ def fitting_depth_cue(scene: Scene, camera: Camera, color: Vector = (0.0, 0.0, 0
     """Return a depth cue from the nearest to the farthest corner of what the fields take, as far as it can be seen."""
     low, high = bounds_of(scene)
     corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-    depths = [-camera._native.to_eye((float(x), float(y), float(z)))[2] for x, y, z in corners]
+    depths = [-camera.native.to_eye((float(x), float(y), float(z)))[2] for x, y, z in corners]
     start = max(min(depths), camera.near) if camera.kind == "perspective" else min(depths)
     # A field of one kernel may take none, and all of it may be behind the eye.
     end = max(depths) if max(depths) > start else start + max(abs(start), 1.0)
@@ -404,7 +404,7 @@ def compose_camera(
     camera = Camera.fit(box, view, upward, projection, reach, fov_y=fov_y)
     # Width and height of the box as this camera sees it: the sums of its edges' shares.
     edges = np.diag(np.subtract(bounds[1], bounds[0]))
-    across, high, _ = np.abs([camera._native.direction_to_eye(triple("edge", edge)) for edge in edges]).sum(axis=0)
+    across, high, _ = np.abs([camera.native.direction_to_eye(triple("edge", edge)) for edge in edges]).sum(axis=0)
     if across > 0 and high > 0:
         reach *= max(high, across * height / width) / max(high, across)
     return Camera.fit(box, view, upward, projection, reach / nearer, fov_y=fov_y)
@@ -426,7 +426,7 @@ def _nearest(camera: Camera, bounds: Bounds, aspect: float, margin: float) -> Ca
     """Return a perspective camera that came as near as the corners of a box let it; aspect is height over width."""
     half = 0.5 * np.subtract(bounds[1], bounds[0])
     slope = math.tan(math.radians(camera.fov_y) / 2)
-    edges = [camera._native.direction_to_eye(triple("edge", edge)) for edge in np.diag(half)]
+    edges = [camera.native.direction_to_eye(triple("edge", edge)) for edge in np.diag(half)]
     signs = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)]), axis=-1).reshape(8, 3)
     corners = np.abs(signs @ np.asarray(edges)[:, :2]), signs @ np.asarray(edges)[:, 2]
     distance = float((corners[1] + margin / slope * np.maximum(corners[0][:, 0] * aspect, corners[0][:, 1])).max())

@@ -181,7 +181,7 @@ def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64
     generator = np.random.default_rng(2006)
     inner = generator.normal(size=(count, 3))
     inner *= (0.5 * generator.random(count) ** (1 / 3) / np.linalg.norm(inner, axis=1))[:, np.newaxis]
-    shapes = field._native.shapes(picked.astype(np.int64))
+    shapes = field.native.shapes(picked.astype(np.int64))
     found: NDArray[np.float64] = field.centers[picked] + np.einsum("nij,nj->ni", shapes, inner)
     return found
 

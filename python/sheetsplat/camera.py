@@ -57,8 +57,8 @@ class Camera:
     The camera looks from eye to target; lengths are world units, angles degrees.
     """
 
-    __slots__ = ("_native",)
-    _native: _sheetsplat.Camera
+    __slots__ = ("native",)
+    native: _sheetsplat.Camera
 
     def __init__(self) -> None:
         raise TypeError("a Camera is made by Camera.orthographic, Camera.perspective or Camera.fit")
@@ -66,7 +66,7 @@ class Camera:
     @classmethod
     def _of(cls, native: _sheetsplat.Camera) -> Camera:
         camera = cls.__new__(cls)
-        camera._native = native
+        camera.native = native
         return camera
 
     @classmethod
@@ -180,37 +180,37 @@ class Camera:
     @property
     def kind(self) -> str:
         """Either "orthographic" or "perspective"."""
-        return self._native.kind
+        return self.native.kind
 
     @property
     def eye(self) -> Triple:
         """World position of the eye."""
-        return self._native.eye
+        return self.native.eye
 
     @property
     def target(self) -> Triple:
         """World position that is looked at."""
-        return self._native.target
+        return self.native.target
 
     @property
     def up(self) -> Triple:
         """World direction that is up in the picture, as it was given."""
-        return self._native.up
+        return self.native.up
 
     @property
     def height(self) -> float:
         """World units from the bottom edge of the picture to the top, for orthographic cameras."""
-        return self._native.height
+        return self.native.height
 
     @property
     def fov_y(self) -> float:
         """Vertical angle in degrees, for perspective cameras."""
-        return self._native.fov_y
+        return self.native.fov_y
 
     @property
     def near(self) -> float:
         """Depth in front of which a perspective camera shows nothing."""
-        return self._native.near
+        return self.native.near
 
     def __repr__(self) -> str:
         """Return a short description."""

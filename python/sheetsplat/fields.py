@@ -104,9 +104,9 @@ class Field:
     Made by `RegularField` and `EllipsoidField`.
     """
 
-    __slots__ = ("_falloff", "_native", "_normalization", "_w0")
+    __slots__ = ("_falloff", "native", "_normalization", "_w0")
     _falloff: float
-    _native: _sheetsplat.Field
+    native: _sheetsplat.Field
     _normalization: str
     _w0: float
 
@@ -131,33 +131,33 @@ class Field:
     @property
     def size(self) -> int:
         """Number of kernels; skipped samples are none."""
-        return self._native.size
+        return self.native.size
 
     @property
     def value_range(self) -> tuple[float, float]:
         """Smallest and largest value of a kernel; 0, 0 without kernels."""
-        low, high = self._native.value_range
+        low, high = self.native.value_range
         return low, high
 
     @property
     def bounds(self) -> Bounds:
         """World-aligned box around all supports: its lower and its upper corner."""
-        return self._native.supports
+        return self.native.supports
 
     @property
     def centre_bounds(self) -> Bounds:
         """World-aligned box around all kernel centres: its lower and its upper corner."""
-        return self._native.centres
+        return self.native.centres
 
     @property
     def default_slice_spacing(self) -> float:
         """Distance of slices that scenes take unless told otherwise, world units. Conventions, section 3."""
-        return self._native.default_slice_spacing
+        return self.native.default_slice_spacing
 
     @property
     def memory(self) -> int:
         """Bytes that the field keeps."""
-        return self._native.memory
+        return self.native.memory
 
 
 class RegularField(Field):
@@ -204,7 +204,7 @@ class RegularField(Field):
     """
 
     __slots__ = ("_condition", "_lattice", "_nan", "_origin", "_radius", "_residual", "_samples", "_spacing")
-    _native: _sheetsplat.RegularField
+    native: _sheetsplat.RegularField
     _condition: float | None
     _residual: float | None
     _samples: NDArray[Any] | None
@@ -241,7 +241,7 @@ class RegularField(Field):
             self._samples = samples.copy()
             self._samples.flags.writeable = False
             samples = found.values
-        self._native = _sheetsplat.RegularField(
+        self.native = _sheetsplat.RegularField(
             samples,
             spacing=self._spacing,
             origin=self._origin,
@@ -297,7 +297,7 @@ class RegularField(Field):
     @property
     def values(self) -> NDArray[Any]:
         """The samples, shape (nk, nj, ni), in the type in which they are kept; read-only, no copy."""
-        return self._native.values if self._samples is None else self._samples
+        return self.native.values if self._samples is None else self._samples
 
     @property
     def value_range(self) -> tuple[float, float]:
@@ -319,7 +319,7 @@ class RegularField(Field):
     @property
     def coefficients(self) -> NDArray[Any]:
         """What the kernels are multiplied by, [k, j, i]: the samples unless prefiltered; read-only, no copy."""
-        return self._native.values
+        return self.native.values
 
     @property
     def prefilter_residual(self) -> float | None:
@@ -460,7 +460,7 @@ class EllipsoidField(Field):
     """
 
     __slots__ = ("_cell_volume", "_ghosts", "_min_scale")
-    _native: _sheetsplat.EllipsoidField
+    native: _sheetsplat.EllipsoidField
 
     def __init__(
         self,
@@ -500,7 +500,7 @@ class EllipsoidField(Field):
         # What is kept, and the smallest semi-axes for their median.
         doubles = 5 + (3 if sizes.ndim == 2 else 1) + (4 if turns is not None else 0) + (1 if masses is not None else 0)
         _memory.require(8 * doubles * count, f"a field of {count} ellipsoids", _FEWER)
-        self._native = _sheetsplat.EllipsoidField(
+        self.native = _sheetsplat.EllipsoidField(
             places,
             sizes,
             turns,
@@ -637,27 +637,27 @@ class EllipsoidField(Field):
     @property
     def centers(self) -> NDArray[np.float64]:
         """Centres, (N, 3), world units; read-only, no copy."""
-        return self._native.centers
+        return self.native.centers
 
     @property
     def scales(self) -> NDArray[np.float64]:
         """Semi-axes of the supports, world units: (N,) for spheres, else (N, 3); read-only, no copy."""
-        return self._native.scales
+        return self.native.scales
 
     @property
     def rotations(self) -> NDArray[np.float64] | None:
         """Unit quaternions w, x, y, z, (N, 4), or None where no kernel is turned; a read-only copy."""
-        return self._native.rotations
+        return self.native.rotations
 
     @property
     def values(self) -> NDArray[np.float64]:
         """The scalars, (N,); read-only, no copy."""
-        return self._native.values
+        return self.native.values
 
     @property
     def weights(self) -> NDArray[np.float64] | None:
         """The weights, (N,), or None where each is 1; read-only, no copy."""
-        return self._native.weights
+        return self.native.weights
 
     @property
     def min_scale(self) -> float | None:
@@ -672,18 +672,18 @@ class EllipsoidField(Field):
     @property
     def isotropic(self) -> bool:
         """Whether the kernels were given as spheres."""
-        return self._native.isotropic
+        return self.native.isotropic
 
     @property
     def scale_range(self) -> tuple[float, float]:
         """Smallest and largest semi-axis, world units; 0, 0 without kernels."""
-        low, high = self._native.scale_range
+        low, high = self.native.scale_range
         return low, high
 
     @property
     def weight_range(self) -> tuple[float, float]:
         """Smallest and largest weight; 1, 1 without kernels."""
-        low, high = self._native.weight_range
+        low, high = self.native.weight_range
         return low, high
 
     @property
@@ -702,7 +702,7 @@ class EllipsoidField(Field):
         sums = self._sums_at(points)
         divisor: Any = 1.0
         if self._normalization == "lattice":
-            divisor = self._native.lattice_constant
+            divisor = self.native.lattice_constant
         elif self._normalization == "threshold":
             divisor = np.maximum(self._w0, sums[:, 1])
         found: NDArray[np.float64] = sums[:, 0] / divisor
@@ -726,7 +726,7 @@ class EllipsoidField(Field):
         if not np.isfinite(places).all():
             n = int(np.flatnonzero(~np.isfinite(places).all(axis=1))[0])
             raise complain("EllipsoidField: a point cannot be used", f"{places[n]}, point {n}", "three finite numbers")
-        return self._native.sums_at(places)
+        return self.native.sums_at(places)
 
     def with_ghost_points(self, *, distance: float = 1.0, weight: float = 1.0) -> EllipsoidField:
         """Return the field with ghost points around it: kernels of value 0 that end the data softly ([NM06] §4.1).
@@ -777,7 +777,7 @@ class EllipsoidField(Field):
             )
         # The tree of the centres.
         _memory.require(96 * self.size, f"the ghost points of {self.size} kernels", _FEWER)
-        owners, places = self._native.ghost_points(away, (_memory.available() - 96 * self.size) // 256)
+        owners, places = self.native.ghost_points(away, (_memory.available() - 96 * self.size) // 256)
         count = len(owners)
         kept = 8 * sum(array[:1].size for array in (self.centers, self.scales, self.values)) + 48
         _memory.require(2 * kept * (self.size + count), f"a field with {count} ghost points", _FEWER)

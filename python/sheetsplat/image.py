@@ -61,7 +61,7 @@ class Image:
     ``np.asarray(image)`` gives the one that is there. The arrays may outlive the image.
     """
 
-    __slots__ = ("_coverage", "_depth", "_error", "_estimate", "_native", "_plan", "_rgba", "_scalar", "_stats")
+    __slots__ = ("_coverage", "_depth", "_error", "_estimate", "native", "_plan", "_rgba", "_scalar", "_stats")
 
     def __init__(self) -> None:
         raise TypeError("an Image is made by Renderer.render or sheetsplat.render")
@@ -69,7 +69,7 @@ class Image:
     @classmethod
     def _of(cls, native: _sheetsplat.Image, estimate: Callable[[], ErrorEstimate] | None = None) -> Image:
         image = cls.__new__(cls)
-        image._native = native
+        image.native = native
         image._rgba = native.rgba
         image._scalar = native.scalar
         image._coverage = native.coverage
@@ -80,7 +80,7 @@ class Image:
         image._estimate = estimate
         return image
 
-    _native: _sheetsplat.Image
+    native: _sheetsplat.Image
     _rgba: NDArray[np.float32] | None
     _scalar: NDArray[np.float32] | None
     _coverage: NDArray[np.float32] | None
@@ -99,7 +99,7 @@ class Image:
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
-        return self._native.size
+        return self.native.size
 
     @property
     def is_scalar(self) -> bool:
@@ -142,7 +142,7 @@ class Image:
     @property
     def settings(self) -> dict[str, Any] | None:
         """What stood in place of the scene's own options where max_error or max_seconds chose them; else None."""
-        return self._native.settings
+        return self.native.settings
 
     @property
     def error(self) -> ErrorEstimate:
@@ -202,7 +202,7 @@ class Image:
     def _repr_png_(self) -> bytes:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "image.png"
-            self._native.save_png(str(path))
+            self.native.save_png(str(path))
             return path.read_bytes()
 
     def __repr__(self) -> str:

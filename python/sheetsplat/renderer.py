@@ -133,7 +133,7 @@ class Renderer:
         For unknown names, also in SHEETSPLAT_BACKEND.
     """
 
-    __slots__ = ("_backend", "_forced", "_given", "_native", "_native_settings", "_told_idle")
+    __slots__ = ("_backend", "_forced", "_given", "native", "_native_settings", "_told_idle")
 
     def __init__(
         self,
@@ -173,7 +173,7 @@ class Renderer:
         self._native_settings |= {
             name: _goal(f"Renderer: {name}", value) for name, value in goals.items() if value is not None
         }
-        self._native = _sheetsplat.Renderer(**self._native_settings)
+        self.native = _sheetsplat.Renderer(**self._native_settings)
         settings = {"device": device, "tagging": tagging, "packing": packing, "threads": threads}
         # 0 is what they are unless given.
         settings |= {"tile_size": tile_size or None, "tags_per_clear": tags_per_clear or None}
@@ -223,9 +223,9 @@ class Renderer:
         instance("Renderer: scene", scene, Scene)
         instance("Renderer: camera", camera, Camera)
         wanted = _outputs(outputs)
-        native = self._native.plan(
-            scene._native,
-            camera._native,
+        native = self.native.plan(
+            scene.native,
+            camera.native,
             size=image_size(size),
             coverage="coverage" in wanted,
             depth="depth" in wanted,
@@ -272,7 +272,7 @@ class Renderer:
         others: dict[str, _sheetsplat.Renderer] = {}
 
         def draw(drawn: Scene, asked: tuple[str, ...], effects: dict[str, bool]) -> RenderPlan:
-            native = self._native
+            native = self.native
             if effects:
                 key = repr(effects)
                 if key not in others:
@@ -282,8 +282,8 @@ class Renderer:
                     others[key] = _sheetsplat.Renderer(**settings | {"effects": forced, "allow_inexact": True})
                 native = others[key]
             image = native.render(
-                drawn._native,
-                camera._native,
+                drawn.native,
+                camera.native,
                 size=pixels,
                 coverage="coverage" in asked,
                 depth="depth" in asked,
@@ -330,9 +330,9 @@ class Renderer:
         """
         wanted = self._asked(scene, camera, outputs, progress)
         began = time.perf_counter()
-        native = self._native.render(
-            scene._native,
-            camera._native,
+        native = self.native.render(
+            scene.native,
+            camera.native,
             size=image_size(size),
             coverage="coverage" in wanted,
             depth="depth" in wanted,
@@ -376,9 +376,9 @@ class Renderer:
         """
         wanted = self._asked(scene, camera, outputs, progress)
         seconds = number("Renderer: first_seconds", first_seconds)
-        stages = self._native.begin_stages(
-            scene._native,
-            camera._native,
+        stages = self.native.begin_stages(
+            scene.native,
+            camera.native,
             size=image_size(size),
             coverage="coverage" in wanted,
             depth="depth" in wanted,
@@ -391,7 +391,7 @@ class Renderer:
     ) -> Iterator[Image]:
         while not stages.done:
             began = time.perf_counter()
-            native = self._native.next_stage(stages, progress=progress)
+            native = self.native.next_stage(stages, progress=progress)
             yield self._told(native, scene, camera, began)
 
     def _asked(self, scene: object, camera: object, outputs: object, progress: object) -> tuple[str, ...]:
@@ -403,7 +403,7 @@ class Renderer:
 
     def _told(self, native: _sheetsplat.Image, scene: Scene, camera: Camera, began: float) -> Image:
         def estimate() -> ErrorEstimate:
-            found = self._native.estimate_error(native, scene._native, camera._native, progress=None)
+            found = self.native.estimate_error(native, scene.native, camera.native, progress=None)
             return ErrorEstimate._of(found)
 
         image = Image._of(native, estimate)

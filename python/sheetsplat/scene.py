@@ -61,7 +61,7 @@ class Light:
     direction: Vector = (0.0, 0.0, 1.0)
     color: Vector = (1.0, 1.0, 1.0)
     space: Literal["eye", "world"] = "eye"
-    _native: _sheetsplat.Light = field(init=False, repr=False, compare=False)
+    native: _sheetsplat.Light = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check and convert."""
@@ -76,7 +76,7 @@ class Light:
         if not any(self.direction):
             raise complain("Light: direction cannot be used", "(0, 0, 0)", "a direction towards the light")
         native = _sheetsplat.Light(direction=_three(self.direction), color=_three(self.color), space=self.space)
-        object.__setattr__(self, "_native", native)
+        object.__setattr__(self, "native", native)
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Material:
     specular: float = 0.0
     shininess: float = 32.0
     two_sided: bool = False
-    _native: _sheetsplat.Material = field(init=False, repr=False, compare=False)
+    native: _sheetsplat.Material = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check and convert."""
@@ -116,7 +116,7 @@ class Material:
             shininess=self.shininess,
             two_sided=truth("Material: two_sided", self.two_sided),
         )
-        object.__setattr__(self, "_native", native)
+        object.__setattr__(self, "native", native)
 
 
 # More planes than anybody has; an iterator may have no end.
@@ -163,7 +163,7 @@ class Clip:
 
     planes: Sequence[tuple[Vector, float]] = ()
     box: tuple[Vector, Vector] | None = None
-    _native: _sheetsplat.Clip = field(init=False, repr=False, compare=False)
+    native: _sheetsplat.Clip = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check and convert."""
@@ -176,7 +176,7 @@ class Clip:
         object.__setattr__(self, "planes", planes)
         box = None if self.box is None else _corners(self.box)
         object.__setattr__(self, "box", box)
-        object.__setattr__(self, "_native", _sheetsplat.Clip(planes=planes, box=box))
+        object.__setattr__(self, "native", _sheetsplat.Clip(planes=planes, box=box))
 
 
 def _parts(value: Iterable[object], most: int, what: str, wanted: str) -> list[object]:
@@ -226,7 +226,7 @@ class DepthCue:
     end: float
     color: Vector = (0.0, 0.0, 0.0)
     strength: float = 1.0
-    _native: _sheetsplat.DepthCue = field(init=False, repr=False, compare=False)
+    native: _sheetsplat.DepthCue = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check and convert."""
@@ -242,7 +242,7 @@ class DepthCue:
         if not all(map(math.isfinite, shade)):
             raise complain("DepthCue: color cannot be used", shown(shade), "three finite numbers")
         native = _sheetsplat.DepthCue(start=self.start, end=self.end, color=shade, strength=self.strength)
-        object.__setattr__(self, "_native", native)
+        object.__setattr__(self, "native", native)
 
 
 @dataclass(frozen=True)
@@ -264,7 +264,7 @@ class AmbientOcclusion:
 
     radius: float
     strength: float = 1.0
-    _native: _sheetsplat.AmbientOcclusion = field(init=False, repr=False, compare=False)
+    native: _sheetsplat.AmbientOcclusion = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check and convert."""
@@ -274,7 +274,7 @@ class AmbientOcclusion:
             raise complain("AmbientOcclusion: radius cannot be used", f"{self.radius:g}", "a finite length above 0")
         _share("AmbientOcclusion: strength", self.strength)
         native = _sheetsplat.AmbientOcclusion(radius=self.radius, strength=self.strength)
-        object.__setattr__(self, "_native", native)
+        object.__setattr__(self, "native", native)
 
 
 def _share(what: str, value: float) -> None:
@@ -376,7 +376,7 @@ class Scene:
         "_lights",
         "_material",
         "_mode",
-        "_native",
+        "native",
         "_transfer_function",
     )
 
@@ -428,27 +428,27 @@ class Scene:
         if ambient_occlusion is not None:
             instance("Scene: ambient_occlusion", ambient_occlusion, AmbientOcclusion)
         preintegrated, second_order = _order(preintegration)
-        self._native = _sheetsplat.Scene(
-            [one._native for one in self._fields],
-            transfer_function._native,
+        self.native = _sheetsplat.Scene(
+            [one.native for one in self._fields],
+            transfer_function.native,
             slice_spacing=optional_number("Scene: slice_spacing", slice_spacing),
             sampling=choice("Scene: sampling", sampling, ("point", "slab")),
             reference_length=optional_number("Scene: reference_length", reference_length),
             mode=self._mode,
             iso_value=self._iso_value,
-            lights=[light._native for light in self._lights],
-            material=self._material._native,
+            lights=[light.native for light in self._lights],
+            material=self._material.native,
             opacity_stop=number("Scene: opacity_stop", opacity_stop),
             preintegration=preintegrated,
             background=self._background,
             filter="none" if self._filter is None else self._filter,
             second_order=second_order,
             gradient=self._gradient,
-            clip=self._clip._native,
+            clip=self._clip.native,
             gradient_opacity=optional_number("Scene: gradient_opacity", gradient_opacity),
-            depth_cue=None if depth_cue is None else depth_cue._native,
+            depth_cue=None if depth_cue is None else depth_cue.native,
             shadows=truth("Scene: shadows", shadows),
-            ambient_occlusion=None if ambient_occlusion is None else ambient_occlusion._native,
+            ambient_occlusion=None if ambient_occlusion is None else ambient_occlusion.native,
         )
 
         del given["self"]
@@ -518,12 +518,12 @@ class Scene:
     @property
     def slice_spacing(self) -> float:
         """Distance of slices in world units, as it will be used."""
-        return self._native.slice_distance
+        return self.native.slice_distance
 
     @property
     def reference_length(self) -> float:
         """World units to which opacities refer, as they will be used."""
-        return self._native.reference_distance
+        return self.native.reference_distance
 
     @property
     def bounds(self) -> Bounds:

@@ -62,7 +62,7 @@ def window(camera: Camera, size: tuple[int, int], at: tuple[int, int], extent: t
     pixel = camera.height / size[1]
     x = (at[0] + 0.5 * extent[0] - 0.5 * size[0]) * pixel
     y = (0.5 * size[1] - at[1] - 0.5 * extent[1]) * pixel
-    rows = [camera._native.direction_to_eye(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+    rows = [camera.native.direction_to_eye(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
     # The columns of these rows: eye space's axes in the world.
     right, up, back = ((rows[0][n], rows[1][n], rows[2][n]) for n in range(3))
     eye = _moved(camera.eye, right, up, x, y)

@@ -120,7 +120,7 @@ class TransferFunction:
         For no points, values that fall, numbers that are not finite, opacities outside [0, 1].
     """
 
-    __slots__ = ("_native",)
+    __slots__ = ("native",)
 
     def __init__(self, points: ArrayLike) -> None:
         wanted = "rows of five numbers: value, r, g, b, opacity"
@@ -134,7 +134,7 @@ class TransferFunction:
             raise complain("TransferFunction: the points cannot be used", f"an array of shape {rows.shape}", wanted)
         for strong in rows[:, 1:4][np.abs(rows[:, 1:4]) > STRONGEST][:1].tolist():
             strength("TransferFunction: a colour", strong)
-        self._native = _sheetsplat.TransferFunction(np.ascontiguousarray(rows))
+        self.native = _sheetsplat.TransferFunction(np.ascontiguousarray(rows))
 
     @classmethod
     def from_colormap(
@@ -181,27 +181,27 @@ class TransferFunction:
     @property
     def points(self) -> Floats:
         """The points, float64 (N, 5): value, r, g, b, opacity."""
-        return self._native.points
+        return self.native.points
 
     @property
     def v_min(self) -> float:
         """Value of the first point."""
-        return self._native.v_min
+        return self.native.v_min
 
     @property
     def v_max(self) -> float:
         """Value of the last point."""
-        return self._native.v_max
+        return self.native.v_max
 
     @property
     def max_opacity(self) -> float:
         """Largest opacity anywhere."""
-        return self._native.max_opacity
+        return self.native.max_opacity
 
     def at(self, values: ArrayLike) -> Floats:
         """Return r, g, b and opacity at each value: float64, the shape of `values` and one more axis of 4."""
         array = np.asarray(values, dtype=np.float64)
-        rows = self._native.at(np.ascontiguousarray(array.ravel()))
+        rows = self.native.at(np.ascontiguousarray(array.ravel()))
         return rows[:, 1:].reshape(*array.shape, 4)
 
     def __repr__(self) -> str:

@@ -17,7 +17,7 @@
 #include "math-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
-namespace sheetsplat::simd::HWY_NAMESPACE {
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -103,12 +103,12 @@ std::uint64_t ellipsoids(const std::vector<Kernel>& kernels, float radius, float
     return kernels.size() * slices;
 }
 
-} // namespace sheetsplat::simd::HWY_NAMESPACE
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 namespace {
 
-namespace simd = sheetsplat::simd::HWY_NAMESPACE;
+namespace vectors = sheetsplat::backend_cpu::HWY_NAMESPACE;
 
 double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
@@ -124,22 +124,22 @@ int main(int argc, char** argv) {
         return 2;
     }
     // Larger ones than a sheet holds would be cut into tiles: each is as large as fits, and counts as many times.
-    const double most = kind == "spheres" ? 0.45 * simd::edge : 0.3 * simd::edge;
+    const double most = kind == "spheres" ? 0.45 * backend_cpu::edge : 0.3 * backend_cpu::edge;
     const double fits = std::min(radius, most), shares = radius * radius / (fits * fits);
     std::mt19937 random(2005);
     std::uniform_real_distribution<double> uniform(0.0, 1.0);
-    std::vector<simd::Kernel> kernels(20000);
+    std::vector<backend_cpu::Kernel> kernels(20000);
     const double margin = 1.42 * fits + 1.0;
-    for (simd::Kernel& kernel : kernels) {
+    for (backend_cpu::Kernel& kernel : kernels) {
         const auto place = [&](double reach) {
-            const double room = std::max(simd::edge - 2.0 * reach, 0.0);
-            return static_cast<float>(0.5 * (simd::edge - room) + room * uniform(random));
+            const double room = std::max(backend_cpu::edge - 2.0 * reach, 0.0);
+            return static_cast<float>(0.5 * (backend_cpu::edge - room) + room * uniform(random));
         };
         kernel = {place(fits + 1.0), place(kind == "spheres" ? fits + 1.0 : margin),
-                  static_cast<float>(1.0 - 2.0 / simd::slices * uniform(random)), 0.5F,
-                  static_cast<int>(uniform(random) * simd::ring)};
+                  static_cast<float>(1.0 - 2.0 / backend_cpu::slices * uniform(random)), 0.5F,
+                  static_cast<int>(uniform(random) * backend_cpu::ring)};
     }
-    std::vector<float> sheets(static_cast<std::size_t>(simd::ring * simd::edge * simd::stride + 64), 0.0F);
+    std::vector<float> sheets(static_cast<std::size_t>(backend_cpu::ring * backend_cpu::edge * backend_cpu::stride + 64), 0.0F);
     double best = 1e300;
     std::uint64_t sections = 0;
     const double began = now();
@@ -147,7 +147,7 @@ int main(int argc, char** argv) {
         const double start = now();
         const auto r = static_cast<float>(fits);
         sections =
-            kind == "spheres" ? simd::spheres(kernels, r, sheets.data()) : simd::ellipsoids(kernels, r, sheets.data());
+            kind == "spheres" ? backend_cpu::spheres(kernels, r, sheets.data()) : backend_cpu::ellipsoids(kernels, r, sheets.data());
         best = std::min(best, now() - start);
     }
     double sum = 0.0;

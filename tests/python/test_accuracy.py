@@ -15,11 +15,11 @@ from click.testing import CliRunner
 from PIL import Image as PillowImage
 
 import sheetsplat as ss
+from sheetsplat.accuracy import KNOBS, AccuracyReport, AccuracyRow, accuracy
+from sheetsplat.accuracy._knobs import INTERPOLATED, cut_off, enlarge, regular, smaller, table
+from sheetsplat.accuracy._measure import limit
+from sheetsplat.accuracy._report import front
 from sheetsplat.cli import main
-from sheetsplat.ladder import KNOBS, AccuracyReport, AccuracyRow, accuracy
-from sheetsplat.ladder._knobs import INTERPOLATED, cut_off, enlarge, regular, smaller, table
-from sheetsplat.ladder._measure import limit
-from sheetsplat.ladder._report import front
 
 TRANSFER = [(0.05, 0.1, 0.2, 0.6, 0.0), (0.5, 0.3, 0.6, 0.4, 0.1), (1.0, 1.0, 0.9, 0.8, 0.5)]
 SIZE = (32, 24)

@@ -479,7 +479,7 @@ def check_ghosts(field, ghosts, distance=1.0):
     known = field.size
     assert ghosts.size == known + ghosts.ghosts and (ghosts.values[known:] == 0).all()
     assert np.array_equal(ghosts.centers[:known], field.centers)
-    shapes = ghosts._native.shapes(np.arange(ghosts.size))
+    shapes = ghosts.native.shapes(np.arange(ghosts.size))
     places = ghosts.centers[known:]
     for n in range(known):
         offsets = np.linalg.solve(shapes[n], (places - field.centers[n]).T)
@@ -588,7 +588,7 @@ def test_cameras_fit_what_the_supports_reach(rng):
     field = ball_of_kernels(rng)
     camera = ss.Camera.fit(field, (1, 0.3, -0.5))
     for corner in np.array(np.meshgrid(*np.transpose(field.bounds))).reshape(3, -1).T:
-        x, y, _ = camera._native.to_eye(tuple(corner))
+        x, y, _ = camera.native.to_eye(tuple(corner))
         assert max(abs(x), abs(y)) <= camera.height / 2
     assert ss.Camera.fit([field]).eye == ss.Camera.fit(ss.Scene(field, [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)])).eye
 

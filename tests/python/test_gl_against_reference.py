@@ -82,7 +82,7 @@ def make(case: Case) -> tuple[ss.Scene, ss.Camera]:
     }
     if case.normalization == "none":
         # These sums are larger by the kernel's mass; values that undo it keep one transfer function for all.
-        values = values / np.float32(ss.RegularField(values, **options)._native.lattice_constant)
+        values = values / np.float32(ss.RegularField(values, **options).native.lattice_constant)
     if case.holes:
         values = np.where(np.indices(values.shape).sum(0) % 7 == 0, np.nan, values).astype(np.float32)
         options["nan"] = "skip"

@@ -81,7 +81,7 @@ def fields(field: str, normalization: str, radius: float = 1.0) -> tuple[ss.Fiel
     if field == "bcc":
         options |= {"lattice": "bcc", "spacing": (0.28, 0.28, 0.28)}
     if normalization == "none":
-        values = values / np.float32(ss.RegularField(values, **(options | {"radius": 2.0}))._native.lattice_constant)
+        values = values / np.float32(ss.RegularField(values, **(options | {"radius": 2.0})).native.lattice_constant)
     return (ss.RegularField(values, **options),)
 
 

@@ -196,7 +196,7 @@ def test_a_perspective_fit_touches_the_frame():
         slope = np.tan(np.radians(20))
         reach = 0.0
         for corner in np.stack(np.meshgrid(*zip(lower, upper, strict=True)), -1).reshape(-1, 3):
-            x, y, z = camera._native.direction_to_eye(tuple(corner - np.asarray(camera.eye)))
+            x, y, z = camera.native.direction_to_eye(tuple(corner - np.asarray(camera.eye)))
             reach = max(reach, abs(x) / -z / slope * size[1] / size[0], abs(y) / -z / slope)
         assert reach == pytest.approx(1.0, rel=1e-6)
 

@@ -220,7 +220,7 @@ def test_fit_shows_all_corners(field, kind):
     half = camera.height / 2 if kind == "orthographic" else math.tan(math.radians(camera.fov_y / 2))
     corners = np.array(np.meshgrid(*np.transpose(field.bounds))).reshape(3, -1).T
     for corner in corners:
-        x, y, z = camera._native.to_eye(tuple(corner))
+        x, y, z = camera.native.to_eye(tuple(corner))
         reach = half if kind == "orthographic" else -z * half
         assert z < 0 and abs(x) <= reach and abs(y) <= reach
 
@@ -243,7 +243,7 @@ def test_pictures_of_any_shape_show_all(field, size, projection):
     across = half * size[0] / size[1]
     reach_x = reach_y = 0.0
     for corner in np.array(np.meshgrid(*np.transpose(field.bounds))).reshape(3, -1).T:
-        x, y, z = camera._native.to_eye(tuple(corner))
+        x, y, z = camera.native.to_eye(tuple(corner))
         depth = 1.0 if projection == "orthographic" else -z
         reach_x, reach_y = max(reach_x, abs(x) / depth / across), max(reach_y, abs(y) / depth / half)
     assert max(reach_x, reach_y) <= 1

@@ -1,8 +1,8 @@
 #include "sheetsplat/device.hpp"
 
-#include "sheet/sheet_renderer.hpp"
+#include "backend_cpu/cpu_renderer.hpp"
+#include "backend_gl/gl_renderer.hpp"
 #include "sheetsplat/error.hpp"
-#include "simd/cpu_renderer.hpp"
 
 namespace sheetsplat {
 
@@ -16,12 +16,12 @@ std::vector<DeviceReport> devices() {
     DeviceReport processor;
     processor.backend = "cpu";
     processor.available = true;
-    const int threads = simd::usable_threads();
+    const int threads = backend_cpu::usable_threads();
     processor.description =
-        simd::instruction_set() + ", " + std::to_string(threads) + (threads == 1 ? " thread" : " threads");
-    processor.extensions = simd::instruction_sets();
+        backend_cpu::instruction_set() + ", " + std::to_string(threads) + (threads == 1 ? " thread" : " threads");
+    processor.extensions = backend_cpu::instruction_sets();
     reports.push_back(processor);
-    for (DeviceReport& report : sheet::survey()) {
+    for (DeviceReport& report : backend_gl::survey()) {
         reports.push_back(std::move(report));
     }
     return reports;
@@ -34,7 +34,7 @@ Seconds fill_test(std::size_t kernels, double diameter_px, int width, int height
                       "a diameter of at least 1 pixel, at least 1 x 1 pixels, 1 to 4 targets, at least 1 repeat",
                       "correct the arguments"});
     }
-    sheet::SheetRenderer renderer;
+    backend_gl::GlRenderer renderer;
     return renderer.fill_test(kernels, diameter_px, width, height, targets, repeats);
 }
 

@@ -8,8 +8,8 @@
 
 #include <glm/geometric.hpp>
 
+#include "backend_cpu/cpu_renderer.hpp"
 #include "sheetsplat/error.hpp"
-#include "simd/cpu_renderer.hpp"
 #include "view/ellipsoid_view.hpp"
 
 namespace sheetsplat {
@@ -108,10 +108,10 @@ LightView view_of(const Scene& scene, const Vec3& towards_light, double step, do
 /// -ln of what is left of light on its way to the planes of a volume.
 LightVolume absorption(const Request& request, const DrawPlan& plan, const Indexed& indexed, const Prepared& prepared,
                        const RendererOptions& options, const Reach& reach, const LightView& view,
-                       simd::CpuRenderer& processor) {
+                       backend_cpu::CpuRenderer& processor) {
     const Scene& scene = request.scene;
     const Frame frame = make_frame(scene, view.camera, view.size, reach);
-    simd::Job job;
+    backend_cpu::Job job;
     std::vector<FieldView> lattices;
     lattices.reserve(indexed.runs.size());
     for (std::size_t part = 0; part < indexed.runs.size(); ++part) {
@@ -288,8 +288,8 @@ void LightVolumeCache::tidy(const Scene& scene, std::size_t used) {
 }
 
 LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepared, const Indexed& indexed,
-                                  const RendererOptions& options, const Reach& reach, simd::CpuRenderer& processor,
-                                  Image& image) {
+                                  const RendererOptions& options, const Reach& reach,
+                                  backend_cpu::CpuRenderer& processor, Image& image) {
     const auto start = Clock::now();
     const Scene& scene = request.scene;
     const DrawPlan plan = through(prepared.plan, scene);

@@ -8,7 +8,7 @@
 #include <memory>
 #include <vector>
 
-#include "backends.hpp"
+#include "draw.hpp"
 #include "view/light_volume.hpp"
 
 namespace sheetsplat {
@@ -19,7 +19,8 @@ class LightVolumeCache {
     /// For a plan with shadows or ambient occlusion; volumes that it does not call for are left out. Adds to the stats
     /// seconds_light and bytes_light. Throws OutOfMemory, Cancelled.
     LightVolumes of(const Request& request, const Prepared& prepared, const Indexed& indexed,
-                    const RendererOptions& options, const Reach& reach, simd::CpuRenderer& processor, Image& image);
+                    const RendererOptions& options, const Reach& reach, backend_cpu::CpuRenderer& processor,
+                    Image& image);
 
   private:
     /// What a volume was made from; the fields are kept so that no other one gets their address.

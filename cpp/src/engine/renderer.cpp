@@ -6,12 +6,12 @@
 #include <limits>
 #include <utility>
 
+#include "backend_cpu/cpu_renderer.hpp"
+#include "backend_gl/gl_renderer.hpp"
 #include "base/memory.hpp"
 #include "base/poll.hpp"
 #include "renderer_state.hpp"
-#include "sheet/sheet_renderer.hpp"
 #include "sheetsplat/error.hpp"
-#include "simd/cpu_renderer.hpp"
 
 namespace sheetsplat {
 
@@ -127,12 +127,12 @@ void put_background(std::vector<float>& rgba, const Vec3& background) {
 Renderer::State::State(const RendererOptions& options) : options_(options) {}
 Renderer::State::~State() = default;
 
-int Renderer::State::threads() const { return options_.threads > 0 ? options_.threads : simd::usable_threads(); }
+int Renderer::State::threads() const { return options_.threads > 0 ? options_.threads : backend_cpu::usable_threads(); }
 
-sheet::SheetRenderer* Renderer::State::gl(bool needed) {
+backend_gl::GlRenderer* Renderer::State::gl(bool needed) {
     if (!sheets_ && (needed || why_no_gl_.empty())) {
         try {
-            sheets_ = std::make_unique<sheet::SheetRenderer>(options_.device);
+            sheets_ = std::make_unique<backend_gl::GlRenderer>(options_.device);
         } catch (const DeviceUnavailable& error) {
             if (needed) {
                 throw;
@@ -143,9 +143,9 @@ sheet::SheetRenderer* Renderer::State::gl(bool needed) {
     return sheets_.get();
 }
 
-simd::CpuRenderer& Renderer::State::processor() {
+backend_cpu::CpuRenderer& Renderer::State::processor() {
     if (!processor_) {
-        processor_ = std::make_unique<simd::CpuRenderer>();
+        processor_ = std::make_unique<backend_cpu::CpuRenderer>();
     }
     return *processor_;
 }
@@ -179,8 +179,8 @@ DrawPlan Renderer::State::plan_on(Backend backend, const Request& request, const
     DrawPlan plan =
         make_plan(request.scene, view, options_, request.outputs, request.camera.projection(), backend, capabilities);
     if (backend == Backend::cpu) {
-        plan.summary.device =
-            simd::instruction_set() + ", " + std::to_string(threads()) + (threads() == 1 ? " thread" : " threads");
+        plan.summary.device = backend_cpu::instruction_set() + ", " + std::to_string(threads()) +
+                              (threads() == 1 ? " thread" : " threads");
     }
     return plan;
 }

@@ -7,14 +7,14 @@
 #include <utility>
 #include <vector>
 
-#include "backends.hpp"
-#include "choice.hpp"
+#include "cost_model.hpp"
+#include "draw.hpp"
 #include "field_index.hpp"
 #include "light_volumes.hpp"
 #include "plan/make_plan.hpp"
+#include "settings_choice.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "view_facts.hpp"
-#include "work.hpp"
 
 namespace sheetsplat {
 
@@ -71,7 +71,7 @@ struct Renderer::State {
     [[nodiscard]] double best_pace(Backend backend) const;
 
     /// The context, made at the first call; null where there is none and `needed` is false.
-    sheet::SheetRenderer* gl(bool needed);
+    backend_gl::GlRenderer* gl(bool needed);
     /// Backends in the order in which they are tried for a scene.
     std::vector<Backend> candidates();
     /// Why `auto` tries the backend that it tries first.
@@ -81,12 +81,12 @@ struct Renderer::State {
     DrawPlan choose_plan(const Request& request, const ViewFacts& view);
     Indexed find_drawn(const Request& request, const Prepared& prepared, const Frame& frame);
     void draw(const Request& request, const Prepared& prepared, const Frame& drawn_like, Image& image);
-    simd::CpuRenderer& processor();
+    backend_cpu::CpuRenderer& processor();
 
     RendererOptions options_;
-    std::unique_ptr<sheet::SheetRenderer> sheets_;
+    std::unique_ptr<backend_gl::GlRenderer> sheets_;
     std::string why_no_gl_;
-    std::unique_ptr<simd::CpuRenderer> processor_;
+    std::unique_ptr<backend_cpu::CpuRenderer> processor_;
     FieldFacts facts_;
     FieldIndex index_;
     LightVolumeCache light_;

@@ -158,8 +158,8 @@ class _Times:
     def bare(self, renderer: ss.Renderer, scene: ss.Scene, camera: ss.Camera, size: tuple[int, int]) -> None:
         """Draw what is no picture; the package would look for a reason why nothing can be seen in it."""
         wall, cpu = time.perf_counter(), time.process_time()
-        drawn = renderer._native.render(
-            scene._native, camera._native, size=size, coverage=False, depth=False, progress=None
+        drawn = renderer.native.render(
+            scene.native, camera.native, size=size, coverage=False, depth=False, progress=None
         )
         self.add(time.perf_counter() - wall, time.process_time() - cpu, drawn.stats)
 

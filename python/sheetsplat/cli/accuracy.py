@@ -31,7 +31,7 @@ class _Knobs(_ParamType):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
         """Return the names."""
-        from sheetsplat.ladder import KNOBS
+        from sheetsplat.accuracy import KNOBS
 
         names = tuple(part.strip() for part in value.split(",")) if isinstance(value, str) else tuple(value)
         strange = [name for name in names if name not in KNOBS]
@@ -89,8 +89,8 @@ def command(
     Every choice that trades error for time is turned alone; each setting is timed and held against the float64
     reference at the same slices and against the converged picture. FILE and options are those of "sheetsplat render".
     """
-    from sheetsplat.ladder import accuracy
-    from sheetsplat.ladder._plot import check_path, require_matplotlib
+    from sheetsplat.accuracy import accuracy
+    from sheetsplat.accuracy._plot import check_path, require_matplotlib
 
     if output is not None:
         # Before anything takes its time.

@@ -104,7 +104,7 @@ def save(image: Image, path: Path) -> None:
     """Write an image by the suffix of `path`: .png, .exr or .npy."""
     if check_suffix(path) == ".png":
         # The native writer makes the file whole or not at all by itself.
-        image._native.save_png(str(path))
+        image.native.save_png(str(path))
         return
     save_array(np.asarray(image), path)
 

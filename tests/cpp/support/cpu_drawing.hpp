@@ -1,5 +1,5 @@
-// Scenes for simd::CpuRenderer, with everything that it is handed: frame, plan, views, what is drawn. All kernels are
-// drawn, visible or not; which ones can be left out is a matter of other layers.
+// Scenes for backend_cpu::CpuRenderer, with everything that it is handed: frame, plan, views, what is drawn. All
+// kernels are drawn, visible or not; which ones can be left out is a matter of other layers.
 #pragma once
 
 #include <algorithm>
@@ -14,12 +14,12 @@
 
 #include <glm/geometric.hpp>
 
+#include "backend_cpu/cpu_renderer.hpp"
 #include "index/spatial_grid.hpp"
 #include "index/visible_runs.hpp"
 #include "plan/make_plan.hpp"
 #include "reference/reference.hpp"
 #include "sheetsplat/image.hpp"
-#include "simd/cpu_renderer.hpp"
 #include "view/ellipsoid_view.hpp"
 #include "view/frame.hpp"
 
@@ -92,28 +92,28 @@ class CpuDrawing {
     CpuDrawing(const CpuDrawing&) = delete;
     CpuDrawing& operator=(const CpuDrawing&) = delete;
 
-    [[nodiscard]] simd::Job job_with(const DrawOptions& options) const {
-        simd::Job job = job_;
+    [[nodiscard]] backend_cpu::Job job_with(const DrawOptions& options) const {
+        backend_cpu::Job job = job_;
         job.tile_size = options.tile_size;
         job.threads = options.threads;
         job.progress = options.progress;
         return job;
     }
-    [[nodiscard]] Image draw(simd::CpuRenderer& renderer, const DrawOptions& options = {}) const {
+    [[nodiscard]] Image draw(backend_cpu::CpuRenderer& renderer, const DrawOptions& options = {}) const {
         Image image;
         image.size = shot_.size;
         renderer.render(job_with(options), image);
         return image;
     }
     [[nodiscard]] Image draw(const DrawOptions& options = {}) const {
-        simd::CpuRenderer renderer;
+        backend_cpu::CpuRenderer renderer;
         return draw(renderer, options);
     }
 
     [[nodiscard]] const Shot& shot() const { return shot_; }
     [[nodiscard]] const Frame& frame() const { return frame_; }
     [[nodiscard]] const DrawPlan& plan() const { return plan_; }
-    [[nodiscard]] const simd::Job& job() const { return job_; }
+    [[nodiscard]] const backend_cpu::Job& job() const { return job_; }
 
   private:
     void add(const std::shared_ptr<const Field>& field, std::size_t number) {
@@ -143,7 +143,7 @@ class CpuDrawing {
     std::vector<EllipsoidView> ellipsoid_views_;
     std::vector<SpatialGrid> grids_;
     std::vector<std::vector<std::uint8_t>> visible_;
-    simd::Job job_;
+    backend_cpu::Job job_;
 };
 
 /// Colour or scalar, whichever there is.

@@ -1,0 +1,84 @@
+// The slice loop on the processor: image tiles small enough for the cache, each walked front to back by one thread with
+// a ring of sheets, in vectors of float32 or float64. Pictures do not depend on the number of threads.
+// Source: IMAGE FORMATION; [NM05] figure 5 for the loop, [NM06] for scattered ellipsoids.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "backend_cpu/threads.hpp"
+#include "index/spatial_grid.hpp"
+#include "index/visible_runs.hpp"
+#include "plan/make_plan.hpp"
+#include "sheetsplat/image.hpp"
+#include "sheetsplat/renderer.hpp"
+#include "view/ellipsoid_view.hpp"
+#include "view/frame.hpp"
+#include "view/light_volume.hpp"
+
+namespace sheetsplat::backend_cpu {
+
+/// A lattice in the scene.
+struct RegularPart {
+    std::size_t field = 0; ///< in the scene
+    const FieldView* view = nullptr;
+    const VisibleRuns* runs = nullptr; ///< which samples are drawn
+};
+
+/// Scattered ellipsoids in the scene.
+struct EllipsoidPart {
+    std::size_t field = 0;
+    std::shared_ptr<const EllipsoidField> kernels;
+    const EllipsoidView* view = nullptr;
+    const SpatialGrid* grid = nullptr;
+    const std::vector<std::uint8_t>* visible = nullptr; ///< one flag a kernel
+    /// Changes whenever `visible` does, so that what was sorted for the one is not used for the other.
+    std::uint64_t visible_version = 0;
+};
+
+/// One view, ready to be drawn. Nothing is owned.
+struct Job {
+    const Scene* scene = nullptr;
+    const Camera* camera = nullptr;
+    const Frame* frame = nullptr;
+    const DrawPlan* plan = nullptr;
+    std::vector<RegularPart> regular;
+    std::vector<EllipsoidPart> ellipsoids;
+    int tile_size = 0; ///< largest edge of an image tile, pixels; 0: what fits the cache
+    int threads = 0;   ///< 0: as many as the process may run on
+    const Progress* progress = nullptr;
+    const LightVolumes* volumes = nullptr; ///< where the plan has shadows or ambient occlusion
+};
+
+/// The instruction set that was chosen for this processor, in words: "AVX-512, 16 lanes".
+std::string instruction_set();
+/// All that were compiled and can run here, the best one first, by the names that choose_instruction_set takes.
+std::vector<std::string> instruction_sets();
+/// For tests: the set that further renderings use; an empty name: the best one. Throws InvalidInput for a name that
+/// instruction_sets() does not hold.
+void choose_instruction_set(const std::string& name);
+
+/// Owns threads, and what was sorted by tiles for the last view.
+class CpuRenderer {
+  public:
+    CpuRenderer();
+    ~CpuRenderer();
+    CpuRenderer(const CpuRenderer&) = delete;
+    CpuRenderer& operator=(const CpuRenderer&) = delete;
+
+    /// Fills the picture and adds to its stats: kernels_drawn, bytes_view, bytes_device, seconds_bucket, seconds_draw,
+    /// tiles, threads, buckets_reused. Throws OutOfMemory, Cancelled, Error; it can be used again after each.
+    void render(const Job& job, Image& image);
+    /// What light loses on its way through the scene: -ln of what is left of it before slice m every, m = 0, 1, ... up
+    /// to one at or behind the last slice, for each pixel of an orthographic view. The plan must be one of slices that
+    /// are points, unlit. What was sorted for pictures stays. Throws as render does.
+    void absorb(const Job& job, int every, LightVolume& volume);
+
+  private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+} // namespace sheetsplat::backend_cpu

@@ -1,0 +1,11 @@
+// The instruction set that tiles are drawn with.
+#pragma once
+
+#include "backend_cpu/tile_task.hpp"
+
+namespace sheetsplat::backend_cpu {
+
+/// The best one that was compiled and that this processor runs, or the one that was chosen.
+InstructionSet chosen_instruction_set();
+
+} // namespace sheetsplat::backend_cpu

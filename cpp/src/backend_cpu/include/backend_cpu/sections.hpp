@@ -1,0 +1,79 @@
+// Kernels as one tile meets them. In the unit sphere of a kernel, turned so that its first coordinate alone changes
+// along a row of pixels, a point of slice n has the coordinates
+//     q1 = x X + y Y1 + a1,   q2 = y Y2 + a2,   q3 = s,       r^2 = q1^2 + q2^2 + q3^2,
+// with (x, y) the pixel in the tile's sheets. a1, a2 and s change by d1, d2 and ds from slice to slice; in perspective
+// X, Y1 and Y2 are those of depth 1 times the slice's depth. So each row is a one-dimensional Gaussian of a width that
+// is the same for all rows, whose coordinates cancel nowhere, however slender the ellipsoid is: the QR factorisation of
+// [NM06]'s equations 8 to 19 in place of their quadratic form.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include <glm/vec2.hpp>
+
+#include "backend_cpu/tile.hpp"
+
+namespace sheetsplat::backend_cpu {
+
+/// How q depends on pixel and slice. Orthographic: per pixel; perspective: per pixel and unit of depth.
+template <class T>
+struct RowShape {
+    T X = 0, Y1 = 0, Y2 = 0;
+    T d1 = 0, d2 = 0, ds = 0;
+};
+
+/// One kernel: where it is on the first slice that it meets here, and what it adds.
+template <class T>
+struct Section {
+    T a1 = 0, a2 = 0, s = 0; ///< at slice `first`
+    T value = 0;             ///< with gain and scales
+    std::int32_t first = 0;
+};
+
+/// What is not the same for all kernels of some fields, or in some drawings.
+template <class T>
+struct SectionExtra {
+    T weight = 0;                                ///< with gain and scales
+    std::int32_t last = -1;                      ///< slice
+    std::int16_t x0 = 0, y0 = 0, x1 = 0, y1 = 0; ///< pixels of the tile's sheets that it can touch: x0 <= x < x1
+};
+
+/// The kernels of one field in one tile, by their first slices.
+template <class T>
+struct TileKernels {
+    std::vector<Section<T>> sections;
+    std::vector<SectionExtra<T>> extras; ///< empty, or as many as there are sections
+    std::vector<RowShape<T>> shapes;     ///< one for all, or as many as there are sections
+    T weight = 0;                        ///< of all where there are no extras
+    std::int32_t last_slice = -1;        ///< of the view
+    // Room for the sort.
+    std::vector<Section<T>> unsorted;
+    std::vector<SectionExtra<T>> unsorted_extras;
+    std::vector<RowShape<T>> unsorted_shapes;
+    std::vector<std::uint32_t> places;
+    /// Called now and then while kernels are added; what it throws ends that. May be empty.
+    std::function<void()> poll;
+    std::size_t counted = 0; ///< kernels whose centres are in this tile (or beyond the picture, next to it)
+
+    void clear() {
+        sections.clear();
+        extras.clear();
+        shapes.clear();
+        unsorted.clear();
+        unsorted_extras.clear();
+        unsorted_shapes.clear();
+        counted = 0;
+    }
+    /// Moves what is unsorted to its place in the order of first slices; equal ones keep their order.
+    void sort();
+    [[nodiscard]] std::size_t bytes() const {
+        return (sections.capacity() + unsorted.capacity()) * sizeof(Section<T>) +
+               (extras.capacity() + unsorted_extras.capacity()) * sizeof(SectionExtra<T>) +
+               (shapes.capacity() + unsorted_shapes.capacity()) * sizeof(RowShape<T>) +
+               places.capacity() * sizeof(std::uint32_t);
+    }
+};
+
+} // namespace sheetsplat::backend_cpu

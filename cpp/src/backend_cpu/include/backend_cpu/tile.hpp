@@ -1,0 +1,80 @@
+// What the stages of the slice loop hand to each other for one image tile.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+namespace sheetsplat::backend_cpu {
+
+/// Where a tile lies and how its planes are laid out. Sheets have a border of one pixel on every side: pixel (x, y) of
+/// the tile is element (y + 1) * stride + (x + 1) of a sheet, and element y * stride + x of a plane of the picture.
+struct TileShape {
+    int x = 0, y = 0;          ///< first pixel in the picture
+    int width = 0, height = 0; ///< pixels, without the border
+    /// Elements from row to row, in sheets and picture planes alike; at least width + 2 + padding, and a multiple of
+    /// padding.
+    int stride = 0;
+    /// Elements that vectors may run over the right end of a row, and past the end of a plane: the most lanes there
+    /// are. What stands there in sheets is 0 or harmless, in picture planes it is never read.
+    static constexpr int padding = 16;
+
+    [[nodiscard]] std::size_t sheet_elements() const {
+        return static_cast<std::size_t>(stride) * static_cast<std::size_t>(height + 2) + padding;
+    }
+    [[nodiscard]] std::size_t picture_elements() const {
+        return static_cast<std::size_t>(stride) * static_cast<std::size_t>(height) + padding;
+    }
+};
+
+/// Pixels x0 <= x < x1, y0 <= y < y1.
+struct Rect {
+    int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+    [[nodiscard]] bool empty() const { return x0 >= x1 || y0 >= y1; }
+    void add(const Rect& other) {
+        if (other.empty()) {
+            return;
+        }
+        if (empty()) {
+            *this = other;
+            return;
+        }
+        x0 = std::min(x0, other.x0);
+        y0 = std::min(y0, other.y0);
+        x1 = std::max(x1, other.x1);
+        y1 = std::max(y1, other.y1);
+    }
+};
+
+/// The finished slices around slice n.
+template <class T>
+struct SlabWindow {
+    std::int64_t n = 0; ///< counted as Frame does; -1: before the first one (intervals only)
+    /// rho of slices n - 1, n, n + 1 and n + 2 in the sheets' unit (DrawPlan::value_unit); never null: a slice that
+    /// nothing reaches, or that does not exist, is a sheet of zeros. n + 2 is there for intervals only.
+    const T* rho[4] = {nullptr, nullptr, nullptr, nullptr};
+    /// W of slices n and n + 1, in sheets too; 0 where a point is empty. Null unless the plan has empty_test or
+    /// coverage.
+    const T* weight[2] = {nullptr, nullptr};
+    /// Derivatives of rho of slices n and n + 1 over columns, rows and slices (in perspective along the pixel's ray),
+    /// one step of each. Null unless the plan has analytic_gradient.
+    const T* slope[2][3] = {};
+    /// Pixels of the tile (without border) outside of which slice n (for intervals: n and n + 1 both) is empty.
+    Rect rect;
+};
+
+/// A tile's picture while it is made: planes of TileShape::picture_elements().
+template <class T>
+struct TilePicture {
+    T* red = nullptr; ///< premultiplied
+    T* green = nullptr;
+    T* blue = nullptr;
+    T* alpha = nullptr;       ///< isosurface: 1 once a crossing was found
+    T* scalar = nullptr;      ///< modes xray and mip
+    T* depth = nullptr;       ///< infinite until opacity reaches one half; null unless asked for
+    T* coverage = nullptr;    ///< null unless asked for
+    int* row_alive = nullptr; ///< a row: pixels that still change: those with alpha < A_stop (isosurface: no crossing)
+    int alive = 0;            ///< sum of row_alive
+};
+
+} // namespace sheetsplat::backend_cpu

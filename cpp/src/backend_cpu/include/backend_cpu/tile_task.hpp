@@ -1,0 +1,141 @@
+// Everything that the loop over one tile needs, and the room that a thread keeps for it.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <new>
+#include <vector>
+
+#include "backend_cpu/sections.hpp"
+#include "backend_cpu/shading.hpp"
+#include "backend_cpu/tile.hpp"
+#include "backend_cpu/tile_feed.hpp"
+
+namespace sheetsplat::backend_cpu {
+
+/// Slices that one drawing of a kernel covers; a kernel that meets more is drawn again.
+constexpr int covered_slices = 8;
+/// Sheets of the ring: what a drawing covers, and the four slices around an interval.
+constexpr int ring_slots = 16;
+
+/// How the kernels of one field are splatted.
+template <class T>
+struct PartProfile {
+    T falloff_log2 = 0; ///< k log2(e)
+    T edge = 0;         ///< exp(-k)
+    T root_falloff = 0; ///< sqrt(k)
+    int value_channel = 0;
+    int weight_channel = -1; ///< -1: weights are not summed
+    /// The first of three: derivatives over columns, rows and slices. -1: not summed.
+    int slope_channel = -1, weight_slope_channel = -1;
+};
+
+/// A field that is divided by its own weights before fields are added.
+template <class T>
+struct OwnSheets {
+    int value_channel = 0, weight_channel = 0;
+    int slope_channel = -1, weight_slope_channel = -1;
+    T w0 = 1;
+};
+
+/// Where a picture writes what light has lost on its way to each slice, as -ln of what is left: an element a pixel, in
+/// rows, and a plane for every few slices, the last one at or behind the end.
+struct AbsorptionRecord {
+    float* values = nullptr;
+    std::size_t row = 0, plane = 0; ///< elements from row to row and from plane to plane
+    std::int64_t planes = 0;
+    std::int64_t every = 1; ///< slices from plane to plane
+};
+
+/// The same for all tiles of a picture.
+template <class T>
+struct LoopSetup {
+    const Shading<T>* shading = nullptr;
+    std::vector<PartProfile<T>> parts;
+    int channels = 1;
+    int weight_channel = -1; ///< of the fields that share sheets; -1: none
+    bool threshold = false;  ///< these are divided by max(w0, W)
+    T w0 = 1;
+    std::vector<OwnSheets<T>> own;
+    /// Derivatives are summed beside values; these channels hold those of rho in the end.
+    int slope_channel = -1, weight_slope_channel = -1;
+    const AbsorptionRecord* record = nullptr; ///< null: a picture is drawn
+    bool keep_weight = false;                 ///< W is read after the division (empty points, coverage)
+    bool slab = false;
+    bool perspective = false;
+    bool intervals = false; ///< pre-integration, isosurface
+    bool stops = false;     ///< a tile whose pixels are all finished is left
+    double first_depth = 0.0;
+    double slice_spacing = 1.0;
+    std::int64_t slices = 0;
+};
+
+/// Memory that starts at a whole line of the cache.
+template <class T>
+struct LineAllocator {
+    using value_type = T;
+    static constexpr std::align_val_t line{64};
+    LineAllocator() = default;
+    template <class U>
+    LineAllocator(const LineAllocator<U>& /*other*/) {}
+    T* allocate(std::size_t count) { return static_cast<T*>(::operator new(count * sizeof(T), line)); }
+    void deallocate(T* memory, std::size_t /*count*/) { ::operator delete(memory, line); }
+    friend bool operator==(const LineAllocator&, const LineAllocator&) { return true; }
+    friend bool operator!=(const LineAllocator&, const LineAllocator&) { return false; }
+};
+template <class T>
+using LineVector = std::vector<T, LineAllocator<T>>;
+
+/// What a thread needs for a tile; kept from tile to tile.
+template <class T>
+struct TileScratch {
+    std::vector<TileKernels<T>> kernels; ///< one a part
+    LineVector<T> ring;                  ///< [slot][channel][element]
+    LineVector<T> zeros;                 ///< a sheet
+    LineVector<T> picture;               ///< planes
+    std::vector<int> row_alive;
+    std::vector<std::uint64_t> alive_rows; ///< a bit for each pixel of a row of the sheets that is still looked at
+    struct Again {
+        std::uint32_t part, section;
+    };
+    std::vector<Again> again[covered_slices]; ///< to be drawn again, by slice
+    TilePicture<T> planes;
+    // Counts of one frame.
+    std::uint64_t sections_drawn = 0; ///< kernel times slice
+    std::uint64_t kernels_drawn = 0;
+
+    [[nodiscard]] std::size_t bytes() const {
+        std::size_t sum = (ring.capacity() + zeros.capacity() + picture.capacity()) * sizeof(T);
+        for (const auto& part : kernels) {
+            sum += part.bytes();
+        }
+        return sum;
+    }
+};
+
+/// What is compiled for each instruction set.
+template <class T>
+struct TileFunctions {
+    /// Kernels of a lattice for a tile, by first slices. Throws OutOfMemory or std::bad_alloc.
+    void (*feed_rows)(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling,
+                      const RowPart* begin, const RowPart* end, const TileShape& tile, TileKernels<T>& kernels);
+    RectsFunction rects;
+    /// Scattered kernels for a tile, by first slices.
+    void (*feed_kernels)(const EllipsoidView& view, const std::uint32_t* begin, const std::uint32_t* end,
+                         const TileShape& tile, TileKernels<T>& kernels);
+    /// Splats, shades and composites one tile whose kernels are in scratch.kernels and whose picture is cleared.
+    /// between is called between slices; returning false (or throwing) ends the tile.
+    void (*run)(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch,
+                const std::function<bool()>& between);
+};
+
+/// An instruction set that was compiled.
+enum class InstructionSet { baseline, sse4, avx2, avx512, neon };
+const char* to_string(InstructionSet set);
+
+/// Null where the set was not compiled.
+const TileFunctions<float>* tile_functions_float(InstructionSet set);
+const TileFunctions<double>* tile_functions_double(InstructionSet set);
+
+} // namespace sheetsplat::backend_cpu

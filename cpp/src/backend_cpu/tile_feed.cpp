@@ -1,0 +1,239 @@
+#include "backend_cpu/tile_feed.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include <glm/geometric.hpp>
+
+#include "base/memory.hpp"
+
+namespace sheetsplat::backend_cpu {
+
+namespace {
+
+/// Samples of a row that are sorted together in perspective.
+constexpr std::uint32_t part_length = 32;
+
+/// Calls visit(chunk, emit) for every chunk twice, first to count, then to write, chunks side by side: emit(tile,
+/// item). Items stand in the order of their chunks, whatever the threads do.
+template <class Item, class Visit>
+Buckets<Item> bucket(std::size_t tiles, std::size_t chunks, ThreadPool& pool, const std::function<void()>& poll,
+                     const char* what, const Visit& visit) {
+    Buckets<Item> buckets;
+    require_memory(checked_product(checked_product(tiles, chunks, what), sizeof(std::size_t), what), what,
+                   "make the picture smaller");
+    std::vector<std::size_t> places(tiles * chunks, 0);
+    pool.run(
+        chunks,
+        [&](std::size_t chunk, int) {
+            std::size_t* own = places.data() + chunk * tiles;
+            visit(chunk, [&](std::size_t tile, const Item&) { ++own[tile]; });
+        },
+        poll);
+    buckets.offset.resize(tiles + 1);
+    std::size_t sum = 0;
+    for (std::size_t tile = 0; tile < tiles; ++tile) {
+        buckets.offset[tile] = sum;
+        for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+            const std::size_t count = places[chunk * tiles + tile];
+            places[chunk * tiles + tile] = sum;
+            sum += count;
+        }
+    }
+    buckets.offset[tiles] = sum;
+    require_memory(checked_product(sum, sizeof(Item), what), what,
+                   "use a transfer function that shows less, or a smaller picture");
+    buckets.items.resize(sum);
+    pool.run(
+        chunks,
+        [&](std::size_t chunk, int) {
+            std::size_t* own = places.data() + chunk * tiles;
+            Item* items = buckets.items.data();
+            visit(chunk, [&](std::size_t tile, const Item& item) { items[own[tile]++] = item; });
+        },
+        poll);
+    return buckets;
+}
+
+/// Few enough that counts stay small, enough that threads share them evenly.
+std::size_t chunks_for(std::size_t items, std::size_t tiles) {
+    const std::size_t most = std::clamp<std::size_t>((std::size_t{1} << 22) / std::max<std::size_t>(tiles, 1), 1, 64);
+    return std::clamp<std::size_t>(items / 1024, 1, most);
+}
+
+/// Samples i of 0 ... count - 1 with low <= at + i step <= high.
+struct Samples {
+    std::uint32_t begin, end;
+};
+Samples samples_between(double at, double step, double low, double high, std::uint32_t begin, std::uint32_t end) {
+    if (step == 0.0) {
+        return at >= low && at <= high ? Samples{begin, end} : Samples{0, 0};
+    }
+    double from = (low - at) / step, to = (high - at) / step;
+    if (from > to) {
+        std::swap(from, to);
+    }
+    // A sample more on each side costs nothing; one that is missing would be seen.
+    from = std::clamp(std::ceil(from - 1e-3), static_cast<double>(begin), static_cast<double>(end));
+    to = std::clamp(std::floor(to + 1e-3) + 1.0, static_cast<double>(begin), static_cast<double>(end));
+    const auto first = static_cast<std::uint32_t>(from), last = static_cast<std::uint32_t>(to);
+    return first < last ? Samples{first, last} : Samples{0, 0};
+}
+
+/// The smallest and largest x / t for x between low and high, and t between near and far, both > 0.
+struct Interval {
+    double low, high;
+};
+Interval over_depth(double low, double high, double near, double far) {
+    return {std::min(low / near, low / far), std::max(high / near, high / far)};
+}
+
+} // namespace
+
+TileLayout::Axis::Axis(int pixels_in, int largest) : pixels(pixels_in), tiles((pixels_in + largest - 1) / largest) {
+    const auto held = static_cast<std::size_t>(pixels) + 2;
+    first_of.assign(held, 0);
+    last_of.assign(held, 0);
+    for (int tile = 0; tile < tiles; ++tile) {
+        // Pixels begin(tile) - 1 ... begin(tile + 1), each one further in the tables.
+        for (int at = begin(tile); at <= begin(tile + 1) + 1; ++at) {
+            last_of[static_cast<std::size_t>(at)] = tile;
+        }
+    }
+    for (int tile = tiles - 1; tile >= 0; --tile) {
+        for (int at = begin(tile); at <= begin(tile + 1) + 1; ++at) {
+            first_of[static_cast<std::size_t>(at)] = tile;
+        }
+    }
+}
+
+TileLayout::TileLayout(Size size, int largest) : across_(size.width, largest), down_(size.height, largest) {}
+
+TileShape TileLayout::shape(std::size_t tile) const {
+    const int column = static_cast<int>(tile % static_cast<std::size_t>(columns()));
+    const int row = static_cast<int>(tile / static_cast<std::size_t>(columns()));
+    TileShape shape;
+    shape.x = left(column);
+    shape.y = top(row);
+    shape.width = left(column + 1) - shape.x;
+    shape.height = top(row + 1) - shape.y;
+    const int wanted = shape.width + 2 + TileShape::padding;
+    shape.stride = (wanted + TileShape::padding - 1) / TileShape::padding * TileShape::padding;
+    return shape;
+}
+
+Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, const Frame& frame,
+                             const TileLayout& layout, ThreadPool& pool, const std::function<void()>& poll) {
+    const auto& shape = view.field->shape();
+    const std::size_t rows = runs.rows();
+    const std::size_t chunks = chunks_for(rows, layout.tiles());
+    const bool perspective = frame.projection == Projection::perspective;
+    const double axis_x = 0.5 * frame.size.width, axis_y = 0.5 * frame.size.height;
+    const double half_x = view.extent_x / frame.pixel, half_y = view.extent_y / frame.pixel;
+    const double first_depth = frame.depth_of(0) - view.slab_half;
+    const double last_depth = frame.depth_of(frame.slices - 1) + view.slab_half;
+    const auto columns = static_cast<std::size_t>(layout.columns());
+
+    const auto orthographic_row = [&](std::uint32_t row, std::uint32_t begin, std::uint32_t end, const auto& emit) {
+        const Vec3 eye = view.eye_position(0, row % shape[1], row / shape[1]);
+        const double x = eye.x / frame.pixel + axis_x, y = axis_y - eye.y / frame.pixel;
+        const double dx = view.step_i.x / frame.pixel, dy = -view.step_i.y / frame.pixel;
+        const double y_begin = y + begin * dy, y_end = y + (end - 1) * dy;
+        const TileLayout::Range down =
+            layout.down().between(std::min(y_begin, y_end) - half_y, std::max(y_begin, y_end) + half_y);
+        for (int tile_row = down.first; tile_row <= down.last; ++tile_row) {
+            const Samples in_row = samples_between(y, dy, layout.top(tile_row) - 0.5 - half_y,
+                                                   layout.top(tile_row + 1) + 0.5 + half_y, begin, end);
+            if (in_row.begin >= in_row.end) {
+                continue;
+            }
+            const double x_begin = x + in_row.begin * dx, x_end = x + (in_row.end - 1) * dx;
+            const TileLayout::Range across =
+                layout.across().between(std::min(x_begin, x_end) - half_x, std::max(x_begin, x_end) + half_x);
+            for (int tile_column = across.first; tile_column <= across.last; ++tile_column) {
+                const Samples here =
+                    samples_between(x, dx, layout.left(tile_column) - 0.5 - half_x,
+                                    layout.left(tile_column + 1) + 0.5 + half_x, in_row.begin, in_row.end);
+                if (here.begin < here.end) {
+                    emit(static_cast<std::size_t>(tile_row) * columns + static_cast<std::size_t>(tile_column),
+                         RowPart{row, here.begin, here.end});
+                }
+            }
+        }
+    };
+    const auto perspective_part = [&](std::uint32_t row, std::uint32_t begin, std::uint32_t end, const auto& emit) {
+        const Vec3 a = view.eye_position(begin, row % shape[1], row / shape[1]);
+        const Vec3 b = view.eye_position(end - 1, row % shape[1], row / shape[1]);
+        const double near = std::max(std::min(-a.z, -b.z) - view.half_depth, first_depth);
+        const double far = std::min(std::max(-a.z, -b.z) + view.half_depth, last_depth);
+        if (near > far) {
+            return;
+        }
+        TileLayout::Range across{0, layout.columns() - 1}, down{0, layout.rows() - 1};
+        // A whole slab counts where its middle lies behind the near plane: it can reach through the eye, where every
+        // ray starts.
+        if (near > 1e-9 * frame.slice_spacing) {
+            const Interval x =
+                over_depth(std::min(a.x, b.x) - view.extent_x, std::max(a.x, b.x) + view.extent_x, near, far);
+            const Interval y =
+                over_depth(std::min(-a.y, -b.y) - view.extent_y, std::max(-a.y, -b.y) + view.extent_y, near, far);
+            across = layout.across().between(x.low / frame.pixel + axis_x - 1e-3, x.high / frame.pixel + axis_x + 1e-3);
+            down = layout.down().between(y.low / frame.pixel + axis_y - 1e-3, y.high / frame.pixel + axis_y + 1e-3);
+        }
+        for (int tile_row = down.first; tile_row <= down.last; ++tile_row) {
+            for (int tile_column = across.first; tile_column <= across.last; ++tile_column) {
+                emit(static_cast<std::size_t>(tile_row) * columns + static_cast<std::size_t>(tile_column),
+                     RowPart{row, begin, end});
+            }
+        }
+    };
+    return bucket<RowPart>(layout.tiles(), chunks, pool, poll, "the rows of a lattice, sorted by tiles",
+                           [&](std::size_t chunk, const auto& emit) {
+                               const std::size_t first = rows * chunk / chunks, past = rows * (chunk + 1) / chunks;
+                               for (std::size_t row = first; row < past; ++row) {
+                                   if (runs.begin(row) == runs.end(row)) {
+                                       continue;
+                                   }
+                                   const auto number = static_cast<std::uint32_t>(row);
+                                   const std::uint32_t begin = runs.begin(row)->begin, end = (runs.end(row) - 1)->end;
+                                   if (!perspective) {
+                                       orthographic_row(number, begin, end, emit);
+                                       continue;
+                                   }
+                                   for (std::uint32_t part = begin; part < end; part += part_length) {
+                                       perspective_part(number, part, std::min(part + part_length, end), emit);
+                                   }
+                               }
+                           });
+}
+
+Buckets<std::uint32_t> bucket_kernels(const EllipsoidView& view, const std::vector<std::uint8_t>& visible,
+                                      const TileLayout& layout, RectsFunction rects, ThreadPool& pool,
+                                      const std::function<void()>& poll) {
+    const std::size_t kernels = visible.size();
+    const std::size_t chunks = chunks_for(kernels, layout.tiles());
+    const auto columns = static_cast<std::size_t>(layout.columns());
+    const char* what = "the kernels of a view, sorted by tiles";
+    require_memory(checked_product(kernels, sizeof(TileRect), what), what, "draw fewer kernels");
+    const std::unique_ptr<TileRect[]> found(new TileRect[kernels]);
+    const auto begin = [&](std::size_t chunk) { return kernels * chunk / chunks; };
+    pool.run(
+        chunks,
+        [&](std::size_t chunk, int) { rects(view, visible, layout, begin(chunk), begin(chunk + 1), found.get()); },
+        poll);
+    return bucket<std::uint32_t>(layout.tiles(), chunks, pool, poll, what, [&](std::size_t chunk, const auto& emit) {
+        for (std::size_t i = begin(chunk); i < begin(chunk + 1); ++i) {
+            const TileRect& rect = found[i];
+            for (std::int32_t row = rect.rows.first; row <= rect.rows.last; ++row) {
+                for (std::int32_t column = rect.columns.first; column <= rect.columns.last; ++column) {
+                    emit(static_cast<std::size_t>(row) * columns + static_cast<std::size_t>(column),
+                         static_cast<std::uint32_t>(i));
+                }
+            }
+        }
+    });
+}
+
+} // namespace sheetsplat::backend_cpu

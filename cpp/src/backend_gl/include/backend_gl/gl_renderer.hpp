@@ -1,0 +1,85 @@
+// The slice loop on OpenGL: splat a batch, shade what is finished, composite front to back ([NM05] figure 5).
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/capabilities.hpp"
+#include "plan/make_plan.hpp"
+#include "sheetsplat/device.hpp"
+#include "sheetsplat/image.hpp"
+#include "sheetsplat/renderer.hpp"
+#include "view/cell_walk.hpp"
+#include "view/light_volume.hpp"
+#include "view/slab_batches.hpp"
+
+namespace sheetsplat::backend_gl {
+
+/// How kernels are batched for a plan.
+BatchLayout make_layout(const DrawPlan& plan);
+
+/// Radius in pixels up to which a plan draws spheres as point sprites; 0: none.
+double largest_sprite(const DrawPlan& plan, const Capabilities& capabilities);
+
+/// A lattice in the scene.
+struct RegularPart {
+    std::size_t field = 0; ///< in the scene
+    const FieldView* view = nullptr;
+    const SlabBatches* batches = nullptr;
+};
+
+/// Scattered ellipsoids in the scene.
+struct EllipsoidPart {
+    std::size_t field = 0;
+    std::shared_ptr<const EllipsoidField> kernels;
+    const EllipsoidView* view = nullptr;
+    const CellTraversal* traversal = nullptr;
+};
+
+/// One view, ready to be drawn. Nothing is owned.
+struct Job {
+    const Scene* scene = nullptr;
+    const Camera* camera = nullptr;
+    const Frame* frame = nullptr;
+    const DrawPlan* plan = nullptr;
+    std::vector<RegularPart> regular;
+    std::vector<EllipsoidPart> ellipsoids;
+    const LightVolumes* volumes = nullptr; ///< where the plan has shadows or ambient occlusion
+    BatchLayout layout{};
+    int tile_size = 0;      ///< largest edge of an image tile, pixels; 0: what the device can do
+    int tags_per_clear = 0; ///< 0: what the depth buffer resolves
+    const Progress* progress = nullptr;
+};
+
+/// Owns one OpenGL context and what was made in it.
+class GlRenderer {
+  public:
+    /// Throws DeviceUnavailable.
+    explicit GlRenderer(std::optional<int> egl_device = std::nullopt);
+    ~GlRenderer();
+    GlRenderer(const GlRenderer&) = delete;
+    GlRenderer& operator=(const GlRenderer&) = delete;
+
+    [[nodiscard]] const Capabilities& capabilities() const;
+    /// Fills the picture and adds to its stats. Throws OutOfMemory, Cancelled, Error.
+    void render(const Job& job, Image& image);
+
+    /// sheetsplat::fill_test on this context: the floor of the splat pass.
+    Seconds fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets, int repeats);
+
+  private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+/// One report a way to a context.
+std::vector<DeviceReport> survey();
+
+/// The GLSL text that a plan compiles: name of the stage -> source. For tests that look for branches on effects.
+std::map<std::string, std::string> shader_sources(const DrawPlan& plan, const Scene& scene);
+
+} // namespace sheetsplat::backend_gl

@@ -1,0 +1,85 @@
+#include "light_textures.hpp"
+
+#include <algorithm>
+#include <string>
+
+#include <glm/geometric.hpp>
+
+#include "interop.h"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat::backend_gl {
+
+namespace {
+
+const LightVolume& bright() {
+    static const LightVolume one{Vec3(0.0), {Vec3(0.0), Vec3(0.0), Vec3(0.0)}, {1, 1, 1}, {1.0F}};
+    return one;
+}
+
+const LightVolume& volume_of(const std::shared_ptr<const LightVolume>& volume) { return volume ? *volume : bright(); }
+
+} // namespace
+
+void LightTextures::upload(const LightVolumes& volumes, bool shadows, bool occlusion, int largest) {
+    std::vector<std::shared_ptr<const LightVolume>> wanted;
+    if (shadows) {
+        wanted = volumes.lights;
+    }
+    if (occlusion) {
+        wanted.push_back(volumes.openness);
+    }
+    if (wanted == volumes_ && texture_) {
+        return;
+    }
+    volumes_.clear();
+    std::size_t elements = 0;
+    for (const auto& volume : wanted) {
+        elements += volume_of(volume).values.size();
+    }
+    if (elements > static_cast<std::size_t>(largest)) {
+        throw Unsupported(
+            Complaint{"shadows and ambient occlusion cannot be drawn with backend gl",
+                      std::to_string(elements) + " elements of what dims light",
+                      "at most " + std::to_string(largest) + ", which a buffer texture of this device holds",
+                      "use a larger slice_spacing or fewer lights, or backend cpu"});
+    }
+    auto* to = static_cast<float*>(buffer_.map(elements * sizeof(float)));
+    for (const auto& volume : wanted) {
+        to = std::copy(volume_of(volume).values.begin(), volume_of(volume).values.end(), to);
+    }
+    buffer_.unmap();
+    texture_ = gl::BufferTexture(*gl_, GL_R32F, buffer_);
+    volumes_ = std::move(wanted);
+}
+
+void LightTextures::bind(const gl::Program& program, const Camera& camera, const Frame& frame,
+                         std::int64_t first_slab) const {
+    texture_.bind(UNIT_LIGHT_VOLUMES);
+    program.set("volume_texture", UNIT_LIGHT_VOLUMES);
+    std::vector<float> last, place, right, down, back;
+    const Vec3 on_axis = camera.eye() - frame.depth_of(first_slab) * camera.back_world();
+    std::size_t first = 0;
+    for (std::size_t number = 0; number < volumes_.size(); ++number) {
+        const LightVolume& volume = volume_of(volumes_[number]);
+        program.set("volume_first[" + std::to_string(number) + "]", static_cast<int>(first));
+        first += volume.values.size();
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            const Vec3& per_step = volume.per_step[axis];
+            const auto append = [](std::vector<float>& to, double value) { to.push_back(static_cast<float>(value)); };
+            append(last, volume.counts[axis] - 1);
+            append(place, glm::dot(on_axis - volume.origin, per_step));
+            append(right, frame.pixel * glm::dot(camera.right_world(), per_step));
+            append(down, -frame.pixel * glm::dot(camera.up_world(), per_step));
+            append(back, -frame.slice_spacing * glm::dot(camera.back_world(), per_step));
+        }
+    }
+    const int count = static_cast<int>(volumes_.size());
+    program.set_array3("volume_last", last.data(), count);
+    program.set_array3("volume_place", place.data(), count);
+    program.set_array3("volume_right", right.data(), count);
+    program.set_array3("volume_down", down.data(), count);
+    program.set_array3("volume_back", back.data(), count);
+}
+
+} // namespace sheetsplat::backend_gl

@@ -1,0 +1,35 @@
+// What light finds on its way, as the shading pass looks it up.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "gl/objects.hpp"
+#include "gl/program.hpp"
+#include "sheetsplat/camera.hpp"
+#include "view/frame.hpp"
+#include "view/light_volume.hpp"
+
+namespace sheetsplat::backend_gl {
+
+/// Made and destroyed with the context current.
+class LightTextures {
+  public:
+    explicit LightTextures(const gl::Api& gl) : gl_(&gl), buffer_(gl, GL_ARRAY_BUFFER) {}
+
+    /// One volume a light where there are shadows, then openness where there is ambient occlusion; what is on the
+    /// device already stays. largest: texels that a buffer texture may have. Throws Unsupported, OutOfMemory.
+    void upload(const LightVolumes& volumes, bool shadows, bool occlusion, int largest);
+    /// Binds the buffer and sets the uniforms of lib/light_volume.glsl. first_slab: of the shader's array.
+    void bind(const gl::Program& program, const Camera& camera, const Frame& frame, std::int64_t first_slab) const;
+    [[nodiscard]] std::size_t bytes() const { return buffer_.capacity(); }
+
+  private:
+    const gl::Api* gl_;
+    gl::Buffer buffer_;
+    gl::BufferTexture texture_;
+    std::vector<std::shared_ptr<const LightVolume>> volumes_; ///< null: nothing dims the light
+};
+
+} // namespace sheetsplat::backend_gl

@@ -1,0 +1,146 @@
+#include "section_pass.hpp"
+
+#include <algorithm>
+
+#include "backend_gl/embedded_glsl.hpp"
+#include "base/memory.hpp"
+#include "interop.h"
+
+namespace sheetsplat::backend_gl {
+
+namespace {
+
+/// What the vertex program gets for one kernel.
+struct KernelVertex {
+    double center[3];
+    double axes[9];
+    double value, weight;
+};
+static_assert(sizeof(KernelVertex) == 112, "attributes are read at fixed places");
+
+} // namespace
+
+SectionPass::SectionPass(const gl::Api& gl)
+    : gl_(&gl), pixel_(gl, GL_RGBA8, 1, 1), nowhere_(gl, std::vector<const gl::Texture*>{&pixel_}) {}
+
+const gl::Program& SectionPass::program(Projection projection) {
+    gl::Program& made = projection == Projection::perspective ? perspective_ : orthographic_;
+    if (!made) {
+        gl::Defines defines;
+        if (projection == Projection::perspective) {
+            defines["PERSPECTIVE"] = "1";
+        }
+        made = gl::Program::capturing(*gl_, embedded_glsl(), "section.vert", defines, "#version 410 core",
+                                      {"record_place", "record_heights", "record_axes", "record_step"});
+    }
+    return made;
+}
+
+SectionPass::Entry& SectionPass::entry_of(const std::shared_ptr<const EllipsoidField>& kernels) {
+    for (const auto& entry : entries_) {
+        if (entry->kernels == kernels) {
+            return *entry;
+        }
+    }
+    auto entry = std::make_unique<Entry>();
+    entry->kernels = kernels;
+    entry->input = gl::Buffer(*gl_, GL_ARRAY_BUFFER);
+    entry->output = gl::Buffer(*gl_, GL_ARRAY_BUFFER);
+    entry->array = gl::VertexArray(*gl_);
+    const EllipsoidField& field = *kernels;
+    const Vec3 middle = field.centres_world().centre();
+    auto* vertices = static_cast<KernelVertex*>(
+        entry->input.map(checked_product(field.size(), sizeof(KernelVertex), "the kernels on the device")));
+    for (std::size_t i = 0; i < field.size(); ++i) {
+        const Vec3 center = field.center(i) - middle;
+        const Mat3 shape = field.shape(i);
+        KernelVertex vertex{};
+        for (int axis = 0; axis < 3; ++axis) {
+            vertex.center[axis] = center[axis];
+            for (int part = 0; part < 3; ++part) {
+                vertex.axes[3 * axis + part] = shape[axis][part];
+            }
+        }
+        vertex.value = field.value(i);
+        vertex.weight = field.weight(i);
+        vertices[i] = vertex;
+    }
+    entry->input.unmap();
+    // Storage alone: the pass fills it.
+    static_cast<void>(
+        entry->output.map(checked_product(field.size(), sizeof(SectionRecord), "the sections on the device")));
+    entry->output.unmap();
+    entry->texture = gl::BufferTexture(*gl_, GL_RGBA32F, entry->output);
+    entry->array.bind();
+    entry->input.bind();
+    const auto attribute = [&](GLuint location, GLint size, std::size_t offset) {
+        gl_->EnableVertexAttribArray(location);
+        gl_->VertexAttribLPointer(location, size, GL_DOUBLE, sizeof(KernelVertex),
+                                  reinterpret_cast<const void*>(offset));
+    };
+    attribute(ATTRIBUTE_KERNEL_CENTER, 3, 0);
+    for (GLuint axis = 0; axis < 3; ++axis) {
+        attribute(ATTRIBUTE_KERNEL_AXIS_A + axis, 3, (3 + 3 * axis) * sizeof(double));
+    }
+    attribute(ATTRIBUTE_KERNEL_AMOUNT, 2, 12 * sizeof(double));
+    entries_.push_back(std::move(entry));
+    return *entries_.back();
+}
+
+void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view) {
+    if (kernels->size() == 0 || view.frame().slices == 0) {
+        return;
+    }
+    const Entry& entry = entry_of(kernels);
+    const Frame& frame = view.frame();
+    const gl::Program& pass = program(frame.projection);
+    pass.use();
+    // The eye from the field's centre: what is left keeps its digits wherever both are.
+    const Vec3 eye = view.eye_world() - kernels->centres_world().centre();
+    const auto set = [&](const char* name, const Vec3& v) { pass.set(name, v.x, v.y, v.z); };
+    set("eye", eye);
+    set("right", view.right_world());
+    set("up", view.up_world());
+    set("back", view.back_world());
+    pass.set("pixel", frame.pixel);
+    pass.set("slice_spacing", frame.slice_spacing);
+    pass.set("first_depth", frame.first_depth);
+    pass.set("last_slice", static_cast<double>(frame.slices - 1));
+    pass.set("value_scale", view.value_scale());
+    pass.set("weight_scale", view.weight_scale());
+    nowhere_.bind();
+    entry.array.bind();
+    gl_->BindBufferBase(GL_TRANSFORM_FEEDBACK_BUFFER, 0, entry.output.name());
+    gl_->Enable(GL_RASTERIZER_DISCARD);
+    gl_->BeginTransformFeedback(GL_POINTS);
+    gl_->DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(kernels->size()));
+    gl_->EndTransformFeedback();
+    gl_->Disable(GL_RASTERIZER_DISCARD);
+    gl_->BindBufferBase(GL_TRANSFORM_FEEDBACK_BUFFER, 0, 0);
+    gl::check_errors(*gl_, "slicing the ellipsoids");
+}
+
+const gl::BufferTexture& SectionPass::records(const EllipsoidField& field) const {
+    const auto found = std::find_if(entries_.begin(), entries_.end(),
+                                    [&](const auto& entry) { return entry->kernels.get() == &field; });
+    return (*found)->texture;
+}
+
+void SectionPass::keep(const std::vector<const EllipsoidField*>& fields) {
+    entries_.erase(std::remove_if(entries_.begin(), entries_.end(),
+                                  [&](const auto& entry) {
+                                      return std::find(fields.begin(), fields.end(), entry->kernels.get()) ==
+                                             fields.end();
+                                  }),
+                   entries_.end());
+}
+
+std::size_t SectionPass::bytes() const {
+    std::size_t sum = 0;
+    for (const auto& entry : entries_) {
+        sum += entry->input.capacity() + entry->output.capacity();
+    }
+    return sum;
+}
+
+} // namespace sheetsplat::backend_gl

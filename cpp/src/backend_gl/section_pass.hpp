@@ -1,0 +1,44 @@
+// One pass over all ellipsoids of a field slices them for a view ([NM06] section 4.1, by transform feedback): the
+// records stay on the device, and nothing is read back.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "gl/objects.hpp"
+#include "gl/program.hpp"
+#include "view/ellipsoid_view.hpp"
+
+namespace sheetsplat::backend_gl {
+
+/// Needs OpenGL 4.1. Kernels are uploaded once a field, 112 bytes each; records take 64 bytes a kernel.
+class SectionPass {
+  public:
+    explicit SectionPass(const gl::Api& gl);
+
+    /// Slices all kernels of a view's field. `kernels` owns the field.
+    void slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view);
+    /// The records of the field that was sliced last, or before it, as texels of a buffer.
+    [[nodiscard]] const gl::BufferTexture& records(const EllipsoidField& field) const;
+    /// Gives back what belongs to other fields.
+    void keep(const std::vector<const EllipsoidField*>& fields);
+    [[nodiscard]] std::size_t bytes() const;
+
+  private:
+    struct Entry {
+        std::shared_ptr<const EllipsoidField> kernels;
+        gl::Buffer input, output;
+        gl::BufferTexture texture;
+        gl::VertexArray array;
+    };
+    Entry& entry_of(const std::shared_ptr<const EllipsoidField>& kernels);
+    [[nodiscard]] const gl::Program& program(Projection projection);
+
+    const gl::Api* gl_;
+    std::vector<std::unique_ptr<Entry>> entries_;
+    gl::Program orthographic_, perspective_;
+    gl::Texture pixel_; ///< nothing is drawn to it, but without a window some framebuffer must be bound
+    gl::Framebuffer nowhere_;
+};
+
+} // namespace sheetsplat::backend_gl

@@ -1,0 +1,241 @@
+#include "shader_variants.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "backend_gl/gl_renderer.hpp"
+#include "plan/pivot.hpp"
+
+namespace sheetsplat::backend_gl {
+
+namespace {
+
+const std::string on = "1";
+
+/// Names of what is switched on become defines.
+template <std::size_t count>
+void define(const std::array<std::pair<const char*, bool>, count>& switches, gl::Defines& defines) {
+    for (const auto& [name, active] : switches) {
+        if (active) {
+            defines[name] = on;
+        }
+    }
+}
+
+} // namespace
+
+bool splats_slopes(const DrawPlan& plan) { return plan.fine_gradient || plan.analytic_gradient; }
+
+namespace {
+
+/// Whether what adds to a target adds changes too: those of weights only where quotients need them.
+bool slopes_of(const DrawPlan& plan, const SplatTarget& target) {
+    return splats_slopes(plan) && (!target.weights_alone || plan.threshold || target.own >= 0);
+}
+
+/// Values are counted from their middle. Modes that show rho itself have no use for that; what is drawn for comparison
+/// does not do it.
+bool pivots(const DrawPlan& plan) {
+    const bool classified = plan.mode == Mode::composite || plan.mode == Mode::isosurface;
+    return classified && !plan.own_sheets.empty() && !plan.paper_slicing && !plan.gather;
+}
+
+} // namespace
+
+std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene) {
+    std::vector<double> result;
+    for (std::size_t field = 0; field < plan.own_sheets.size(); ++field) {
+        if (plan.own_sheets[field] >= 0) {
+            const double pivot = pivots(plan) ? pivot_of(*scene.fields[field]) : 0.0;
+            // As float32 has it in the sheets' unit, so that all who use it mean the same number.
+            const auto rounded = static_cast<double>(static_cast<float>(pivot / plan.value_unit));
+            result.push_back(rounded * plan.value_unit);
+        }
+    }
+    return result;
+}
+
+Steps make_steps(const DrawPlan& plan, const Frame& frame) {
+    Steps steps;
+    const std::int64_t n = frame.slices;
+    const bool intervals = plan.mode == Mode::isosurface || plan.preintegration;
+    if (plan.packing == Packing::wide) {
+        // The last slice of pass p is 4 p + 2, its last interval starts at 4 p + 1.
+        const std::int64_t last = intervals ? n - 2 : n - 3;
+        steps.passes = n == 0 ? 0 : std::max<std::int64_t>((last + 3) / 4, 0) + 1;
+        return steps;
+    }
+    steps.slices = 1;
+    steps.slabs = 4;
+    steps.history = 5;
+    steps.stride = 1;
+    steps.passes = n == 0 ? 0 : n + (intervals ? 2 : 1);
+    return steps;
+}
+
+BatchLayout make_layout(const DrawPlan& plan) {
+    if (plan.preshaded) {
+        return {1, 1};
+    }
+    if (plan.packing == Packing::wide) {
+        return {4, 8};
+    }
+    return plan.four_channels ? BatchLayout{1, 4} : BatchLayout{1, 1};
+}
+
+gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target) {
+    const bool general = plan.general || view.sheared;
+    const bool separable = plan.separable && !general && view.extent_x == view.extent_y;
+    gl::Defines defines;
+    if (plan.sampling == Sampling::slab) {
+        defines["SLAB"] = on;
+        defines["SLAB_NODES"] = std::to_string(plan.slab_nodes);
+        defines["SLAB_PIECES"] = std::to_string(plan.slab_pieces);
+    }
+    const std::array<std::pair<const char*, bool>, 13> switches{{
+        {"GENERAL", general},
+        {"PERSPECTIVE", plan.projection == Projection::perspective},
+        {"SEPARABLE", separable},
+        {"NONNEGATIVE", separable && !target.weight && view.field != nullptr && view.field->value_range()[0] >= 0.0},
+        {"TWO_TARGETS", plan.packing == Packing::wide},
+        {"POINTS", plan.points},
+        {"FINE", slopes_of(plan, target)},
+        {"FINE_XY", plan.fine_across},
+        {"FINE_Z", plan.fine_along},
+        {"ANALYTIC", plan.analytic_gradient},
+        {"PIVOT", pivots(plan) && target.own >= 0 && !target.weights_alone},
+        {"WEIGHT", target.weight && !splats_slopes(plan)},
+        {"WEIGHT_ALONE", target.weights_alone},
+    }};
+    define(switches, defines);
+    return defines;
+}
+
+gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const SplatTarget& target) {
+    gl::Defines defines{{"ELLIPSOID", on}};
+    if (plan.sampling == Sampling::slab) {
+        defines["SLAB"] = on;
+        const bool thin = group == SectionGroup::thin || group == SectionGroup::precise_thin;
+        const bool medium = group == SectionGroup::medium || group == SectionGroup::precise_medium;
+        defines["SLAB_NODES"] = thin ? "4" : medium ? "6" : "0";
+        // Differences of means are integrated in pieces short enough for six nodes; a chord is at most 2 sqrt(k) widths
+        // long.
+        defines["SLAB_PIECES"] = thin || medium ? "1" : "4";
+    }
+    const std::array<std::pair<const char*, bool>, 14> switches{{
+        {"BARE", plan.bare_fill},
+        {"RESIDENT", plan.resident_sections},
+        {"PRECISE_PLACES", is_precise(group)},
+        {"SPRITE", group == SectionGroup::sprite},
+        {"COMPACT", group == SectionGroup::compact && !slopes_of(plan, target) && plan.packing == Packing::wide},
+        {"PERSPECTIVE", plan.projection == Projection::perspective},
+        {"TWO_TARGETS", plan.packing == Packing::wide && !target.narrow},
+        {"FINE", slopes_of(plan, target)},
+        {"FINE_XY", plan.fine_across},
+        {"FINE_Z", plan.fine_along},
+        {"ANALYTIC", plan.analytic_gradient},
+        {"PIVOT", pivots(plan) && target.own >= 0 && !target.weights_alone},
+        {"WEIGHT", target.weight && !splats_slopes(plan)},
+        {"WEIGHT_ALONE", target.weights_alone},
+    }};
+    define(switches, defines);
+    return defines;
+}
+
+std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& target) {
+    std::vector<std::string> names;
+    const auto add = [&](const std::string& name) {
+        names.push_back(name + "_front");
+        if (plan.packing == Packing::wide && !target.narrow) {
+            names.push_back(name + "_back");
+        }
+    };
+    add("sheet");
+    if (slopes_of(plan, target)) {
+        add("x");
+        add("y");
+        add("z");
+    }
+    if (target.weight && !splats_slopes(plan)) {
+        add("weight");
+    }
+    return names;
+}
+
+gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
+    gl::Defines defines;
+    const bool wide = plan.packing == Packing::wide;
+    defines["SLICES"] = wide ? "4" : "1";
+    defines["SLABS"] = wide ? "8" : "4";
+    if (!wide) {
+        defines["PHASE"] = std::to_string(phase);
+    }
+    const std::array<std::pair<const char*, bool>, 28> switches{{
+        {"CLASSIFY", plan.mode == Mode::composite},
+        {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
+        {"MODE_XRAY", plan.mode == Mode::xray},
+        {"MODE_MIP", plan.mode == Mode::mip},
+        {"WEIGHT", plan.weight},
+        {"THRESHOLD", plan.threshold},
+        {"EMPTY_TEST", plan.empty_test},
+        {"PERSPECTIVE", plan.projection == Projection::perspective},
+        {"GRADIENT", plan.gradient},
+        {"SLOPES", splats_slopes(plan)},
+        {"ANALYTIC", plan.analytic_gradient},
+        {"FINE_XY", plan.fine_across},
+        {"FINE_Z", plan.fine_along},
+        {"SPECULAR", plan.specular},
+        {"TWO_SIDED", plan.two_sided},
+        {"OPACITY_CORRECTION", plan.opacity_correction},
+        {"STOP", plan.stop},
+        {"READ_IMAGE", plan.read_image},
+        {"PREINTEGRATION", plan.preintegration},
+        {"SECOND_ORDER", plan.second_order},
+        {"CLIP", plan.clip},
+        {"GRADIENT_OPACITY", plan.gradient_opacity},
+        {"DEPTH_CUE", plan.depth_cue},
+        {"SHADOWS", plan.shadows},
+        {"OCCLUSION", plan.ambient_occlusion},
+        {"DEPTH_OUT", plan.depth},
+        {"COVERAGE", plan.coverage},
+        {"COMPENSATED", plan.compensated},
+    }};
+    define(switches, defines);
+    if (plan.gradient) {
+        defines["LIGHTS"] = std::to_string(plan.lit ? lights : 0);
+    }
+    if (plan.shadows || plan.ambient_occlusion) {
+        defines["VOLUMES"] = std::to_string((plan.shadows ? lights : 0) + (plan.ambient_occlusion ? 1 : 0));
+    }
+    return defines;
+}
+
+std::vector<std::string> shade_outputs(const DrawPlan& plan) {
+    std::vector<std::string> names{"image_out"};
+    if (plan.depth) {
+        names.emplace_back("depth_out");
+    }
+    if (plan.coverage) {
+        names.emplace_back("coverage_out");
+    }
+    if (plan.compensated) {
+        names.emplace_back("error_out");
+    }
+    return names;
+}
+
+std::array<float, 4> channel_offsets(const DrawPlan& plan, std::int64_t first_slab) {
+    if (plan.packing == Packing::wide) {
+        return {0.0F, 1.0F, 2.0F, 3.0F};
+    }
+    std::array<float, 4> offsets{};
+    const auto phase = static_cast<int>(first_slab % 4);
+    for (int channel = 0; channel < 4; ++channel) {
+        const int offset = (channel - phase + 4) % 4;
+        offsets[static_cast<std::size_t>(channel)] =
+            plan.four_channels || offset == 0 ? static_cast<float>(offset) : 1e6F;
+    }
+    return offsets;
+}
+
+} // namespace sheetsplat::backend_gl

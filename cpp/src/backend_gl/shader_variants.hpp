@@ -1,0 +1,54 @@
+// From a plan to shader variants: which #defines and outputs each stage is compiled with. No branch on an effect is
+// left in a shader.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "gl/program.hpp"
+#include "plan/make_plan.hpp"
+#include "view/ellipsoid_view.hpp"
+#include "view/frame.hpp"
+#include "view/slab_batches.hpp"
+
+namespace sheetsplat::backend_gl {
+
+/// Where the slices of one shading pass stand.
+struct Steps {
+    int slices = 4;          ///< shaded in one pass
+    int slabs = 8;           ///< read in one pass
+    std::int64_t passes = 0; ///< a batch is splatted and finished slices are shaded in each
+    int history = 2;         ///< batches before the newest whose splats can lie in the slabs that a pass shows
+    int stride = 4;          ///< slabs between two batches
+
+    /// First slab of the array that pass `pass` reads.
+    [[nodiscard]] std::int64_t first_slab(std::int64_t pass) const { return slabs == 8 ? 4 * pass - 4 : pass - 3; }
+};
+
+Steps make_steps(const DrawPlan& plan, const Frame& frame);
+
+/// What one field's splats add to.
+struct SplatTarget {
+    int own = -1;               ///< number of the field's own sheets; -1: the sheets of all fields
+    bool weight = false;        ///< weights go along
+    bool narrow = false;        ///< one sheet instead of two
+    bool weights_alone = false; ///< the second splat pass where changes are splatted: weights, and theirs
+};
+/// Changes along x, y and z are splatted beside the sums: differences between neighbours, or derivatives.
+bool splats_slopes(const DrawPlan& plan);
+/// What the values of fields with sheets of their own are less by there: the middle of those that lie far from 0, else
+/// 0, in scene order and the scalar's unit. The sheets of all hold rho less the sum of these.
+std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene);
+gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target);
+gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const SplatTarget& target);
+std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& target);
+gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase);
+std::vector<std::string> shade_outputs(const DrawPlan& plan);
+
+/// Offsets of the four channels' slabs from the batch's first one: in order (wide), or rotated so that slab m lies in
+/// channel m mod 4 (paper). A channel that takes no part lies where no kernel reaches.
+std::array<float, 4> channel_offsets(const DrawPlan& plan, std::int64_t first_slab);
+
+} // namespace sheetsplat::backend_gl

@@ -1,0 +1,110 @@
+// The off-screen surfaces of a tile: the PBuffer of [NM05] section 4.5 as framebuffers that share one depth buffer.
+#pragma once
+
+#include <vector>
+
+#include "gl/objects.hpp"
+#include "gl/program.hpp"
+#include "plan/make_plan.hpp"
+
+namespace sheetsplat::backend_gl {
+
+/// What the surfaces are for a plan. Two equal shapes can share their surfaces.
+struct TargetShape {
+    int width = 0, height = 0; ///< with the border
+    GLenum sheet_format = GL_RGBA32F;
+    bool wide = true; ///< three sheets in a ring; else a splat buffer and a copy buffer
+    bool weight = false;
+    bool slopes = false;        ///< changes along x, y and z beside each sheet
+    bool weight_slopes = false; ///< those of the weights too, for quotients that are taken where a slab is shaded
+    bool shared_depth = false;  ///< tags or elimination
+    bool depth = false;         ///< a picture of depths
+    bool coverage = false;
+    bool compensated = false; ///< rounding errors of the picture are kept beside it
+    bool copies = false;      ///< no texture barrier: the picture so far is copied before it is read
+    int own = 0;              ///< fields that are normalised by themselves before all are added
+
+    [[nodiscard]] bool operator==(const TargetShape& other) const;
+};
+
+/// One slab's sums, or those of four: of values and weights, and their changes along x, y and z.
+struct Sheet {
+    gl::Texture value, weight;
+    gl::Texture slope[3], weight_slope[3];
+};
+
+class Targets {
+  public:
+    Targets() = default;
+    Targets(const gl::Api& gl, const TargetShape& shape);
+
+    [[nodiscard]] const TargetShape& shape() const { return shape_; }
+    [[nodiscard]] std::size_t bytes() const;
+
+    /// wide: sheet r of the ring (0..2). paper: 0 is the splat buffer, 1 the copy buffer.
+    [[nodiscard]] const Sheet& sheet(int r) const { return sheets_[static_cast<std::size_t>(r)]; }
+    /// Draws to sheets r and r + 1 of the ring (wide), or to the splat buffer (paper). own: number of a field with
+    /// sheets of its own, -1 for the sheets of all. Without slopes values, and weights where there are any; with slopes
+    /// values and their changes, or `weights` and theirs. one: sheet r of the ring alone.
+    void bind_splat(int own, int r, bool weights, bool one) const {
+        const Ways& ways = own < 0 ? ways_ : own_[static_cast<std::size_t>(own)].ways;
+        (weights ? one ? ways.one_weights : ways.weights
+         : one   ? ways.one
+                 : ways.values)[static_cast<std::size_t>(r)]
+            .bind();
+    }
+    void bind_copy(bool weights) const { (weights ? copy_weight_ : copy_).bind(); }
+    void bind_image() const { image_fbo_.bind(); }
+    void bind_depth_only() const { depth_fbo_.bind(); }
+
+    /// Sheets of a field that is normalised by itself, values and weights: r as above (paper: 0 alone).
+    [[nodiscard]] const Sheet& own_sheet(int field, int r) const {
+        return own_[static_cast<std::size_t>(field)].sheets[static_cast<std::size_t>(r)];
+    }
+    void clear_own(int field, int r) const;
+    /// Draws to one of the sheets of all without tags, where fields have sheets of their own: values, their changes
+    /// where there are any, and weights where there are any.
+    void bind_sum(int r) const { sum_[static_cast<std::size_t>(r)].bind(); }
+
+    /// Sets everything to its start: sheets and picture 0, depths of the picture infinite, tags 1. empty: values in the
+    /// sheet that stands for what lies before the first slab (wide: the last of the ring; paper: the copy buffer).
+    void clear_all(float empty = 0.0F) const;
+    void clear_sheet(int r) const;
+    void clear_tags() const;
+    /// The picture so far as textures that the shading pass may read: the picture itself, or a copy that is brought up
+    /// to date.
+    void bind_so_far(const gl::Program& program) const;
+
+    [[nodiscard]] const gl::Texture& image() const { return image_; }
+    [[nodiscard]] const gl::Texture& image_depth() const { return image_depth_; }
+    [[nodiscard]] const gl::Texture& image_coverage() const { return image_coverage_; }
+    /// Reads a rectangle of attachment 0 (picture), 1 (depth or coverage), 2 (coverage after depth).
+    void read(int attachment, int x, int y, int width, int height, GLenum format, float* out) const;
+
+  private:
+    const gl::Api* gl_ = nullptr;
+    TargetShape shape_;
+    std::vector<Sheet> sheets_;
+    /// What can be drawn to at once, for each sheet of the ring.
+    struct Ways {
+        std::vector<gl::Framebuffer> values, weights;      ///< both sheets of a batch
+        std::vector<gl::Framebuffer> one, one_weights;     ///< one sheet, with tags
+        std::vector<gl::Framebuffer> clear, clear_weights; ///< one sheet, without
+    };
+    [[nodiscard]] Sheet make_sheet(bool weight, bool weight_slopes) const;
+    [[nodiscard]] Ways make_ways(const std::vector<Sheet>& sheets, bool weight) const;
+    void clear(const Ways& ways, int r) const;
+
+    struct Own {
+        std::vector<Sheet> sheets;
+        Ways ways;
+    };
+    Ways ways_;
+    std::vector<Own> own_;
+    gl::Texture depth_tags_, image_, image_depth_, image_coverage_, image_error_;
+    gl::Texture image_copy_, image_depth_copy_, image_coverage_copy_, image_error_copy_;
+    std::vector<gl::Framebuffer> sum_;
+    gl::Framebuffer copy_, copy_weight_, image_fbo_, depth_fbo_;
+};
+
+} // namespace sheetsplat::backend_gl

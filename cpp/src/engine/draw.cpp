@@ -1,0 +1,135 @@
+#include "draw.hpp"
+
+#include <algorithm>
+#include <chrono>
+
+#include "backend_cpu/cpu_renderer.hpp"
+#include "backend_gl/gl_renderer.hpp"
+#include "reference/reference.hpp"
+#include "sheetsplat/error.hpp"
+#include "view/cell_walk.hpp"
+#include "view/ellipsoid_view.hpp"
+#include "view/slab_batches.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+std::vector<EllipsoidView> views_of(const Request& request, const Prepared& prepared, const Indexed& indexed) {
+    std::vector<EllipsoidView> views;
+    views.reserve(indexed.grids.size());
+    for (const GridEntry* entry : indexed.grids) {
+        views.emplace_back(*entry->kernels, request.camera, prepared.frame, request.scene.sampling,
+                           prepared.plan.filter ? Filter::ewa : Filter::none, prepared.plan.value_unit, 1.0);
+    }
+    return views;
+}
+
+/// Throws Cancelled.
+void report(const Progress& progress, double share) {
+    if (progress && !progress(share)) {
+        throw Cancelled(std::string("the rendering was cancelled by its progress callback"));
+    }
+}
+
+} // namespace
+
+void draw_on_reference(const Request& request, Image& image) {
+    const auto drawing = Clock::now();
+    reference::Request asked;
+    asked.coverage = request.outputs.coverage;
+    asked.depth = request.outputs.depth;
+    asked.progress = request.progress;
+    const reference::Picture picture = reference::render(request.scene, request.camera, request.size, asked);
+    const auto to_float = [](const std::vector<double>& from) {
+        std::vector<float> to(from.size());
+        std::transform(from.begin(), from.end(), to.begin(), [](double value) { return static_cast<float>(value); });
+        return to;
+    };
+    image.rgba = to_float(picture.rgba);
+    image.scalar = to_float(picture.scalar);
+    image.coverage = to_float(picture.coverage);
+    image.depth = to_float(picture.depth);
+    image.stats["kernels_drawn"] = static_cast<double>(picture.kernels_drawn);
+    image.stats["seconds_draw"] = seconds_since(drawing);
+}
+
+void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const RendererOptions& options,
+                const Prepared& prepared, const Indexed& indexed, Image& image) {
+    const auto viewing = Clock::now();
+    const DrawPlan& plan = prepared.plan;
+    backend_gl::Job job;
+    job.layout = backend_gl::make_layout(plan);
+    std::size_t drawn = 0, bytes = 0;
+    std::vector<SlabBatches> batches;
+    batches.reserve(indexed.runs.size());
+    for (std::size_t part = 0; part < indexed.runs.size(); ++part) {
+        batches.push_back(SlabBatches::of(prepared.views[part], indexed.runs[part]->runs, prepared.frame,
+                                          request.scene.sampling, job.layout, plan.fine_along ? 1 : 0));
+        drawn += batches.back().kernels();
+        bytes += batches.back().bytes();
+        job.regular.push_back({prepared.view_fields[part], &prepared.views[part], &batches.back()});
+    }
+    const int wider = plan.fine_gradient ? 1 : 0;
+    const bool may_narrow = plan.packing == Packing::wide && !plan.fine_gradient;
+    const double sprite = backend_gl::largest_sprite(plan, renderer.capabilities());
+    const std::vector<EllipsoidView> views = views_of(request, prepared, indexed);
+    std::vector<CellTraversal> traversals;
+    traversals.reserve(views.size());
+    for (std::size_t part = 0; part < views.size(); ++part) {
+        const GridEntry& entry = *indexed.grids[part];
+        traversals.push_back(CellTraversal::of(views[part], entry.grid, entry.reach.get(), entry.visible, job.layout,
+                                               wider, wider, may_narrow, sprite, plan.precise_aspect));
+        drawn += traversals.back().kernels();
+        bytes += traversals.back().bytes();
+        job.ellipsoids.push_back({prepared.ellipsoid_fields[part], entry.kernels, &views[part], &traversals.back()});
+    }
+    image.stats["seconds_view"] = seconds_since(viewing);
+
+    job.scene = &request.scene;
+    job.camera = &request.camera;
+    job.frame = &prepared.frame;
+    job.plan = &plan;
+    job.tile_size = options.tile_size;
+    job.tags_per_clear = options.tags_per_clear;
+    job.volumes = &indexed.volumes;
+    job.progress = &request.progress;
+    renderer.render(job, image);
+    image.stats["kernels_drawn"] = static_cast<double>(drawn);
+    image.stats["bytes_view"] = static_cast<double>(bytes);
+}
+
+void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, const RendererOptions& options,
+                 const Prepared& prepared, const Indexed& indexed, Image& image) {
+    const auto viewing = Clock::now();
+    backend_cpu::Job job;
+    for (std::size_t part = 0; part < indexed.runs.size(); ++part) {
+        job.regular.push_back({prepared.view_fields[part], &prepared.views[part], &indexed.runs[part]->runs});
+    }
+    const std::vector<EllipsoidView> views = views_of(request, prepared, indexed);
+    for (std::size_t part = 0; part < views.size(); ++part) {
+        const GridEntry& entry = *indexed.grids[part];
+        job.ellipsoids.push_back(
+            {prepared.ellipsoid_fields[part], entry.kernels, &views[part], &entry.grid, &entry.visible, entry.version});
+    }
+    image.stats["seconds_view"] = seconds_since(viewing);
+
+    job.scene = &request.scene;
+    job.camera = &request.camera;
+    job.frame = &prepared.frame;
+    job.plan = &prepared.plan;
+    job.tile_size = options.tile_size;
+    job.threads = options.threads;
+    job.progress = &request.progress;
+    job.volumes = &indexed.volumes;
+    // Pictures can be done before the renderer finds time to ask.
+    report(request.progress, 0.0);
+    renderer.render(job, image);
+    report(request.progress, 1.0);
+}
+
+} // namespace sheetsplat

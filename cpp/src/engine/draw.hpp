@@ -1,0 +1,58 @@
+// One view on its way through the engine: prepared, indexed, and drawn by one of the backends.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "cost_model.hpp"
+#include "field_index.hpp"
+#include "plan/make_plan.hpp"
+#include "sheetsplat/image.hpp"
+#include "sheetsplat/renderer.hpp"
+#include "view/frame.hpp"
+#include "view/light_volume.hpp"
+
+namespace sheetsplat {
+
+namespace backend_gl {
+class GlRenderer;
+}
+namespace backend_cpu {
+class CpuRenderer;
+}
+
+/// What is asked for.
+struct Request {
+    const Scene& scene;
+    const Camera& camera;
+    Size size{};
+    const Outputs& outputs;
+    const Progress& progress;
+};
+
+/// Everything that is derived from scene, camera and size before a backend draws.
+struct Prepared {
+    Frame frame;
+    DrawPlan plan;
+    std::vector<FieldView> views;              ///< of the lattices, in the order of the scene's fields
+    std::vector<std::size_t> view_fields;      ///< whose they are
+    std::vector<std::size_t> ellipsoid_fields; ///< of scattered kernels
+    Work work;
+};
+
+/// What is drawn: of each view's and each scattered field's kernels.
+struct Indexed {
+    std::vector<const RunsEntry*> runs;
+    std::vector<const GridEntry*> grids;
+    std::size_t visible = 0, all = 0, bytes = 0;
+    LightVolumes volumes; ///< where the plan has shadows or ambient occlusion
+};
+
+/// Each fills the picture, and its stats: kernels_drawn, bytes_view and bytes_device (not the reference), seconds_draw.
+void draw_on_reference(const Request& request, Image& image);
+void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const RendererOptions& options,
+                const Prepared& prepared, const Indexed& indexed, Image& image);
+void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, const RendererOptions& options,
+                 const Prepared& prepared, const Indexed& indexed, Image& image);
+
+} // namespace sheetsplat

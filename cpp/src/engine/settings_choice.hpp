@@ -1,0 +1,36 @@
+// Settings that a renderer chose for max_error or max_seconds, and what they were chosen for.
+#pragma once
+
+#include <string>
+
+#include "settings_search.hpp"
+#include "sheetsplat/camera.hpp"
+#include "sheetsplat/image.hpp"
+#include "sheetsplat/renderer.hpp"
+#include "sheetsplat/scene.hpp"
+
+namespace sheetsplat {
+
+/// Kept for following pictures of the same scene from nearly the same place.
+struct Chosen {
+    Scene scene; ///< as the caller has it
+    Camera camera;
+    Size size{};
+    double pace = 1.0; ///< that times were expected with
+    Choice choice;
+    bool mended = false; ///< refined after a check through other pixels
+
+    /// True where a view has the same scene and size, and differs by less than an eighth of its height, its width and
+    /// 10 degrees.
+    [[nodiscard]] bool serves(const Scene& other, const Camera& from, Size other_size) const;
+    /// The row of the plan.
+    [[nodiscard]] Effect told(const RendererOptions& options) const;
+    /// Adds that row, and says of effects that were chosen what for. Errors of the plan's effects are distances from
+    /// the float64 reference at the same slices; the row has none, its sentence names the distance that was chosen for.
+    void tell(RenderPlan& plan, const RendererOptions& options) const;
+};
+
+/// Throws InvalidInput for numbers that no picture can keep.
+void check_goals(const RendererOptions& options);
+
+} // namespace sheetsplat

@@ -1,0 +1,432 @@
+"""The one call that measures what accuracy costs."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import statistics
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sheetsplat._checks import choice, image_size, instance, names, number, shown, whole
+from sheetsplat.accuracy import _measure
+from sheetsplat.accuracy._knobs import (
+    BEST_KERNEL,
+    CONVERGED,
+    GIVEN,
+    INTERPOLATED,
+    KNOBS,
+    SLICES,
+    Base,
+    Rung,
+    calls_for_gradients,
+    interpolating,
+    rungs,
+)
+from sheetsplat.accuracy._report import AccuracyReport, AccuracyRow, TruthText, front
+from sheetsplat.camera import Camera
+from sheetsplat.errors import Cancelled, Error, complain
+from sheetsplat.image import Image
+from sheetsplat.renderer import Backend, Progress, Renderer
+from sheetsplat.scene import Scene
+
+_FAILED = "accuracy: the measurement cannot be made"
+_MOST_REPEATS = 1000
+# What is less than this share of something is told as less; times vary by more than nothing.
+_CLEARLY = 0.95
+Clock = Literal["wall", "cpu"]
+CLOCKS = ("wall", "cpu")
+_THROUGH = f"the field through the samples (prefiltered, radius {BEST_KERNEL[0]:g}, falloff {BEST_KERNEL[1]:g})"
+# Shares of the steps in the progress: the pictures to measure against count as so many rungs.
+_WEIGHT = {CONVERGED: 6.0, SLICES: 6.0, INTERPOLATED: 0.5}
+
+
+def accuracy(
+    scene: Scene,
+    camera: Camera,
+    *,
+    size: tuple[int, int] = (400, 400),
+    backend: Backend = "auto",
+    knobs: Iterable[str] | str | None = None,
+    repeats: int = 3,
+    reference_seconds: float = 2.0,
+    clock: Clock = "wall",
+    truth: Image | ArrayLike | None = None,
+    progress: Progress | None = None,
+    **settings: Any,
+) -> AccuracyReport:
+    """Measure what each choice that trades error for time costs in this scene.
+
+    Each rung of each knob is drawn with everything else as the scene has it, timed, and held against two pictures: the
+    float64 reference at the same slices (arithmetic error), and the converged picture (discretisation error and all
+    else), which is made of slices 8 times as close, in float64, with analytic gradients, without an opacity stop or a
+    filter. Knobs that change what a lattice stands for (lattice, kernel, prefilter) are held against the converged
+    picture of the field that passes through the samples.
+
+    Parameters
+    ----------
+    scene, camera
+        What is seen, and from where.
+    size
+        (width, height) in pixels.
+    backend
+        That draws, as for `Renderer`; the knob "precision" tries the others as well.
+    knobs
+        Names of those to be measured, of `sheetsplat.accuracy.KNOBS`; all unless given.
+    repeats
+        Frames that are timed for each rung, after one that is not.
+    reference_seconds
+        How long the reference may take for a rung, about: arithmetic errors are measured at the largest size that this
+        allows, and not at all at 0.
+    clock
+        Which time counts: "wall", by the clock, or "cpu", that of this process's processors together, which other work
+        on the machine disturbs less and which says nothing of a graphics card's work.
+    truth
+        A picture to measure against in place of both converged ones, where the true one is known: (h, w, 4), or (h, w)
+        in scalar modes.
+    progress
+        Called with the share that is done, 0 to 1. Where it returns False the measurement stops.
+    settings
+        Others of `Renderer`: threads, precision, tagging, effects …
+
+    Returns
+    -------
+    AccuracyReport
+        ``print(report)``, ``report.plot("accuracy.png")``, ``report.to_json()``.
+
+    Raises
+    ------
+    InvalidInput
+        For names that are no knobs, and as `Renderer`.
+    Cancelled
+        Where `progress` returned False.
+    DeviceUnavailable, Unsupported, OutOfMemory
+        Where the scene as it is cannot be drawn. What cannot be drawn of the rungs is told in their rows.
+    """
+    instance("accuracy: scene", scene, Scene)
+    instance("accuracy: camera", camera, Camera)
+    wanted = tuple(KNOBS) if knobs is None else names("accuracy: knobs", knobs, tuple(KNOBS))
+    wanted = tuple(name for name in KNOBS if name in wanted)
+    if not wanted:
+        raise complain(_FAILED, "no knobs", f"at least one of: {', '.join(KNOBS)}")
+    count = whole("accuracy: repeats", repeats)
+    if not 1 <= count <= _MOST_REPEATS:
+        raise complain("accuracy: repeats cannot be used", str(count), f"a whole number from 1 to {_MOST_REPEATS}")
+    budget = number("accuracy: reference_seconds", reference_seconds)
+    if not (math.isfinite(budget) and budget >= 0.0):
+        raise complain("accuracy: reference_seconds cannot be used", f"{budget:g}", "seconds, at least 0")
+    choice("accuracy: clock", clock, CLOCKS)
+    if progress is not None and not callable(progress):
+        raise complain("accuracy: progress cannot be used", shown(progress), "a function of one number, or None")
+    pixels = image_size(size)
+    base = _base(scene, camera, pixels, backend, settings)
+    return _Session(base, count, budget, clock, progress).run(wanted, _given_truth(truth, base))
+
+
+def _base(scene: Scene, camera: Camera, size: tuple[int, int], backend: Backend, settings: Mapping[str, Any]) -> Base:
+    given = dict(settings)
+    seekers = [name for name in ("max_error", "max_seconds") if given.get(name) is not None]
+    if seekers:
+        raise complain(
+            _FAILED,
+            ", ".join(seekers),
+            "settings that stay what they are",
+            "leave it out: it chooses the settings that are to be turned here",
+        )
+    plan = Renderer(backend, **given).plan(scene, camera, size=size)
+    # Said aloud, so that no rung changes what it is not about.
+    pinned = scene.replace(slice_spacing=scene.slice_spacing, reference_length=scene.reference_length)
+    return Base(pinned, camera, size, plan.backend, plan.precision, given)
+
+
+def _given_truth(truth: Image | ArrayLike | None, base: Base) -> _measure.Truth | None:
+    if truth is None:
+        return None
+    try:
+        values = np.asarray(truth, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise complain("accuracy: truth cannot be used", shown(truth), "a picture") from None
+    expected: tuple[int, ...] = (base.size[1], base.size[0])
+    if base.scene.mode not in ("xray", "mip"):
+        expected += (4,)
+    if values.shape != expected or not np.isfinite(values).all():
+        found = f"shape {values.shape}" if values.shape != expected else "numbers that are not finite"
+        raise complain("accuracy: truth cannot be used", found, f"finite numbers, shape {expected}")
+    return _measure.Truth(values, math.nan, math.nan, "the picture that was given")
+
+
+class _Session:
+    """One measurement: what is drawn once and shared by several rungs."""
+
+    def __init__(self, base: Base, repeats: int, budget: float, clock: str, progress: Progress | None) -> None:
+        self._base = base
+        self._repeats = repeats
+        self._clock = clock
+        self._progress = progress
+        self._judge = _measure.Judge(base.scene, base.camera, base.size, budget)
+        self._truths: dict[str, _measure.Truth] = {}
+        self._refused: dict[str, str] = {}
+        self._renderers: dict[tuple[tuple[str, Any], ...], Renderer] = {}
+        self._now: tuple[_measure.Drawn, _measure.Arithmetic] | None = None
+        self._done, self._all, self._told = 0.0, 1.0, 0.0
+        # Pictures whose gradients are differences tend to another limit than those of true gradients.
+        self._two_limits = calls_for_gradients(base.scene)
+
+    def run(self, knobs: tuple[str, ...], given: _measure.Truth | None) -> AccuracyReport:
+        ladder = [rung for knob in knobs for rung in rungs(self._base, knob)]
+        if given is not None:
+            ladder = [replace(rung, truth=GIVEN) for rung in ladder]
+        truths = {rung.truth for rung in ladder if not rung.reason and rung.truth != GIVEN}
+        if CONVERGED in truths and self._two_limits:
+            truths.add(SLICES)
+        self._all = len(ladder) + sum(_WEIGHT[name] for name in truths)
+        if given is not None:
+            self._truths = {GIVEN: given}
+        measured: list[AccuracyRow] = []
+        for knob in knobs:
+            measured += [self._row(rung) for rung in ladder if rung.knob == knob]
+            self._time_again()
+        rows = front([self._timed(row) for row in measured], self._clock)
+        texts = tuple(TruthText(name, one.text, one.uncertainty, one.order) for name, one in self._truths.items())
+        plan = self._renderer({}).plan(self._base.scene, self._base.camera, size=self._base.size)
+        self._tell(1.0)
+        return AccuracyReport(
+            size=self._base.size,
+            backend=plan.backend,
+            precision=plan.precision,
+            device=plan.device,
+            slice_spacing=self._base.scene.slice_spacing,
+            repeats=self._repeats,
+            clock=self._clock,
+            rows=rows,
+            truths=texts,
+            notes=_notes(rows, self._clock),
+            environment=_environment(),
+        )
+
+    def _tell(self, share: float) -> object:
+        # A rung is drawn, then judged; its share does not go back between the two.
+        self._told = max(self._told, min(1.0, share))
+        return None if self._progress is None else self._progress(self._told)
+
+    def _watch(self, weight: float) -> Callable[[float], object] | None:
+        if self._progress is None:
+            return None
+        start, length = self._done / self._all, weight / self._all
+        return lambda done: self._tell(start + length * done)
+
+    def _step(self, weight: float) -> None:
+        self._done += weight
+        if self._tell(self._done / self._all) is False:
+            raise complain("the measurement was stopped", kind=Cancelled)
+
+    def _renderer(self, settings: Mapping[str, Any]) -> Renderer:
+        options = {**self._base.settings, "backend": self._base.backend, **settings}
+        # Of one backend only: the other would warn that it has no use for them.
+        for name in ("device", "tagging", "packing", "tags_per_clear") if options["backend"] == "cpu" else ("threads",):
+            if settings:
+                options.pop(name, None)
+        key = tuple(sorted((name, repr(value)) for name, value in options.items()))
+        if key not in self._renderers:
+            self._renderers[key] = Renderer(**options)
+        return self._renderers[key]
+
+    def _truth(self, name: str) -> _measure.Truth:
+        if name in self._refused:
+            raise complain(self._refused[name], kind=Error)
+        if name not in self._truths:
+            base = self._base
+            try:
+                watch = self._watch(_WEIGHT[name])
+                if name == INTERPOLATED:
+                    scene, what = interpolating(base), _THROUGH
+                    found = _measure.same_slices(scene, base.camera, base.size, base.settings, watch)
+                else:
+                    # Only differences have a limit of their own.
+                    scene, what = base.scene, "the same field"
+                    if name == SLICES:
+                        scene = base.replace(gradient="sheets")
+                    found = _measure.limit(
+                        scene, base.camera, base.size, base.settings, watch, analytic=name == CONVERGED
+                    )
+            except Cancelled:
+                raise
+            except Error as error:
+                self._refused[name] = f"nothing to measure against: {_line(error)}"
+                raise complain(self._refused[name], kind=Error) from None
+            self._truths[name] = replace(found, text=f"{what}, {found.text}")
+            self._step(_WEIGHT[name])
+        return self._truths[name]
+
+    def _time_again(self) -> None:
+        """Time the scene as it is once more, so that its frames are spread over all of the measurement."""
+        if self._now is not None:
+            base, (drawn, arithmetic) = self._base, self._now
+            more = _measure.draw(self._renderer({}), base.scene, base.camera, base.size, repeats=1)
+            drawn = replace(drawn, walls=drawn.walls + more.walls, cpus=drawn.cpus + more.cpus)
+            self._now = drawn, arithmetic
+
+    def _timed(self, row: AccuracyRow) -> AccuracyRow:
+        """Return the row of the scene as it is with the times of all its frames; other rows as they are."""
+        if not (row.current and row.measured and self._now is not None):
+            return row
+        return replace(row, **_times(self._now[0]))
+
+    def _row(self, rung: Rung) -> AccuracyRow:
+        row = self._measured(rung)
+        self._step(1.0)
+        return row
+
+    def _measured(self, rung: Rung) -> AccuracyRow:
+        named: dict[str, Any] = {"knob": rung.knob, "setting": rung.setting, "how": rung.how, "current": rung.current}
+        named |= {"truth": rung.truth, "is_truth": rung.is_truth and rung.truth == INTERPOLATED}
+        if rung.ripple is not None:
+            named |= {"ripple_rms": rung.ripple[0], "ripple_maximum": rung.ripple[1]}
+        if rung.reason or rung.make is None:
+            return AccuracyRow(**named, reason=rung.reason)
+        try:
+            truth = self._truth(rung.truth)
+            drawn, arithmetic = self._drawn(rung)
+        except Cancelled:
+            raise
+        except Error as error:
+            return AccuracyRow(**named, reason=_line(error))
+        found = _measure.difference(drawn.values, truth.values)
+        slicing = self._slicing(rung, drawn, found["rmse"])
+        plan = drawn.picture.plan
+        return AccuracyRow(
+            **named,
+            **_times(drawn),
+            rmse=found["rmse"],
+            p99_9=found["p99_9"],
+            maximum=found["maximum"],
+            slicing_rmse=slicing,
+            arithmetic_rmse=arithmetic.rmse,
+            arithmetic_p99_9=arithmetic.p99_9,
+            arithmetic_size=arithmetic.size,
+            arithmetic_reason=arithmetic.reason,
+            backend=plan.backend,
+            precision=plan.precision,
+            slices=plan.slices,
+            kernels_drawn=round(drawn.picture.stats.get("kernels_drawn", 0.0)),
+        )
+
+    def _slicing(self, rung: Rung, drawn: _measure.Drawn, error: float) -> float:
+        """Return the distance from the limit of fine slices with the gradients of the rung's own kind."""
+        if rung.truth != CONVERGED:
+            return math.nan
+        if not self._two_limits or rung.gradient(self._base) == "analytic":
+            return error
+        try:
+            return _measure.difference(drawn.values, self._truth(SLICES).values)["rmse"]
+        except Cancelled:
+            raise
+        except Error:
+            return math.nan
+
+    def _drawn(self, rung: Rung) -> tuple[_measure.Drawn, _measure.Arithmetic]:
+        """Return a rung's picture; what is there already is drawn once, whatever knob it belongs to."""
+        if rung.current and self._now is not None:
+            return self._now
+        assert rung.make is not None
+        base = self._base
+        # The setting that is there is the scene itself, with nothing forced.
+        scene, renderer = (
+            (base.scene, self._renderer({}))
+            if rung.current
+            else (
+                rung.make(),
+                self._renderer(rung.settings),
+            )
+        )
+        watch = self._watch(1.0)
+        drawn = _measure.draw(
+            renderer, scene, base.camera, base.size, scale=rung.scale, repeats=self._repeats, watch=watch
+        )
+        expected = scene if rung.judge is None else rung.judge()
+        try:
+            arithmetic = self._judge.judge(renderer, scene, expected, drawn, rung.scale, watch)
+        except Cancelled:
+            raise
+        except Error as error:
+            arithmetic = _measure.Arithmetic(reason=_line(error))
+        if rung.current:
+            self._now = drawn, arithmetic
+        return drawn, arithmetic
+
+
+def _times(drawn: _measure.Drawn) -> dict[str, Any]:
+    return {
+        "seconds": statistics.median(drawn.walls),
+        "cpu_seconds": statistics.median(drawn.cpus),
+        "fastest": min(drawn.walls),
+        "slowest": max(drawn.walls),
+    }
+
+
+def _line(error: Error) -> str:
+    return " ".join(str(error).split())
+
+
+def _notes(rows: tuple[AccuracyRow, ...], clock: str) -> tuple[str, ...]:
+    """Return what the rows say together."""
+    notes = []
+    lattices = [row for row in rows if row.knob == "lattice" and row.measured]
+    here = next((row for row in lattices if row.current), None)
+    others = sorted((row for row in lattices if not row.current), key=lambda row: row.rmse)
+    if here is not None and others and here.setting.startswith("Cartesian"):
+        equal = _at_error(others, here.rmse, clock)
+        if equal is None:
+            side = "less" if others[-1].rmse < here.rmse else "more"
+            notes.append(
+                f"BCC at equal error: out of reach, each of its rungs has {side} error than the Cartesian field"
+            )
+        else:
+            seconds, kernels = equal
+            notes.append(
+                f"BCC at the Cartesian field's error ({here.rmse:.1e}): {seconds / here.time(clock):.2f} times its "
+                f"time with {kernels / max(1, here.kernels_drawn):.2f} times its kernels (interpolated between rungs)"
+            )
+    now = next((row for row in rows if row.current and row.measured and row.truth != INTERPOLATED), None)
+    better = [
+        row
+        for row in rows
+        if now is not None
+        and row.measured
+        and row.truth != INTERPOLATED
+        and row.time(clock) < _CLEARLY * now.time(clock)
+        and row.rmse < _CLEARLY * now.rmse
+    ]
+    if now is not None and better:
+        best = min(better, key=lambda row: row.rmse)
+        notes.append(
+            f"both faster and more exact than now: {best.knob} {best.setting} "
+            f"({best.time(clock) / now.time(clock):.2f} times the time, {best.rmse / now.rmse:.2g} times the error)"
+        )
+    return tuple(notes)
+
+
+def _at_error(rows: list[AccuracyRow], error: float, clock: str) -> tuple[float, float] | None:
+    """Return seconds and kernels at an error, between two rows sorted by error; None outside of them."""
+    for low, high in zip(rows, rows[1:], strict=False):
+        if low.rmse <= error <= high.rmse and 0.0 < low.rmse < high.rmse:
+            share = math.log(error / low.rmse) / math.log(high.rmse / low.rmse)
+            seconds = low.time(clock) ** (1.0 - share) * high.time(clock) ** share
+            kernels = max(1, low.kernels_drawn) ** (1.0 - share) * max(1, high.kernels_drawn) ** share
+            return seconds, kernels
+    return None
+
+
+def _environment() -> dict[str, str]:
+    from sheetsplat._sheetsplat import __version__
+
+    return {
+        "sheetsplat": __version__,
+        "machine": f"{platform.machine()}, {os.cpu_count()} processors, {platform.system()}",
+        "python": f"{platform.python_version()}, NumPy {np.__version__}",
+    }

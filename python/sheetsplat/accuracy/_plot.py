@@ -1,0 +1,340 @@
+"""The picture of a measurement: error over time, both logarithmic."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sheetsplat.accuracy._knobs import INTERPOLATED, KNOBS
+from sheetsplat.errors import Unsupported, complain
+from sheetsplat.io.pictures import check_folder, whole_files
+
+if TYPE_CHECKING:
+    from sheetsplat.accuracy._report import AccuracyReport, AccuracyRow
+
+SUFFIXES = (".png", ".svg", ".pdf")
+# Colours that stay apart for most kinds of colour blindness (after Okabe and Ito), and one shape each.
+_STYLES = {
+    "slice_spacing": ("#0072B2", "o"),
+    "classification": ("#D55E00", "s"),
+    "gradient": ("#009E73", "^"),
+    "cut_off": ("#CC79A7", "v"),
+    "precision": ("#7A5FB5", "D"),
+    "table_size": ("#8C6D31", "P"),
+    "opacity_stop": ("#56B4E9", "X"),
+    "filter": ("#333333", "*"),
+    "image_scale": ("#E69F00", "h"),
+    "lattice": ("#0072B2", "o"),
+    "kernel": ("#D55E00", "s"),
+    "prefilter": ("#009E73", "^"),
+}
+_INK, _FAINT = "#222222", "#8a8a8a"
+_FRONT = "#f2c14e"
+# Half a grey level of 8 bits, which no screen shows.
+_UNSEEN = 0.5 / 255
+# Rank of what is labelled last.
+_LEAST = 3
+# Offsets of labels from their points, in points, in the order in which they are tried.
+_PLACES = (
+    *((7, 6, "left", "bottom"), (-7, 6, "right", "bottom"), (7, -6, "left", "top"), (-7, -6, "right", "top")),
+    *((12, 16, "left", "bottom"), (-12, 16, "right", "bottom"), (12, -16, "left", "top"), (-12, -16, "right", "top")),
+    *((14, 30, "left", "bottom"), (-14, 30, "right", "bottom"), (14, -30, "left", "top"), (-14, -30, "right", "top")),
+)
+
+
+def require_matplotlib() -> None:
+    """Raise Unsupported where there is nothing to draw with."""
+    try:
+        importlib.import_module("matplotlib")
+    except ImportError:
+        raise complain(
+            "the plot cannot be drawn",
+            "no package matplotlib",
+            "matplotlib 3.8 or newer",
+            'pip install "sheetsplat[bench]", or take the table or the JSON alone',
+            kind=Unsupported,
+        ) from None
+
+
+def _of(module: str) -> Any:
+    """Return a module of matplotlib, which type checkers need not have."""
+    return importlib.import_module(f"matplotlib.{module}")
+
+
+def check_path(path: Path) -> None:
+    """Raise InvalidInput for a suffix that no plot has, and Error where the folder is missing."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise complain("the plot cannot be saved", str(path), f"a path that ends with {', '.join(SUFFIXES)}")
+    check_folder(path)
+
+
+def draw(report: AccuracyReport, path: Path) -> None:
+    """Draw a report and save it; the file appears whole or not at all."""
+    check_path(path)
+    require_matplotlib()
+    panels = [
+        (
+            title,
+            [
+                row
+                for row in report.rows
+                if row.measured and not row.is_truth and (row.truth == INTERPOLATED) == lattices
+            ],
+        )
+        for title, lattices in (
+            ("the same field: RMSE from its converged picture", False),
+            ("lattices: RMSE from the field through the samples", True),
+        )
+    ]
+    panels = [(title, rows) for title, rows in panels if rows]
+    if not panels:
+        raise complain("the plot cannot be drawn", "no row that was measured", "at least one")
+    # Not pyplot: a program that shows windows of its own keeps them.
+    figure = _of("figure").Figure(figsize=(9.4 + 4.4 * (len(panels) - 1), 6.8), dpi=100, facecolor="white")
+    canvas: Any = _of("backends.backend_agg").FigureCanvasAgg(figure)
+    left = 0.08 if len(panels) == 1 else 0.06
+    grid = figure.add_gridspec(
+        1,
+        len(panels),
+        width_ratios=(8.8, 4.4)[: len(panels)],
+        left=left,
+        right=0.985,
+        top=0.85,
+        bottom=0.2,
+        wspace=0.14,
+    )
+    for number, (title, rows) in enumerate(panels):
+        axes = figure.add_subplot(grid[0, number])
+        _panel(axes, canvas, rows, report, title, first=number == 0)
+    figure.text(left, 0.955, "What accuracy costs", size=16, weight="bold", color=_INK, va="center")
+    width, height = report.size
+    figure.text(
+        left,
+        0.912,
+        f"{width} × {height} pixels, {report.backend} {report.precision}, Δs = {report.slice_spacing:.4g}; each knob "
+        "is turned alone, all else as the scene has it",
+        size=10,
+        color=_FAINT,
+        va="center",
+    )
+    kind = path.suffix.lower().removeprefix(".")
+    with whole_files([path]) as (made,):
+        if kind != "png":
+            figure.savefig(made, format=kind)
+            return
+        from PIL import Image
+
+        canvas.draw()
+        # Few colours, which a table of them keeps in a quarter of the bytes.
+        seen = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        seen.quantize(256, dither=Image.Dither.NONE).save(made, format="PNG", optimize=True)
+
+
+def _panel(
+    axes: Any, canvas: Any, rows: Sequence[AccuracyRow], report: AccuracyReport, title: str, *, first: bool
+) -> None:
+    ticker = _of("ticker")
+    truth = next((one for one in report.truths if one.name == rows[0].truth), None)
+    floor = truth.uncertainty if truth is not None and math.isfinite(truth.uncertainty) else 0.0
+    least = max(min(row.rmse for row in rows if row.rmse > 0.0) if any(row.rmse > 0 for row in rows) else 1e-8, 1e-9)
+    # A row without any error has no place on a logarithmic axis but its end.
+    shown = [(row, 1e3 * row.time(report.clock), max(row.rmse, least)) for row in rows]
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    times, errors = [time for _, time, _ in shown], [error for _, _, error in shown]
+    axes.set_xlim(min(times) / 1.5, max(times) * 1.7)
+    axes.set_ylim(min(errors) / 2.5, max(errors) * 2.5)
+    low, high = axes.get_ylim()
+    left, right = axes.get_xlim()
+
+    if floor > low:
+        axes.axhspan(low, min(floor, high), color="#f3f3f3", zorder=0)
+        axes.text(right, floor, "not resolved by the truth ", size=8, color=_FAINT, ha="right", va="top", zorder=1)
+    if max(low, floor) < _UNSEEN < high:
+        axes.axhline(_UNSEEN, color="#cccccc", lw=1, ls=(0, (4, 3)), zorder=1)
+        axes.text(
+            right, _UNSEEN, "half a grey level of 8 bits ", size=8, color=_FAINT, ha="right", va="bottom", zorder=1
+        )
+
+    best = sorted({(time, error) for row, time, error in shown if row.pareto})
+    if best:
+        steps = [(best[0][0], high), best[0]]
+        for (_, before), (time, error) in zip(best, best[1:], strict=False):
+            steps += [(time, before), (time, error)]
+        steps.append((right, best[-1][1]))
+        axes.plot(*zip(*steps, strict=True), color=_FRONT, lw=4, alpha=0.75, solid_joinstyle="round", zorder=2)
+
+    for knob in KNOBS:
+        there = [(row, time, error) for row, time, error in shown if row.knob == knob]
+        if not there:
+            continue
+        color, marker = _STYLES[knob]
+        for run in _runs(there):
+            axes.plot(*zip(*run, strict=True), color=color, lw=1.1, alpha=0.55, zorder=3)
+        axes.plot(
+            [time for _, time, _ in there],
+            [error for _, _, error in there],
+            ls="",
+            marker=marker,
+            ms=8 if marker == "*" else 6,
+            color=color,
+            mec="white",
+            mew=0.7,
+            zorder=4,
+            label=knob.replace("_", " "),
+        )
+    now = next(((row, time, error) for row, time, error in shown if row.current), None)
+    if now is not None:
+        axes.plot([now[1]], [now[2]], marker="o", ms=15, mfc="none", mec=_INK, mew=1.8, ls="", zorder=6)
+
+    axes.set_xlabel(
+        "milliseconds a frame, median" + (" (processor time)" if report.clock == "cpu" else ""), size=10, color=_INK
+    )
+    if first:
+        axes.set_ylabel("error, RMSE", size=10, color=_INK)
+    if title:
+        axes.set_title(title, size=11, color=_INK, loc="left", pad=8)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color("#bbbbbb")
+    axes.grid(True, which="major", color="#ececec", lw=0.8, zorder=0)
+    axes.set_axisbelow(True)
+    axes.tick_params(which="both", color="#bbbbbb", labelcolor=_INK, labelsize=9)
+    decades = math.log10(right / left)
+    axes.xaxis.set_major_locator(ticker.LogLocator(subs=(1.0,) if decades > 2.5 else (1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(ticker.NullFormatter())
+    axes.yaxis.set_minor_formatter(ticker.NullFormatter())
+    _legend(axes, best=bool(best), now=now is not None, columns=5 if first else 2)
+    _label(axes, canvas, shown, now)
+
+
+def _runs(there: Sequence[tuple[AccuracyRow, float, float]]) -> list[list[tuple[float, float]]]:
+    """Return the points of each line: rungs that differ by one number; classes and backends have one each."""
+    found: dict[str, list[tuple[float, float]]] = {}
+    for row, time, error in there:
+        name = row.setting.split(", ")[0] if row.knob in ("classification", "gradient") else ""
+        if row.knob in ("lattice", "kernel", "prefilter"):
+            name = ("BCC" if row.setting.startswith("BCC") else "") + ("by weights" if "weights" in row.setting else "")
+            name += "pre" if "prefiltered" in row.setting else ""
+        if row.knob == "precision":
+            name = row.backend
+        if row.knob == "table_size" and row.current:
+            continue
+        found.setdefault(name, []).append((time, error))
+    return list(found.values())
+
+
+def _legend(axes: Any, *, best: bool, now: bool, columns: int) -> None:
+    line = _of("lines").Line2D
+    handles, labels = axes.get_legend_handles_labels()
+    if now:
+        handles.append(line([], [], marker="o", ms=11, mfc="none", mec=_INK, mew=1.6, ls=""))
+        labels.append("the scene as it is")
+    if best:
+        handles.append(line([], [], color=_FRONT, lw=4, alpha=0.75))
+        labels.append("front: best for its time")
+    legend = axes.legend(
+        handles,
+        labels,
+        loc="upper left",
+        bbox_to_anchor=(-0.01, -0.1),
+        ncols=columns,
+        frameon=False,
+        fontsize=9,
+        handletextpad=0.5,
+        columnspacing=1.4,
+        labelspacing=0.55,
+    )
+    for text in legend.get_texts():
+        text.set_color(_INK)
+
+
+def _label(
+    axes: Any,
+    canvas: Any,
+    shown: Sequence[tuple[AccuracyRow, float, float]],
+    now: tuple[AccuracyRow, float, float] | None,
+) -> None:
+    """Write the settings beside their points where there is room: now, those of the front, then ends of ladders."""
+    stroke, text_class, box = _of("patheffects").withStroke, _of("text").Text, _of("transforms").Bbox
+    renderer = canvas.get_renderer()
+    canvas.draw()
+    points = [axes.transData.transform((time, error)) for _, time, error in shown]
+    taken = [box.from_bounds(x - 5, y - 5, 10, 10) for x, y in points]
+    frame = axes.get_window_extent(renderer)
+    taken += [text.get_window_extent(renderer) for text in axes.texts]
+    written: set[tuple[float, float]] = set()
+    for rank, row, time, error in _in_order(shown, now):
+        place = (round(time, 6), error)
+        if place in written:
+            continue
+        is_now = now is not None and (time, error) == now[1:]
+        text = "now" if is_now else _short(row)
+        color = _INK if is_now else _STYLES[row.knob][0]
+        x, y = axes.transData.transform((time, error))
+        # What is least in need of words has them only where there is room right beside it.
+        for dx, dy, ha, va in _PLACES if rank < _LEAST else _PLACES[:4]:
+            far = 1.6 if is_now else 1.0
+            note = axes.annotate(
+                text,
+                (time, error),
+                xytext=(far * dx, far * dy),
+                textcoords="offset points",
+                ha=ha,
+                va=va,
+                size=10 if is_now else 8.5,
+                weight="bold" if is_now or row.pareto else "normal",
+                color=color,
+                zorder=7,
+                path_effects=[stroke(linewidth=2.5, foreground="white", alpha=0.85)],
+                arrowprops={"arrowstyle": "-", "color": color, "lw": 0.6, "alpha": 0.6, "shrinkA": 0, "shrinkB": 4}
+                if abs(dy) > 10
+                else None,
+            )
+            note.update_positions(renderer)
+            # The line to the point may cross others; the words may not.
+            words = text_class.get_window_extent(note, renderer)
+            inside = frame.x0 <= words.x0 and words.x1 <= frame.x1 + 30 and frame.y0 <= words.y0 <= frame.y1 - 4
+            if inside and not any(words.overlaps(other) for other in taken):
+                taken.append(words)
+                written.add(place)
+                break
+            note.remove()
+
+
+def _in_order(
+    shown: Sequence[tuple[AccuracyRow, float, float]], now: tuple[AccuracyRow, float, float] | None
+) -> list[tuple[int, AccuracyRow, float, float]]:
+    """Return what is to be labelled with its rank: now, the front, the ends of each line, then the others."""
+    ends = set()
+    for knob in KNOBS:
+        for run in _runs([one for one in shown if one[0].knob == knob]):
+            ends |= {(knob, run[0]), (knob, run[-1])}
+
+    def rank(row: AccuracyRow, place: tuple[float, float]) -> int:
+        if now is not None and place == now[1:]:
+            return 0
+        return 1 if row.pareto else 2 if (row.knob, place) in ends else _LEAST
+
+    ranked = [(rank(row, (time, error)), row, time, error) for row, time, error in shown]
+    return sorted(ranked, key=lambda one: (one[0], one[2]))
+
+
+def _short(row: AccuracyRow) -> str:
+    """Return a label that can be understood beside a point of its knob's colour."""
+    if row.knob == "image_scale":
+        return f"{row.setting} size"
+    if row.knob == "opacity_stop":
+        return f"stop {row.setting.split(',')[0]}"
+    if row.knob == "filter":
+        return "ewa" if row.setting == "ewa" else "no filter"
+    if row.knob == "lattice":
+        return row.setting.replace(" of the samples", "").replace("BCC, ", "BCC × ")
+    return row.setting

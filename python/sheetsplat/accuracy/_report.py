@@ -1,0 +1,351 @@
+"""What a measurement of accuracy against time answers: a table, JSON and a plot."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sheetsplat._checks import shown
+from sheetsplat.accuracy._knobs import GIVEN, INTERPOLATED, KNOBS, SLICES
+from sheetsplat.errors import complain
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_WIDTH = 128
+# Characters of a reason in the table.
+_REASON = 160
+
+
+@dataclass(frozen=True)
+class AccuracyRow:
+    """One setting of one knob, all else as the scene has it.
+
+    Attributes
+    ----------
+    knob, setting
+        Its names.
+    how
+        What to write in Python to have it; empty for the scene as it is.
+    truth
+        Which of the report's pictures the error was measured against: "converged", "interpolated" (for knobs that
+        change what a lattice stands for) or "given".
+    current
+        The scene has this setting already.
+    reason
+        Why there are no numbers, or an empty text.
+    seconds, cpu_seconds
+        Median of a frame by the clock, and by the processors of this process together; NaN where there is none.
+    fastest, slowest
+        Of the frames by the clock, seconds.
+    rmse, p99_9, maximum
+        Distance from the truth: what slicing and all else does, arithmetic included. Conventions, section 8.
+    slicing_rmse
+        Distance from the limit of fine slices with the row's own kind of gradients: conventions, section 8, and what
+        ``image.error`` estimates. `rmse` counts what differences of pixels lose as well. NaN for lattices' knobs.
+    arithmetic_rmse, arithmetic_p99_9
+        Distance from the float64 reference at the same slices; NaN where it was not measured.
+    arithmetic_size
+        (width, height) at which that was measured.
+    arithmetic_reason
+        Why it was not, or an empty text.
+    ripple_rms, ripple_maximum
+        Of lattices: how far the sum of equal samples is from constant, relative; NaN for other knobs.
+    backend, precision
+        That drew it.
+    slices, kernels_drawn
+        Of the picture.
+    pareto
+        No other row with the same truth is both faster and more exact.
+    is_truth
+        It is what the other rows are held against, but for the number format: its error says nothing of it, and it is
+        left out of the front and the plot.
+    """
+
+    knob: str
+    setting: str
+    how: str = ""
+    truth: str = "converged"
+    current: bool = False
+    reason: str = ""
+    seconds: float = math.nan
+    cpu_seconds: float = math.nan
+    fastest: float = math.nan
+    slowest: float = math.nan
+    rmse: float = math.nan
+    p99_9: float = math.nan
+    maximum: float = math.nan
+    slicing_rmse: float = math.nan
+    arithmetic_rmse: float = math.nan
+    arithmetic_p99_9: float = math.nan
+    arithmetic_size: tuple[int, int] | None = None
+    arithmetic_reason: str = ""
+    ripple_rms: float = math.nan
+    ripple_maximum: float = math.nan
+    backend: str = ""
+    precision: str = ""
+    slices: int = 0
+    kernels_drawn: int = 0
+    pareto: bool = False
+    is_truth: bool = False
+
+    @property
+    def measured(self) -> bool:
+        """Whether there are numbers."""
+        return not self.reason
+
+    def time(self, clock: str) -> float:
+        """Return `seconds` or `cpu_seconds`, for "wall" and "cpu"."""
+        return self.cpu_seconds if clock == "cpu" else self.seconds
+
+
+def front(rows: Sequence[AccuracyRow], clock: str) -> tuple[AccuracyRow, ...]:
+    """Return the rows with `pareto` set: by truth, those that no other row beats in both time and error."""
+    best: dict[str, list[tuple[float, float]]] = {}
+    for row in rows:
+        if row.measured and not row.is_truth:
+            best.setdefault(row.truth, []).append((row.time(clock), row.rmse))
+
+    def beaten(row: AccuracyRow) -> bool:
+        mine = (row.time(clock), row.rmse)
+        return any(
+            seconds <= mine[0] and error <= mine[1] and (seconds, error) != mine for seconds, error in best[row.truth]
+        )
+
+    return tuple(replace(row, pareto=row.measured and not row.is_truth and not beaten(row)) for row in rows)
+
+
+@dataclass(frozen=True)
+class TruthText:
+    """How a picture that errors are measured against was made.
+
+    Attributes
+    ----------
+    name
+        As in the rows' `truth`.
+    text
+        In words.
+    uncertainty
+        Estimated root mean square distance from the limit that it stands for: errors below it say nothing.
+    order
+        That was found in the distance of slices; NaN where it was not looked for.
+    """
+
+    name: str
+    text: str
+    uncertainty: float
+    order: float
+
+
+@dataclass(frozen=True)
+class AccuracyReport:
+    """What accuracy costs in time, for one scene and camera. ``print(report)`` gives a table.
+
+    Attributes
+    ----------
+    size
+        (width, height) in pixels.
+    backend, precision, device
+        That the scene was drawn by unless a row says otherwise.
+    slice_spacing
+        Δs of the scene, world units.
+    repeats
+        Frames that were timed for each row; of the scene as it is some more.
+    clock
+        "wall" or "cpu": by which times the front was found and the plot is drawn.
+    rows
+        By knob; also what could not be measured, with its reason.
+    truths
+        The pictures that errors were measured against.
+    notes
+        Sentences that follow from the rows.
+    environment
+        Where it ran.
+    """
+
+    size: tuple[int, int]
+    backend: str
+    precision: str
+    device: str
+    slice_spacing: float
+    repeats: int
+    clock: str
+    rows: tuple[AccuracyRow, ...]
+    truths: tuple[TruthText, ...]
+    notes: tuple[str, ...] = ()
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def current(self) -> AccuracyRow | None:
+        """The scene as it is, measured against the converged picture; None where only lattices were measured."""
+        there = [row for row in self.rows if row.current and row.measured]
+        return next((row for row in there if row.truth != INTERPOLATED), there[0] if there else None)
+
+    @property
+    def pareto(self) -> tuple[AccuracyRow, ...]:
+        """Rows of the same field that no other beats in both time and error, the fastest first; each picture once."""
+        found: dict[tuple[float, float], AccuracyRow] = {}
+        for row in self.rows:
+            if row.pareto and row.truth != INTERPOLATED:
+                found.setdefault((row.time(self.clock), row.rmse), row)
+        return tuple(sorted(found.values(), key=lambda row: row.time(self.clock)))
+
+    def of(self, knob: str) -> tuple[AccuracyRow, ...]:
+        """Return the rows of one knob. InvalidInput for a name that is none."""
+        if knob not in KNOBS:
+            raise complain("there is no such knob", shown(knob), f"one of: {', '.join(KNOBS)}")
+        return tuple(row for row in self.rows if row.knob == knob)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain dicts, lists, numbers and texts, ready for JSON; NaN and infinity become None."""
+        plain = {**asdict(self), "pareto": [asdict(row) for row in self.pareto]}
+        plain["current"] = None if self.current is None else asdict(self.current)
+        cleaned: dict[str, Any] = _plain(plain)
+        return cleaned
+
+    def to_json(self) -> str:
+        """Return the report as JSON; numbers that are not finite become null."""
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Draw error over time, and save it.
+
+        Parameters
+        ----------
+        path
+            Ends with .png, .svg or .pdf.
+
+        Raises
+        ------
+        Unsupported
+            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[bench]"``.
+        InvalidInput
+            For other suffixes, and where nothing was measured.
+        Error
+            Where the file cannot be written.
+        """
+        from sheetsplat.accuracy._plot import draw
+
+        if not isinstance(path, str | os.PathLike) or "\0" in os.fsdecode(path):
+            raise complain("the plot cannot be saved", shown(path), "a path that ends with .png, .svg or .pdf")
+        draw(self, Path(os.fsdecode(path)))
+
+    def table(self) -> Table:
+        """Return the report as a table of the package rich."""
+        from rich.table import Table
+        from rich.text import Text
+
+        heading = (
+            f"accuracy against time: {self.size[0]} x {self.size[1]} pixels, {self.backend} {self.precision}, "
+            f"Δs {self.slice_spacing:g}, medians of {self.repeats}"
+        )
+        table = Table(title=heading, title_justify="left", title_style="bold", header_style="bold", pad_edge=False)
+        for name, justify in (
+            ("knob", "left"),
+            ("setting", "left"),
+            ("ms", "right"),
+            ("cpu ms", "right"),
+            ("error, RMSE", "right"),
+            ("slicing", "right"),
+            ("arithmetic", "right"),
+            ("", "left"),
+        ):
+            table.add_column(name, justify=justify, no_wrap=name != "", overflow="fold")  # type: ignore[arg-type]
+        before = ""
+        for row in self.rows:
+            if before and row.knob != before:
+                table.add_section()
+            name = row.knob if row.knob != before else ""
+            before = row.knob
+            if not row.measured:
+                table.add_row(name, row.setting, *["–"] * 5, Text(_shortened(row.reason)), style="dim")
+                continue
+            marks = [*(["now"] if row.current else []), *(["front"] if row.pareto else []), *self._remarks(row)]
+            table.add_row(
+                name,
+                row.setting,
+                _milliseconds(row.seconds),
+                _milliseconds(row.cpu_seconds),
+                _error(row.rmse),
+                _error(row.slicing_rmse),
+                _error(row.arithmetic_rmse),
+                Text(", ".join(marks)),
+                style="bold" if row.current else None,
+            )
+        return table
+
+    def _remarks(self, row: AccuracyRow) -> list[str]:
+        remarks = ["held against"] if row.is_truth else []
+        if not math.isnan(row.ripple_maximum):
+            remarks.append(f"ripple {100 * row.ripple_maximum:.2g} %")
+        if any(truth.name == row.truth and row.rmse < truth.uncertainty for truth in self.truths):
+            remarks.append("below what can be told")
+        return remarks
+
+    def text_below(self) -> str:
+        """Return the sentences that belong below the table."""
+        names = {
+            "converged": "error",
+            SLICES: "slicing of pictures with gradients by differences",
+            INTERPOLATED: "error of lattice, kernel and prefilter",
+            GIVEN: "error",
+        }
+        lines = [
+            f"{names.get(one.name, one.name)}: distance from {one.text}"
+            + (f" (itself uncertain by {_error(one.uncertainty)})" if math.isfinite(one.uncertainty) else "")
+            for one in self.truths
+        ]
+        lines.append("now: as the scene is; front: no other row is both faster and more exact")
+        sizes = sorted({row.arithmetic_size for row in self.rows if row.arithmetic_size is not None})
+        if sizes:
+            texts = ", ".join(f"{width} x {height}" for width, height in sizes)
+            lines.append(f"arithmetic: RMSE from the float64 reference at the same slices, at {texts} pixels")
+        reasons = sorted({row.arithmetic_reason for row in self.rows if row.arithmetic_reason})
+        if reasons:
+            lines.append(f"arithmetic –: {'; '.join(reasons)}")
+        return "\n".join([*lines, *self.notes])
+
+    def __str__(self) -> str:
+        """Return the table and what is below it."""
+        from rich.console import Console
+
+        console = Console(file=io.StringIO(), width=_WIDTH, color_system=None, force_terminal=False)
+        console.print(self.table())
+        console.print(self.text_below(), markup=False, highlight=False)
+        text: str = console.file.getvalue()  # type: ignore[attr-defined]
+        return text.rstrip()
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        measured = sum(row.measured for row in self.rows)
+        return f"AccuracyReport({measured} of {len(self.rows)} rows measured, {self.backend}, {self.size})"
+
+
+def _shortened(reason: str) -> str:
+    # A missing device lists every try; all of it is in the row and in the JSON.
+    return reason if len(reason) <= _REASON else reason[: _REASON - 2] + " …"
+
+
+def _milliseconds(seconds: float) -> str:
+    value = 1e3 * seconds
+    return f"{value:.2f}" if value < 10 else f"{value:.1f}" if value < 100 else f"{value:.0f}"
+
+
+def _error(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.1e}"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(name): _plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,889 @@
+// Whole pictures of backend_cpu::CpuRenderer: against the float64 reference for every instruction set, against closed
+// forms, and against themselves with other tiles, threads and orders. Arithmetic that makes a NaN or an infinity is
+// looked for by the processor's own flags.
+#include <cfenv>
+#include <cmath>
+#include <functional>
+#include <numeric>
+#include <string>
+
+#include <glm/geometric.hpp>
+#include <gtest/gtest.h>
+
+#include "backend_cpu/cpu_renderer.hpp"
+#include "sheetsplat/error.hpp"
+#include "support/cpu_drawing.hpp"
+
+namespace sheetsplat::backend_cpu {
+namespace {
+
+using test::askew;
+using test::ball;
+using test::cloud;
+using test::CpuDrawing;
+using test::Distance;
+using test::distance;
+using test::DrawOptions;
+using test::inside;
+using test::pixels_of;
+using test::scene_of;
+using test::Shot;
+
+constexpr double pi = 3.14159265358979323846;
+
+/// Puts the best instruction set back.
+struct SetChoice {
+    ~SetChoice() { choose_instruction_set(""); }
+};
+
+/// What arithmetic on this thread has raised since this was made.
+class Raised {
+  public:
+    Raised() { std::feclearexcept(FE_ALL_EXCEPT); }
+    [[nodiscard]] std::string names() const {
+        std::string names;
+        names += std::fetestexcept(FE_INVALID) != 0 ? " invalid" : "";
+        names += std::fetestexcept(FE_DIVBYZERO) != 0 ? " division by zero" : "";
+        names += std::fetestexcept(FE_OVERFLOW) != 0 ? " overflow" : "";
+        return names;
+    }
+};
+
+struct Named {
+    std::string name;
+    Shot shot;
+    bool slender = false; ///< float32 is not enough
+};
+
+Shot shot_of(std::vector<std::shared_ptr<const Field>> fields, const Camera& camera) {
+    return {scene_of(std::move(fields)), camera};
+}
+
+/// Fields of every kind.
+struct Kind {
+    const char* name;
+    std::vector<std::shared_ptr<const Field>> fields;
+    bool slender = false;
+    bool ewa = false;
+    double slice_spacing = 0.0; ///< 0: the default
+    double iso_value = 0.4;
+};
+
+std::vector<Kind> kinds() {
+    RegularFieldOptions bcc;
+    bcc.lattice = Lattice::bcc;
+    bcc.spacing = Vec3(1.3);
+    RegularFieldOptions unequal;
+    unequal.spacing = Vec3(1.0, 1.7, 0.8);
+    unequal.normalization = Normalization::threshold;
+    unequal.w0 = 0.5;
+    RegularFieldOptions small;
+    small.spacing = Vec3(0.12);
+    small.normalization = Normalization::none;
+    EllipsoidFieldOptions thin;
+    thin.w0 = 0.1;
+    return {
+        {"cartesian", {ball(9)}},
+        {"bcc", {ball(8, bcc)}},
+        {"unequal", {ball(7, unequal)}},
+        {"spheres", {cloud(60, 0.17, 1.0)}, false, false, 0.05},
+        {"1:5", {cloud(60, 0.17, 5.0)}, false, false, 0.05},
+        {"1:1000", {cloud(60, 0.12, 1000.0, 5, thin)}, true, false, 0.05, 0.2},
+        {"ewa", {cloud(60, 0.06, 5.0)}, false, true, 0.08, 0.1},
+        {"several", {ball(7, small), cloud(30, 0.15, 1.0), cloud(30, 0.15, 3.0, 8, thin)}, false, false, 0.06},
+    };
+}
+
+/// Two planes and a box around most of it.
+void clip(Scene& scene) {
+    const Box box = scene.centres_world();
+    const Vec3 size = box.extent(), centre = box.centre();
+    const Vec3 tilted(1.0, -0.4, 0.3), steep(0.1, 0.2, -2.0);
+    scene.clip.planes = {{tilted, glm::dot(tilted, centre - 0.21 * size)},
+                         {steep, glm::dot(steep, centre + 0.17 * size)}};
+    scene.clip.box = Box{centre - 0.47 * size, centre + 0.53 * size};
+}
+
+void cue(Scene& scene, const Camera& camera) {
+    const double depth = -camera.to_eye(scene.centres_world().centre()).z;
+    const double size = glm::length(scene.centres_world().extent());
+    scene.depth_cue = DepthCue{depth - 0.3 * size, depth + 0.4 * size, Vec3(0.9, 0.7, 0.5), 0.8};
+}
+
+std::vector<Named> matrix() {
+    struct View {
+        const char* name;
+        std::function<Camera(const Field&)> camera;
+    };
+    const View views[] = {{"ortho", [](const Field& f) { return askew(f, Projection::orthographic); }},
+                          {"persp", [](const Field& f) { return askew(f, Projection::perspective); }},
+                          {"inside", [](const Field& f) { return inside(f); }}};
+    struct How {
+        const char* name;
+        Mode mode;
+        bool preintegration;
+        void (*add_effects)(Scene&, const Camera&);
+    };
+    const auto plain = [](Scene&, const Camera&) {};
+    const auto second_order = [](Scene& scene, const Camera&) { scene.second_order = true; };
+    const auto derivatives = [](Scene& scene, const Camera& camera) {
+        scene.gradient = Gradient::analytic;
+        clip(scene);
+        cue(scene, camera);
+    };
+    const auto faded = [](Scene& scene, const Camera& camera) {
+        // (Widened kernels are low.)
+        scene.gradient_opacity = (scene.filter == Filter::ewa ? 0.02 : 0.1) / scene.reference_distance();
+        clip(scene);
+        cue(scene, camera);
+    };
+    const auto clipped = [](Scene& scene, const Camera&) { clip(scene); };
+    const How hows[] = {{"composite", Mode::composite, false, plain},
+                        {"preintegration", Mode::composite, true, plain},
+                        {"isosurface", Mode::isosurface, false, plain},
+                        {"xray", Mode::xray, false, plain},
+                        {"mip", Mode::mip, false, plain},
+                        {"second order", Mode::composite, true, second_order},
+                        {"derivatives", Mode::composite, false, derivatives},
+                        {"faded", Mode::composite, true, faded},
+                        {"clipped isosurface", Mode::isosurface, false, derivatives},
+                        {"clipped xray", Mode::xray, false, clipped},
+                        {"clipped mip", Mode::mip, false, clipped}};
+    std::vector<Named> all;
+    for (const Kind& kind : kinds()) {
+        for (const View& view : views) {
+            for (const Sampling sampling : {Sampling::point, Sampling::slab}) {
+                if (kind.ewa && sampling == Sampling::slab) {
+                    continue;
+                }
+                for (const How& how : hows) {
+                    if (kind.slender && how.add_effects != +plain && how.add_effects != +second_order) {
+                        // Of few needles a clip leaves next to nothing.
+                        continue;
+                    }
+                    Shot shot = shot_of(kind.fields, view.camera(*kind.fields.back()));
+                    Scene& scene = shot.scene;
+                    scene.sampling = sampling;
+                    scene.mode = how.mode;
+                    scene.preintegration = how.preintegration;
+                    scene.filter = kind.ewa ? Filter::ewa : Filter::none;
+                    scene.iso_value = kind.iso_value;
+                    if (kind.slice_spacing > 0.0) {
+                        scene.slice_spacing = kind.slice_spacing;
+                    }
+                    how.add_effects(scene, shot.camera);
+                    shot.size = {34, 30};
+                    shot.outputs = {how.mode == Mode::composite, how.mode == Mode::composite};
+                    all.push_back({std::string(kind.name) + " " + view.name +
+                                       (sampling == Sampling::slab ? " slab " : " point ") + how.name,
+                                   shot, kind.slender});
+                }
+            }
+        }
+    }
+    return all;
+}
+
+/// Parts of the matrix side by side.
+constexpr std::size_t matrix_parts = 8;
+class Matrix : public ::testing::TestWithParam<std::size_t> {};
+
+TEST_P(Matrix, IsTheReferencesPictureWithoutAFloatingPointException) {
+    const SetChoice choice;
+    const std::vector<Named> all = matrix();
+    const std::vector<std::string> sets = instruction_sets();
+    ASSERT_FALSE(sets.empty());
+    double worst[2] = {0.0, 0.0};
+    std::string worst_name[2];
+    for (std::size_t number = GetParam(); number < all.size(); number += matrix_parts) {
+        const Named& one = all[number];
+        const reference::Picture judge = test::reference_of(one.shot);
+        EXPECT_GT(test::largest(pixels_of(judge)), 0.01) << one.name;
+        if (number == GetParam()) {
+            // Supports that are a thousandth larger are seen.
+            reference::Request larger;
+            larger.nudge_radius = 1e-3;
+            const reference::Picture other = reference::render(one.shot.scene, one.shot.camera, one.shot.size, larger);
+            EXPECT_GT(distance(pixels_of(other), pixels_of(judge), judge.rgba.empty()).rms, 1e-5) << one.name;
+        }
+        const bool jumps = one.shot.scene.mode == Mode::isosurface;
+        const std::vector<unsigned char> ambiguous =
+            jumps ? reference::ambiguous_pixels(one.shot.scene, one.shot.camera, one.shot.size)
+                  : std::vector<unsigned char>();
+        const auto* left_out = jumps ? &ambiguous : nullptr;
+        for (const Precision precision : {Precision::float32, Precision::float64}) {
+            if (precision == Precision::float32 && one.slender) {
+                continue;
+            }
+            const bool fine = precision == Precision::float64;
+            const CpuDrawing drawing(one.shot, precision);
+            ASSERT_EQ(drawing.plan().precision, precision) << one.name;
+            for (const std::string& set : sets) {
+                choose_instruction_set(set);
+                const std::string name = one.name + (fine ? " float64 " : " float32 ") + set;
+                const Raised raised;
+                const Image image = drawing.draw();
+                EXPECT_EQ(raised.names(), "") << name;
+                const Distance off = distance(image, judge, left_out);
+                if (off.rms > worst[fine ? 1 : 0]) {
+                    worst[fine ? 1 : 0] = off.rms;
+                    worst_name[fine ? 1 : 0] = name;
+                }
+                // float64: what rounding to the picture's float32 takes, and no more.
+                EXPECT_LE(off.rms, fine ? 3e-8 : jumps ? 1e-5 : 2e-6) << name;
+                EXPECT_LE(off.most, fine ? 1e-7 : jumps ? 3e-4 : 5e-5) << name;
+                if (one.shot.outputs.coverage) {
+                    EXPECT_LE(distance(image.coverage, judge.coverage, true).rms, fine ? 4e-8 : 2e-6) << name;
+                    std::size_t other = 0;
+                    for (std::size_t p = 0; p < judge.depth.size(); ++p) {
+                        other += static_cast<double>(image.depth[p]) ==
+                                         static_cast<double>(static_cast<float>(judge.depth[p]))
+                                     ? 0U
+                                     : 1U;
+                    }
+                    // Depth jumps where opacity comes close to one half.
+                    EXPECT_LE(other, fine ? 0U : 2U) << name;
+                }
+            }
+        }
+    }
+    std::printf("largest rmse: %.2e (%s), %.2e (%s)\n", worst[0], worst_name[0].c_str(), worst[1],
+                worst_name[1].c_str());
+}
+
+INSTANTIATE_TEST_SUITE_P(Parts, Matrix, ::testing::Range(std::size_t{0}, matrix_parts));
+
+/// Scenes of the tests below, in every mode.
+std::vector<Named> some_scenes() {
+    const auto add_modes = [](std::vector<Named>& all, const std::string& name, const Shot& shot) {
+        for (const Mode mode : {Mode::composite, Mode::isosurface, Mode::xray, Mode::mip}) {
+            Named one{name + " mode " + std::to_string(static_cast<int>(mode)), shot};
+            one.shot.scene.mode = mode;
+            all.push_back(one);
+            if (mode == Mode::composite) {
+                one.name += " preintegration";
+                one.shot.scene.preintegration = true;
+                all.push_back(one);
+                one.name += " and effects";
+                one.shot.scene.second_order = true;
+                one.shot.scene.gradient = Gradient::analytic;
+                one.shot.scene.gradient_opacity = 0.5 / shot.scene.reference_distance();
+                clip(one.shot.scene);
+                cue(one.shot.scene, shot.camera);
+                all.push_back(one);
+            }
+        }
+    };
+    std::vector<Named> all;
+    const auto lattice = ball(12);
+    const auto ellipsoids = cloud(150, 0.14, 5.0);
+    add_modes(all, "lattice", shot_of({lattice}, askew(*lattice, Projection::perspective)));
+    Shot shot = shot_of({ellipsoids}, askew(*ellipsoids, Projection::orthographic));
+    shot.scene.slice_spacing = 0.05;
+    add_modes(all, "ellipsoids", shot);
+    shot.scene.fields.push_back(cloud(80, 0.12, 1.0, 9));
+    shot.scene.opacity_stop = 0.9;
+    shot.scene.transfer_function = test::dense();
+    shot.outputs = {false, true};
+    add_modes(all, "two fields", shot);
+    return all;
+}
+
+TEST(CpuRenderer, ThreadsAndFormerPicturesChangeNoBit) {
+    for (const Named& one : some_scenes()) {
+        Shot shot = one.shot;
+        shot.size = {70, 50};
+        for (const Precision precision : {Precision::float32, Precision::float64}) {
+            const CpuDrawing drawing(shot, precision);
+            const Image first = drawing.draw();
+            for (const int threads : {1, 2, 3, 7}) {
+                CpuRenderer renderer;
+                const Image image = drawing.draw(renderer, {0, threads});
+                EXPECT_EQ(image.stats.at("threads"), threads);
+                EXPECT_EQ(image.stats.at("buckets_reused"), 0.0);
+                EXPECT_EQ(pixels_of(image), pixels_of(first)) << one.name << ", threads " << threads;
+                EXPECT_EQ(image.depth, first.depth) << one.name << ", threads " << threads;
+                const Image again = drawing.draw(renderer, {0, threads});
+                EXPECT_EQ(again.stats.at("buckets_reused"), 1.0);
+                EXPECT_EQ(pixels_of(again), pixels_of(first)) << one.name << " again, threads " << threads;
+                EXPECT_EQ(again.depth, first.depth) << one.name << " again, threads " << threads;
+            }
+        }
+    }
+}
+
+/// What light loses on its way is what the picture of the flat, unlit scene is made of.
+TEST(CpuRenderer, AbsorptionIsThatOfTheUnlitPicture) {
+    for (const auto& field : std::vector<std::shared_ptr<const Field>>{ball(12), cloud(80, 0.16, 4.0)}) {
+        Shot shot = shot_of({field}, askew(*field, Projection::orthographic, 1.1));
+        shot.size = {57, 41};
+        shot.scene.lights.clear();
+        shot.scene.slice_spacing = 0.7 * shot.scene.default_slice_spacing();
+        clip(shot.scene);
+        for (const Precision precision : {Precision::float32, Precision::float64}) {
+            const CpuDrawing drawing(shot, precision);
+            CpuRenderer renderer;
+            const Image image = drawing.draw(renderer);
+            LightVolume volume;
+            renderer.absorb(drawing.job_with({}), 1, volume);
+            EXPECT_EQ(drawing.draw(renderer).stats.at("buckets_reused"), 1.0);
+            const Frame& frame = drawing.frame();
+            const int slices = static_cast<int>(frame.slices);
+            ASSERT_EQ(volume.counts, (std::array<int, 3>{57, 41, slices + 1}));
+            double densest = 0.0;
+            for (int y = 0; y < 41; ++y) {
+                for (int x = 0; x < 57; ++x) {
+                    EXPECT_EQ(volume.values[volume.index(x, y, 0)], 0.0F);
+                    const auto lost = static_cast<double>(volume.values[volume.index(x, y, slices)]);
+                    const auto alpha = static_cast<double>(image.rgba[static_cast<std::size_t>(y * 57 + x) * 4 + 3]);
+                    EXPECT_NEAR(-std::expm1(-lost), alpha, 2e-6);
+                    densest = std::max(densest, alpha);
+                    for (int n = 0; n < slices; ++n) {
+                        EXPECT_LE(volume.values[volume.index(x, y, n)], volume.values[volume.index(x, y, n + 1)]);
+                    }
+                }
+            }
+            EXPECT_GT(densest, 0.3);
+            // Where its elements lie: at the pixels' centres on the slices.
+            for (const auto& [x, y, n] : {std::array<int, 3>{31, 20, slices / 2}, {17, 29, slices - 3}}) {
+                const double right = (x - 28.0) * frame.pixel, up = (20.0 - y) * frame.pixel;
+                const Vec3 world = shot.camera.eye() + right * shot.camera.right_world() + up * shot.camera.up_world() -
+                                   frame.depth_of(n) * shot.camera.back_world();
+                EXPECT_NEAR(volume.at(world), static_cast<double>(volume.values[volume.index(x, y, n)]), 1e-6);
+                const Vec3 behind = world - 0.5 * frame.slice_spacing * shot.camera.back_world();
+                EXPECT_NEAR(volume.at(behind),
+                            0.5 * static_cast<double>(volume.values[volume.index(x, y, n)] +
+                                                      volume.values[volume.index(x, y, n + 1)]),
+                            1e-6);
+            }
+            EXPECT_EQ(volume.at(shot.camera.eye() + 1e4 * shot.camera.back_world()), 0.0);
+            LightVolume by_threads, coarse;
+            renderer.absorb(drawing.job_with({0, 3}), 1, by_threads);
+            EXPECT_EQ(by_threads.values, volume.values);
+            renderer.absorb(drawing.job_with({}), 3, coarse);
+            const int planes = (slices + 2) / 3 + 1;
+            ASSERT_EQ(coarse.counts[2], planes);
+            for (int p = 0; p < planes; ++p) {
+                const auto size = static_cast<std::ptrdiff_t>(57 * 41);
+                const int n = std::min(3 * p, slices);
+                EXPECT_TRUE(std::equal(coarse.values.begin() + p * size, coarse.values.begin() + (p + 1) * size,
+                                       volume.values.begin() + n * size))
+                    << p;
+            }
+        }
+    }
+}
+
+/// What is left of light that comes from where a scene's light is.
+std::shared_ptr<const LightVolume> light_of(const Shot& shot, const Vec3& towards) {
+    const Box box = shot.scene.fields.front()->supports_world();
+    const double size = glm::length(box.extent());
+    Shot along{shot.scene,
+               Camera::orthographic(box.centre() + size * towards, box.centre(), Vec3(0.3, 1.0, 0.1), size)};
+    along.scene.lights.clear();
+    along.scene.mode = Mode::composite;
+    along.scene.preintegration = along.scene.shadows = false;
+    along.scene.ambient_occlusion.reset();
+    along.size = {40, 40};
+    CpuRenderer renderer;
+    LightVolume volume;
+    const CpuDrawing drawing(along, Precision::float32);
+    renderer.absorb(drawing.job_with({}), 1, volume);
+    for (float& value : volume.values) {
+        value = std::exp(-value);
+    }
+    return std::make_shared<const LightVolume>(std::move(volume));
+}
+
+TEST(CpuRenderer, LightVolumesAreLookedUpAlikeByEverySet) {
+    const SetChoice choice;
+    for (const Named& one : some_scenes()) {
+        Shot shot = one.shot;
+        if (shot.scene.mode == Mode::xray || shot.scene.mode == Mode::mip || shot.scene.gradient_opacity ||
+            shot.scene.fields.size() > 1) {
+            continue;
+        }
+        shot.scene.shadows = true;
+        shot.scene.ambient_occlusion = AmbientOcclusion{0.3, 0.9};
+        LightVolumes volumes;
+        volumes.lights = {light_of(shot, Vec3(0.6, 0.8, 0.0)), light_of(shot, Vec3(-0.8, 0.0, 0.6))};
+        volumes.openness = light_of(shot, Vec3(0.0, 0.6, 0.8));
+        const auto draw = [&](Precision precision, const LightVolumes* from) {
+            const CpuDrawing drawing(shot, precision);
+            backend_cpu::Job job = drawing.job_with({});
+            job.volumes = from;
+            Image image;
+            image.size = shot.size;
+            CpuRenderer().render(job, image);
+            return image;
+        };
+        choose_instruction_set("");
+        const Image fine = draw(Precision::float64, &volumes);
+        // Of light a part is left, nowhere more than all.
+        const Image bright = draw(Precision::float64, nullptr);
+        EXPECT_GT(distance(fine, bright).rms, 1e-3) << one.name;
+        for (std::size_t n = 0; n < fine.rgba.size(); ++n) {
+            ASSERT_LE(fine.rgba[n], bright.rgba[n] + 1e-6F) << one.name;
+        }
+        for (const std::string& set : instruction_sets()) {
+            choose_instruction_set(set);
+            const Raised raised;
+            const Image image = draw(Precision::float32, &volumes), wide = draw(Precision::float64, &volumes);
+            EXPECT_EQ(raised.names(), "") << one.name << " " << set;
+            const bool jumps = shot.scene.mode == Mode::isosurface;
+            EXPECT_LE(distance(image, fine).rms, jumps ? 1e-5 : 2e-6) << one.name << " " << set;
+            EXPECT_LE(distance(wide, fine).most, 1.3e-7) << one.name << " " << set;
+        }
+        // Volumes that lie a twentieth of an element elsewhere are seen.
+        LightVolumes moved = volumes;
+        auto other = std::make_shared<LightVolume>(*volumes.lights[0]);
+        other->origin += 0.05 * other->per_step[0] / glm::dot(other->per_step[0], other->per_step[0]);
+        moved.lights[0] = other;
+        EXPECT_GT(distance(draw(Precision::float64, &moved), fine).rms, 1e-5) << one.name;
+    }
+}
+
+/// Counts of kernels and sections are those of the picture, whoever drew it.
+TEST(CpuRenderer, CountsEachKernelOnce) {
+    for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
+        const auto lattice = ball(12);
+        const auto spheres = cloud(300, 0.05, 1.0), ellipsoids = cloud(200, 0.05, 4.0);
+        const std::vector<std::shared_ptr<const Field>> fields{lattice, spheres, ellipsoids};
+        for (const auto& field : fields) {
+            Shot shot = shot_of({field}, askew(*field, projection, 1.3));
+            shot.size = {90, 80};
+            // Close enough that every kernel meets a slice.
+            shot.scene.slice_spacing = field == lattice ? 1.0 : 0.01;
+            const CpuDrawing drawing(shot, Precision::float32);
+            double sections = 0.0;
+            for (const int tile_size : {90, 17}) {
+                const Image image = drawing.draw({tile_size, 2});
+                EXPECT_EQ(image.stats.at("kernels_drawn"), static_cast<double>(field->size())) << tile_size;
+                sections = image.stats.at("sections_drawn");
+                EXPECT_GE(sections, static_cast<double>(field->size()));
+            }
+        }
+    }
+}
+
+constexpr int tile_sizes[] = {1, 7, 16, 31, 62, 63, 100, 126, 0};
+
+TEST(CpuRenderer, TilesLeaveNoSeam) {
+    for (const Named& one : some_scenes()) {
+        Shot shot = one.shot;
+        shot.size = {133, 70};
+        shot.scene.opacity_stop = 1.0;
+        const bool jumps = shot.scene.mode == Mode::isosurface;
+        for (const Precision precision : {Precision::float32, Precision::float64}) {
+            const bool fine = precision == Precision::float64;
+            const CpuDrawing drawing(shot, precision);
+            CpuRenderer renderer;
+            const Image whole = drawing.draw(renderer, {126, 1});
+            for (const int tile_size : tile_sizes) {
+                if (tile_size == 1 && !fine) {
+                    continue;
+                }
+                const Image image = drawing.draw(renderer, {tile_size, 2});
+                const Distance off = distance(image, whole);
+                const std::string name =
+                    one.name + (fine ? " float64" : " float32") + ", tiles of " + std::to_string(tile_size);
+                // float64: one step of the picture's float32.
+                EXPECT_LE(off.rms, fine ? 1e-8 : jumps ? 1e-5 : 1e-6) << name;
+                EXPECT_LE(off.most, fine ? 1.3e-7 : jumps ? 1e-3 : 2e-5) << name;
+            }
+        }
+        // The picture of a camera that is a thousandth of a pixel off differs by more.
+        const Vec3 by =
+            shot.camera.right_world() * (1e-3 * CpuDrawing(shot, Precision::float64).frame().smallest_pixel());
+        Shot moved = shot;
+        moved.camera = shot.camera.projection() == Projection::orthographic
+                           ? Camera::orthographic(shot.camera.eye() + by, shot.camera.target() + by, shot.camera.up(),
+                                                  shot.camera.height())
+                           : Camera::perspective(shot.camera.eye() + by, shot.camera.target() + by, shot.camera.up(),
+                                                 shot.camera.fov_y(), shot.camera.near());
+        EXPECT_GT(
+            distance(CpuDrawing(moved, Precision::float64).draw(), CpuDrawing(shot, Precision::float64).draw()).rms,
+            1e-6)
+            << one.name;
+    }
+}
+
+TEST(CpuRenderer, WhatIsHiddenIsLeftOutAndNothingElse) {
+    double drawn_of[2] = {0.0, 0.0};
+    const auto lattice = ball(11);
+    EllipsoidFieldOptions options;
+    options.w0 = 0.02;
+    const auto ellipsoids = cloud(200, 0.12, 4.0, 5, options);
+    const auto spheres = cloud(200, 0.1, 1.0, 5, options);
+    const std::vector<std::shared_ptr<const Field>> fields{lattice, ellipsoids, spheres};
+    for (const auto& field : fields) {
+        for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
+            for (const Size size : {Size{50, 104}, Size{104, 50}, Size{60, 60}}) {
+                for (const bool iso : {false, true}) {
+                    if (iso && size.width == 104) {
+                        continue;
+                    }
+                    Shot shot = shot_of({field}, askew(*field, projection, 0.7));
+                    shot.size = size;
+                    shot.scene.transfer_function = test::dense();
+                    shot.scene.opacity_stop = 0.9;
+                    shot.scene.mode = iso ? Mode::isosurface : Mode::composite;
+                    // Many slices: a kernel is drawn in some of them ahead.
+                    shot.scene.reference_length = field == lattice ? 1.0 : 0.04;
+                    shot.scene.slice_spacing = *shot.scene.reference_length / 4.0;
+                    const reference::Picture judge = test::reference_of(shot);
+                    const CpuDrawing drawing(shot, Precision::float64);
+                    Shot endless = shot;
+                    endless.scene.opacity_stop = 1.0;
+                    const double all = CpuDrawing(endless, Precision::float64).draw({16, 1}).stats.at("sections_drawn");
+                    for (const int tile_size : {16, 62, 126}) {
+                        const Image image = drawing.draw({tile_size, 1});
+                        const std::string name = std::to_string(size.width) + " x " + std::to_string(size.height) +
+                                                 (iso ? ", isosurface" : "") + ", tiles of " +
+                                                 std::to_string(tile_size);
+                        // Pixels whose opacity comes close to A_stop may end a slice sooner or later.
+                        std::size_t other = 0;
+                        for (std::size_t n = 0; n < judge.rgba.size(); ++n) {
+                            other += std::abs(static_cast<double>(image.rgba[n]) - judge.rgba[n]) > 1e-6 ? 1U : 0U;
+                        }
+                        EXPECT_LE(other, 4U) << name;
+                        if (!iso && tile_size == 16) {
+                            EXPECT_LT(image.stats.at("sections_drawn"), 0.95 * all) << name << ": nothing was left out";
+                            drawn_of[0] += image.stats.at("sections_drawn");
+                            drawn_of[1] += all;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    EXPECT_LT(drawn_of[0], 0.85 * drawn_of[1]);
+}
+
+/// Needles and discs thinner than a pixel, almost along rows or columns: what a row holds is far from the next one.
+TEST(CpuRenderer, ThinEllipsoidsKeepTheirRows) {
+    const SetChoice choice;
+    const int size = 40;
+    for (const double half_width : {0.06, 0.15, 0.25, 0.3, 0.45, 0.8}) {
+        for (const double turn : {0.0, pi / 2}) {
+            EllipsoidArrays arrays;
+            for (int n = 0; n < 24; ++n) {
+                arrays.centers.push_back(Vec3(0.05 * n, 1.5 * n - 17.0 + 0.041 * n, 0.2 * n));
+                if (turn != 0.0) {
+                    std::swap(arrays.centers.back().x, arrays.centers.back().y);
+                }
+                // Thin across the row, and leaning a little so that sections move.
+                arrays.scales.push_back(Vec3(15.0, half_width, n % 2 == 0 ? 4.0 : half_width * 2.0));
+                const double angle = turn + 0.002 * (n % 5 - 2);
+                arrays.rotations.push_back(glm::angleAxis(angle, Vec3(0, 0, 1)) * glm::angleAxis(0.3, Vec3(0, 1, 0)) *
+                                           glm::angleAxis(0.2, Vec3(1, 0, 0)));
+                arrays.values.push_back(1.0);
+            }
+            EllipsoidFieldOptions options;
+            options.normalization = Normalization::none;
+            const auto field = std::make_shared<const EllipsoidField>(arrays, options);
+            for (const bool perspective : {false, true}) {
+                const Camera camera = perspective
+                                          ? Camera::perspective(Vec3(0, 0, 100), Vec3(0), Vec3(0, 1, 0),
+                                                                2.0 * std::atan(0.5 * size / 100.0) * 180.0 / pi)
+                                          : Camera::orthographic(Vec3(0, 0, 100), Vec3(0), Vec3(0, 1, 0), size);
+                Shot shot = shot_of({field}, camera);
+                shot.size = {size, size};
+                shot.scene.mode = Mode::xray;
+                shot.scene.slice_spacing = 0.5;
+                const reference::Picture judge = test::reference_of(shot);
+                EXPECT_GT(test::largest(judge.scalar), 0.05);
+                for (const Precision precision : {Precision::float32, Precision::float64}) {
+                    const CpuDrawing drawing(shot, precision);
+                    for (const std::string& set : instruction_sets()) {
+                        choose_instruction_set(set);
+                        const Raised raised;
+                        const Distance off = distance(drawing.draw(), judge);
+                        const bool fine = precision == Precision::float64;
+                        const std::string name = std::to_string(half_width) + (turn != 0.0 ? " upright " : " lying ") +
+                                                 (perspective ? "perspective " : "") +
+                                                 (fine ? "float64 " : "float32 ") + set;
+                        EXPECT_EQ(raised.names(), "") << name;
+                        EXPECT_LE(off.rms, fine ? 3e-8 : 5e-6) << name;
+                        EXPECT_LE(off.most, fine ? 1.3e-7 : 1e-4) << name;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Kernels as large as a million pixels, small as a thousandth of one, and far beside, behind and before the picture.
+TEST(CpuRenderer, ExtremeKernelsRaiseNothing) {
+    const SetChoice choice;
+    const int size = 30;
+    for (const bool ellipsoids : {false, true}) {
+        EllipsoidArrays arrays;
+        const auto add = [&](const Vec3& at, double radius, double value) {
+            arrays.centers.push_back(at);
+            arrays.values.push_back(value);
+            if (ellipsoids) {
+                arrays.scales.push_back(radius * Vec3(1.0, 0.3, 2.0));
+                arrays.rotations.push_back(glm::angleAxis(0.1 * static_cast<double>(arrays.values.size()),
+                                                          glm::normalize(Vec3(1.0, 2.0, 3.0))));
+            } else {
+                arrays.radii.push_back(radius);
+            }
+        };
+        for (int n = 0; n < 40; ++n) {
+            add(Vec3(std::sin(3.0 * n), std::cos(5.0 * n), std::sin(7.0 * n + 1.0)) * 9.0, 2.0 + 0.1 * n, 0.5);
+            add(Vec3(std::sin(2.0 * n), std::cos(1.0 * n), std::sin(4.0 * n + 1.0)) * 9.0, 1e-3, 1.0);
+        }
+        for (const double far : {1e2, 1e4, 1e7}) {
+            for (int axis = 0; axis < 3; ++axis) {
+                for (const double sign : {-1.0, 1.0}) {
+                    Vec3 at(0.1);
+                    at[axis] = axis == 2 ? sign * std::min(far, 40.0) : sign * far;
+                    add(at, 3.0, 1.0);
+                }
+            }
+        }
+        const auto plain = std::make_shared<const EllipsoidField>(arrays);
+        add(Vec3(0.3, 0.2, 0.1), 1e6, 0.4);
+        arrays.values.back() = 0.4;
+        const auto huge = std::make_shared<const EllipsoidField>(arrays);
+        for (const bool perspective : {false, true}) {
+            const Camera camera = perspective ? Camera::perspective(Vec3(0, 0, 30), Vec3(0), Vec3(0, 1, 0), 50.0, 1e-2)
+                                              : Camera::orthographic(Vec3(0, 0, 60), Vec3(0), Vec3(0, 1, 0), size);
+            for (const bool with_huge : {false, true}) {
+                Shot shot = shot_of({with_huge ? huge : plain}, camera);
+                shot.size = {size, size};
+                // The huge kernel alone would make slices without number.
+                shot.scene.slice_spacing = with_huge ? 2e3 : 1.0;
+                shot.scene.reference_length = 1.0;
+                for (const Sampling sampling : {Sampling::point, Sampling::slab}) {
+                    for (const Mode mode : {Mode::composite, Mode::xray}) {
+                        shot.scene.sampling = sampling;
+                        shot.scene.mode = mode;
+                        const reference::Picture judge = test::reference_of(shot);
+                        const CpuDrawing drawing(shot, Precision::float64);
+                        for (const std::string& set : instruction_sets()) {
+                            choose_instruction_set(set);
+                            const Raised raised;
+                            const Image image = drawing.draw();
+                            const std::string name = std::string(ellipsoids ? "ellipsoids" : "spheres") +
+                                                     (with_huge ? " huge" : "") + (perspective ? " perspective" : "") +
+                                                     (sampling == Sampling::slab ? " slab" : "") +
+                                                     (mode == Mode::xray ? " xray " : " ") + set;
+                            EXPECT_EQ(raised.names(), "") << name;
+                            EXPECT_LE(distance(image, judge).rms, 3e-8) << name;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// \int g along a ray that passes at distance p (in radii) of a ball's centre, in radii.
+double chord_sum(const Kernel& kernel, double p) {
+    if (p >= 1.0) {
+        return 0.0;
+    }
+    const double k = kernel.falloff, half = std::sqrt(1.0 - p * p);
+    return kernel.gain() *
+           (std::exp(-k * p * p) * std::sqrt(pi / k) * std::erf(std::sqrt(k) * half) - 2.0 * half * std::exp(-k));
+}
+
+TEST(CpuRenderer, XRayOfOneKernelIsItsChordSum) {
+    EllipsoidArrays arrays;
+    arrays.centers = {Vec3(0.13, -0.4, 0.2)};
+    arrays.values = {1.7};
+    arrays.scales = {Vec3(9.0, 4.0, 6.0)};
+    arrays.rotations = {glm::angleAxis(0.7, glm::normalize(Vec3(1.0, 2.0, -1.0)))};
+    EllipsoidFieldOptions options;
+    options.normalization = Normalization::none;
+    options.falloff = 6.0;
+    const auto field = std::make_shared<const EllipsoidField>(arrays, options);
+    const Size size{31, 27};
+    Shot shot = shot_of({field}, Camera::orthographic(Vec3(0, 0, 50), Vec3(0), Vec3(0, 1, 0), 27.0));
+    shot.size = size;
+    shot.scene.mode = Mode::xray;
+    shot.scene.sampling = Sampling::slab;
+    const Mat3 to_ball = glm::inverse(field->shape(0));
+    std::vector<double> exact;
+    for (int y = 0; y < size.height; ++y) {
+        for (int x = 0; x < size.width; ++x) {
+            // The ray in the ball: its nearest point to the centre, and lengths along it.
+            const Vec3 from = to_ball * (Vec3(x + 0.5 - 15.5, 13.5 - (y + 0.5), 0.0) - arrays.centers[0]);
+            const Vec3 along = to_ball * Vec3(0.0, 0.0, 1.0);
+            const double p = glm::length(glm::cross(from, along)) / glm::length(along);
+            exact.push_back(1.7 * chord_sum(field->kernel(), p) / glm::length(along));
+        }
+    }
+    for (const double spacing : {0.3, 1.0, 5.0, 40.0}) {
+        shot.scene.slice_spacing = spacing;
+        EXPECT_LE(distance(CpuDrawing(shot, Precision::float32).draw({16, 1}).scalar, exact, true).most, 1e-6)
+            << spacing;
+        EXPECT_LE(distance(CpuDrawing(shot, Precision::float64).draw({16, 1}).scalar, exact, true).most, 7e-8)
+            << spacing;
+    }
+    // Point sampling is not exact.
+    shot.scene.sampling = Sampling::point;
+    EXPECT_GT(distance(CpuDrawing(shot, Precision::float64).draw().scalar, exact, true).most, 1e-3);
+}
+
+TEST(CpuRenderer, AConstantFieldIsConstant) {
+    const double value = 0.7, w0 = 0.01;
+    EllipsoidArrays arrays = test::cloud_arrays(300, 0.15, 5.0);
+    std::fill(arrays.values.begin(), arrays.values.end(), value);
+    EllipsoidFieldOptions options;
+    options.w0 = w0;
+    RegularFieldOptions regular;
+    regular.normalization = Normalization::threshold;
+    regular.w0 = w0;
+    const std::vector<std::shared_ptr<const Field>> fields{
+        std::make_shared<const EllipsoidField>(arrays, options),
+        std::make_shared<const RegularField>(std::vector<float>(512, static_cast<float>(value)),
+                                             std::array<std::size_t, 3>{8, 8, 8}, regular)};
+    for (const auto& field : fields) {
+        for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
+            Shot shot = shot_of({field}, askew(*field, projection));
+            shot.size = {60, 50};
+            shot.scene.mode = Mode::mip;
+            shot.outputs.coverage = true;
+            const CpuDrawing drawing(shot, Precision::float32);
+            const Image image = drawing.draw();
+            const double ds = drawing.frame().slice_spacing;
+            std::size_t inside = 0;
+            for (std::size_t p = 0; p < image.scalar.size(); ++p) {
+                EXPECT_LE(image.scalar[p], value * (1.0 + 4e-7));
+                // So much on the whole ray is more than w0 somewhere.
+                const auto slices = static_cast<double>(drawing.frame().slices);
+                if (static_cast<double>(image.coverage[p]) > 1.6 * w0 * ds * slices) {
+                    EXPECT_NEAR(image.scalar[p], value, 4e-7);
+                    ++inside;
+                }
+            }
+            EXPECT_GT(inside, 300U);
+        }
+    }
+}
+
+TEST(CpuRenderer, HalvesOfAKernelAreTheKernel) {
+    EllipsoidArrays arrays = test::cloud_arrays(80, 0.16, 4.0);
+    for (std::size_t n = 0; n < arrays.values.size(); ++n) {
+        arrays.weights.push_back(0.3 + 0.02 * static_cast<double>(n));
+    }
+    EllipsoidArrays halves = arrays;
+    for (std::size_t n = 0; n < arrays.values.size(); n += 2) {
+        halves.weights[n] *= 0.5;
+        halves.centers.push_back(arrays.centers[n]);
+        halves.scales.push_back(arrays.scales[n]);
+        halves.rotations.push_back(arrays.rotations[n]);
+        halves.values.push_back(arrays.values[n]);
+        halves.weights.push_back(halves.weights[n]);
+    }
+    EllipsoidArrays wrong = halves;
+    wrong.weights.back() *= 1.01;
+    const auto field = std::make_shared<const EllipsoidField>(arrays);
+    Shot shot = shot_of({field}, askew(*field, Projection::perspective));
+    shot.scene.slice_spacing = shot.scene.reference_length = 0.05;
+    const Image whole = CpuDrawing(shot, Precision::float64).draw();
+    shot.scene.fields = {std::make_shared<const EllipsoidField>(halves)};
+    EXPECT_LE(distance(CpuDrawing(shot, Precision::float64).draw(), whole).most, 1.3e-7);
+    shot.scene.fields = {std::make_shared<const EllipsoidField>(wrong)};
+    EXPECT_GT(distance(CpuDrawing(shot, Precision::float64).draw(), whole).most, 1e-5);
+}
+
+TEST(CpuRenderer, OrderOfKernelsDoesNotMatter) {
+    for (const double aspect : {1.0, 6.0}) {
+        const EllipsoidArrays arrays = test::cloud_arrays(150, 0.13, aspect);
+        std::vector<std::size_t> order(arrays.values.size());
+        std::iota(order.begin(), order.end(), std::size_t{0});
+        std::mt19937 random(3);
+        std::shuffle(order.begin(), order.end(), random);
+        EllipsoidArrays other;
+        for (const std::size_t n : order) {
+            other.centers.push_back(arrays.centers[n]);
+            other.values.push_back(arrays.values[n]);
+            if (aspect == 1.0) {
+                other.radii.push_back(arrays.radii[n]);
+            } else {
+                other.scales.push_back(arrays.scales[n]);
+                other.rotations.push_back(arrays.rotations[n]);
+            }
+        }
+        const auto field = std::make_shared<const EllipsoidField>(arrays);
+        Shot shot = shot_of({field}, askew(*field, Projection::orthographic));
+        shot.scene.slice_spacing = 0.05;
+        const Image fine = CpuDrawing(shot, Precision::float64).draw(),
+                    coarse = CpuDrawing(shot, Precision::float32).draw();
+        shot.scene.fields = {std::make_shared<const EllipsoidField>(other)};
+        EXPECT_LE(distance(CpuDrawing(shot, Precision::float64).draw(), fine).most, 1.3e-7);
+        EXPECT_LE(distance(CpuDrawing(shot, Precision::float32).draw(), coarse).most, 2e-5);
+        other.values[0] += 0.01;
+        shot.scene.fields = {std::make_shared<const EllipsoidField>(other)};
+        EXPECT_GT(distance(CpuDrawing(shot, Precision::float64).draw(), fine).most, 1e-5);
+    }
+}
+
+/// What was sorted for one field is not used for another one that happens to lie where it was in memory.
+TEST(CpuRenderer, KnowsFieldsApartWhateverTheirAddress) {
+    alignas(RegularField) static unsigned char place[sizeof(RegularField)];
+    const auto make = [&](std::array<std::size_t, 3> shape) {
+        auto* field = new (place) RegularField(std::vector<float>(shape[0] * shape[1] * shape[2], 1.0F), shape);
+        return std::shared_ptr<const RegularField>(field, [](const RegularField* gone) { gone->~RegularField(); });
+    };
+    const Camera camera = Camera::orthographic(Vec3(4, 9, 60), Vec3(4, 9, 0), Vec3(0, 1, 0), 30.0);
+    CpuRenderer renderer;
+    std::weak_ptr<const RegularField> first;
+    {
+        const auto field = make({2, 16, 9});
+        first = field;
+        static_cast<void>(CpuDrawing(shot_of({field}, camera), Precision::float32).draw(renderer, {12, 1}));
+    }
+    // As many rows and columns, otherwise arranged.
+    if (first.expired()) {
+        const CpuDrawing second(shot_of({make({16, 2, 9})}, camera), Precision::float32);
+        EXPECT_EQ(pixels_of(second.draw(renderer, {12, 1})), pixels_of(second.draw({12, 1})));
+    }
+    // Another one frees it.
+    const CpuDrawing other(shot_of({ball(5)}, camera), Precision::float32);
+    static_cast<void>(other.draw(renderer, {12, 1}));
+    EXPECT_TRUE(first.expired());
+}
+
+TEST(CpuRenderer, PicturesOfNothing) {
+    // No kernel, none in the picture, none before the near plane.
+    const auto none = std::make_shared<const EllipsoidField>(EllipsoidArrays{});
+    const auto field = cloud(20, 0.1, 3.0);
+    const Camera away = Camera::orthographic(Vec3(100, 0, 5), Vec3(100, 0, 0), Vec3(0, 1, 0), 1.0);
+    const Camera behind = Camera::perspective(Vec3(0, 0, 5), Vec3(0, 0, 6), Vec3(0, 1, 0), 40.0, 0.1);
+    for (const auto& shot : {shot_of({none}, away), shot_of({field}, away), shot_of({field}, behind)}) {
+        for (const Mode mode : {Mode::composite, Mode::isosurface, Mode::xray, Mode::mip}) {
+            Shot one = shot;
+            one.scene.mode = mode;
+            one.outputs = {true, mode == Mode::composite};
+            const Raised raised;
+            const Image image = CpuDrawing(one, Precision::float32).draw({0, 1});
+            EXPECT_EQ(raised.names(), "");
+            EXPECT_EQ(test::largest(std::vector<double>(pixels_of(image).begin(), pixels_of(image).end())), 0.0);
+            EXPECT_EQ(pixels_of(image).size(), static_cast<std::size_t>(40 * 34 * (image.rgba.empty() ? 1 : 4)));
+            for (const float depth : image.depth) {
+                EXPECT_EQ(depth, std::numeric_limits<float>::infinity());
+            }
+        }
+    }
+}
+
+TEST(InstructionSets, AreChosenByName) {
+    const SetChoice choice;
+    const std::vector<std::string> sets = instruction_sets();
+    ASSERT_FALSE(sets.empty());
+    EXPECT_EQ(sets.back(), "baseline");
+    EXPECT_NE(instruction_set().find(sets.front()), std::string::npos);
+    for (const std::string& set : sets) {
+        choose_instruction_set(set);
+        EXPECT_NE(instruction_set().find(set), std::string::npos);
+    }
+    EXPECT_THROW(choose_instruction_set("AVX-1024"), InvalidInput);
+}
+
+} // namespace
+} // namespace sheetsplat::backend_cpu

@@ -124,30 +124,30 @@ int main(int argc, char** argv) {
         return 2;
     }
     // Larger ones than a sheet holds would be cut into tiles: each is as large as fits, and counts as many times.
-    const double most = kind == "spheres" ? 0.45 * backend_cpu::edge : 0.3 * backend_cpu::edge;
+    const double most = kind == "spheres" ? 0.45 * vectors::edge : 0.3 * vectors::edge;
     const double fits = std::min(radius, most), shares = radius * radius / (fits * fits);
     std::mt19937 random(2005);
     std::uniform_real_distribution<double> uniform(0.0, 1.0);
-    std::vector<backend_cpu::Kernel> kernels(20000);
+    std::vector<vectors::Kernel> kernels(20000);
     const double margin = 1.42 * fits + 1.0;
-    for (backend_cpu::Kernel& kernel : kernels) {
+    for (vectors::Kernel& kernel : kernels) {
         const auto place = [&](double reach) {
-            const double room = std::max(backend_cpu::edge - 2.0 * reach, 0.0);
-            return static_cast<float>(0.5 * (backend_cpu::edge - room) + room * uniform(random));
+            const double room = std::max(vectors::edge - 2.0 * reach, 0.0);
+            return static_cast<float>(0.5 * (vectors::edge - room) + room * uniform(random));
         };
         kernel = {place(fits + 1.0), place(kind == "spheres" ? fits + 1.0 : margin),
-                  static_cast<float>(1.0 - 2.0 / backend_cpu::slices * uniform(random)), 0.5F,
-                  static_cast<int>(uniform(random) * backend_cpu::ring)};
+                  static_cast<float>(1.0 - 2.0 / vectors::slices * uniform(random)), 0.5F,
+                  static_cast<int>(uniform(random) * vectors::ring)};
     }
-    std::vector<float> sheets(static_cast<std::size_t>(backend_cpu::ring * backend_cpu::edge * backend_cpu::stride + 64), 0.0F);
+    std::vector<float> sheets(static_cast<std::size_t>(vectors::ring * vectors::edge * vectors::stride + 64), 0.0F);
     double best = 1e300;
     std::uint64_t sections = 0;
     const double began = now();
     for (int round = 0; round < 200 && (round < 3 || now() - began < 2.0); ++round) {
         const double start = now();
         const auto r = static_cast<float>(fits);
-        sections =
-            kind == "spheres" ? backend_cpu::spheres(kernels, r, sheets.data()) : backend_cpu::ellipsoids(kernels, r, sheets.data());
+        sections = kind == "spheres" ? vectors::spheres(kernels, r, sheets.data())
+                                     : vectors::ellipsoids(kernels, r, sheets.data());
         best = std::min(best, now() - start);
     }
     double sum = 0.0;

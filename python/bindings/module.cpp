@@ -5,7 +5,7 @@ PYBIND11_MODULE(_sheetsplat, module) {
     module.doc() = "Native half of sheetsplat; use the names of the package itself.";
     module.attr("__version__") = SHEETSPLAT_VERSION;
     using namespace sheetsplat::bindings;
-    register_error(module);
+    register_error();
     register_field(module);
     register_transfer_function(module);
     register_scene(module);

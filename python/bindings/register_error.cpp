@@ -1,5 +1,6 @@
 #include <new>
 #include <string>
+#include <variant>
 
 #include <pybind11/gil_safe_call_once.h>
 
@@ -13,53 +14,41 @@ namespace {
 
 // The classes live as long as the interpreter, so that a translator that runs during its end finds them.
 struct ErrorClasses {
-    py::object error, invalid_input, device_unavailable, out_of_memory, unsupported, cancelled;
+    py::object error, invalid_input, device_unavailable, out_of_memory, unsupported, cancelled, words, option_ref;
 };
 
 PYBIND11_CONSTINIT py::gil_safe_call_once_and_store<ErrorClasses> error_classes;
 
-py::object make_class(const char* name, const char* doc, const py::tuple& bases) {
-    const std::string qualified = std::string("sheetsplat.") + name;
-    PyObject* made = PyErr_NewExceptionWithDoc(qualified.c_str(), doc, bases.ptr(), nullptr);
-    if (made == nullptr) {
-        throw py::error_already_set();
-    }
-    return py::reinterpret_steal<py::object>(made);
+ErrorClasses find_classes() {
+    const auto errors = py::module_::import("sheetsplat.errors");
+    return {errors.attr("Error"),       errors.attr("InvalidInput"), errors.attr("DeviceUnavailable"),
+            errors.attr("OutOfMemory"), errors.attr("Unsupported"),  errors.attr("Cancelled"),
+            errors.attr("Words"),       errors.attr("OptionRef")};
 }
 
-ErrorClasses make_classes() {
-    ErrorClasses classes;
-    const auto builtin = [](PyObject* type) { return py::reinterpret_borrow<py::object>(type); };
-    classes.error = make_class("Error", "Base of all errors that sheetsplat raises on purpose.",
-                               py::make_tuple(builtin(PyExc_Exception)));
-    classes.invalid_input =
-        make_class("InvalidInput", "A number, an array, a file or an option that has no meaning here.",
-                   py::make_tuple(classes.error, builtin(PyExc_ValueError)));
-    classes.device_unavailable =
-        make_class("DeviceUnavailable", "No device for the backend could be had; the message lists every try.",
-                   py::make_tuple(classes.error, builtin(PyExc_RuntimeError)));
-    classes.out_of_memory =
-        make_class("OutOfMemory", "More memory would be needed than there is; nothing was left allocated.",
-                   py::make_tuple(classes.error, builtin(PyExc_RuntimeError)));
-    classes.unsupported =
-        make_class("Unsupported", "A sensible request that cannot be fulfilled here within its error bound.",
-                   py::make_tuple(classes.error, builtin(PyExc_RuntimeError)));
-    classes.cancelled = make_class("Cancelled", "The progress callback returned False; the renderer stays usable.",
-                                   py::make_tuple(classes.error));
-    return classes;
+py::object python_words(const ErrorClasses& classes, const Words& words) {
+    py::tuple pieces(words.pieces().size());
+    for (std::size_t i = 0; i < words.pieces().size(); ++i) {
+        const Words::Piece& piece = words.pieces()[i];
+        const auto* option = std::get_if<OptionRef>(&piece);
+        pieces[i] = option != nullptr ? classes.option_ref(option->name, option->value)
+                                      : py::object(py::str(std::get<std::string>(piece)));
+    }
+    return classes.words(pieces);
+}
+
+void set_error(const ErrorClasses& classes, const py::object& kind, const Complaint& complaint) {
+    const py::object option = complaint.option.empty() ? py::object(py::none()) : py::str(complaint.option);
+    const auto words = [&](const Words& part) { return python_words(classes, part); };
+    const py::object error =
+        kind(words(complaint.what), words(complaint.found), words(complaint.wanted), words(complaint.advice), option);
+    PyErr_SetObject(kind.ptr(), error.ptr());
 }
 
 } // namespace
 
-void register_error(py::module_& module) {
-    const ErrorClasses& classes = error_classes.call_once_and_store_result(make_classes).get_stored();
-    module.attr("Error") = classes.error;
-    module.attr("InvalidInput") = classes.invalid_input;
-    module.attr("DeviceUnavailable") = classes.device_unavailable;
-    module.attr("OutOfMemory") = classes.out_of_memory;
-    module.attr("Unsupported") = classes.unsupported;
-    module.attr("Cancelled") = classes.cancelled;
-
+void register_error() {
+    error_classes.call_once_and_store_result(find_classes);
     py::register_local_exception_translator([](std::exception_ptr pointer) {
         if (!pointer) {
             return;
@@ -68,31 +57,23 @@ void register_error(py::module_& module) {
         try {
             std::rethrow_exception(pointer);
         } catch (const InvalidInput& error) {
-            py::set_error(known.invalid_input, error.what());
+            set_error(known, known.invalid_input, error.complaint());
         } catch (const DeviceUnavailable& error) {
-            py::set_error(known.device_unavailable, error.what());
+            set_error(known, known.device_unavailable, error.complaint());
         } catch (const OutOfMemory& error) {
-            py::set_error(known.out_of_memory, error.what());
+            set_error(known, known.out_of_memory, error.complaint());
         } catch (const Unsupported& error) {
-            py::set_error(known.unsupported, error.what());
+            set_error(known, known.unsupported, error.complaint());
         } catch (const Cancelled& error) {
-            py::set_error(known.cancelled, error.what());
+            set_error(known, known.cancelled, error.complaint());
         } catch (const Error& error) {
-            py::set_error(known.error, error.what());
+            set_error(known, known.error, error.complaint());
         } catch (const std::bad_alloc&) {
-            const Complaint complaint{"memory could not be had", "", "",
-                                      "use a smaller volume or picture, or a narrower type of samples"};
-            py::set_error(known.out_of_memory, complaint.text().c_str());
+            set_error(known, known.out_of_memory,
+                      Complaint{"memory could not be allocated", "", "",
+                                "use a smaller volume or picture, or a narrower type of samples"});
         }
     });
-
-    module.def(
-        "complaint_text",
-        [](const std::string& failed, const std::string& found, const std::string& wanted, const std::string& next) {
-            return Complaint{failed, found, wanted, next}.text();
-        },
-        py::arg("failed"), py::arg("found"), py::arg("wanted"), py::arg("next"),
-        "The four parts of a message as one text, as the C++ side writes it.");
 }
 
 } // namespace sheetsplat::bindings

@@ -5,7 +5,7 @@
 
 namespace sheetsplat::bindings {
 
-void register_error(pybind11::module_& module);
+void register_error();
 void register_field(pybind11::module_& module);
 void register_transfer_function(pybind11::module_& module);
 void register_scene(pybind11::module_& module);

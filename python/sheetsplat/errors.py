@@ -1,39 +1,212 @@
-"""The errors of the package. Every message says what failed, what was found, what was wanted and what to do next."""
+"""The errors of the package.
+
+Every error carries fields: what failed, what was found, what was wanted, what to do next, and the option that it is
+about. Messages refer to options by name, so that Python and the command line spell them each in their own way.
+"""
 
 from __future__ import annotations
 
-from sheetsplat._sheetsplat import (
-    Cancelled,
-    DeviceUnavailable,
-    Error,
-    InvalidInput,
-    OutOfMemory,
-    Unsupported,
-    complaint_text,
-)
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
 
-__all__ = ["Cancelled", "DeviceUnavailable", "Error", "InvalidInput", "OutOfMemory", "Unsupported", "complain"]
+__all__ = [
+    "Cancelled",
+    "Complaint",
+    "DeviceUnavailable",
+    "Error",
+    "InvalidInput",
+    "OptionRef",
+    "OutOfMemory",
+    "Unsupported",
+    "Words",
+    "complain",
+    "option_ref",
+    "spelled_in_python",
+]
 
-# Characters of a part of a message; the longest list of names that belongs into one is shorter.
+# Characters of a text within a message; the longest list of names that belongs into one is shorter.
 _LONGEST = 1200
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_CONSTANTS = {"true": "True", "false": "False", "none": "None", "...": "..."}
+
+
+@dataclass(frozen=True)
+class OptionRef:
+    """A reference to an option within a message.
+
+    Attributes
+    ----------
+    name
+        The argument of Python's functions.
+    value
+        ``true``, ``false``, ``none``, a number, a name such as ``skip``, or ``...`` for any value; empty: the option
+        alone.
+    """
+
+    name: str
+    value: str = ""
+
+
+def spelled_in_python(option: OptionRef) -> str:
+    """Return an option as a keyword argument: ``allow_inexact=True``, ``nan="skip"``, ``max_error``."""
+    if not option.value:
+        return option.name
+    literal = option.value in _CONSTANTS or _NUMBER.fullmatch(option.value)
+    value = _CONSTANTS.get(option.value, option.value) if literal else f'"{option.value}"'
+    return f"{option.name}={value}"
+
+
+@dataclass(frozen=True)
+class Words:
+    """A text in pieces: strings and references to options."""
+
+    pieces: tuple[str | OptionRef, ...] = ()
+
+    @staticmethod
+    def of(text: str | Words) -> Words:
+        """Return a text as words."""
+        return text if isinstance(text, Words) else Words((text,) if text else ())
+
+    def __add__(self, other: str | Words) -> Words:
+        """Join two texts."""
+        return Words(self.pieces + Words.of(other).pieces)
+
+    def __radd__(self, other: str) -> Words:
+        """Join two texts."""
+        return Words.of(other) + self
+
+    def __bool__(self) -> bool:
+        """Return whether there is any text."""
+        return bool(self.pieces)
+
+    def text(self, spelling: Callable[[OptionRef], str] = spelled_in_python) -> str:
+        """Return the text with every reference spelled by a function."""
+        return "".join(piece if isinstance(piece, str) else spelling(piece) for piece in self.pieces)
+
+
+def option_ref(name: str, value: str = "") -> Words:
+    """Return a piece of a message that refers to an option: ``"pass " + option_ref("nan", "skip")``."""
+    return Words((OptionRef(name, value),))
+
+
+@dataclass(frozen=True)
+class Complaint:
+    """The fields of a message. Empty fields are left out of the text."""
+
+    what: Words
+    found: Words = Words()
+    wanted: Words = Words()
+    advice: Words = Words()
+    option: str | None = None
+
+    def text(self, spelling: Callable[[OptionRef], str] = spelled_in_python) -> str:
+        """Return the message, "what: found ...; wanted ...; advice", with options spelled by a function."""
+        parts = (("found ", self.found), ("wanted ", self.wanted), ("", self.advice))
+        rest = "; ".join(introduction + part.text(spelling) for introduction, part in parts if part)
+        return ": ".join(part for part in (self.what.text(spelling), rest) if part)
+
+
+class Error(Exception):
+    """Base of all errors that sheetsplat raises on purpose.
+
+    Attributes
+    ----------
+    what, found, wanted, advice
+        What could not be done, the value or state that prevented it, what would have been accepted, and what the
+        reader can do next. Options are spelled as keyword arguments. Any but `what` may be empty.
+    option
+        The option that the error is about: the one that was given, else the one that alone is referred to in `what`;
+        None where there is none, or more than one.
+    complaint
+        The same fields, with references to options that a front end can spell in its own way.
+    """
+
+    __module__ = "sheetsplat"
+
+    def __init__(
+        self,
+        what: str | Words = "",
+        found: str | Words = "",
+        wanted: str | Words = "",
+        advice: str | Words = "",
+        option: str | None = None,
+    ) -> None:
+        # Exceptions are pickled as their class and args.
+        super().__init__(what, found, wanted, advice, option)
+        option = option or _only_option(Words.of(what))
+        self.complaint = Complaint(Words.of(what), Words.of(found), Words.of(wanted), Words.of(advice), option)
+        self.what = self.complaint.what.text()
+        self.found = self.complaint.found.text()
+        self.wanted = self.complaint.wanted.text()
+        self.advice = self.complaint.advice.text()
+        self.option = option
+
+    def __str__(self) -> str:
+        """Return the message as Python spells it."""
+        return self.complaint.text()
+
+
+class InvalidInput(Error, ValueError):
+    """A number, an array, a file or an option that has no meaning here."""
+
+    __module__ = "sheetsplat"
+
+
+class DeviceUnavailable(Error, RuntimeError):
+    """No device for the backend is available; the message lists every attempt."""
+
+    __module__ = "sheetsplat"
+
+
+class OutOfMemory(Error, RuntimeError):
+    """More memory would be needed than is available; nothing was left allocated."""
+
+    __module__ = "sheetsplat"
+
+
+class Unsupported(Error, RuntimeError):
+    """A valid request that cannot be fulfilled here within its error bound."""
+
+    __module__ = "sheetsplat"
+
+
+class Cancelled(Error):
+    """The progress callback returned False; the renderer stays usable."""
+
+    __module__ = "sheetsplat"
 
 
 def complain(
-    failed: str, found: str = "", wanted: str = "", then: str = "", *, kind: type[Error] = InvalidInput
+    what: str | Words,
+    found: str | Words = "",
+    wanted: str | Words = "",
+    advice: str | Words = "",
+    *,
+    option: str | None = None,
+    kind: type[Error] = InvalidInput,
 ) -> Error:
-    """Return an error whose message has the four parts that all messages have.
+    """Return an error with the fields that all errors have.
 
     Parameters
     ----------
-    failed, found, wanted, then
-        What could not be done, what was there, what would have been right, what the reader can do. Empty parts are
-        left out.
+    what, found, wanted, advice, option
+        The attributes of `Error`. Texts may refer to options by `option_ref`.
     kind
         The class of the error.
     """
-    return kind(complaint_text(*map(_bounded, (failed, found, wanted, then))))
+    return kind(_bounded(what), _bounded(found), _bounded(wanted), _bounded(advice), option)
 
 
-def _bounded(part: str) -> str:
+def _only_option(words: Words) -> str | None:
+    names = {piece.name for piece in words.pieces if isinstance(piece, OptionRef)}
+    return names.pop() if len(names) == 1 else None
+
+
+def _bounded(text: str | Words) -> Words:
     # What was found may be a file's own words, of any length.
-    return part if len(part) <= _LONGEST else f"{part[: _LONGEST // 2]} ... {part[-_LONGEST // 4 :]}"
+    return Words(tuple(_shortened(piece) if isinstance(piece, str) else piece for piece in Words.of(text).pieces))
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}"

@@ -93,7 +93,7 @@ class Image:
     @staticmethod
     def _there(name: str, array: NDArray[np.float32] | None, then: str) -> NDArray[np.float32]:
         if array is None:
-            raise complain(f"this picture has no {name}", then=then)
+            raise complain(f"the image has no {name}", advice=then)
         return array
 
     @property

@@ -308,7 +308,7 @@ class Report {
         }
         called_ = now;
         if (!(*progress_)(share)) {
-            throw Cancelled(std::string("the rendering was cancelled by its progress callback"));
+            throw Cancelled();
         }
     }
 

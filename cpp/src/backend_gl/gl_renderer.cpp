@@ -170,7 +170,7 @@ void GlRenderer::render(const Job& job, Image& image) {
             if (job.progress != nullptr && *job.progress &&
                 !(*job.progress)((static_cast<double>(number) + share) / static_cast<double>(tiles.size()))) {
                 gl.Finish();
-                throw Cancelled(std::string("the rendering was cancelled by its progress callback"));
+                throw Cancelled();
             }
         };
         const Targets* targets = nullptr;

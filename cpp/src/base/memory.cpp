@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "base/checks.hpp"
-#include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -162,12 +161,12 @@ std::uint64_t checked_product(std::uint64_t a, std::uint64_t b, const std::strin
     return a * b;
 }
 
-void require_memory(std::uint64_t bytes, const std::string& what, const std::string& next) {
+void require_memory(std::uint64_t bytes, const std::string& what, const Words& advice) {
     const std::uint64_t available = available_memory();
     if (bytes > available) {
         throw OutOfMemory(Complaint{"no memory for " + what,
                                     text_of_bytes(available) + " that this process may still take",
-                                    text_of_bytes(bytes), next});
+                                    text_of_bytes(bytes), advice});
     }
 }
 

@@ -32,7 +32,7 @@ std::vector<EllipsoidView> views_of(const Request& request, const Prepared& prep
 /// Throws Cancelled.
 void report(const Progress& progress, double share) {
     if (progress && !progress(share)) {
-        throw Cancelled(std::string("the rendering was cancelled by its progress callback"));
+        throw Cancelled();
     }
 }
 

@@ -187,24 +187,25 @@ DrawPlan Renderer::State::plan_on(Backend backend, const Request& request, const
 
 DrawPlan Renderer::State::choose_plan(const Request& request, const ViewFacts& view) {
     const std::vector<Backend> tried = candidates();
-    std::string reasons;
+    Words reasons;
     const bool automatic = requested_backend(options_.backend) == Backend::automatic;
     for (const Backend backend : tried) {
         try {
             DrawPlan plan = plan_on(backend, request, view);
             if (automatic) {
-                plan.summary.device += "; auto: " + (reasons.empty() ? why_first() : reasons);
+                plan.summary.device += "; auto: " + (reasons.empty() ? why_first() : reasons.text());
             }
             return plan;
         } catch (const Unsupported& error) {
             if (!automatic) {
                 throw;
             }
-            reasons +=
-                (reasons.empty() ? "backend " : "; backend ") + std::string(to_string(backend)) + ": " + error.what();
+            reasons += (reasons.empty() ? "backend " : "; backend ") + std::string(to_string(backend)) + ": ";
+            reasons += error.complaint().words();
         }
     }
-    throw Unsupported(reasons + (why_no_gl_.empty() ? "" : "; no OpenGL: " + why_no_gl_));
+    throw Unsupported(Complaint{"no backend can draw this scene within its error bound",
+                                reasons + (why_no_gl_.empty() ? "" : "; no OpenGL: " + why_no_gl_)});
 }
 
 Prepared Renderer::State::prepare(const Request& request) {
@@ -309,7 +310,7 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     // Surveys and indices of millions of kernels take long enough to be unwanted before they are done.
     const PollScope polling([&request] {
         if (request.progress && !request.progress(0.0)) {
-            throw Cancelled(std::string("the rendering was cancelled by its progress callback"));
+            throw Cancelled();
         }
     });
     const Prepared prepared = prepare(request);

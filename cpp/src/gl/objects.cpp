@@ -524,7 +524,7 @@ void AsyncReadback::fetch(void* out, std::size_t bytes) {
     forget();
     if (state == GL_WAIT_FAILED) {
         check_errors(gl, "waiting for a read-back");
-        throw Error("waiting for a read-back failed");
+        throw Error(Complaint{"waiting for a read-back failed", "an error of the driver", "", ""});
     }
     if (bytes == 0) {
         return;
@@ -538,7 +538,7 @@ void AsyncReadback::fetch(void* out, std::size_t bytes) {
     gl.BindBuffer(GL_PIXEL_PACK_BUFFER, 0);
     check_errors(gl, "fetching a read-back");
     if (memory == nullptr) {
-        throw Error("fetching a read-back failed: the buffer could not be mapped");
+        throw Error(Complaint{"fetching a read-back failed", "a buffer that the driver cannot map", "", ""});
     }
 }
 

@@ -104,11 +104,13 @@ Effects::Effects(const std::map<std::string, bool>& forced, Backend backend, std
         if (const auto* found = std::find_if(stated.begin(), stated.end(), same); found != stated.end()) {
             throw InvalidInput(Complaint{
                 "the effects cannot be forced", "the effect \"" + name + "\", which follows from " + found->decided_by,
-                names_of(backend), std::string("change ") + found->decided_by + ", and drop it from effects="});
+                names_of(backend),
+                std::string("change ") + found->decided_by + ", and leave the effect out of " + option_ref("effects"),
+                "effects"});
         }
         if (std::none_of(forcible.begin(), forcible.end(), same)) {
             throw InvalidInput(Complaint{"the effects cannot be forced", "the name \"" + name + "\"", names_of(backend),
-                                         "correct effects="});
+                                         "correct the name in " + option_ref("effects"), "effects"});
         }
     }
     if (backend != Backend::reference) {
@@ -163,7 +165,7 @@ void Effects::refuse_dropped() const {
     }
     throw Unsupported(Complaint{"the plan cannot be made", "effects forced off that the scene calls for: " + names,
                                 "a picture within its error bound",
-                                "leave them to the plan, or pass allow_inexact=True"});
+                                "leave them to the plan, or pass " + option_ref("allow_inexact", "true"), "effects"});
 }
 
 } // namespace sheetsplat

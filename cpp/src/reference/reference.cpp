@@ -140,7 +140,7 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
     const auto report = [&](std::int64_t intervals) {
         const double done = static_cast<double>(intervals) / static_cast<double>(slices.count + 1);
         if (request.progress && !request.progress(done)) {
-            throw Cancelled("Rendering was stopped by its progress callback.");
+            throw Cancelled();
         }
     };
     if (slices.count > 0) {

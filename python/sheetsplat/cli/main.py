@@ -12,7 +12,8 @@ from typing import Any
 import click
 
 from sheetsplat import __version__
-from sheetsplat.errors import Error
+from sheetsplat.cli.wording import message
+from sheetsplat.errors import Error, InvalidInput
 
 _COMMANDS = {
     "render": "Render a volume into a picture.",
@@ -24,8 +25,6 @@ _COMMANDS = {
     "bench": "Measure: tables, ablations, scaling.",
     "demo": "Render a data set that is made on the spot.",
 }
-# Which effects there are is known to the plan alone; a wrong name is wrong usage all the same.
-_STRANGE_EFFECT = "the effects cannot be forced: found the name"
 # Characters of the reason of an error that is not of the package.
 _REASON = 500
 
@@ -57,13 +56,15 @@ class _Group(click.Group):
         except Error as error:
             from sheetsplat.cli.options import for_command_line
 
-            if str(error).startswith(_STRANGE_EFFECT):
-                raise click.UsageError(for_command_line(str(error)), ctx) from None
-            click.echo(f"sheetsplat: {for_command_line(str(error))}", err=True)
+            text = for_command_line(message(error, self.get_command(ctx, ctx.invoked_subcommand or "")))
+            # Only the plan knows which effects there are; a wrong name is wrong usage all the same.
+            if isinstance(error, InvalidInput) and error.option == "effects":
+                raise click.UsageError(text, ctx) from None
+            click.echo(f"sheetsplat: {text}", err=True)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except MemoryError:
-            click.echo("sheetsplat: memory ran out; use a smaller volume or picture", err=True)
+            click.echo("sheetsplat: there is not enough memory; use a smaller volume or picture", err=True)
         except Exception as error:
             # Whoever reads the output has had enough of it: click ends quietly then.
             if isinstance(error, OSError) and error.errno == errno.EPIPE:
@@ -71,7 +72,7 @@ class _Group(click.Group):
             if logging.getLogger("sheetsplat").isEnabledFor(logging.DEBUG):
                 traceback.print_exc()
             reason = " ".join(str(error).split())[:_REASON]
-            click.echo(f"sheetsplat: a mistake of the program, {type(error).__name__}: {reason}", err=True)
+            click.echo(f"sheetsplat: internal error, {type(error).__name__}: {reason}", err=True)
         sys.exit(1)
 
 

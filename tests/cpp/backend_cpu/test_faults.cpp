@@ -387,7 +387,7 @@ TEST(ThreadPool, AsksWhileItWaitsAndEndsWhereThatThrows) {
     EXPECT_THROW(pool.run(2, task,
                           [&] {
                               if (++asked == 4) {
-                                  throw Cancelled(std::string("enough"));
+                                  throw Cancelled();
                               }
                           }),
                  Cancelled);
@@ -402,7 +402,7 @@ TEST(ThreadPool, AsksBetweenTasks) {
                      100, [&](std::size_t, int) { ++done; },
                      [&] {
                          if (++asked == 10) {
-                             throw Cancelled(std::string("enough"));
+                             throw Cancelled();
                          }
                      }),
                  Cancelled);

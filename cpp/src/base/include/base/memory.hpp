@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <string>
 
+#include "sheetsplat/error.hpp"
+
 namespace sheetsplat {
 
 /// Bytes that this process may still take: the least of free physical memory and the limits set on it.
@@ -19,7 +21,7 @@ std::uint64_t available_memory_in(const std::string& proc);
 /// a * b, or OutOfMemory that names `what` where it does not fit 64 bits.
 std::uint64_t checked_product(std::uint64_t a, std::uint64_t b, const std::string& what);
 
-/// Throws OutOfMemory where `bytes` for `what` are more than available_memory(); `next` says what the caller can do.
-void require_memory(std::uint64_t bytes, const std::string& what, const std::string& next);
+/// Throws OutOfMemory where `bytes` for `what` are more than available_memory(); `advice` says what the user can do.
+void require_memory(std::uint64_t bytes, const std::string& what, const Words& advice);
 
 } // namespace sheetsplat

@@ -1,0 +1,26 @@
+"""Messages of errors with options spelled as the command line has them."""
+
+from __future__ import annotations
+
+import click
+
+from sheetsplat.errors import Error, OptionRef, spelled_in_python
+
+
+def message(error: Error, command: click.Command | None) -> str:
+    """Return the message of an error that a command met."""
+    return error.complaint.text(lambda option: spelled(option, command))
+
+
+def spelled(option: OptionRef, command: click.Command | None) -> str:
+    """Return a reference as the option of a command: ``--allow-inexact``, ``--nan skip``.
+
+    What the command has no option for is spelled as Python's keyword argument.
+    """
+    for parameter in command.params if command is not None else ():
+        if isinstance(parameter, click.Option) and parameter.name == option.name:
+            name, opposite = parameter.opts[-1], parameter.secondary_opts[-1:]
+            if parameter.is_flag:
+                return opposite[0] if option.value == "false" and opposite else name
+            return name if option.value in ("", "...") else f"{name} {option.value}"
+    return spelled_in_python(option)

@@ -1,5 +1,5 @@
 // What splatting costs at least: the inner loops alone, over kernels that lie ready, into sheets that stay in the
-// cache. No views, tiles, sorting, clipping, normalisation or shading. `sheetsplat bench cpu` measures the renderer
+// cache. No views, tiles, sorting, clipping, normalisation or shading. `./run bench cpu` measures the renderer
 // against it.
 //
 //     sheetsplat_bare_loop spheres|ellipsoids PIXELS

@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat.bench import BENCHES, Goal, Options, Report
-from sheetsplat.bench._measure import Judge, difference, orbit, time_frames
-from sheetsplat.bench.ellipsoids import _WAYS, _over, at_equal_time, ellipsoids, knows
-from sheetsplat.bench.scattered_scaling import exponent
-from sheetsplat.bench.table2005 import _PICTURES, threshold_for
-from sheetsplat.bench.table2006 import _PICTURES as _SCATTERED
-from sheetsplat.bench.table2006 import diagonals
+from bench import BENCHES, Goal, Options, Report
+from bench.__main__ import main
+from bench.ellipsoids import WAYS, at_equal_time
+from bench.measure import Judge, Timing, decibels, difference, exponent, orbit, quotient, time_frames
+from bench.report import columns
+from bench.scenes import ellipsoids
+from bench.table2005 import PICTURES, threshold_for
+from bench.table2006 import PICTURES as SCATTERED
+from bench.table2006 import diagonals
 from sheetsplat.datasets import noisy_ball
 
 
@@ -43,25 +45,52 @@ def test_reports_are_tables_and_json() -> None:
     report = Report(
         name="x",
         title="Title",
-        columns={"row": "what", "time": "ms", "never": "absent", "remark": "remark"},
+        columns=columns("row=what, cpu_ms, never, remark"),
         rows=[
-            {"row": "first", "time": 12.5},
-            {"row": "second", "time": np.float64(1234.0), "remark": "skipped: no file"},
-            {"row": "third", "time": math.inf},
+            {"row": "first", "cpu_ms": 12.5},
+            {"row": "second", "cpu_ms": np.float64(1234.0), "remark": "skipped: [no file]"},
+            {"row": "third", "cpu_ms": math.inf},
         ],
         goals=[Goal("quick", 1.0, 2.0, "s"), Goal("small", 3.0, 2.0)],
         notes=["A note."],
     )
     table = report.table()
-    assert "absent" not in table and "A note." in table
+    assert "never" not in table and "A note." in table and "[no file]" in table
     assert "reached: quick 1, at most 2 s" in table and "MISSED: small 3, at most 2" in table
     assert not report.reached
     # Numbers end at one column.
-    lines = [line for line in table.splitlines() if line.startswith(("first", "second"))]
+    lines = [line for line in table.splitlines() if line.split()[:1] in (["first"], ["second"])]
     assert re.search(r"12\.5", lines[0]).end() == re.search(r"1,234", lines[1]).end()  # type: ignore[union-attr]
+    lines = report.markdown().splitlines()
+    assert [cell.strip() for cell in lines[2].split("|")] == ["", "what", "cpu ms", "remark", ""]
+    assert set(lines[3]) <= set("|-: ") and "second" in lines[5]
     read = json.loads(report.to_json())
-    assert read["rows"][1]["time"] == 1234.0 and read["rows"][2]["time"] == "inf"
+    assert read["rows"][1]["cpu_ms"] == 1234.0 and read["rows"][2]["cpu_ms"] == "inf"
     assert [goal["reached"] for goal in read["goals"]] == [True, False]
+
+
+def test_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--list", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert listed.keys() == BENCHES.keys() and "Engine BCC" in listed["table2005"]["rows"]
+    assert main([]) == 0
+    text = capsys.readouterr().out
+    assert all(f"\n{name} " in f"\n{text}" for name in BENCHES) and "elimination" in text
+    for bad, told in (
+        (["nothing"], "wanted one of"),
+        (["table2005", "--row", "nosuch"], "Engine BCC"),
+        (["frame", "--row", "x"], "no rows"),
+        (["frame", "--views", "0"], "at least 1"),
+        (["frame", "--scale", "0"], "above 0"),
+    ):
+        with pytest.raises(SystemExit, match="2"):
+            main(bad)
+        assert told in capsys.readouterr().err
+    quick = ["--scale", "0.3", "--backend", "reference", "-q", "--output", str(tmp_path / "out")]
+    assert main(["claims", "--row", "borders", *quick, "--pictures", str(tmp_path), "--markdown"]) == 0
+    assert capsys.readouterr().out.startswith("## The papers' claims")
+    assert len(list(tmp_path.glob("borders*.png"))) == 4
+    assert len(json.loads((tmp_path / "out" / "claims.json").read_text())["rows"]) == 4
 
 
 def test_bad_options_have_clear_errors() -> None:
@@ -79,12 +108,12 @@ def test_thresholds_leave_the_share_that_is_asked_for() -> None:
 
 
 def test_the_papers_table_is_whole() -> None:
-    assert len(_PICTURES) == 15
+    assert len(PICTURES) == 15
     # Sums over the printed columns of table 1.
-    assert sum(picture.paper_splats for picture in _PICTURES.values()) == 8_637_000
-    assert sum(picture.paper_fps for picture in _PICTURES.values()) == pytest.approx(83.7)
-    for picture in _PICTURES.values():
-        assert not picture.bcc_of or picture.bcc_of in _PICTURES
+    assert sum(picture.paper_splats for picture in PICTURES.values()) == 8_637_000
+    assert sum(picture.paper_fps for picture in PICTURES.values()) == pytest.approx(83.7)
+    for picture in PICTURES.values():
+        assert not picture.bcc_of or picture.bcc_of in PICTURES
 
 
 def test_judge_keeps_to_its_time_and_to_the_scene() -> None:
@@ -106,9 +135,21 @@ def test_judge_keeps_to_its_time_and_to_the_scene() -> None:
 
 def test_timing_counts_every_view_once() -> None:
     scene = noisy_ball(16).scene()
-    timing = time_frames(ss.Renderer(backend="reference"), scene, orbit(scene.fields[0], 3), (16, 16))
-    assert timing.wall > 0.0 and timing.stats["kernels_drawn"] > 0
-    assert timing.picture.size == (16, 16)
+    timing, picture = time_frames(ss.Renderer(backend="reference"), scene, orbit(scene.fields[0], 3), (16, 16))
+    assert len(timing.shots) == 3 and timing.wall > 0.0 and timing.row("draw")["kernels_drawn"] > 0
+    assert picture.size == (16, 16)
+
+
+def test_times_of_rounds() -> None:
+    rounds = Timing()
+    for view, wall, cpu in ((0, 1.0, 2.0), (1, 5.0, 6.0), (0, 3.0, 1.0), (1, 4.0, 8.0)):
+        rounds.add(wall, cpu, view=view)
+    assert (rounds.least, rounds.median, rounds.least_cpu) == (2.5, 3.25, 3.5)
+    assert (rounds.wall, rounds.cpu) == (3.5, 4.0)
+    other = Timing()
+    for wall in (2.0, 9.0, 1.0, 4.0):
+        other.add(wall, wall)
+    assert quotient(rounds, other) == pytest.approx((5.0 / 9.0 + 1.0) / 2)
 
 
 def test_table_skips_what_is_not_there(tmp_path: Path) -> None:
@@ -149,7 +190,7 @@ def test_frame_and_scaling(tmp_path: Path) -> None:
     assert {row["row"] for row in frame.rows} == {
         "noisy ball",
         "bare fill test, one target",
-        "bare fill test, two targets as packing wide has",
+        "bare fill test, two targets as in packing wide",
         "noisy ball, packing paper",
         "tubes",
     }
@@ -177,11 +218,11 @@ def test_what_only_opengl_has_is_not_run_elsewhere(tmp_path: Path) -> None:
     (train,) = BENCHES["table2006"].run(_options(tmp_path, backend="cpu", rows=("Toy Train",), size=(16, 16))).rows
     assert train["fps"] > 0.0 and "fragments" not in train and "remark" not in train
     ways = BENCHES["ellipsoids"].run(_options(tmp_path, backend="cpu", rows=("ways",), size=(16, 16), scale=0.1)).rows
-    assert len(ways) == len(_WAYS) and all(row["remark"].startswith("not run") for row in ways)
+    assert len(ways) == len(WAYS) and all(row["remark"].startswith("not run") for row in ways)
 
 
 def test_import_and_memory_run_in_new_processes(tmp_path: Path) -> None:
-    startup = BENCHES["import"].run(_options(tmp_path))
+    startup = BENCHES["startup"].run(_options(tmp_path))
     assert 0.0 < startup.rows[0]["least"] <= startup.rows[0]["seconds"]
     memory = BENCHES["memory"].run(_options(tmp_path))
     assert memory.rows[0]["remark"].startswith("skipped")
@@ -225,17 +266,17 @@ def test_figures_at_equal_time_and_exponents() -> None:
     assert at_equal_time([(1.0, 1.0), (2.0, 0.5), (4.0, 0.01)], 1.5) == pytest.approx(1.0 / 1.5)
     assert math.isnan(at_equal_time([(1.0, 0.0), (2.0, 0.0)], 1.5))
     assert math.isnan(at_equal_time(line[:1], 1.0))
-    assert _over([2.0, 9.0, 4.0], [1.0, 3.0, 4.0]) == 2.0
+    assert decibels(10.0**-2.5) == pytest.approx(50.0) and decibels(0.0) == math.inf
     rows = [{"row": count, "time": 1e-3 * count**0.8} for count in (100, 1000, 50000)]
-    assert exponent(rows, "time") == pytest.approx(0.8)
-    assert math.isnan(exponent(rows[:1], "time"))
+    assert exponent(rows, "row", "time") == pytest.approx(0.8)
+    assert math.isnan(exponent(rows[:1], "row", "time"))
 
 
 def test_the_second_papers_table_is_whole() -> None:
-    assert list(_SCATTERED) == ["Blunt Fin", "Combust.", "Chess Pc.", "Monster", "Toy Car", "Toy Train"]
-    assert sum(picture.paper_fps for picture in _SCATTERED.values()) == pytest.approx(15.3)
+    assert list(SCATTERED) == ["Blunt Fin", "Combust.", "Chess Pc.", "Monster", "Toy Car", "Toy Train"]
+    assert sum(picture.paper_fps for picture in SCATTERED.values()) == pytest.approx(15.3)
     # Sums over the printed column of points, thousands: all, and those that were not culled.
-    numbers = [re.findall(r"\d+", picture.paper_points) for picture in _SCATTERED.values()]
+    numbers = [re.findall(r"\d+", picture.paper_points) for picture in SCATTERED.values()]
     assert [sum(int(pair[n]) for pair in numbers) for n in (0, 1)] == [620, 445]
 
 
@@ -297,21 +338,16 @@ def test_ellipsoids_without_a_device(tmp_path: Path) -> None:
     assert not report.goals
 
 
-def test_effects_that_a_version_lacks_are_known(tmp_path: Path) -> None:
-    assert knows({"weight": True}, _options(tmp_path))
-    assert not knows({"no such effect": True}, _options(tmp_path))
-
-
 @pytest.mark.gl
 def test_other_ways_stand_beside_the_usual_one(tmp_path: Path) -> None:
     options = _options(tmp_path, size=(32, 32), backend="gl", rows=("ways",))
     rows = BENCHES["ellipsoids"].run(options).rows
-    assert {row["row"] for row in rows} == set(_WAYS)
-    for name, effects in _WAYS.items():
+    assert {row["row"] for row in rows} == set(WAYS)
+    for name in WAYS:
         small, larger = (row for row in rows if row["row"] == name)
         assert (small["size"], larger["size"]) == ("8x8", "16x16")
         for row in (small, larger):
-            assert row["wall_ms"] > 0.0 and row["over_usual"] > 0.0 and 0.0 <= row["apart"] < 1e-4, effects
+            assert row["wall_ms"] > 0.0 and row["over_usual"] > 0.0 and 0.0 <= row["apart"] < 1e-4, name
         assert small["error_size"] == "8x8" and small["rmse"] < 1e-4
 
 
@@ -339,9 +375,3 @@ def test_scattered_scaling_runs_in_new_processes(tmp_path: Path) -> None:
         assert row["per_kernel"] * row["row"] == pytest.approx(1e6 * row["resident"]) and row["cpu_ms"] > 0.0
     assert report.rows[0]["slices"] < report.rows[2]["slices"]
     assert not report.goals
-
-
-def test_the_list_names_every_benchmark() -> None:
-    assert {"table2006", "ellipsoids", "scattered_scaling"} <= set(BENCHES)
-    assert BENCHES["table2006"].rows == tuple(_SCATTERED)
-    assert "sampling" in BENCHES["ellipsoids"].rows and BENCHES["scattered_scaling"].rows == ()

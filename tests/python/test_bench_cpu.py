@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat.bench import BENCHES, Goal, Options, Report
-from sheetsplat.bench._cpu_scenes import CASES, SCATTERED, Case, axes_of, gridded, sections, spheres
-from sheetsplat.bench._report import Row
-from sheetsplat.bench._vtk import Look, Vtk, VtkMissing
-from sheetsplat.bench.cpu import Rounds, decibels, exponent, judged, steepness
-from sheetsplat.bench.ellipsoids import ellipsoids
+from bench import BENCHES, Goal, Options, Report
+from bench.cpu import judged, steepness
+from bench.scenes import CASES, SCATTERED, Case, axes_of, ellipsoids, gridded, sections, spheres
+from bench.vtk_casters import Look, Vtk, VtkMissing
 
 TINY = Options(scale=0.15)
 
@@ -72,17 +70,6 @@ def test_cases_show_something_in_every_view(name: str) -> None:
     assert (case.volume is None) == (name in SCATTERED)
     # A transfer function as gentle as this one has the narrower bounds.
     assert 0.0 < steepness(case) <= 10.0
-
-
-def test_figures() -> None:
-    assert decibels(10.0**-2.5) == pytest.approx(50.0) and decibels(0.0) == math.inf
-    rows: list[Row] = [{"count": n, "cpu_ms": 3.0 * n**1.25} for n in (10, 100, 1000)]
-    assert exponent(rows, "count") == pytest.approx(1.25)
-    assert math.isnan(exponent(rows[:1], "count"))
-    rounds = Rounds()
-    rounds.add([(1.0, 2.0), (5.0, 6.0)])
-    rounds.add([(3.0, 1.0), (4.0, 8.0)])
-    assert (rounds.least, rounds.median, rounds.least_cpu) == (2.5, 3.25, 3.5)
 
 
 def test_goals_may_be_floors() -> None:

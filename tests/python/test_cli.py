@@ -211,14 +211,6 @@ def test_compare_of_scalars_is_relative_to_the_largest(tmp_path):
     assert np.isclose(report["rmse"], 1 / 50, rtol=1e-3)
 
 
-def test_bench_lists_its_names():
-    result = run("bench", "--list")
-    assert "table2005" in result.stdout
-    assert "table2005" in json.loads(run("bench", "--list", "--json").stdout)
-    assert "wanted one of" in run("bench", "nothing", code=2).stderr
-    run("bench", code=2)
-
-
 def test_demo_says_where_the_picture_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     result = run("demo", "--size", "24x24", "--dataset", "marschner_lobb", *BACKEND)

@@ -12,8 +12,8 @@ import pytest
 
 from sheetsplat import datasets
 from sheetsplat.datasets import _cache, _flows, _spectral
-from sheetsplat.datasets._random import Stream
 from sheetsplat.datasets._spectral import Flow
+from sheetsplat.datasets.random_stream import Stream
 
 
 @pytest.fixture(autouse=True)

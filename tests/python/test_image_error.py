@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import sheetsplat as ss
 
 SIZE = (48, 48)
-# Never used to tune the estimate; tests/bench/calibrate_error.py looks at more of them.
+# Never used to tune the estimate; bench error_estimate draws more of them.
 SEEDS = range(3000, 3024)
 
 

@@ -110,14 +110,6 @@ def test_empty_pictures_are_told_on_stderr_and_are_no_error(tmp_path, volume):
     assert (tmp_path / "a.png").exists()
 
 
-def test_unknown_rows_of_a_benchmark(tmp_path):
-    stderr = run("bench", "table2005", "--row", "nosuch", code=2).stderr
-    assert "nosuch" in stderr and "Engine BCC" in stderr
-    assert "no rows" in run("bench", "frame", "--row", "x", code=2).stderr
-    assert "Engine BCC" in json.loads(run("bench", "--list", "--json").stdout)["table2005"]["rows"]
-    assert "elimination" in run("bench", "--list").stdout
-
-
 def test_differences_are_scaled_to_be_seen(tmp_path):
     first = np.zeros((4, 5, 4), np.float32)
     first[..., 3] = 1

@@ -22,7 +22,6 @@ _COMMANDS = {
     "info": "Show sizes, ranges, histogram and memory of a volume.",
     "devices": "Show backends and contexts that could be made here, and why others could not.",
     "compare": "Compare two pictures: RMSE, P99.9, maximum and FLIP.",
-    "bench": "Measure: tables, ablations, scaling.",
     "demo": "Render a data set that is made on the spot.",
 }
 # Characters of the reason of an error that is not of the package.

@@ -11,8 +11,8 @@ from sheetsplat.errors import complain
 
 from ._cache import cached
 from ._dataset import Dataset
-from ._random import Stream
 from ._spectral import Flow, Real, wave_numbers
+from .random_stream import Stream
 
 # Raised whenever a flow below is computed differently, so that results kept from before are not taken for it.
 _VERSION = 1

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from sheetsplat.errors import complain
 
 from ._dataset import Dataset, Vector
-from ._random import Stream
+from .random_stream import Stream
 
 
 def marschner_lobb_value(

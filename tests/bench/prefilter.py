@@ -1,56 +1,41 @@
-"""Marschner and Lobb's signal, flat, against its own formula: what samples lose, and what the prefilter wins back."""
+"""Marschner and Lobb's signal, unlit, against its formula: kernels, trilinear, prefilter; decibels and time."""
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage  # type: ignore[import-untyped]
 
 import sheetsplat as ss
+from bench.measure import Floats, attempt, clock, decibels, device_of, rays, renderer_for, rms, time_frames
+from bench.pictures import keep
+from bench.report import Goal, Options, Report, Row, columns, environment
 from sheetsplat import datasets
-from sheetsplat.bench._measure import attempt, device_of, renderer_for, time_frames
-from sheetsplat.bench._report import Goal, Options, Report, Row, environment
 from sheetsplat.ripple import lattice_ripple
 
-Floats = NDArray[np.float64]
-
-#: Of the prefilter with radius 2.5 and falloff 7, at the full size.
+#: Goal of the prefilter with radius 2.5 and falloff 7, at the full size.
 WANTED_DB = 65.0
 _EDGE = 128
 _PIXELS = 200
-# Nothing below the first value is seen, and rays end above the last but one: so no ray meets the border of the volume,
-# where any sum of kernels falls to 0 and the formula does not.
+# Values below the first are invisible, and rays end above the last but one: no ray meets the border of the volume,
+# where sums of kernels fall to 0 and the formula does not.
 POINTS = (
     (0.30, 0.1, 0.2, 0.9, 0.0),
     (0.45, 0.2, 0.8, 0.3, 0.2),
     (0.60, 0.9, 0.9, 0.1, 0.3),
     (1.00, 0.9, 0.2, 0.1, 0.3),
 )
-# Aslant, so that rays meet samples at all sorts of distances; the picture stays inside the volume.
+# Oblique, so that rays pass samples at many distances; the picture stays inside the volume.
 _EYE = (0.6, 0.9, 3.0)
 _HEIGHT = 1.3
 _DEPTH = 1.0
 
 _KERNELS = ((2.0, 5.0), (2.5, 7.0), (3.0, 8.0))
-
-_COLUMNS = {
-    "row": "reconstruction",
-    "radius": "radius",
-    "falloff": "falloff",
-    "db": "dB",
-    "rmse": "rmse",
-    "maximum": "maximum",
-    "field_ms": "field ms",
-    "wall_ms": "frame ms",
-    "ripple": "ripple peak",
-    "residual": "residual",
-    "remark": "remark",
-}
 
 #: Rows that can be run alone.
 ROWS = ("trilinear", "plain", "threshold", "prefilter", "bcc", "bcc prefilter")
@@ -84,17 +69,9 @@ def flat_picture(
     spacing, length
         Distance of slices and reference length.
     """
-    width, height = size
-    eye, target, above = (np.asarray(part, dtype=np.float64) for part in (camera.eye, camera.target, camera.up))
-    ahead = (target - eye) / np.linalg.norm(target - eye)
-    right = np.cross(ahead, above)
-    right /= np.linalg.norm(right)
-    up = np.cross(right, ahead)
-    x = (2.0 * (np.arange(width) + 0.5) / width - 1.0) * camera.height / 2.0 * width / height
-    y = (1.0 - 2.0 * (np.arange(height) + 0.5) / height) * camera.height / 2.0
-    starts = eye + x[None, :, None] * right + y[:, None, None] * up
+    starts, ahead = rays(camera, size)
     table = ss.TransferFunction(list(points))
-    picture = np.zeros((height, width, 4))
+    picture = np.zeros((*starts.shape[:2], 4))
     count = math.ceil(half / spacing)
     for n in range(-count, count):
         color = table.at(rho(starts + (middle + (n + 0.5) * spacing) * ahead))
@@ -103,12 +80,6 @@ def flat_picture(
         picture[..., :3] += through[..., None] * color[..., :3]
         picture[..., 3] += through
     return picture
-
-
-def decibels(picture: NDArray[Any], expected: NDArray[Any]) -> float:
-    """Return the peak signal-to-noise ratio of premultiplied colours in [0, 1]."""
-    rmse = math.sqrt(float(np.mean((picture.astype(np.float64) - expected) ** 2)))
-    return -20.0 * math.log10(max(rmse, 1e-300))
 
 
 def view() -> ss.Camera:
@@ -137,15 +108,13 @@ def _signal(at: Floats) -> Floats:
 
 
 def _figures(picture: NDArray[Any], expected: Floats) -> Row:
-    away = picture.astype(np.float64) - expected
-    rmse = math.sqrt(float(np.mean(away**2)))
-    return {"db": decibels(picture, expected), "rmse": rmse, "maximum": float(np.abs(away).max())}
+    distance = picture.astype(np.float64) - expected
+    rmse = rms(distance)
+    return {"db": decibels(rmse), "rmse": rmse, "maximum": float(np.abs(distance).max())}
 
 
 def _trilinear(volume: datasets.Dataset, size: tuple[int, int], expected: Floats) -> Row:
     """Return the figures of trilinear interpolation at the very points of the slices."""
-    from scipy import ndimage  # type: ignore[import-untyped]
-
     spacing = volume.spacing[0]
 
     def rho(at: Floats) -> Floats:
@@ -153,35 +122,8 @@ def _trilinear(volume: datasets.Dataset, size: tuple[int, int], expected: Floats
         found = ndimage.map_coordinates(volume.values, np.moveaxis(index, -1, 0), np.float64, order=1)
         return np.asarray(found)
 
-    began = time.perf_counter()
-    picture = expected_picture(rho, size, spacing)
-    spent = time.perf_counter() - began
+    picture, spent, _ = clock(lambda: expected_picture(rho, size, spacing))
     return {**_figures(picture, expected), "remark": f"NumPy, {spent:.1f} s"}
-
-
-def _kernels(
-    volume: datasets.Dataset,
-    settings: dict[str, Any],
-    spacing: float,
-    size: tuple[int, int],
-    expected: Floats,
-    options: Options,
-    name: str,
-) -> Row:
-    """Return figures of a field of kernels, with the time that the field and a frame take."""
-    began = time.perf_counter()
-    field = volume.field(**settings)
-    made = time.perf_counter() - began
-    timing = time_frames(renderer_for(options), scene_of(field, spacing), [view()] * options.views, size)
-    options.keep(timing.picture, "marschner_lobb", name)
-    ripple = lattice_ripple(lattice=volume.lattice, **settings)  # type: ignore[arg-type]
-    return {
-        **_figures(timing.picture.rgba, expected),
-        "field_ms": 1000.0 * made,
-        "wall_ms": 1000.0 * timing.wall,
-        "ripple": ripple.peak,
-        "residual": field.prefilter_residual,
-    }
 
 
 def run(options: Options) -> Report:
@@ -203,6 +145,21 @@ def run(options: Options) -> Report:
     if options.wants("bcc") or options.wants("bcc prefilter"):
         body = datasets.marschner_lobb(edge, lattice="bcc")
         groups += [("bcc", body, {}), ("bcc prefilter", body, {"prefilter": True})]
+
+    def kernels(name: str, data: datasets.Dataset, settings: dict[str, Any], compared: Floats) -> Row:
+        """Return figures of a field of kernels, with the time that the field and a frame take."""
+        field, made, _ = clock(lambda: data.field(**settings))
+        cameras = [view()] * options.views
+        timing, picture = time_frames(renderer_for(options), scene_of(field, spacing), cameras, size)
+        keep(options, picture, "marschner_lobb", f"{name} {settings['radius']:g} {settings['falloff']:g}")
+        return {
+            **_figures(picture.rgba, compared),
+            "field_ms": 1000.0 * made,
+            "wall_ms": 1000.0 * timing.wall,
+            "ripple": lattice_ripple(lattice=data.lattice, **settings).peak,  # type: ignore[arg-type]
+            "residual": field.prefilter_residual,
+        }
+
     reached = math.nan
     for name, data, settings in groups:
         if not options.wants(name):
@@ -212,9 +169,8 @@ def run(options: Options) -> Report:
         for radius, falloff in _KERNELS:
             options.say(f"{name}, radius {radius:g}, falloff {falloff:g}")
             chosen = {"radius": radius, "falloff": falloff, **settings}
-            label = f"{name} {radius:g} {falloff:g}"
             row: Row = {"row": name, "radius": radius, "falloff": falloff}
-            row |= attempt(partial(_kernels, data, chosen, spacing, size, compared, options, label))
+            row |= attempt(partial(kernels, name, data, chosen, compared))
             rows.append(row)
             if (name, radius) == ("prefilter", 2.5):
                 reached = row.get("db", math.nan)
@@ -224,13 +180,16 @@ def run(options: Options) -> Report:
     return Report(
         name="prefilter",
         title=f"Marschner-Lobb {edge}^3, flat, {size[0]}x{size[1]}, slices half a sample apart, against its formula",
-        columns=_COLUMNS,
+        columns=columns(
+            "row=reconstruction, radius, falloff, db=dB, rmse, maximum, field_ms=field ms, wall_ms=frame ms, "
+            "ripple=ripple peak, residual, remark"
+        ),
         rows=rows,
         goals=goals,
         notes=[
             "dB: 20 log10 (1 / RMSE) over premultiplied RGBA; the formula is composited at the same slices, so that "
-            "the reconstruction alone is judged.",
-            f"field ms: samples to field, the solution for the coefficients included. frame ms: median of "
+            "only the reconstruction differs.",
+            f"field ms: from samples to field, including the solution for the coefficients. frame ms: median of "
             f"{options.views}.",
             "The BCC lattices have 1 / sqrt(2) of the samples; opacities are per the Cartesian distance.",
         ],

@@ -1,4 +1,4 @@
-"""The ripple of kernels on lattices, its cures, and what it looks like in lit close-ups."""
+"""Ripple of sums of kernels on lattices, what reduces it, and how lit close-ups show it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage  # type: ignore[import-untyped]
 
 import sheetsplat as ss
-from sheetsplat.bench._measure import device_of, renderer_for, time_frames
-from sheetsplat.bench._report import Options, Report, Row, environment
-from sheetsplat.bench.claims_sheets import make_sheet
-from sheetsplat.ripple import Ripple, lattice_ripple
+from bench.measure import device_of, renderer_for, rms, time_frames
+from bench.pictures import keep, make_sheet
+from bench.report import Options, Report, Row, columns, environment
+from sheetsplat.bcc import BccLattice
+from sheetsplat.ripple import lattice_ripple
 
 _KERNELS = ((2.0, 8.0), (2.0, 5.0), (2.5, 7.0), (3.0, 8.0))
 _WAYS: tuple[tuple[str, dict[str, Any]], ...] = (
@@ -20,38 +22,22 @@ _WAYS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("threshold", {"normalization": "threshold"}),
     ("prefilter", {"prefilter": True}),
 )
-_SMOOTH = {"radius": 3.0, "falloff": 8.0, "normalization": "threshold"}
+SMOOTH = {"radius": 3.0, "falloff": 8.0, "normalization": "threshold"}
 # Samples along an edge of the body's volume, and the share of it that is seen.
 _EDGE = 32
 _SHARE = 0.4
-_COLUMNS = {
-    "lattice": "lattice",
-    "radius": "radius",
-    "falloff": "falloff",
-    "row": "sums",
-    "peak": "flat: peak",
-    "rms": "flat: rms",
-    "slope": "flat: gradient",
-    "ramp": "ramp: slope",
-    "weave": "weave",
-    "cost": "frame, x",
-    "remark": "remark",
-}
-
 #: Lattices that can be run alone.
 ROWS = ("cartesian", "bcc")
 
 
 def close_up(lattice: str, settings: dict[str, Any], spacing: float = 1.0) -> tuple[ss.Scene, ss.Camera]:
-    """Return a near view of a soft, lit body of one value with rounded edges.
+    """Return a close view of a smooth, lit body of value 1 with soft edges.
 
-    A sample is two dozen pixels of 300 wide, and whatever is not smooth there is the lattice's. `spacing` of samples;
-    the body stays what it is.
+    A sample is about two dozen of 300 pixels wide; what is not smooth there comes from the lattice. `spacing`: distance
+    of the samples of the same body.
     """
     count = round((_EDGE - 1) / spacing) + 1
     if lattice == "bcc":
-        from sheetsplat.bcc import BccLattice
-
         grid = BccLattice.matching((count,) * 3, (spacing,) * 3)
         values = np.empty(grid.shape)
         for k in range(grid.shape[0]):
@@ -87,29 +73,22 @@ def _body(x: Any, y: Any, z: Any) -> NDArray[np.float64]:
 
 
 def weave_of(picture: NDArray[Any], smooth: NDArray[Any], pixels: float) -> float:
-    """Return the RMS of what is finer than a sample, `pixels` wide, in the brightness that a picture has too much."""
-    from scipy import ndimage  # type: ignore[import-untyped]
-
+    """Return the RMS of what is finer than a sample, `pixels` wide, in the excess brightness of a picture."""
     light = (picture.astype(np.float64) - smooth)[..., :3].mean(axis=2)
     fine = light - ndimage.gaussian_filter(light, pixels)
-    # The body's limb is where the smoothing of kernels shows, in every corner of the picture.
+    # At the body's limb, in every corner of the picture, the smoothing of kernels shows instead.
     border = fine.shape[0] // 5
-    return math.sqrt(float(np.mean(fine[border : len(fine) - border, border : len(fine) - border] ** 2)))
-
-
-def figures(found: Ripple) -> Row:
-    """Return the columns of a ripple."""
-    return {"peak": found.peak, "rms": found.rms, "slope": found.slope, "ramp": found.ramp}
+    return rms(fine[border : len(fine) - border, border : len(fine) - border])
 
 
 def run(options: Options) -> Report:
-    """Work out the ripple of every kernel and every cure, and look at it."""
+    """Compute the ripple for every kernel and normalisation, and draw it."""
     rows: list[Row] = []
     renderer = renderer_for(options)
     size = (min(options.size),) * 2
-    # Of the same body in samples half as far apart, whose sums do not ripple.
-    smooth = renderer.render(*close_up("cartesian", _SMOOTH, 0.5), size=size)
-    options.keep(smooth, "weave", "none")
+    # The same body in samples half as far apart, whose sums do not ripple.
+    smooth = renderer.render(*close_up("cartesian", SMOOTH, 0.5), size=size)
+    keep(options, smooth, "weave", "none")
     for lattice in ROWS:
         if not options.wants(lattice):
             continue
@@ -119,11 +98,12 @@ def run(options: Options) -> Report:
                 options.say(f"{lattice}, radius {radius:g}, falloff {falloff:g}, {name}")
                 settings = {"radius": radius, "falloff": falloff, **way}
                 row: Row = {"lattice": lattice, "radius": radius, "falloff": falloff, "row": name}
-                row |= figures(lattice_ripple(lattice=lattice, **settings))  # type: ignore[arg-type]
+                found = lattice_ripple(lattice=lattice, **settings)  # type: ignore[arg-type]
+                row |= {figure: getattr(found, figure) for figure in ("peak", "rms", "slope", "ramp")}
                 scene, camera = close_up(lattice, settings)
-                timing = time_frames(renderer, scene, [camera] * options.views, size)
-                options.keep(timing.picture, "weave", lattice, f"{radius:g} {falloff:g}", name)
-                row["weave"] = weave_of(timing.picture.rgba, smooth.rgba, size[1] / (_SHARE * _EDGE))
+                timing, picture = time_frames(renderer, scene, [camera] * options.views, size)
+                keep(options, picture, "weave", lattice, f"{radius:g} {falloff:g}", name)
+                row["weave"] = weave_of(picture.rgba, smooth.rgba, size[1] / (_SHARE * _EDGE))
                 if (radius, falloff, name) == (2.0, 5.0, "lattice"):
                     first = timing.wall
                 row["wall"] = timing.wall
@@ -132,11 +112,14 @@ def run(options: Options) -> Report:
             if row["lattice"] == lattice:
                 row["cost"] = row["wall"] / first
         shown = [("2 5", "lattice"), ("3 8", "lattice"), ("2 5", "prefilter"), ("2 5", "threshold")]
-        make_sheet(options.pictures, f"sheet-weave-{lattice}", [[("weave", lattice, *one) for one in shown]])
+        make_sheet(options, f"sheet-weave-{lattice}", [[("weave", lattice, *one) for one in shown]])
     return Report(
         name="ripple",
         title=f"Ripple of sums on a lattice, and the weave of a lit close-up at {size[0]}x{size[1]}",
-        columns=_COLUMNS,
+        columns=columns(
+            "lattice, radius, falloff, row=sums, peak=flat: peak, rms=flat: rms, slope=flat: gradient, "
+            "ramp=ramp: slope, weave, cost=frame time over (2; 5), remark"
+        ),
         rows=rows,
         notes=[
             "flat: all samples are 1; largest and RMS difference from 1, and RMS length of the gradient per sample "

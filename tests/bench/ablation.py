@@ -1,4 +1,4 @@
-"""What each technique is worth: time, and error against the reference, with it and without it."""
+"""Time and error against the reference with and without each of the papers' techniques."""
 
 from __future__ import annotations
 
@@ -8,38 +8,10 @@ from functools import partial
 from typing import Any
 
 import sheetsplat as ss
+from bench.measure import Judge, attempt, device_of, difference, frames_and_error, orbit, renderer_for, require
+from bench.report import Options, Report, Row, columns, environment
 from sheetsplat import datasets
 from sheetsplat.bcc import resample_to_bcc
-from sheetsplat.bench._measure import (
-    Judge,
-    attempt,
-    device_of,
-    difference,
-    orbit,
-    renderer_of_papers,
-    require,
-    time_frames,
-)
-from sheetsplat.bench._report import Options, Report, Row, environment
-
-_COLUMNS = {
-    "group": "technique",
-    "row": "setting",
-    "scene": "scene",
-    "kernels_drawn": "drawn",
-    "splats": "splats",
-    "slices": "slices",
-    "wall_ms": "ms",
-    "cpu_ms": "cpu ms",
-    "ratio": "cpu over first",
-    "rmse": "rmse",
-    "p99_9": "p99.9",
-    "maximum": "max",
-    "cartesian_rmse": "rmse to Cartesian",
-    "error_size": "error at",
-    "paper": "the paper says",
-    "remark": "remark",
-}
 
 
 @dataclass(frozen=True)
@@ -61,7 +33,7 @@ def _on(*effects: str) -> dict[str, Any]:
     return {"effects": dict.fromkeys(effects, True), "allow_inexact": True}
 
 
-# Within a group the first setting is what the others are compared with. The paper's remarks: sections 4.1 to 4.4 and 5.
+# Within a group the others are compared with the first setting. The paper's remarks: sections 4.1 to 4.4 and 5.
 _SETTINGS = (
     _Setting("points", "points", "ball", _on("points")),
     _Setting("points", "quads", "ball", _off("points"), "1.2 to 1.3 times slower"),
@@ -111,76 +83,55 @@ class _Stage:
 
     scene: ss.Scene
     cameras: list[ss.Camera]
-    # The same thing on the Cartesian lattice, where this is its BCC resampling.
+    # Name of the scene on the Cartesian lattice, where this is its BCC resampling.
     cartesian: str = ""
-
-
-def _opaque(volume: datasets.Dataset) -> ss.Scene:
-    points = [(0.0, 0.2, 0.3, 0.6, 0.0), (60.0, 0.2, 0.3, 0.6, 0.0), (150.0, 1.0, 0.85, 0.6, 0.6)]
-    return volume.scene(transfer_function=ss.TransferFunction(points))
 
 
 def _stages(options: Options) -> dict[str, Callable[[], _Stage]]:
     edge = options.edge(128)
 
     def around(scene: ss.Scene, cartesian: str = "", zoom: float = 1.0) -> _Stage:
-        cameras = orbit(scene.fields[0], options.views)
-        if zoom != 1.0:
-            cameras = [
-                ss.Camera.orthographic(camera.eye, camera.target, camera.up, height=camera.height / zoom)
-                for camera in cameras
-            ]
+        cameras = [
+            ss.Camera.orthographic(camera.eye, camera.target, camera.up, height=camera.height / zoom)
+            for camera in orbit(scene.fields[0], options.views)
+        ]
         return _Stage(scene, cameras, cartesian)
 
-    def ball() -> _Stage:
-        return around(datasets.noisy_ball(edge).scene())
+    def opaque() -> _Stage:
+        points = [(0.0, 0.2, 0.3, 0.6, 0.0), (60.0, 0.2, 0.3, 0.6, 0.0), (150.0, 1.0, 0.85, 0.6, 0.6)]
+        return around(datasets.noisy_ball(edge).scene(transfer_function=ss.TransferFunction(points)))
 
     def surface() -> _Stage:
         return around(datasets.noisy_ball(edge).scene(mode="isosurface", iso_value=80.0))
 
-    def volume(make: Callable[[], datasets.Dataset], bcc: str = "") -> _Stage:
-        made = make()
-        if not bcc:
-            return around(made.scene())
+    def bcc(made: datasets.Dataset, name: str) -> _Stage:
         field = resample_to_bcc(made.values, made.spacing, made.origin).field()
         # Opacity stays per the Cartesian distance: the default would be the BCC lattice's shorter one.
-        return around(made.scene(field=field, reference_length=min(made.spacing)), bcc)
+        return around(made.scene(field=field, reference_length=min(made.spacing)), name)
 
-    def vortex() -> datasets.Dataset:
-        return datasets.vortex(edge)
-
-    def signal() -> datasets.Dataset:
-        return datasets.marschner_lobb(options.edge(64), 3.0)
-
+    vortex = partial(datasets.vortex, edge)
+    signal = partial(datasets.marschner_lobb, options.edge(64), 3.0)
     return {
-        "ball": ball,
+        "ball": lambda: around(datasets.noisy_ball(edge).scene()),
         "ball surface": surface,
-        "opaque ball": lambda: around(_opaque(datasets.noisy_ball(edge))),
+        "opaque ball": opaque,
         "tubes": lambda: around(datasets.tubes(edge).scene()),
         "tubes near": lambda: around(datasets.tubes(edge).scene(), zoom=4.0),
-        "vortex": partial(volume, vortex),
-        "vortex BCC": partial(volume, vortex, "vortex"),
-        "signal": partial(volume, signal),
-        "signal BCC": partial(volume, signal, "signal"),
+        "vortex": lambda: around(vortex().scene()),
+        "vortex BCC": lambda: bcc(vortex(), "vortex"),
+        "signal": lambda: around(signal().scene()),
+        "signal BCC": lambda: bcc(signal(), "signal"),
     }
 
 
 def _row(setting: _Setting, stages: dict[str, _Stage], options: Options, judge: Judge) -> Row:
     stage = stages[setting.scene]
-    renderer = renderer_of_papers(options, **setting.renderer)
-    require(renderer, stage.scene, stage.cameras[0], options.size, setting.renderer)
-    timing = time_frames(renderer, stage.scene, stage.cameras, options.size)
-    options.keep(timing.picture, setting.group, setting.scene, setting.name)
-    row: Row = {
-        "kernels_drawn": round(timing.stats["kernels_drawn"]),
-        "splats": round(timing.stats.get("splats", timing.stats["kernels_drawn"])),
-        "slices": round(timing.stats["slices"]),
-        "wall_ms": 1000.0 * timing.wall,
-        "cpu_ms": 1000.0 * timing.cpu,
-    }
-    row |= judge.error(renderer, stage.scene, stage.cameras[0])
+    renderer = renderer_for(options, **setting.renderer)
+    require(renderer.plan(stage.scene, stage.cameras[0], size=options.size), setting.renderer)
+    names = (setting.group, setting.scene, setting.name)
+    row, _, _ = frames_and_error(options, judge, renderer, stage.scene, stage.cameras, *names)
     if stage.cartesian:
-        # Both through the Cartesian view's camera, which does not know of the other lattice's box.
+        # Both through the Cartesian view's camera; the other lattice's box would give another one.
         other = stages[stage.cartesian]
         expected = judge.reference(other.scene, other.cameras[0])
         picture = renderer.render(stage.scene, other.cameras[0], size=expected.size)
@@ -190,6 +141,7 @@ def _row(setting: _Setting, stages: dict[str, _Stage], options: Options, judge: 
 
 def run(options: Options) -> Report:
     """Run every setting; ``options.rows`` choose techniques."""
+    options = options.preferring("gl")
     makers = _stages(options)
     stages: dict[str, _Stage] = {}
     judge = Judge(options.size, options.reference_seconds)
@@ -199,7 +151,8 @@ def run(options: Options) -> Report:
         if not options.wants(setting.group):
             continue
         options.say(f"{setting.group}: {setting.name}, {setting.scene}")
-        for name in (setting.scene, setting.scene.removesuffix(" BCC")):
+        base = setting.scene.removesuffix(" BCC")
+        for name in (setting.scene, base):
             if name not in stages:
                 stages[name] = makers[name]()
         row: Row = {"group": setting.group, "row": setting.name, "scene": setting.scene}
@@ -207,20 +160,22 @@ def run(options: Options) -> Report:
         if setting.paper:
             row["paper"] = setting.paper
         if "cpu_ms" in row:
-            key = (setting.group, setting.scene.removesuffix(" BCC"))
-            row["ratio"] = row["cpu_ms"] / first.setdefault(key, row["cpu_ms"])
+            row["ratio"] = row["cpu_ms"] / first.setdefault((setting.group, base), row["cpu_ms"])
         rows.append(row)
     return Report(
         name="ablation",
-        title=f"What each technique is worth, at {options.size[0]}x{options.size[1]}, shaded",
-        columns=_COLUMNS,
+        title=f"Time and error with and without each technique, at {options.size[0]}x{options.size[1]}, shaded",
+        columns=columns(
+            "group=technique, row=setting, scene, kernels_drawn, splats, slices, wall_ms, cpu_ms, "
+            "ratio=cpu over first, rmse, p99_9, maximum, "
+            "cartesian_rmse=rmse to Cartesian, error_size, paper=the paper says, remark"
+        ),
         rows=rows,
         notes=[
-            f"Medians over {options.views} views of an orbit. cpu over first: time against the first setting of the "
-            "technique on that scene.",
-            "Errors are of the first view against the float64 reference of the same scene, at the size given beside "
-            "them; pixels at jumps (isosurfaces, A_stop) are included.",
+            options.views_note,
+            "cpu over first: cpu time over that of the first setting of the technique on that scene.",
+            options.error_note,
             "rmse to Cartesian: distance of the BCC lattice's picture from the Cartesian lattice's reference picture.",
         ],
-        environment=environment(device_of(renderer_of_papers(options))),
+        environment=environment(device_of(renderer_for(options))),
     )

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -15,25 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sheetsplat as ss
+from bench.claims_axis import axis_aligned
+from bench.lab import lab_renderer
+from bench.measure import Floats, Timing, attempt, clock, difference, orthographic, renderer_for, rms
+from bench.pictures import keep, make_sheet
+from bench.report import Options, Report, Row, columns
 from sheetsplat import datasets
-from sheetsplat.bench._measure import attempt, difference
-from sheetsplat.bench._report import Options, Report, Row, environment
-from sheetsplat.bench.claims_axis import axis_aligned
-from sheetsplat.bench.claims_sheets import file_name, make_sheet, on_white
-
-Floats = NDArray[np.float64]
-
-_COLUMNS = {
-    "claim": "claim",
-    "row": "setting",
-    "at": "at",
-    "rmse": "rmse",
-    "maximum": "maximum",
-    "score": "score",
-    "ratio": "over median",
-    "wall_ms": "ms",
-    "remark": "remark",
-}
 
 #: Claims that can be looked at alone.
 ROWS = ("slabs", "bits", "shading", "borders", "popping")
@@ -60,33 +46,20 @@ _SHEETS: dict[str, list[list[tuple[str, ...]]]] = {
 def _timed(renderer: ss.Renderer, scene: ss.Scene, camera: ss.Camera, size: tuple[int, int]) -> tuple[ss.Image, float]:
     """Return a picture and the milliseconds of making it once more."""
     renderer.render(scene, camera, size=size)
-    began = time.perf_counter()
-    picture = renderer.render(scene, camera, size=size)
-    return picture, 1000.0 * (time.perf_counter() - began)
+    timing = Timing()
+    return timing.frame(renderer, scene, camera, size), 1000.0 * timing.wall
 
 
-def _renderer(options: Options, **settings: Any) -> ss.Renderer:
-    arguments: dict[str, Any] = {"backend": options.backend, **settings}
-    return ss.Renderer(**arguments)
+def _distance(picture: ss.Image, expected: ss.Image, spent: float) -> Row:
+    apart = difference(picture, expected)
+    return {"rmse": apart["rmse"], "maximum": apart["maximum"], "wall_ms": spent}
 
 
 def _camera(field: ss.Field, height: float) -> ss.Camera:
-    """Return a view aslant on the middle of a field, so many world units high."""
+    """Return an oblique view of a field's middle, `height` world units high."""
     low, high = (np.asarray(corner) for corner in field.centre_bounds)
-    middle = 0.5 * (low + high)
     reach = float(np.linalg.norm(high - low))
-    eye = middle + reach * np.array([0.42, 0.37, 0.83])
-    return ss.Camera.orthographic(eye.tolist(), middle.tolist(), height=height)
-
-
-def _keep(options: Options, picture: NDArray[Any], *names: str) -> None:
-    """Save an array of premultiplied colours on white under a name of several parts, where pictures are wanted."""
-    if options.pictures is None:
-        return
-    from PIL import Image
-
-    options.pictures.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(on_white(picture)).save(options.pictures / file_name(*names))
+    return orthographic(0.5 * (low + high), (0.42, 0.37, 0.83), reach, height)
 
 
 # Slices against slabs
@@ -99,7 +72,7 @@ def _slabs(options: Options) -> Iterator[Row]:
     field = volume.field()
     size = (options.edge(_PIXELS),) * 2
     camera = _camera(field, 0.8 * edge)
-    renderer = _renderer(options)
+    renderer = renderer_for(options)
 
     def scene(spacing: float, sampling: Any, mode: Any) -> ss.Scene:
         return ss.Scene(
@@ -114,30 +87,24 @@ def _slabs(options: Options) -> Iterator[Row]:
 
     for mode in ("composite", "xray"):
         converged = renderer.render(scene(0.0625, "point", mode), camera, size=size)
-        options.keep(converged, "slabs", mode, "converged")
+        keep(options, converged, "slabs", mode, "converged")
         for spacing in (0.5, 1.0, 2.0, 3.0):
             for sampling, name in (("point", "slices"), ("slab", "slabs")):
                 options.say(f"slabs: {name}, {spacing:g} apart, {mode}")
                 picture, spent = _timed(renderer, scene(spacing, sampling, mode), camera, size)
-                options.keep(picture, "slabs", mode, name, f"{spacing:g}")
-                away = difference(picture, converged)
-                # Of scalars the largest is 1.
+                keep(options, picture, "slabs", mode, name, f"{spacing:g}")
+                # Distances of scalars are relative to the largest.
                 unit = max(1.0, float(np.asarray(converged).max()))
-                yield {
-                    "row": name,
-                    "at": f"{mode}, {spacing:g} apart",
-                    "rmse": away["rmse"],
-                    "maximum": away["maximum"],
-                    "score": rings(np.asarray(picture), np.asarray(converged)) / unit,
-                    "wall_ms": spent,
-                }
+                score = rings(np.asarray(picture), np.asarray(converged)) / unit
+                row: Row = {"row": name, "at": f"{mode}, {spacing:g} apart", "score": score}
+                yield row | _distance(picture, converged, spent)
 
 
 def rings(picture: NDArray[Any], smooth: NDArray[Any]) -> float:
     """Return the RMS step from pixel to pixel of the difference of two pictures: rings show, a pale tint does not."""
-    away = picture.astype(np.float64) - smooth
-    along, down = np.diff(away, axis=1), np.diff(away, axis=0)
-    return math.sqrt(0.5 * float(np.mean(along**2)) + 0.5 * float(np.mean(down**2)))
+    apart = picture.astype(np.float64) - smooth
+    along, down = np.diff(apart, axis=1), np.diff(apart, axis=0)
+    return math.sqrt(0.5 * (rms(along) ** 2 + rms(down) ** 2))
 
 
 # Numbers of the buffers
@@ -153,16 +120,17 @@ def _bits(options: Options) -> Iterator[Row]:
     for name, lights in (("unlit", ()), ("lit", (ss.Light((-0.3, 0.4, 1.0)),))):
         scene = volume.scene(lights=lights)
         expected = exact.render(scene, camera, size=size)
-        options.keep(expected, "bits", name, "reference")
+        keep(options, expected, "bits", name, "reference")
         for precision in ("uint8", "float16", "float32"):
             options.say(f"bits: {precision}, {name}")
 
-            def one(precision: str = precision, scene: ss.Scene = scene, expected: ss.Image = expected) -> Row:
-                renderer = ss.Renderer("gl", precision=precision, allow_inexact=True)  # type: ignore[arg-type]
+            def one(
+                name: str = name, precision: str = precision, scene: ss.Scene = scene, expected: ss.Image = expected
+            ) -> Row:
+                renderer = renderer_for(options.on("gl"), precision=precision, allow_inexact=True)
                 picture, spent = _timed(renderer, scene, camera, size)
-                options.keep(picture, "bits", name, precision)  # noqa: B023
-                away = difference(picture, expected)
-                return {"rmse": away["rmse"], "maximum": away["maximum"], "wall_ms": spent}
+                keep(options, picture, "bits", name, precision)
+                return _distance(picture, expected, spent)
 
             yield {"row": precision, "at": name, **attempt(one)}
 
@@ -179,22 +147,23 @@ def _shading(options: Options) -> Iterator[Row]:
     coarse = {"after": _shells(edge), "before": _shells(edge, "lattice")}
     for zoom in (1.0, 4.0, 8.0):
         camera = ss.Camera.orthographic((0.9, 0.8, 3.0), (0.18, 0.16, 0.6), height=2.4 / zoom)
-        expected = ss.Renderer(options.backend).render(_shell_scene(fine, 2.0 / edge), camera, size=size)  # type: ignore[arg-type]
-        options.keep(expected, "shading", "finer", f"{zoom:g}")
-        for name, effects in (("after", {"preshaded": False}), ("before", {"preshaded": True})):
+        expected = renderer_for(options).render(_shell_scene(fine, 2.0 / edge), camera, size=size)
+        keep(options, expected, "shading", "finer", f"{zoom:g}")
+        for name, comparators in (("after", ()), ("before", ("preshaded",))):
             options.say(f"shading: {name} the sum, zoom {zoom:g}")
 
-            def one(name: str = name, zoom: float = zoom, effects: Any = effects, camera: Any = camera) -> Row:
-                renderer = ss.Renderer("gl", effects=effects, allow_inexact=True)
+            def one(
+                name: str = name,
+                zoom: float = zoom,
+                comparators: tuple[str, ...] = comparators,
+                camera: ss.Camera = camera,
+                expected: ss.Image = expected,
+            ) -> Row:
+                renderer = lab_renderer(options.on("gl"), *comparators)
                 picture, spent = _timed(renderer, _shell_scene(coarse[name], 2.0 / edge), camera, size)
-                options.keep(picture, "shading", name, f"{zoom:g}")
-                away = difference(picture, expected)  # noqa: B023
-                return {
-                    "rmse": away["rmse"],
-                    "maximum": away["maximum"],
-                    "score": sharpness(picture.rgba) / sharpness(expected.rgba),  # noqa: B023
-                    "wall_ms": spent,
-                }
+                keep(options, picture, "shading", name, f"{zoom:g}")
+                score = sharpness(picture.rgba) / sharpness(expected.rgba)
+                return _distance(picture, expected, spent) | {"score": score}
 
             yield {"row": f"{name} the sum", "at": f"zoom {zoom:g}", **attempt(one)}
 
@@ -233,7 +202,7 @@ def _shell_scene(field: ss.RegularField, length: float) -> ss.Scene:
 def sharpness(picture: NDArray[Any]) -> float:
     """Return the RMS step of a picture from pixel to pixel."""
     values = picture.astype(np.float64)
-    return math.sqrt(float(np.mean(np.diff(values, axis=1) ** 2)) + float(np.mean(np.diff(values, axis=0) ** 2)))
+    return math.hypot(rms(np.diff(values, axis=1)), rms(np.diff(values, axis=0)))
 
 
 # Borders of scattered data
@@ -270,12 +239,12 @@ def _borders(options: Options) -> Iterator[Row]:
         falls = np.abs(np.diff(np.stack([field.at(steps[:, None] * way) for way in outward]), axis=1))
         scene = ss.Scene(field, [(0.0, 0.2, 0.3, 0.8, 0.0), (0.3, 0.2, 0.8, 0.5, 0.05), (1.0, 1.0, 0.6, 0.2, 0.3)])
         camera = ss.Camera.orthographic((1.0, 1.5, 4.0), (0.0, 0.0, 0.0), height=2.6)
-        picture, spent = _timed(_renderer(options), scene, camera, size)
-        options.keep(picture, "borders", name)
+        picture, spent = _timed(renderer_for(options), scene, camera, size)
+        keep(options, picture, "borders", name)
         yield {
             "row": name,
             "at": f"{field.size:,} kernels",
-            "rmse": math.sqrt(float(np.mean(inside**2))),
+            "rmse": rms(inside),
             "maximum": float(np.abs(inside).max()),
             # Per semi-axis: 1 would be a fall over a whole one; the mean over rays of the steepest place.
             "score": float(falls.max(axis=1).mean() / (steps[1] - steps[0]) * radius),
@@ -294,18 +263,14 @@ def _popping(options: Options) -> Iterator[Row]:
     table = ss.TransferFunction([(30.0, 0.1, 0.3, 0.9, 0.0), (90.0, 0.9, 0.8, 0.2, 0.15), (200.0, 1.0, 0.3, 0.1, 0.6)])
     samples = volume.values.astype(np.float32)
     field = ss.RegularField(samples)
-    renderer = _renderer(options)
+    renderer = renderer_for(options)
     middle = 0.5 * (edge - 1)
     angles = np.arange(30.0, 60.0 + 1e-9, 0.25)
 
-    def cameras() -> Iterator[ss.Camera]:
-        for angle in np.radians(angles):
-            eye = (
-                middle + 4.0 * edge * math.sin(angle),
-                middle + 0.4 * edge,
-                middle + 4.0 * edge * math.cos(angle),
-            )
-            yield ss.Camera.orthographic(eye, (middle,) * 3, height=1.2 * edge)
+    cameras = [
+        orthographic((middle,) * 3, (4.0 * math.sin(angle), 0.4, 4.0 * math.cos(angle)), edge, 1.2 * edge)
+        for angle in np.radians(angles)
+    ]
 
     def aligned(spacing: float, camera: ss.Camera) -> NDArray[Any]:
         scene = ss.Scene(field, table, slice_spacing=spacing, reference_length=1.0, opacity_stop=1.0)
@@ -319,29 +284,27 @@ def _popping(options: Options) -> Iterator[Row]:
     ]
     for name, draw in ways:
         options.say(f"popping: {name}")
-        began = time.perf_counter()
-        frames = [draw(camera) for camera in cameras()]
-        spent = 1000.0 * (time.perf_counter() - began) / len(frames)
+        frames, spent, _ = clock(lambda draw=draw: [draw(camera) for camera in cameras])  # type: ignore[misc]
         changes = [rms_change(*pair) for pair in zip(frames, frames[1:], strict=False)]
         worst = int(np.argmax(changes))
         for n in (worst, worst + 1):
-            _keep(options, frames[n], "popping", name, f"{angles[n]:g}")
+            keep(options, frames[n], "popping", name, f"{angles[n]:g}")
         # Grey is no change, which is shown many times as large.
         change = _LOUDER * (frames[worst + 1] - frames[worst])[..., :3].mean(axis=2, keepdims=True)
-        _keep(options, 0.5 * np.ones(4) + change * np.array([1.0, 1.0, 1.0, 0.0]) + [0, 0, 0, 0.5], "popping", name)
+        keep(options, 0.5 * np.ones(4) + change * np.array([1.0, 1.0, 1.0, 0.0]) + [0, 0, 0, 0.5], "popping", name)
         yield {
             "row": name,
             "at": f"{angles[worst]:g} to {angles[worst + 1]:g} degrees",
             "maximum": max(float(np.abs(b - a).max()) for a, b in zip(frames, frames[1:], strict=False)),
             "score": changes[worst],
             "ratio": changes[worst] / float(np.median(changes)),
-            "wall_ms": spent,
+            "wall_ms": 1000.0 * spent / len(frames),
         }
 
 
 def rms_change(first: NDArray[Any], second: NDArray[Any]) -> float:
     """Return the RMS difference of two frames."""
-    return math.sqrt(float(np.mean((second.astype(np.float64) - first) ** 2)))
+    return rms(second.astype(np.float64) - first)
 
 
 _CLAIMS: dict[str, Callable[[Options], Iterator[Row]]] = {
@@ -359,11 +322,11 @@ def run(options: Options) -> Report:
     for claim in ROWS:
         if options.wants(claim):
             rows += ({"claim": claim, **row} for row in _CLAIMS[claim](options))
-            make_sheet(options.pictures, f"sheet-{claim}", _SHEETS[claim])
+            make_sheet(options, f"sheet-{claim}", _SHEETS[claim])
     return Report(
         name="claims",
         title="The papers' claims on quality",
-        columns=_COLUMNS,
+        columns=columns("claim, row=setting, at, rmse, maximum, score, ratio=over median, wall_ms, remark"),
         rows=rows,
         notes=[
             "slabs: tubes, unlit, against slices 1/16 of a sample apart; score: RMS step from pixel to pixel of the "
@@ -376,5 +339,4 @@ def run(options: Options) -> Report:
             "popping: a noisy ball turned by 0.25 degrees a frame; score: largest RMS change from one frame to the "
             "next; over median: that over the usual change ([MC98]).",
         ],
-        environment=environment(),
     )

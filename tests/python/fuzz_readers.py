@@ -1,6 +1,6 @@
 """Coverage-guided fuzzing of every reader, by atheris (`pip install atheris`), outside CI.
 
-    python tests/bench/fuzz_readers.py vtu out/fuzz-vtu -max_total_time=600
+    python tests/python/fuzz_readers.py vtu out/fuzz-vtu -max_total_time=600
 
 Beside what tests/python/test_fuzz_readers.py draws blindly, this follows the branches of sheetsplat.io. KIND is one of
 its kinds, blanks as "_"; the second argument is a folder for what was found to be interesting. What is left are
@@ -27,7 +27,6 @@ with atheris.instrument_imports(include=["sheetsplat"]):
     import sheetsplat.io.tables
     import sheetsplat.io.vtk_xml
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "python"))
 import test_fuzz_readers as fuzz
 
 

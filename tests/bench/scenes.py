@@ -1,4 +1,4 @@
-"""The six scenes in which the processor's backend is measured beside VTK; scattered kernels put on a grid for it."""
+"""Scattered kernels, and the six scenes that backend cpu and VTK both draw; scattered kernels on a grid for VTK."""
 
 from __future__ import annotations
 
@@ -9,30 +9,89 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
 import sheetsplat as ss
+from bench.measure import away, orbit_angles, orthographic
+from bench.report import Options
+from bench.vtk_casters import Caster, Volume
 from sheetsplat import datasets
-from sheetsplat.bench._report import Options
-from sheetsplat.bench._vtk import Volume
-from sheetsplat.bench.ellipsoids import ellipsoids
-from sheetsplat.datasets._random import Stream
+from sheetsplat.datasets.random_stream import Stream
 
 Point = tuple[float, float, float, float, float]
 
-#: One white head light far away, shining on both sides of what it meets.
+#: One distant white head light, which shines on both sides.
 MATERIAL = ss.Material(ambient=0.3, diffuse=0.7, specular=0.2, shininess=10.0, two_sided=True)
 #: Edge of the grid that scattered kernels are put on for VTK.
 GRID = 256
 #: Views of the orbit.
 VIEWS = 6
-
-# What is seen of the cube, in its edges: 128 samples come to 3 pixels each at 400 pixels.
-_SEEN = 400.0 / (3.0 * 128.0)
-_SCATTERED_POINTS: tuple[Point, ...] = (
+#: Semi-transparent transfer function of scattered kernels with values in [0, 1].
+SCATTERED_POINTS: tuple[Point, ...] = (
     (0.1, 0.1, 0.2, 0.9, 0.0),
     (0.5, 0.2, 0.9, 0.3, 0.02),
     (1.0, 1.0, 0.8, 0.2, 0.1),
 )
+#: The ellipsoids: how many in a cube of which edge, supports over every point, and largest aspect.
+COUNT, EDGE, OVERLAP, ASPECT = 35_000, 128, 23.0, 20.0
+
+# Longest semi-axis of the ellipsoids, in slice distances.
+_LONGEST = 24.0
+# Height of the picture in edges of the cube: 128 samples are 3 pixels each at 400 pixels.
+_SEEN = 400.0 / (3.0 * 128.0)
+
+
+def spheres(count: int, edge: float, seed: int = 2006) -> ss.EllipsoidField:
+    """Return round Gaussians of radius 2 to 4 whose supports lie in the cube from (0, 0, 0) on; they add up."""
+    random = Stream(seed)
+    drawn = random.uniform(count, 5)
+    centers = 4.0 + (edge - 8.0) * drawn[:, :3]
+    return ss.EllipsoidField(centers, 2.0 + 2.0 * drawn[:, 3], None, 0.5 + 0.5 * drawn[:, 4], normalization="none")
+
+
+def ellipsoids(
+    count: int = COUNT, edge: float = EDGE, *, seed: int = 2006, normalization: Any = "threshold", shrunk: float = 1.0
+) -> ss.EllipsoidField:
+    """Return rotated ellipsoids in a cube, whose supports together fill it 23 times.
+
+    Parameters
+    ----------
+    count
+        Number of ellipsoids.
+    edge
+        Edge of the cube from (0, 0, 0) on, world units; a slice distance is 1.
+    seed
+        Seed of the random numbers, which are the same on every machine.
+    normalization
+        Normalisation of the field.
+    shrunk
+        Factor of all semi-axes; the centres stay.
+
+    Returns
+    -------
+    EllipsoidField
+        Half of the ellipsoids are prolate, half oblate, with aspects from 1 to 20, uniform in their logarithm; volumes
+        differ by a factor of about 30. No semi-axis is much longer than 24. Values fall from the cube's middle out.
+    """
+    random = Stream(seed)
+    aspect = ASPECT ** random.uniform(count)
+    axes = np.ones((count, 3))
+    axes[:, 0] = aspect
+    flat = random.uniform(count) < 0.5
+    axes[flat, 1] = aspect[flat]
+    axes *= np.exp(np.clip(0.3 * random.normal(count), -0.9, 0.45))[:, None]
+    axes /= np.cbrt(np.where(flat, aspect**2, aspect))[:, None]
+    ball = 4.0 / 3.0 * math.pi
+    for longest in (_LONGEST, math.inf):
+        axes *= np.cbrt(OVERLAP * edge**3 / (ball * axes.prod(axis=1).sum()))
+        axes = np.minimum(axes, longest)
+    turns = random.normal(count, 4)
+    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    centers = edge * random.uniform(count, 3)
+    middle = 0.5 * edge
+    outwards = np.linalg.norm(centers - middle, axis=1) / middle
+    values = np.clip(1.0 - outwards, 0.0, 1.0) + 0.05 * random.uniform(count)
+    return ss.EllipsoidField(centers, shrunk * axes, turns, values, normalization=normalization)
 
 
 @dataclass(frozen=True)
@@ -44,23 +103,23 @@ class Case:
     name, title
         Short and long name.
     field
-        What is drawn.
+        Field that is drawn.
     volume
-        What VTK draws; None where the field has to be put on a grid first.
+        Volume that VTK draws; None where the field has to be put on a grid first.
     points
-        Of the transfer function.
+        Points of the transfer function.
     distance
-        Of slices and of VTK's samples, world units.
+        Distance of slices and of VTK's samples, world units.
     unit
-        World units to which opacities refer.
+        Reference length of opacities, world units.
     lower, edge
         Corner and edge of the cube that is looked at.
     opacity_stop
-        As the scene has it.
+        Accumulated opacity at which a pixel ends.
     peer
-        The caster of VTK whose time counts.
+        VTK's caster whose time is compared.
     share
-        Of that time, how much ours may take.
+        Goal: largest share of that time.
     """
 
     name: str
@@ -73,7 +132,7 @@ class Case:
     lower: tuple[float, float, float]
     edge: float
     opacity_stop: float
-    peer: Any
+    peer: Caster
     share: float
 
     def scene(self, *, shaded: bool = True, **others: Any) -> ss.Scene:
@@ -88,15 +147,12 @@ class Case:
         return ss.Scene(self.field, self.points, **{**settings, **others})
 
     def cameras(self, views: int = VIEWS, elevation: float = 20.0) -> list[ss.Camera]:
-        """Return views of an orbit, from 20 degrees above and none along an axis; all see the same number of units."""
-        centre = tuple(low + 0.5 * self.edge for low in self.lower)
-        rise, found = math.radians(elevation), []
-        for view in range(views):
-            turn = 2.0 * math.pi * (view + 0.1) / views
-            away = (math.sin(turn) * math.cos(rise), math.sin(rise), math.cos(turn) * math.cos(rise))
-            eye = tuple(c + 2.0 * self.edge * a for c, a in zip(centre, away, strict=True))
-            found.append(ss.Camera.orthographic(eye, centre, height=_SEEN * self.edge))
-        return found
+        """Return views of an orbit, 20 degrees above the equator; all see the same number of world units."""
+        centre = [low + 0.5 * self.edge for low in self.lower]
+        rise = math.radians(elevation)
+        return [
+            orthographic(centre, away(turn, rise), 2.0 * self.edge, _SEEN * self.edge) for turn in orbit_angles(views)
+        ]
 
 
 def _of_dataset(name: str, title: str, made: datasets.Dataset, points: tuple[Point, ...], share: float) -> Case:
@@ -138,21 +194,13 @@ def _tubes(options: Options) -> Case:
     return _of_dataset("tubes", f"thin tubes, {made.shape[0]}^3", made, _points_of(made), 0.3)
 
 
-def spheres(count: int, edge: float, seed: int = 2006) -> ss.EllipsoidField:
-    """Return round Gaussians of radius 2 to 4 whose supports all lie in the cube from (0, 0, 0) on; they add up."""
-    random = Stream(seed)
-    drawn = random.uniform(count, 5)
-    centers = 4.0 + (edge - 8.0) * drawn[:, :3]
-    return ss.EllipsoidField(centers, 2.0 + 2.0 * drawn[:, 3], None, 0.5 + 0.5 * drawn[:, 4], normalization="none")
-
-
 def _scattered(name: str, title: str, field: ss.EllipsoidField, edge: float, distance: float) -> Case:
     return Case(
         name=name,
         title=title,
         field=field,
         volume=None,
-        points=_SCATTERED_POINTS,
+        points=SCATTERED_POINTS,
         distance=distance,
         unit=1.0,
         lower=(0.0, 0.0, 0.0),
@@ -164,15 +212,13 @@ def _scattered(name: str, title: str, field: ss.EllipsoidField, edge: float, dis
 
 
 def _spheres(options: Options) -> Case:
-    edge = options.edge(128)
-    count = max(64, round(100_000 * (edge / 128) ** 3))
-    # At a distance of 1 a flat picture comes to 45 dB of the converged one only.
+    edge, count = options.edge(128), options.count(100_000)
+    # At a distance of 1 a flat picture reaches only 45 dB of the converged one.
     return _scattered("spheres", f"{count:,} Gaussians of radius 2-4 in {edge}", spheres(count, edge), edge, 0.75)
 
 
 def _ellipsoids(options: Options) -> Case:
-    edge = options.edge(128)
-    count = max(64, round(35_000 * (edge / 128) ** 3))
+    edge, count = options.edge(EDGE), options.count(COUNT)
     return _scattered("ellipsoids", f"{count:,} ellipsoids to 1:20 in {edge}", ellipsoids(count, edge), edge, 1.0)
 
 
@@ -195,15 +241,8 @@ def axes_of(field: ss.EllipsoidField) -> NDArray[np.float64]:
         scales = np.repeat(scales[:, None], 3, axis=1)
     if field.rotations is None:
         return np.eye(3) * scales[:, None, :]
-    w, x, y, z = np.asarray(field.rotations, dtype=np.float64).T
-    turned = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return np.ascontiguousarray(np.moveaxis(turned, -1, 0)) * scales[:, None, :]
+    turned = Rotation.from_quat(np.asarray(field.rotations)[:, [1, 2, 3, 0]]).as_matrix()
+    return np.asarray(turned * scales[:, None, :])
 
 
 def sections(field: ss.EllipsoidField, camera: ss.Camera, distance: float) -> int:

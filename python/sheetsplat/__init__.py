@@ -21,12 +21,14 @@ from sheetsplat.accuracy import AccuracyReport, AccuracyRow, accuracy
 from sheetsplat.api import open, render
 from sheetsplat.camera import Camera
 from sheetsplat.device import Device, devices
+from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
 from sheetsplat.errors import Cancelled, DeviceUnavailable, Error, InvalidInput, OutOfMemory, Unsupported
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.image import ErrorEstimate, Image
+from sheetsplat.light import Light, Material
 from sheetsplat.plan import Effect, RenderPlan
 from sheetsplat.renderer import Renderer
-from sheetsplat.scene import AmbientOcclusion, Clip, DepthCue, Light, Material, Scene
+from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
 if TYPE_CHECKING:

@@ -43,7 +43,8 @@ class ErrorEstimate:
     map: NDArray[np.float32]
 
     @classmethod
-    def _of(cls, native: _sheetsplat.ErrorEstimate) -> ErrorEstimate:
+    def of_native(cls, native: _sheetsplat.ErrorEstimate) -> ErrorEstimate:
+        """Return the estimate of the native module."""
         budget: dict[str, float] = {}
         for cause, rmse in native.budget:
             budget[cause] = float(np.hypot(budget.get(cause, 0.0), rmse))
@@ -56,39 +57,23 @@ class ErrorEstimate:
 
 
 class Image:
-    """A picture, row 0 at the top. Either `rgba` or `scalar` is there, by the scene's mode.
+    """A picture, row 0 at the top, made by `Renderer.render`. It has either `rgba` or `scalar`, by the scene's mode.
 
     ``np.asarray(image)`` gives the one that is there. The arrays may outlive the image.
     """
 
     __slots__ = ("_coverage", "_depth", "_error", "_estimate", "native", "_plan", "_rgba", "_scalar", "_stats")
 
-    def __init__(self) -> None:
-        raise TypeError("an Image is made by Renderer.render or sheetsplat.render")
-
-    @classmethod
-    def _of(cls, native: _sheetsplat.Image, estimate: Callable[[], ErrorEstimate] | None = None) -> Image:
-        image = cls.__new__(cls)
-        image.native = native
-        image._rgba = native.rgba
-        image._scalar = native.scalar
-        image._coverage = native.coverage
-        image._depth = native.depth
-        image._plan = RenderPlan._of(native.plan)
-        image._stats = native.stats
-        image._error = None
-        image._estimate = estimate
-        return image
-
-    native: _sheetsplat.Image
-    _rgba: NDArray[np.float32] | None
-    _scalar: NDArray[np.float32] | None
-    _coverage: NDArray[np.float32] | None
-    _depth: NDArray[np.float32] | None
-    _plan: RenderPlan
-    _stats: dict[str, float]
-    _error: ErrorEstimate | None
-    _estimate: Callable[[], ErrorEstimate] | None
+    def __init__(self, native: _sheetsplat.Image, estimate: Callable[[], ErrorEstimate] | None = None) -> None:
+        self.native = native
+        self._rgba: NDArray[np.float32] | None = native.rgba
+        self._scalar: NDArray[np.float32] | None = native.scalar
+        self._coverage: NDArray[np.float32] | None = native.coverage
+        self._depth: NDArray[np.float32] | None = native.depth
+        self._plan = RenderPlan.of_native(native.plan)
+        self._stats: dict[str, float] = native.stats
+        self._error: ErrorEstimate | None = None
+        self._estimate = estimate
 
     @staticmethod
     def _there(name: str, array: NDArray[np.float32] | None, then: str) -> NDArray[np.float32]:

@@ -83,7 +83,8 @@ class RenderPlan:
     picture_ms: float | None = None
 
     @classmethod
-    def _of(cls, native: _sheetsplat.RenderPlan) -> RenderPlan:
+    def of_native(cls, native: _sheetsplat.RenderPlan) -> RenderPlan:
+        """Return the plan of the native module."""
         return cls(
             backend=native.backend,
             precision=native.precision,

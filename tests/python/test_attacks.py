@@ -15,10 +15,12 @@ import pytest
 from click.testing import CliRunner
 
 import sheetsplat as ss
-from sheetsplat import _checks, api, automatic
+from sheetsplat import _checks
 from sheetsplat.cli import info, main
 from sheetsplat.compare import compare
+from sheetsplat.framing import compose_camera
 from sheetsplat.io import pictures
+from sheetsplat.look import automatic
 
 SMALL = {"size": (8, 8), "backend": "reference"}
 POINTS = [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)]
@@ -202,7 +204,7 @@ def test_fields_without_a_kernel_give_empty_pictures(tmp_path, projection, caplo
     # With a single kernel there is a box again.
     far = ss.RegularField(np.ones((1, 1, 1)), origin=(100, 0, 0))
     assert ss.Scene([nothing, far], POINTS).bounds == far.bounds
-    assert api.compose_camera([nothing, far], (8, 8)).target[0] == pytest.approx(100)
+    assert compose_camera([nothing, far], (8, 8)).target[0] == pytest.approx(100)
 
 
 def test_a_late_failure_leaves_no_file(tmp_path, volume, monkeypatch):

@@ -19,7 +19,8 @@ import scattered_scenes as scattered
 from image_checks import FLOAT32, FLOAT32_HARD
 
 import sheetsplat as ss
-from sheetsplat import _sheetsplat, automatic
+from sheetsplat import _sheetsplat
+from sheetsplat.look import automatic
 
 SIZE = (30, 24)
 Image = ss.Image

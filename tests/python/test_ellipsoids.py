@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat import advice, api, automatic
 from sheetsplat.cli import info
+from sheetsplat.look import automatic, empty
+from sheetsplat.look.compose import compose_scene
 
 SMALL = {"size": (32, 32), "backend": "reference"}
 
@@ -201,7 +202,7 @@ def test_a_field_may_have_no_kernels(scales):
     assert ss.EllipsoidField([], [], values=[]).size == 0
     assert not ss.render(empty, **SMALL).rgba.any()
     scene = ss.Scene(empty, [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)])
-    assert advice.why_empty(scene) == "the field has no kernels" and scene.slice_spacing == 1
+    assert empty.why_empty(scene) == "the field has no kernels" and scene.slice_spacing == 1
     with pytest.raises(ss.InvalidInput, match=r"Camera\.fit"):
         ss.Camera.fit(empty)
 
@@ -638,7 +639,7 @@ def test_thin_slices_get_less_opacity(rng):
     per_length = 1 - (1 - looks[1].top_opacity) ** (length / thin.default_slice_spacing)
     assert looks[1].top_opacity < 0.3 and per_length > 0.9
     assert looks[1].opacity[-1][1] == pytest.approx(looks[1].top_opacity)
-    scene = api.compose_scene([thin], clim=(1, 2))
+    scene = compose_scene([thin], clim=(1, 2))
     assert scene.transfer_function.max_opacity == pytest.approx(looks[1].top_opacity)
 
 
@@ -706,10 +707,10 @@ def test_fields_add_up(rng, block):
 def test_advice_tells_what_the_scalars_are(rng):
     field = ball_of_kernels(rng)
     scene = ss.Scene(field, [(10, 0, 0, 0, 0), (20, 1, 1, 1, 1)])
-    assert "the opacity is 0 for all of the values" in advice.why_empty(scene)
+    assert "the opacity is 0 for all of the values" in empty.why_empty(scene)
     summed = ss.EllipsoidField(field.centers, field.scales, values=-field.values, normalization="none")
     scene = ss.Scene(summed, [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)], mode="mip")
-    assert "shows nothing below 0" in advice.why_empty(scene)
+    assert "shows nothing below 0" in empty.why_empty(scene)
 
 
 def test_info_describes_fields(rng, soup):

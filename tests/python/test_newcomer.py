@@ -10,9 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 import sheetsplat as ss
-from sheetsplat import advice, api
 from sheetsplat.cli import main
+from sheetsplat.framing import compose_camera
 from sheetsplat.io.pictures import read_picture
+from sheetsplat.look import empty
+from sheetsplat.look.compose import compose_scene
+from sheetsplat.look.surface import surface_color
 
 SMALL = {"size": (24, 24), "backend": "reference"}
 BACKEND = ["--backend", "reference", "--size", "12"]
@@ -34,10 +37,10 @@ def volume(tmp_path, ball):
 
 @pytest.mark.parametrize("iso", [None, 0.2, 0.8])
 def test_a_surface_without_limits_is_bright(ball, iso):
-    scene = api.compose_scene([ss.RegularField(ball)], mode="isosurface", iso_value=iso, cmap="gray")
-    assert api.surface_color(scene) == pytest.approx((0.7, 0.7, 0.7), abs=0.01)
-    limited = api.compose_scene([ss.RegularField(ball)], mode="isosurface", iso_value=0.3, cmap="gray", clim=(0, 1))
-    assert api.surface_color(limited) == pytest.approx((0.3, 0.3, 0.3), abs=0.01)
+    scene = compose_scene([ss.RegularField(ball)], mode="isosurface", iso_value=iso, cmap="gray")
+    assert surface_color(scene) == pytest.approx((0.7, 0.7, 0.7), abs=0.01)
+    limited = compose_scene([ss.RegularField(ball)], mode="isosurface", iso_value=0.3, cmap="gray", clim=(0, 1))
+    assert surface_color(limited) == pytest.approx((0.3, 0.3, 0.3), abs=0.01)
 
 
 def test_the_command_tells_value_and_colour_of_a_surface(tmp_path, volume, ball, caplog):
@@ -183,7 +186,7 @@ def test_straight_from_above_and_below(ball, rise, projection):
 def test_a_perspective_fit_touches_the_frame():
     field = ss.RegularField(np.ones((20, 30, 10), np.float32))
     for size in ((40, 40), (80, 30), (30, 80)):
-        camera = api.compose_camera(field, size, projection="perspective", fov_y=40, margin=1.0)
+        camera = compose_camera(field, size, projection="perspective", fov_y=40, margin=1.0)
         lower, upper = np.asarray(field.bounds)
         slope = np.tan(np.radians(20))
         reach = 0.0
@@ -236,4 +239,4 @@ def test_short_descriptions(ball):
 
 def test_the_reason_is_one_of_the_scene():
     scene = ss.Scene(ss.RegularField(np.full((3, 3, 3), -2.0)), [(0, 1, 1, 1, 1)], mode="mip")
-    assert "below 0" in advice.why_empty(scene)
+    assert "below 0" in empty.why_empty(scene)

@@ -12,8 +12,9 @@ import pytest
 from click.testing import CliRunner
 
 import sheetsplat as ss
-from sheetsplat import _prefilter, automatic
+from sheetsplat import _prefilter
 from sheetsplat.cli import main
+from sheetsplat.look import automatic
 from sheetsplat.ripple import lattice_constant, lattice_ripple
 
 GOOD = ((2.0, 5.0), (2.5, 7.0), (3.0, 8.0))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat import automatic
+from sheetsplat.look import automatic
 
 SMALL = {"size": (24, 24), "backend": "reference"}
 

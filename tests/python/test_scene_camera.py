@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat import api
+from sheetsplat.framing import compose_camera
 
 GRAY = ss.TransferFunction([(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)])
 
@@ -238,7 +238,7 @@ def test_fit_takes_anything_with_bounds(field):
 @pytest.mark.parametrize("projection", ["orthographic", "perspective"])
 @pytest.mark.parametrize("size", [(40, 40), (80, 20), (20, 80)])
 def test_pictures_of_any_shape_show_all(field, size, projection):
-    camera = api.compose_camera(field, size, azimuth=40, elevation=-30, projection=projection)
+    camera = compose_camera(field, size, azimuth=40, elevation=-30, projection=projection)
     half = camera.height / 2 if projection == "orthographic" else math.tan(math.radians(camera.fov_y / 2))
     across = half * size[0] / size[1]
     reach_x = reach_y = 0.0
@@ -253,7 +253,7 @@ def test_pictures_of_any_shape_show_all(field, size, projection):
 
 def test_azimuth_and_elevation_turn_the_eye(field):
     def view(**options):
-        camera = api.compose_camera(field, (40, 40), **options)
+        camera = compose_camera(field, (40, 40), **options)
         offset = np.subtract(camera.eye, camera.target)
         return offset / np.linalg.norm(offset)
 
@@ -266,14 +266,14 @@ def test_azimuth_and_elevation_turn_the_eye(field):
 
 
 def test_zoom_enlarges(field):
-    near, far = (api.compose_camera(field, (40, 40), zoom=zoom) for zoom in (2, 1))
+    near, far = (compose_camera(field, (40, 40), zoom=zoom) for zoom in (2, 1))
     assert math.isclose(near.height * 2, far.height)
-    near, far = (api.compose_camera(field, (40, 40), zoom=zoom, projection="perspective") for zoom in (2, 1))
+    near, far = (compose_camera(field, (40, 40), zoom=zoom, projection="perspective") for zoom in (2, 1))
     assert math.isclose(2 * math.tan(math.radians(near.fov_y / 2)), math.tan(math.radians(far.fov_y / 2)))
     for bad in (0, -1, math.nan, "2"):
         with pytest.raises(ss.InvalidInput, match="zoom"):
-            api.compose_camera(field, (40, 40), zoom=bad)
+            compose_camera(field, (40, 40), zoom=bad)
     with pytest.raises(ss.InvalidInput, match="azimuth"):
-        api.compose_camera(field, (40, 40), azimuth=math.inf)
+        compose_camera(field, (40, 40), azimuth=math.inf)
     with pytest.raises(ss.InvalidInput, match="Camera"):
-        api.compose_camera(field, (40, 40), up=(0, 0, 1))
+        compose_camera(field, (40, 40), up=(0, 0, 1))

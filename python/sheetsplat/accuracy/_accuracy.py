@@ -32,7 +32,8 @@ from sheetsplat.accuracy._report import AccuracyReport, AccuracyRow, TruthText, 
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, complain
 from sheetsplat.image import Image
-from sheetsplat.renderer import Backend, Progress, Renderer
+from sheetsplat.options.renderer import Backend, Progress
+from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
 _FAILED = "accuracy: the measurement cannot be made"

@@ -118,7 +118,7 @@ class Rung:
     def gradient(self, base: Base) -> str:
         """Return the kind of gradients that it is drawn with."""
         named = self.setting.split(",")[0] if self.knob == "gradient" else ""
-        now: str = base.scene._given.get("gradient", "sheets")
+        now: str = base.scene.options["gradient"]
         return named if named in ("sheets", "analytic") else now
 
 
@@ -158,7 +158,7 @@ _CLASSES: dict[str, dict[str, Any]] = {
 
 
 def _classification(base: Base) -> Iterator[Rung]:
-    given = base.scene._given
+    given = base.scene.options
     now = {name: given[name] for name in ("sampling", "preintegration")}
     known = {name: changes for name, changes in _CLASSES.items() if changes == now}
     names = list(known) or ["as given"]
@@ -187,7 +187,7 @@ def _gradient(base: Base) -> Iterator[Rung]:
     if reason:
         yield Rung("gradient", "sheets, analytic", reason=reason)
         return
-    now = base.scene._given.get("gradient", "sheets")
+    now = base.scene.options["gradient"]
     yield Rung("gradient", now, f"Scene(gradient={now!r})", lambda: base.scene, current=True)
     other = "analytic" if now == "sheets" else "sheets"
     for factor in _SPACINGS[1:-1]:
@@ -204,7 +204,7 @@ def _gradient(base: Base) -> Iterator[Rung]:
 
 def calls_for_gradients(scene: Scene) -> bool:
     """Return whether anything in a scene's picture looks at gradients."""
-    lit = bool(scene.lights) or scene._given.get("gradient_opacity") is not None
+    lit = bool(scene.lights) or scene.options["gradient_opacity"] is not None
     return lit and scene.mode in ("composite", "isosurface")
 
 
@@ -297,7 +297,7 @@ def _opacity_stop(base: Base) -> Iterator[Rung]:
     if reason:
         yield Rung("opacity_stop", "A_stop", reason=reason)
         return
-    now = float(base.scene._given["opacity_stop"])
+    now = float(base.scene.options["opacity_stop"])
     for stop in sorted({*_STOPS, now}):
         yield Rung(
             "opacity_stop",

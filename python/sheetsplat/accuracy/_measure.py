@@ -115,7 +115,7 @@ def limit(
         words = "float64, gradients by differences"
         try:
             true = scene.replace(gradient="analytic")
-            if analytic or scene._given.get("gradient") == "analytic":
+            if analytic or scene.options["gradient"] == "analytic":
                 _exactly(_finest(true, 1), camera, (1, 1), settings, watch)
                 scene, words = true, "float64, analytic gradients"
         except (Unsupported, InvalidInput):

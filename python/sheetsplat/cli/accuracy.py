@@ -7,24 +7,19 @@ from typing import Any, Literal
 
 import click
 
-from sheetsplat.cli.options import (
-    _RENDERER,
-    _ParamType,
-    as_json,
-    check_mode,
-    common,
-    forced_effects,
-    prepare,
-    scene_options,
-)
+from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
+from sheetsplat.cli.scene import forced_effects, prepare
+from sheetsplat.cli.types import ParamType
+from sheetsplat.options.core import pick
+from sheetsplat.options.renderer import RendererOptions
 
 _MOST_REPEATS = 1000
 # What looks for settings itself leaves no setting to be turned.
 _SEEKERS = ("max_error", "max_seconds")
 
 
-class _Knobs(_ParamType):
+class _Knobs(ParamType):
     """Names of knobs with commas between them."""
 
     name = "NAME,NAME,…"
@@ -105,19 +100,17 @@ def command(
         )
     check_mode(options)
     scene, camera, _, size = prepare(file, options)
-    settings = {name: options[name] for name in _RENDERER if name not in ("backend", *_SEEKERS)}
+    settings = {**pick(RendererOptions, options), "effects": forced_effects(options["effects"])}
     with progress_bar(file.name, quiet=quiet) as progress:
         report = accuracy(
             scene,
             camera,
             size=size,
-            backend=options["backend"],
             knobs=knobs,
             repeats=repeats,
             reference_seconds=reference_seconds,
             clock=clock,
             progress=progress,
-            effects=forced_effects(options["effects"]),
             **settings,
         )
     if output is not None:

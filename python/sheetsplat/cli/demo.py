@@ -7,9 +7,10 @@ from pathlib import Path
 
 import click
 
-from sheetsplat.cli.options import Numbers, as_json, common
+from sheetsplat.cli.options import apply, as_json, common, single
 from sheetsplat.cli.output import progress_bar, report_json, say
-from sheetsplat.renderer import BACKENDS, MOST_THREADS, Backend
+from sheetsplat.options.picture import PictureOptions
+from sheetsplat.options.renderer import Backend, RendererOptions
 
 _DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "jet")
 
@@ -26,15 +27,8 @@ _DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "j
 @click.option(
     "--dataset", type=click.Choice(_DATASETS), default="tubes", show_default=True, help="What to make and show."
 )
-@click.option(
-    "--size", type=Numbers("WxH", 2, whole=True, square=True), default="400x400", show_default=True, help="Pixels."
-)
-@click.option("--backend", type=click.Choice(BACKENDS), default="auto", show_default=True)
-@click.option(
-    "--threads",
-    type=click.IntRange(min=1, max=MOST_THREADS),
-    help='Of backend "cpu"; as many as the process may run on unless given.',
-)
+@apply(single(PictureOptions, "size"))
+@apply(single(RendererOptions, "backend", "threads"))
 @as_json
 @common
 def command(
@@ -47,8 +41,9 @@ def command(
     quiet: bool,
 ) -> None:
     """Render a data set that is made on the spot, and say where the picture is."""
-    from sheetsplat import api, datasets
+    from sheetsplat import datasets
     from sheetsplat._checks import image_size
+    from sheetsplat.framing import compose_camera
     from sheetsplat.io import pictures
     from sheetsplat.renderer import Renderer
 
@@ -59,7 +54,7 @@ def command(
     began = time.perf_counter()
     say(f"making {dataset} ...", quiet=quiet)
     scene = datasets.DATASETS[dataset]().scene()
-    camera = api.compose_camera(scene, image_size(size))
+    camera = compose_camera(scene, image_size(size))
     with progress_bar(dataset, quiet=quiet) as progress:
         image = renderer.render(scene, camera, size=image_size(size), progress=progress)
     image.save(output)

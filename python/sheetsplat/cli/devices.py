@@ -10,7 +10,7 @@ import click
 from sheetsplat.cli.options import as_json, common
 from sheetsplat.cli.output import report_json
 from sheetsplat.device import Device, devices
-from sheetsplat.renderer import BACKENDS
+from sheetsplat.options.renderer import BACKENDS
 
 
 def _about_environment(found: list[Device]) -> str:

@@ -11,8 +11,10 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.cli.options import apply, array_shape, as_json, common, file_options, place_options
+from sheetsplat.cli.options import apply, as_json, common, options_of
 from sheetsplat.cli.output import report_json
+from sheetsplat.cli.scene import file_options
+from sheetsplat.options.data import FileOptions, PlacementOptions
 
 if TYPE_CHECKING:
     from sheetsplat.fields import EllipsoidField
@@ -115,7 +117,7 @@ def _aspects(field: EllipsoidField) -> NDArray[np.float64]:
 
 def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
     """Return what is in a field of ellipsoids: counts, places, sizes, ranges, histogram, memory, and its look."""
-    from sheetsplat import automatic
+    from sheetsplat.look import automatic
 
     known = slice(0, field.size - field.ghosts)
     report: dict[str, Any] = {
@@ -143,15 +145,12 @@ def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
 
 def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     """Return what is in a file: sizes, ranges, histogram, memory, and the look that a picture of it would get."""
-    from sheetsplat import automatic
     from sheetsplat.fields import Lattice, RegularField, as_samples
     from sheetsplat.io import SCATTERED
     from sheetsplat.io.opening import kind_of, open_scattered, read_regular
+    from sheetsplat.look import automatic
 
-    shape = array_shape(options["shape"])
-    given = {name: value for name, value in options.items() if value is not None and value is not False}
-    if shape is not None:
-        given["shape"] = shape
+    given = {name: value for name, value in file_options(options).items() if value or isinstance(value, str)}
     kind = kind_of(path, given)
     if kind in SCATTERED:
         data, field = open_scattered(path, given)
@@ -259,8 +258,7 @@ def _table(report: dict[str, Any]) -> str:
 
 @click.command("info")
 @click.argument("file", type=click.Path(path_type=Path))
-@apply(file_options)
-@apply(place_options)
+@apply(options_of(FileOptions, PlacementOptions))
 @click.option("--bins", type=click.IntRange(1, 4096), default=16, show_default=True, help="Of the histogram.")
 @as_json
 @common

@@ -7,8 +7,9 @@ from typing import Any
 
 import click
 
-from sheetsplat.cli.options import as_json, check_mode, common, prepare, scene_options
+from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import report_json
+from sheetsplat.cli.scene import prepare
 
 
 @click.command("plan")

@@ -8,8 +8,10 @@ from typing import Any
 
 import click
 
-from sheetsplat.cli.options import as_json, check_mode, common, prepare, scene_options
+from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
+from sheetsplat.cli.scene import prepare
+from sheetsplat.options.renderer import Output
 
 _PATH = click.Path(path_type=Path, dir_okay=False)
 
@@ -40,11 +42,17 @@ def command(
     FILE is a volume: .npy, .npz, NRRD, MetaImage (.mhd, .mha), .vti, or raw samples with --shape and --dtype. Or it is
     scattered data: a PLOT3D solution with --grid, .vtu, .vtp, HDF5 with particles, .ply of 3D Gaussian Splatting, .csv,
     or .npz with an array centers. Each may be gzipped.
-    """
-    from sheetsplat.api import surface_color, surface_text
-    from sheetsplat.io import pictures
 
-    extra = {name: path for name, path in (("depth", depth_path), ("coverage", coverage_path)) if path is not None}
+    Options whose help ends with names of modes are for these modes only.
+    """
+    from sheetsplat.io import pictures
+    from sheetsplat.look.surface import surface_color, surface_text
+
+    extra: dict[Output, Path] = {}
+    if depth_path is not None:
+        extra["depth"] = depth_path
+    if coverage_path is not None:
+        extra["coverage"] = coverage_path
     check_outputs([output, *extra.values()], [file, *([options["grid"]] if options["grid"] else [])])
     for path in (output, *extra.values()):
         if path.suffix.lower() not in (".png", ".exr", ".npy"):

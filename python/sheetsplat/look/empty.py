@@ -1,36 +1,18 @@
-"""What a picture did not use, and why nothing can be seen in it."""
+"""Empty pictures: whether nothing can be seen, and why."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sheetsplat import automatic
 from sheetsplat.fields import EllipsoidField, Field
+from sheetsplat.look import automatic
 
 if TYPE_CHECKING:
     from sheetsplat.image import Image
     from sheetsplat.scene import Scene
-
-_NO_COLORS = ("transfer_function", "cmap", "opacity", "clim", "lights", "material", "shading", "background")
-_NO_GRADIENT = ("gradient", "depth_cue", "depth_cue_color", "shadows", "ambient_occlusion", "gradient_opacity")
-_NO_OPACITY = ("opacity_stop", "preintegration", "second_order")
-# Options that say nothing in a mode.
-_UNUSED = {
-    "composite": ("iso_value",),
-    "isosurface": ("opacity", "gradient_opacity", *_NO_OPACITY),
-    "xray": (*_NO_COLORS, *_NO_GRADIENT, *_NO_OPACITY, "reference_length", "iso_value", "depth"),
-    "mip": (*_NO_COLORS, *_NO_GRADIENT, *_NO_OPACITY, "reference_length", "iso_value", "depth"),
-}
-
-
-def unused(mode: str, given: Iterable[str]) -> list[str]:
-    """Return those of the options that were given which the mode does not look at."""
-    ignored = _UNUSED.get(mode, ())
-    return [name for name in given if name in ignored]
 
 
 def is_empty(image: Image, scene: Scene) -> bool:
@@ -80,6 +62,6 @@ def why_empty(scene: Scene) -> str:
                 f"the opacity is 0 for all of {values}; "
                 f"the transfer function goes from {function.v_min:g} to {function.v_max:g}"
             )
-    if scene._clip.planes or scene._clip.box is not None:
+    if scene.options["clip"].planes or scene.options["clip"].box is not None:
         return "perhaps the clip cuts off all that there is, or the camera looks past the field"
     return "perhaps the camera looks past the field"

@@ -1,0 +1,95 @@
+"""From the options of a command to a scene, a camera and a renderer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from sheetsplat.cli.types import ColorPairs
+from sheetsplat.options.camera import CameraOptions
+from sheetsplat.options.core import pick
+from sheetsplat.options.data import OpenOptions
+from sheetsplat.options.picture import LookOptions
+from sheetsplat.options.renderer import RendererOptions
+
+if TYPE_CHECKING:
+    from sheetsplat.camera import Camera
+    from sheetsplat.renderer import Renderer
+    from sheetsplat.scene import Scene
+
+
+def forced_effects(texts: tuple[str, ...]) -> dict[str, bool]:
+    """Return {name: on} of texts such as "elimination=off"."""
+    words = {"on": True, "true": True, "1": True, "off": False, "false": False, "0": False}
+    effects: dict[str, bool] = {}
+    for text in texts:
+        name, equals, word = text.partition("=")
+        if not equals or word.lower() not in words:
+            raise click.BadParameter(f"{text!r}: wanted NAME=on or NAME=off", param_hint="--effect")
+        on = words[word.lower()]
+        if effects.setdefault(name, on) != on:
+            raise click.BadParameter(f"{name!r}: on and off at once", param_hint="--effect")
+    return effects
+
+
+def file_options(options: dict[str, Any]) -> dict[str, Any]:
+    """Return what `sheetsplat.open` takes for the options of a file."""
+    given = pick(OpenOptions, options)
+    if given["shape"] is not None:
+        # Along x, y, z on the command line; of the array [k, j, i] in Python.
+        given["shape"] = tuple(reversed(given["shape"]))
+    if options["log_floor"] is not None:
+        given["log"] = options["log_floor"]
+    return given
+
+
+def _look(options: dict[str, Any]) -> dict[str, Any]:
+    """Return what `compose_scene` takes for the options of the look; a depth cue by the camera is left out."""
+    from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
+
+    look = pick(LookOptions, options)
+    if isinstance(look["cmap"], ColorPairs):
+        look["cmap"], look["clim"] = look["cmap"].table(look["clim"])
+    if options["second_order"]:
+        source = click.get_current_context().get_parameter_source("preintegration")
+        if source is ParameterSource.COMMANDLINE and not options["preintegration"]:
+            raise click.UsageError("--second-order is a kind of pre-integration; leave out --no-preintegration")
+        look["preintegration"] = "second_order"
+    if options["clip_planes"] or options["clip_box"]:
+        box = options["clip_box"]
+        look["clip"] = Clip(
+            planes=[(plane[:3], plane[3]) for plane in options["clip_planes"]],
+            box=None if box is None else (box[:3], box[3:]),
+        )
+    if options["ambient_occlusion"] is not None:
+        look["ambient_occlusion"] = AmbientOcclusion(*options["ambient_occlusion"])
+    cue, color = look.pop("depth_cue"), options["depth_cue_color"]
+    if color is not None and cue is None:
+        raise click.UsageError("--depth-cue-color is the colour of --depth-cue; give that too, for example auto")
+    if cue is not None and cue != "auto":
+        start, end, strength = cue
+        look["depth_cue"] = DepthCue(start, end, color or (0, 0, 0), strength)
+    return look
+
+
+def prepare(path: Path, options: dict[str, Any]) -> tuple[Scene, Camera, Renderer, tuple[int, int]]:
+    """Return scene, camera, renderer and size of a file and the values of `scene_options`."""
+    from sheetsplat import api, framing
+    from sheetsplat._checks import image_size
+    from sheetsplat.look.compose import compose_scene
+    from sheetsplat.renderer import Renderer
+
+    effects = forced_effects(options["effects"])
+    size = image_size(options["size"])
+    fields = api.to_fields(path, **file_options(options))
+    free = options["max_error"] is not None or options["max_seconds"] is not None
+    scene = compose_scene(fields, **_look(options), spacing_is_free=free)
+    camera = framing.compose_camera(scene, size, **pick(CameraOptions, options))
+    if options["depth_cue"] == "auto":
+        color = options["depth_cue_color"] or (0, 0, 0)
+        scene = scene.replace(depth_cue=framing.fitting_depth_cue(scene, camera, color))
+    renderer = Renderer(**{**pick(RendererOptions, options), "effects": effects})
+    return scene, camera, renderer, size

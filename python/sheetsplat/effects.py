@@ -1,0 +1,174 @@
+"""Clipping, depth cueing and ambient occlusion. Conventions, section 10 (Effects beyond the papers)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+
+from sheetsplat import _sheetsplat
+from sheetsplat._checks import Triple, Vector, measurable, number, shown, strengths, triple
+from sheetsplat.errors import complain
+
+# More planes than anybody has; an iterator may have no end.
+_MOST_PLANES = 64
+
+
+def _planes(planes: object) -> tuple[tuple[Triple, float], ...]:
+    wanted = "a sequence of planes (normal, offset); () for none"
+    if isinstance(planes, str | bytes) or not isinstance(planes, Iterable):
+        raise complain("Clip: planes cannot be used", shown(planes), wanted)
+    found = _parts(planes, _MOST_PLANES + 1, "Clip: planes", wanted)
+    if len(found) > _MOST_PLANES:
+        raise complain("Clip: planes cannot be used", f"more than {_MOST_PLANES} planes", "fewer")
+    result = []
+    for plane in found:
+        if isinstance(plane, str | bytes) or not isinstance(plane, Sequence) or len(plane) != 2:
+            raise complain("Clip: planes cannot be used", shown(plane), wanted)
+        normal, offset = plane
+        what = "Clip: a plane's normal"
+        advice = "divide it, and the plane's offset with it, by its length"
+        result.append((measurable(what, triple(what, normal), advice), number("Clip: a plane's offset", offset)))
+    return tuple(result)
+
+
+@dataclass(frozen=True)
+class Clip:
+    """What of a picture's points is kept. Conventions, section 10 (Effects beyond the papers).
+
+    Parameters
+    ----------
+    planes
+        Pairs (normal, offset): points x with normal · x >= offset are kept. World units.
+    box
+        Two corners ((x0, y0, z0), (x1, y1, z1)), the lower one first: what lies in between is kept. World units.
+
+    Points must be kept by all planes and by the box. What is cut off is transparent; the field itself, and with it
+    gradients next to a cut, stay as they are.
+
+    Raises
+    ------
+    InvalidInput
+        For anything but finite numbers, a normal of length 0, and corners in the wrong order.
+    """
+
+    planes: Sequence[tuple[Vector, float]] = ()
+    box: tuple[Vector, Vector] | None = None
+    native: _sheetsplat.Clip = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check and convert."""
+        planes = _planes(self.planes)
+        for normal, offset in planes:
+            if not any(normal) or not all(map(math.isfinite, (*normal, offset))):
+                raise complain(
+                    "Clip: planes cannot be used", shown((normal, offset)), "a finite normal of a length above 0"
+                )
+        object.__setattr__(self, "planes", planes)
+        box = None if self.box is None else _corners(self.box)
+        object.__setattr__(self, "box", box)
+        object.__setattr__(self, "native", _sheetsplat.Clip(planes=planes, box=box))
+
+
+def _parts(value: Iterable[object], most: int, what: str, wanted: str) -> list[object]:
+    """Return the first parts of a sequence; arrays without an axis only say that they can be iterated over."""
+    try:
+        return list(islice(value, most))
+    except TypeError:
+        raise complain(f"{what} cannot be used", shown(value), wanted) from None
+
+
+def _corners(box: object) -> tuple[Triple, Triple]:
+    wanted = "two corners ((x0, y0, z0), (x1, y1, z1)), the lower one first"
+    if isinstance(box, str | bytes) or not isinstance(box, Iterable):
+        raise complain("Clip: box cannot be used", shown(box), wanted)
+    corners = _parts(box, 3, "Clip: box", wanted)
+    if len(corners) != 2:
+        raise complain("Clip: box cannot be used", shown(box), wanted)
+    lower, upper = triple("Clip: box", corners[0]), triple("Clip: box", corners[1])
+    if not all(
+        math.isfinite(low) and math.isfinite(high) and low <= high for low, high in zip(lower, upper, strict=True)
+    ):
+        raise complain("Clip: box cannot be used", shown((lower, upper)), wanted)
+    return lower, upper
+
+
+@dataclass(frozen=True)
+class DepthCue:
+    """Shaded colours fade with depth. Conventions, section 10 (Effects beyond the papers).
+
+    Parameters
+    ----------
+    start, end
+        Depths, world units from the eye along the view direction, start < end: where fading begins and where it is
+        done.
+    color
+        Red, green, blue to fade to.
+    strength
+        Share of that colour from `end` on, 0 to 1.
+
+    Raises
+    ------
+    InvalidInput
+        For anything but finite numbers in these ranges.
+    """
+
+    start: float
+    end: float
+    color: Vector = (0.0, 0.0, 0.0)
+    strength: float = 1.0
+    native: _sheetsplat.DepthCue = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check and convert."""
+        for name in ("start", "end", "strength"):
+            object.__setattr__(self, name, number(f"DepthCue: {name}", getattr(self, name)))
+        shade = strengths("DepthCue: color", triple("DepthCue: color", self.color))
+        object.__setattr__(self, "color", shade)
+        if not (math.isfinite(self.start) and math.isfinite(self.end) and self.start < self.end):
+            raise complain(
+                "DepthCue: start and end cannot be used", f"{self.start:g} and {self.end:g}", "finite, start below end"
+            )
+        _share("DepthCue: strength", self.strength)
+        if not all(map(math.isfinite, shade)):
+            raise complain("DepthCue: color cannot be used", shown(shade), "three finite numbers")
+        native = _sheetsplat.DepthCue(start=self.start, end=self.end, color=shade, strength=self.strength)
+        object.__setattr__(self, "native", native)
+
+
+@dataclass(frozen=True)
+class AmbientOcclusion:
+    """Ambient light fades where the surroundings are dense. Conventions, section 10 (Effects beyond the papers).
+
+    Parameters
+    ----------
+    radius
+        How far away what occludes may be, world units, above 0.
+    strength
+        Share of ambient light that dense surroundings take, 0 to 1.
+
+    Raises
+    ------
+    InvalidInput
+        For anything but finite numbers in these ranges.
+    """
+
+    radius: float
+    strength: float = 1.0
+    native: _sheetsplat.AmbientOcclusion = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check and convert."""
+        for name in ("radius", "strength"):
+            object.__setattr__(self, name, number(f"AmbientOcclusion: {name}", getattr(self, name)))
+        if not 0.0 < self.radius < math.inf:
+            raise complain("AmbientOcclusion: radius cannot be used", f"{self.radius:g}", "a finite length above 0")
+        _share("AmbientOcclusion: strength", self.strength)
+        native = _sheetsplat.AmbientOcclusion(radius=self.radius, strength=self.strength)
+        object.__setattr__(self, "native", native)
+
+
+def _share(what: str, value: float) -> None:
+    if not 0.0 <= value <= 1.0:
+        raise complain(f"{what} cannot be used", f"{value:g}", "a number from 0 to 1")

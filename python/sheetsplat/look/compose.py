@@ -1,0 +1,107 @@
+"""From fields and options of the look to a scene."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from typing import Any, Unpack
+
+from sheetsplat._checks import number
+from sheetsplat.errors import complain
+from sheetsplat.fields import EllipsoidField, Field
+from sheetsplat.light import Light, Material
+from sheetsplat.look import automatic
+from sheetsplat.look.surface import surface_limits
+from sheetsplat.options.core import check_names, pick_given
+from sheetsplat.options.look import DEFAULT_CMAP
+from sheetsplat.options.picture import LookOptions
+from sheetsplat.options.scene import SceneOptions
+from sheetsplat.scene import Scene
+from sheetsplat.transfer import TransferFunction
+
+_log = logging.getLogger("sheetsplat")
+# One light over the viewer's left shoulder; with the specular share it shows the shape of smooth surfaces.
+HEAD_LIGHT = Light(direction=(-0.3, 0.4, 1.0))
+SHINY = Material(ambient=0.3, diffuse=0.85, specular=0.3, shininess=24.0, two_sided=True)
+# The modes xray and mip do not use it, but a scene has one.
+_COLORLESS = TransferFunction([(0.0, 1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)])
+
+
+def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **options: Unpack[LookOptions]) -> Scene:
+    """Return a scene. What is not given, or None, is chosen from the scalars.
+
+    Parameters
+    ----------
+    fields
+        What is shown.
+    spacing_is_free
+        The distance of slices is left to a renderer that has an error or a time to keep; otherwise it is chosen for
+        scattered fields and isosurfaces.
+    options
+        Those of `Scene`, and of the transfer function and light that are chosen.
+    """
+    check_names("render", options, LookOptions)
+    scene_options = pick_given(SceneOptions, options)
+    mode = scene_options.get("mode", "composite")
+    if mode == "isosurface":
+        scene_options.setdefault("iso_value", automatic.choose(fields).surface)
+    function, spacing = _transfer_function(fields, mode, scene_options.get("iso_value"), options)
+    if mode == "isosurface" and any(isinstance(one, EllipsoidField) and one.size for one in fields):
+        # The crossing is found between two slices by linear interpolation, which two slices in a kernel's thickness do
+        # not allow. The reference length, and with it the meaning of opacities, stays.
+        spacing = min(one.default_slice_spacing for one in fields if one.size) / 4
+    if spacing is not None and not spacing_is_free:
+        scene_options.setdefault("slice_spacing", spacing)
+    lit = options.get("shading") in (None, True) and mode in ("composite", "isosurface")
+    scene_options.setdefault("lights", (HEAD_LIGHT,) if lit else ())
+    scene_options.setdefault("material", SHINY)
+    scene = Scene(list(fields), function, **scene_options)
+    if scene.options["shadows"] and not scene.lights:
+        _log.warning("shadows change nothing where there are no lights")
+    return scene
+
+
+def _transfer_function(
+    fields: Sequence[Field], mode: str, iso_value: Any, options: Mapping[str, Any]
+) -> tuple[TransferFunction, float | None]:
+    """Return a transfer function, and the distance of slices that was chosen together with it, or None."""
+    given: TransferFunction | None = options.get("transfer_function")
+    cmap, opacity, clim = (options.get(name) for name in ("cmap", "opacity", "clim"))
+    if given is not None:
+        clash = [name for name in ("cmap", "opacity", "clim") if options.get(name) is not None]
+        if clash:
+            raise complain(
+                "render: these options cannot be used together",
+                ", ".join(["transfer_function", *clash]),
+                "either a transfer function, or cmap, opacity and clim",
+            )
+        return given, None
+    if mode in ("xray", "mip"):
+        return _COLORLESS, None
+    if mode == "isosurface" and clim is None:
+        clim = surface_limits(fields, number("render: iso_value", iso_value))
+    look = automatic.choose(fields) if opacity is None or clim is None else None
+    if clim is None:
+        assert look is not None
+        clim = look.clim
+        opacity = look.opacity if opacity is None else opacity
+    elif opacity is None:
+        assert look is not None
+        opacity = (0.0, look.top_opacity)
+    spacing = look.slice_spacing if look is not None and mode == "composite" else None
+    return TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacity, clim), spacing
+
+
+def suggested_look(data: object, given: Mapping[str, object]) -> dict[str, Any]:
+    """Return the look that generated data sets suggest, where nobody gave another one."""
+    suggested: Any = getattr(data, "suggested", None)
+    if not isinstance(suggested, Mapping) or {"transfer_function", "cmap", "opacity", "clim"} & given.keys():
+        return {}
+    look: dict[str, Any] = {}
+    mode = given.get("mode") or suggested.get("mode", "composite")
+    if mode == "isosurface" and "iso_value" in suggested and "iso_value" not in given:
+        look["iso_value"] = suggested["iso_value"]
+    if mode == "composite" or "iso_value" in look:
+        maker: Any = data
+        look["transfer_function"] = maker.transfer_function()
+    return {"mode": mode, **look}

@@ -1,0 +1,276 @@
+"""What an option is, and what is made of its definition: signatures, docstrings, and the check of keyword names."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin
+
+from sheetsplat.errors import InvalidInput, complain
+from sheetsplat.options.values import Value
+
+Mode = Literal["composite", "isosurface", "xray", "mip"]
+MODES: tuple[str, ...] = get_args(Mode)
+# Modes that show colours, and the one that also accumulates opacity.
+COLORED = ("composite", "isosurface")
+COMPOSITE = ("composite",)
+
+# Converts the value of an option, or raises InvalidInput; the first argument names the option in the message.
+Check = Callable[[str, Any], Any]
+Documented = TypeVar("Documented", bound=Callable[..., Any])
+_COLUMNS = 120
+_REFERENCE = re.compile(r"\{(\w+)\}")
+
+
+class UnknownOption(InvalidInput, TypeError):
+    """A keyword argument that the function does not have."""
+
+
+@dataclass(frozen=True)
+class CommandLine:
+    """One option of the command line.
+
+    Attributes
+    ----------
+    flag
+        Its spelling; made from the option's name unless given. "--log/--no-log" is a switch with two spellings.
+    parameter
+        Name of the parameter that the command receives; the option's name unless given.
+    value
+        What it accepts; by the option's type unless given.
+    help
+        Help text where it differs from the option's.
+    default
+        Default value in words where it differs from the option's.
+    metavar
+        How the help shows the value; by `value` unless given.
+    multiple
+        May be repeated.
+    switch
+        Takes no value.
+    """
+
+    flag: str = ""
+    parameter: str = ""
+    value: Value | None = None
+    help: str = ""
+    default: str = ""
+    metavar: str = ""
+    multiple: bool = False
+    switch: bool = False
+
+
+@dataclass(frozen=True)
+class Option:
+    """One option: everything about it but its name and its type, which are those of a field of a TypedDict.
+
+    Attributes
+    ----------
+    help
+        What it does, in sentences for Python and the command line alike; ``{name}`` refers to another option.
+    default
+        The value where it is not given.
+    unset
+        What is used where the default is None.
+    chosen
+        What `render` and the command line choose, where that differs from `default` and `unset`.
+    accepts
+        Its Python type in words, where the annotation is too long to be read.
+    modes
+        The modes that use it.
+    check
+        Converts a value, for classes that take their options from definitions.
+    cli
+        Its spellings on the command line; none for options that Python alone has.
+    harmless
+        On the command line, giving it in a mode that does not use it is a warning, not an error.
+    """
+
+    help: str
+    default: object = None
+    unset: str = ""
+    chosen: str = ""
+    accepts: str = ""
+    modes: tuple[str, ...] = MODES
+    check: Check | None = None
+    cli: tuple[CommandLine, ...] = (CommandLine(),)
+    harmless: bool = False
+
+
+@dataclass(frozen=True)
+class Defined:
+    """An option with its name, its type, and the group that defines it."""
+
+    name: str
+    type: Any
+    option: Option
+
+    @property
+    def type_text(self) -> str:
+        """The Python type in words."""
+        return self.option.accepts or _type_text(self.type)
+
+    def default_text(self, *, chooses: bool) -> str:
+        """Return the value that is used where none is given; `chooses`: by `render` and the command line."""
+        option = self.option
+        if chooses and option.chosen:
+            return option.chosen
+        return option.unset or ("" if option.default is None else value_text(option.default))
+
+
+@cache
+def definitions(group: type) -> dict[str, Defined]:
+    """Return the options of a TypedDict by name, those of its bases first."""
+    found: dict[str, Defined] = {}
+    for name, annotation in group.__annotations__.items():
+        kind, option = get_args(annotation)
+        found[name] = Defined(name, kind, option)
+    return found
+
+
+def pick(group: type, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of `options` that belong to a group."""
+    names = definitions(group)
+    return {name: value for name, value in options.items() if name in names}
+
+
+def pick_given(group: type, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of `options` that belong to a group and are not None."""
+    return {name: value for name, value in pick(group, options).items() if value is not None}
+
+
+def filled(group: type, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the value of every option of a group, given or default, unchecked."""
+    return {name: options.get(name, defined.option.default) for name, defined in definitions(group).items()}
+
+
+def check_names(function: str, options: Iterable[str], group: type, others: Iterable[str] = ()) -> None:
+    """Raise UnknownOption, a TypeError, for a name that is not an option of `group` nor one of `others`."""
+    known = [*definitions(group), *others]
+    for name in options:
+        if name not in known:
+            near = difflib.get_close_matches(name, known)
+            advice = f"did you mean {' or '.join(near)}?" if near else f"help(sheetsplat.{function}) lists the options"
+            raise complain(f"{function}: there is no option of this name", name, "", advice, kind=UnknownOption)
+
+
+def checked(owner: str, options: Mapping[str, Any], group: type) -> dict[str, Any]:
+    """Return the value of every option of a group: given or default, converted by its check.
+
+    Raises UnknownOption for other names, and what the checks raise.
+    """
+    check_names(owner, options, group)
+    values = filled(group, options)
+    for name, defined in definitions(group).items():
+        if defined.option.check is not None:
+            values[name] = defined.option.check(f"{owner}: {name}", values[name])
+    return values
+
+
+def parameters(group: type, *, chooses: bool) -> list[inspect.Parameter]:
+    """Return keyword-only parameters; where the function chooses values itself, the default of those is None."""
+    return [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=None if chooses and defined.option.chosen else defined.option.default,
+            # What needs words is unreadable as a type.
+            annotation=inspect.Parameter.empty if defined.option.accepts else defined.type,
+        )
+        for name, defined in definitions(group).items()
+    ]
+
+
+def documented(group: type, *, chooses: bool = False) -> Callable[[Documented], Documented]:
+    """Decorate a function, or a class, that takes ``**options: Unpack[group]``: full signature, docs of every option.
+
+    The docstring has an entry ``**options``, which the entries of the options replace.
+
+    Parameters
+    ----------
+    group
+        TypedDict of the options.
+    chooses
+        The function chooses values that are not given, as `Option.chosen` says.
+    """
+
+    def decorate(target: Documented) -> Documented:
+        function: Any = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
+        signature = inspect.signature(function)
+        fixed = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
+        function.__signature__ = signature.replace(parameters=[*fixed, *parameters(group, chooses=chooses)])
+        if target.__doc__:
+            target.__doc__ = with_entries(target.__doc__, group, chooses=chooses)
+        return target
+
+    return decorate
+
+
+def with_entries(text: str, group: type, *, chooses: bool) -> str:
+    """Return a docstring whose entry ``**options`` is replaced by one for each option of a group."""
+    found = re.search(r"^( *)\*\*options\n(?:\1 +.*\n)+", text, re.MULTILINE)
+    if found is None:
+        raise ValueError("the docstring has no entry **options")
+    margin = found[1]
+    lines = [line for defined in definitions(group).values() for line in _entry(defined, chooses=chooses)]
+    entries = "".join(f"{margin}{line}\n" for line in lines)
+    return text[: found.start()] + entries + text[found.end() :]
+
+
+def _entry(defined: Defined, *, chooses: bool) -> list[str]:
+    import textwrap
+
+    option = defined.option
+    default = defined.default_text(chooses=chooses)
+    words = in_python(option.help)
+    if default:
+        words += f" Default: {in_python(default)}."
+    if option.modes != MODES:
+        words += f" For {modes_text(option.modes)}."
+    return [f"{defined.name} : {defined.type_text}", *(f"    {line}" for line in textwrap.wrap(words, _COLUMNS - 12))]
+
+
+def modes_text(modes: tuple[str, ...]) -> str:
+    """Return "the mode composite" or "the modes composite and isosurface"."""
+    return f"the mode{'s' * (len(modes) > 1)} {' and '.join(modes)}"
+
+
+def in_python(text: str) -> str:
+    """Return a help text with references to options as Python spells them."""
+    return _REFERENCE.sub(r"`\1`", text)
+
+
+def on_command_line(text: str) -> str:
+    """Return a help text with references to options as the command line spells them."""
+    from sheetsplat.options.spelling import flag_of
+
+    return _REFERENCE.sub(lambda found: flag_of(found[1]), text)
+
+
+def value_text(value: object) -> str:
+    """Return a default value as Python spells it, strings in double quotes."""
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def choices_of(kind: Any) -> tuple[str, ...]:
+    """Return the names that a Literal, perhaps in a union, allows."""
+    if get_origin(kind) is Literal:
+        return tuple(one for one in get_args(kind) if isinstance(one, str))
+    if get_origin(kind) in (Union, UnionType):
+        return tuple(name for part in get_args(kind) for name in choices_of(part))
+    return ()
+
+
+def _type_text(kind: Any) -> str:
+    if kind is NoneType or kind is None:
+        return "None"
+    if get_origin(kind) is Literal:
+        return ", ".join(value_text(one) for one in get_args(kind))
+    if get_origin(kind) in (Union, UnionType):
+        return " or ".join(_type_text(part) for part in get_args(kind) if part is not NoneType)
+    return str(getattr(kind, "__name__", kind))

@@ -1,0 +1,192 @@
+"""The options of fields, and of the files from which they are read."""
+
+import os
+from typing import Annotated, Literal, TypedDict
+
+from numpy.typing import DTypeLike
+
+from sheetsplat._checks import Vector
+from sheetsplat.fields import Lattice, NanPolicy, Normalization
+from sheetsplat.options.core import CommandLine, Option
+from sheetsplat.options.values import Numbers, Real, Special, Whole
+
+Fit = Literal["delaunay", "nearest"]
+
+
+class PlacementOptions(TypedDict, total=False):
+    """Where the samples of a volume lie."""
+
+    spacing: Annotated[
+        Vector | None,
+        Option(
+            "World units between samples along x, y, z; of a BCC lattice, x is the edge of its cube.",
+            unset="what the file says, else 1",
+            accepts="three numbers",
+            cli=(CommandLine(value=Numbers("DX,DY,DZ", 3, positive=True)),),
+        ),
+    ]
+    origin: Annotated[
+        Vector | None,
+        Option(
+            "World position of the first sample.",
+            unset="what the file says, else 0",
+            accepts="three numbers",
+            cli=(CommandLine(value=Numbers("X,Y,Z", 3)),),
+        ),
+    ]
+    lattice: Annotated[Lattice | None, Option("Lattice of the samples.", unset='"cartesian"')]
+
+
+class KernelOptions(TypedDict, total=False):
+    """The kernels of samples or points."""
+
+    radius: Annotated[
+        float | None,
+        Option(
+            "Volumes: radius of the kernels' supports in sample distances.",
+            unset="2",
+            cli=(CommandLine(value=Real(above=0.0)),),
+        ),
+    ]
+    falloff: Annotated[
+        float | None,
+        Option(
+            "Exponent of the Gaussian at the border of a support.",
+            unset="5 for volumes, 8 for scattered data",
+            cli=(CommandLine(value=Real(above=0.0)),),
+        ),
+    ]
+    normalization: Annotated[
+        Normalization | None,
+        Option(
+            "How sums of kernels become values.",
+            unset='"lattice" for volumes; for scattered data what the file says, else "threshold"',
+        ),
+    ]
+    w0: Annotated[
+        float | None,
+        Option(
+            'Sum of weights below which normalization "threshold" does not divide.',
+            unset="1",
+            cli=(CommandLine(value=Real(above=0.0)),),
+        ),
+    ]
+    prefilter: Annotated[
+        bool,
+        Option(
+            "Volumes: let the sum of the kernels interpolate the samples, which is sharper. Best with {radius} 2.5 and "
+            "{falloff} 7.",
+            default=False,
+            cli=(CommandLine(switch=True),),
+        ),
+    ]
+    nan: Annotated[
+        NanPolicy | None,
+        Option('Volumes: what to do with NaN samples; "skip" leaves their kernels out.', unset='"error"'),
+    ]
+
+
+class FieldOptions(PlacementOptions, KernelOptions, total=False):
+    """The field that is made of an array or a file; as for `RegularField` and `EllipsoidField`."""
+
+
+class FileOptions(TypedDict, total=False):
+    """How a file is read."""
+
+    shape: Annotated[
+        tuple[int, int, int] | None,
+        Option(
+            "Raw samples: (nk, nj, ni), the shape of the array [k, j, i] with i, along x, the fastest.",
+            accepts="three int",
+            cli=(
+                CommandLine(
+                    value=Numbers("X,Y,Z", 3, whole=True),
+                    help="Raw samples: their numbers along x, y and z, with x the fastest.",
+                ),
+            ),
+        ),
+    ]
+    dtype: Annotated[
+        DTypeLike | None,
+        Option(
+            'Raw samples: their type as NumPy names it: uint8, int16, ">i2" (big-endian), float32 …',
+            accepts="str or numpy.dtype",
+            cli=(CommandLine(value=Special.TEXT),),
+        ),
+    ]
+    offset: Annotated[
+        int,
+        Option("Raw samples: number of bytes before the first one.", default=0, cli=(CommandLine(value=Whole(0)),)),
+    ]
+    name: Annotated[str | None, Option("The array of an .npz file to take.")]
+    scalar: Annotated[
+        str | None,
+        Option(
+            "Scattered data and .vti: the array to show, by its name in the file; NAME_x is one component of a vector, "
+            "NAME its length. PLOT3D: density, momentum, energy, velocity, pressure, temperature, mach …",
+        ),
+    ]
+    log: Annotated[
+        bool | float,
+        Option(
+            "Show log10(value / smallest value), in decades; or, where it is a number, log10(value / number), with "
+            "smaller values raised to that number.",
+            default=False,
+            accepts="bool or float",
+            cli=(
+                CommandLine("--log/--no-log", help="Show log10(value / smallest value), in decades."),
+                CommandLine(
+                    "--log-floor",
+                    "log_floor",
+                    Real(above=0.0),
+                    "Show log10(value / FLOOR); values below FLOOR are raised to it.",
+                ),
+            ),
+        ),
+    ]
+    grid: Annotated[
+        str | os.PathLike[str] | None,
+        Option(
+            "PLOT3D: the file of the grid; the other file is the solution.",
+            accepts="path",
+            cli=(CommandLine(value=Special.INPUT_FILE),),
+        ),
+    ]
+    particles: Annotated[
+        str | None,
+        Option("HDF5: the group of the particles.", unset='"PartType0"', cli=(CommandLine(metavar="GROUP"),)),
+    ]
+    support: Annotated[
+        float | None,
+        Option(
+            "HDF5: radius of a kernel in smoothing lengths.",
+            unset="by the densities in the file",
+            cli=(CommandLine(value=Real(above=0.0)),),
+        ),
+    ]
+    fit: Annotated[
+        Fit | None,
+        Option(
+            "Scattered data: how points become ellipsoids: by their neighbours in the mesh, or in the Delaunay "
+            "tetrahedra of the points; or by their nearest neighbours.",
+            unset='the kernels of the file, else "delaunay"',
+        ),
+    ]
+    neighbors: Annotated[
+        int | None,
+        Option(
+            'Scattered data: number of neighbours of fit "nearest".',
+            cli=(CommandLine(value=Whole(1, 256)),),
+        ),
+    ]
+    min_scale: Annotated[
+        float | None,
+        Option(
+            "Scattered data: raise smaller semi-axes to this length, world units.",
+            cli=(CommandLine(value=Real(above=0.0)),),
+        ),
+    ]
+
+
+class OpenOptions(FieldOptions, FileOptions, total=False):
+    """Every keyword argument of `open`."""

@@ -1,0 +1,67 @@
+"""The options that choose a transfer function and light, for those who do not make them by hand."""
+
+from collections.abc import Sequence
+from typing import Annotated, TypedDict
+
+from sheetsplat.options.core import COLORED, COMPOSITE, CommandLine, Option
+from sheetsplat.options.values import Numbers, Special
+from sheetsplat.transfer import Colormap, Opacity, TransferFunction
+
+DEFAULT_CMAP = "viridis"
+
+
+class TransferOptions(TypedDict, total=False):
+    """Colours and opacity."""
+
+    cmap: Annotated[
+        Colormap | None,
+        Option(
+            "Colormap: a name of the package cmap (viridis, gray, matlab:jet …), or names of colours, spread evenly "
+            "over {clim}.",
+            unset=f'"{DEFAULT_CMAP}"',
+            accepts="str, sequence of str, array (N, 3) or (N, 4), or function",
+            modes=COLORED,
+            cli=(
+                CommandLine(
+                    value=Special.COLORMAP,
+                    help="Colormap: a name of the package cmap (viridis, gray, matlab:jet …), colours spread evenly "
+                    "over {clim}, or colours at values.",
+                    default=DEFAULT_CMAP,
+                ),
+            ),
+        ),
+    ]
+    opacity: Annotated[
+        Opacity | None,
+        Option(
+            "Opacity per reference length: one number, several spread evenly over {clim}, or pairs (value, opacity).",
+            unset="by the histogram",
+            accepts="float, sequence of float, or pairs",
+            modes=COMPOSITE,
+            cli=(CommandLine(value=Special.OPACITY),),
+        ),
+    ]
+    clim: Annotated[
+        Sequence[float] | None,
+        Option(
+            "Values at which the colormap begins and ends.",
+            unset="by the histogram; for an isosurface limits that give it a colour from the upper part of the map",
+            accepts="two numbers",
+            modes=COLORED,
+            cli=(CommandLine(value=Numbers("LOW,HIGH", 2, rising=True)),),
+        ),
+    ]
+    transfer_function: Annotated[
+        TransferFunction | None,
+        Option("Replaces {cmap}, {opacity} and {clim}.", modes=COLORED, cli=()),
+    ]
+    shading: Annotated[
+        bool,
+        Option(
+            "One light over the viewer's left shoulder, unless {lights} are given.",
+            default=True,
+            modes=COLORED,
+            cli=(CommandLine("--shading/--no-shading", help="One light over the viewer's left shoulder."),),
+            harmless=True,
+        ),
+    ]

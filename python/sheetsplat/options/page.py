@@ -1,0 +1,70 @@
+"""The reference page of all options: ``python -m sheetsplat.options.page`` prints it."""
+
+from __future__ import annotations
+
+from sheetsplat.options.camera import CameraOptions
+from sheetsplat.options.core import MODES, Defined, definitions, in_python
+from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
+from sheetsplat.options.look import TransferOptions
+from sheetsplat.options.picture import NounOptions, PictureOptions
+from sheetsplat.options.renderer import BackendOptions, RendererLimits, RendererSettings
+from sheetsplat.options.scene import EffectOptions, LightOptions, ModeOptions, SamplingOptions
+from sheetsplat.options.spelling import flags
+
+_ABOUT = """\
+# Options
+
+Every option of `sheetsplat.render` and of the commands `sheetsplat render`, `plan` and `accuracy`. `Scene` takes
+those of mode, sampling, effects and light; `Renderer` those of the renderer; `sheetsplat.open` those of files,
+positions and kernels. [usage.md](usage.md) explains how the options work together, [conventions.md](conventions.md)
+what they do to the picture.
+
+An option with modes in its last column has a meaning in these modes only: the command line refuses it in others, and
+`sheetsplat.render` logs a warning.
+
+This page is made from the definitions in `sheetsplat/options`:
+`python -m sheetsplat.options.page > python/docs/options.md`.
+"""
+_COLUMNS = ("option", "command line", "type", "default", "meaning", "modes")
+_GROUPS: tuple[tuple[str, tuple[type, ...]], ...] = (
+    ("Picture", (PictureOptions,)),
+    ("Colours and opacity", (TransferOptions,)),
+    ("Mode", (ModeOptions,)),
+    ("Sampling", (SamplingOptions,)),
+    ("Effects", (EffectOptions,)),
+    ("Light", (LightOptions,)),
+    ("Camera", (CameraOptions,)),
+    ("Renderer", (BackendOptions, RendererSettings)),
+    ("Renderer, in its constructor only", (RendererLimits,)),
+    ("Objects in place of options", (NounOptions,)),
+    ("Files", (FileOptions,)),
+    ("Positions of samples", (PlacementOptions,)),
+    ("Kernels", (KernelOptions,)),
+)
+
+
+def _code(text: str) -> str:
+    return f"`{text}`" if text else ""
+
+
+def _row(defined: Defined) -> str:
+    option = defined.option
+    spelt = ", ".join(_code(flags(defined.name, one)) for one in option.cli)
+    modes = "" if option.modes == MODES else ", ".join(option.modes)
+    default = in_python(defined.default_text(chooses=True))
+    cells = (_code(defined.name), spelt, defined.type_text, default, in_python(option.help), modes)
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def page() -> str:
+    """Return the page as Markdown."""
+    lines = [_ABOUT]
+    for title, groups in _GROUPS:
+        lines += [f"## {title}", "", f"| {' | '.join(_COLUMNS)} |", "|---" * len(_COLUMNS) + "|"]
+        lines += [_row(defined) for group in groups for defined in definitions(group).values()]
+        lines.append("")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(page(), end="")

@@ -1,0 +1,269 @@
+"""The options of a scene: sampling, effects, mode, light."""
+
+import itertools
+from collections.abc import Iterable
+from typing import Annotated, Literal, TypedDict, get_args
+
+from sheetsplat._checks import Vector, color, instance, number, optional_number, shown, truth
+from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
+from sheetsplat.errors import complain
+from sheetsplat.light import Light, Material
+from sheetsplat.options.checks import instance_of, one_of, optional, or_default
+from sheetsplat.options.core import COLORED, COMPOSITE, CommandLine, Mode, Option
+from sheetsplat.options.values import Numbers, Real, Special
+
+Sampling = Literal["point", "slab"]
+Filter = Literal["ewa"]
+Gradient = Literal["sheets", "analytic"]
+Preintegration = bool | Literal["second_order"]
+GRADIENTS: tuple[str, ...] = get_args(Gradient)
+
+# An iterator of lights may have no end.
+_MOST_LIGHTS = 4096
+
+
+def _lights(what: str, lights: object) -> tuple[Light, ...]:
+    if isinstance(lights, Light):
+        return (lights,)
+    if not isinstance(lights, Iterable):
+        raise complain(f"{what} cannot be used", shown(lights), "a sequence of lights; () for none")
+    found = tuple(itertools.islice(lights, _MOST_LIGHTS + 1))
+    if len(found) > _MOST_LIGHTS:
+        raise complain(f"{what} cannot be used", f"more than {_MOST_LIGHTS} lights", "fewer")
+    for light in found:
+        instance(what, light, Light)
+    return found
+
+
+def _preintegration(what: str, value: object) -> Preintegration:
+    if isinstance(value, str):
+        if value != "second_order":
+            raise complain(f"{what} cannot be used", shown(value), 'True, False or "second_order"')
+        return "second_order"
+    return truth(what, value)
+
+
+class LightOptions(TypedDict, total=False):
+    """Light and what it falls on."""
+
+    lights: Annotated[
+        Iterable[Light],
+        Option(
+            "Directional lights; without any the picture shows the colours of the transfer function.",
+            default=(),
+            chosen="one light over the viewer's left shoulder, or none where {shading} is off",
+            accepts="sequence of Light",
+            modes=COLORED,
+            check=_lights,
+            cli=(),
+        ),
+    ]
+    material: Annotated[
+        Material | None,
+        Option(
+            "Phong coefficients.",
+            chosen="more diffuse, with a highlight",
+            modes=COLORED,
+            check=or_default(Material),
+            cli=(),
+        ),
+    ]
+    background: Annotated[
+        Vector | str | None,
+        Option(
+            'Colour behind the picture: red, green, blue in [0, 1], a name such as "white", or "#rrggbb".',
+            unset="transparent",
+            accepts="three numbers or str",
+            modes=COLORED,
+            check=optional(color),
+            cli=(CommandLine(value=Special.COLOR),),
+        ),
+    ]
+
+
+class ModeOptions(TypedDict, total=False):
+    """How slices become a pixel."""
+
+    mode: Annotated[
+        Mode,
+        Option(
+            "How slices become a pixel: composited colours, the first crossing of a value, the line integral, or the "
+            "maximum along the ray.",
+            default="composite",
+            check=one_of(Mode),
+        ),
+    ]
+    iso_value: Annotated[
+        float | None,
+        Option(
+            "Scalar of the isosurface.",
+            chosen="the value at which the histogram separates objects from background",
+            modes=("isosurface",),
+            check=optional_number,
+            cli=(CommandLine("--iso", value=Real()),),
+        ),
+    ]
+
+
+class SamplingOptions(TypedDict, total=False):
+    """Slices, and what lies between them."""
+
+    slice_spacing: Annotated[
+        float | None,
+        Option(
+            "Distance of slices in world units, greater than 0.",
+            unset="the smallest that a field suggests",
+            chosen="the smallest that a field suggests; for scattered data and isosurfaces often a smaller one",
+            check=optional_number,
+            cli=(CommandLine(value=Real(above=0.0)),),
+        ),
+    ]
+    sampling: Annotated[
+        Sampling,
+        Option(
+            '"point": a slice holds the field at its depth; "slab": the mean over its slab along the pixel\'s ray.',
+            default="point",
+            check=one_of(Sampling),
+        ),
+    ]
+    reference_length: Annotated[
+        float | None,
+        Option(
+            "Length in world units to which opacities refer, greater than 0.",
+            unset="the default slice distance of the fields",
+            modes=COLORED,
+            check=optional_number,
+            cli=(CommandLine(value=Real(above=0.0)),),
+        ),
+    ]
+    opacity_stop: Annotated[
+        float,
+        Option(
+            "Opacity in (0, 1] at which a pixel is finished; 1: never.",
+            default=0.98,
+            modes=COMPOSITE,
+            check=number,
+            cli=(CommandLine(value=Real(above=0.0, most=1.0)),),
+            harmless=True,
+        ),
+    ]
+    preintegration: Annotated[
+        Preintegration,
+        Option(
+            'Classify the intervals between slices instead of the slices; "second_order" also follows the curvature of '
+            "the scalar inside an interval, and what the front half of an interval hides of its back half.",
+            default=False,
+            accepts='bool or "second_order"',
+            modes=COMPOSITE,
+            check=_preintegration,
+            cli=(
+                CommandLine(
+                    "--preintegration/--no-preintegration",
+                    help="Classify the intervals between slices instead of the slices.",
+                ),
+                CommandLine(
+                    "--second-order",
+                    "second_order",
+                    help="Pre-integrate at second order: also follow the curvature of the scalar inside an interval.",
+                    switch=True,
+                ),
+            ),
+        ),
+    ]
+    filter: Annotated[
+        Filter | None,
+        Option(
+            '"ewa": widen kernels by a pixel across and by a slice distance along the view, so that kernels smaller '
+            "than that do not vanish between pixels or slices. Their mass stays the same.",
+            check=optional(one_of(Filter)),
+        ),
+    ]
+
+
+class EffectOptions(TypedDict, total=False):
+    """Effects beyond the papers. Conventions, section 10."""
+
+    gradient: Annotated[
+        Gradient,
+        Option(
+            'Where normals come from: "sheets", differences between pixels and slices; "analytic", sums of the '
+            "kernels' own derivatives, which do not depend on pixels and slices.",
+            default="sheets",
+            modes=COLORED,
+            check=one_of(Gradient),
+        ),
+    ]
+    clip: Annotated[
+        Clip | None,
+        Option(
+            "The region that is kept.",
+            unset="everything",
+            check=or_default(Clip),
+            cli=(
+                CommandLine(
+                    "--clip-plane",
+                    "clip_planes",
+                    Numbers("NX,NY,NZ,OFFSET", 4),
+                    "Keep the points x with N·x ≥ OFFSET, world units; may be repeated.",
+                    multiple=True,
+                ),
+                CommandLine(
+                    "--clip-box",
+                    "clip_box",
+                    Numbers("X0,Y0,Z0,X1,Y1,Z1", 6),
+                    "Keep the box between two corners, the lower one first, world units.",
+                ),
+            ),
+        ),
+    ]
+    gradient_opacity: Annotated[
+        float | None,
+        Option(
+            "Multiply the opacity by min(1, gradient / {gradient_opacity}), which hides regions of little change. "
+            "Scalar per world unit, greater than 0.",
+            modes=COMPOSITE,
+            check=optional_number,
+            cli=(CommandLine(value=Real(above=0.0)),),
+        ),
+    ]
+    depth_cue: Annotated[
+        DepthCue | Literal["auto"] | None,
+        Option(
+            'Colours fade with depth, from one depth to another. "auto" fades to black, by 4/5, over the depths of the '
+            "fields; it needs `render` or the command line, which know the camera.",
+            accepts='DepthCue or "auto"',
+            modes=COLORED,
+            check=optional(instance_of(DepthCue)),
+            cli=(
+                CommandLine(
+                    value=Special.DEPTH_CUE,
+                    help="Colours fade between two depths, world units from the eye, by a strength from 0 to 1; "
+                    "auto: the depths of the fields.",
+                ),
+                CommandLine(
+                    "--depth-cue-color",
+                    "depth_cue_color",
+                    Special.COLOR,
+                    "Colour to which {depth_cue} fades.",
+                    default="black",
+                ),
+            ),
+        ),
+    ]
+    shadows: Annotated[
+        bool,
+        Option("Lights cast shadows.", default=False, modes=COLORED, check=truth, cli=(CommandLine(switch=True),)),
+    ]
+    ambient_occlusion: Annotated[
+        AmbientOcclusion | None,
+        Option(
+            "Dim ambient light where the surroundings, up to a radius in world units, are dense.",
+            modes=COLORED,
+            check=optional(instance_of(AmbientOcclusion)),
+            cli=(CommandLine(value=Special.OCCLUSION),),
+        ),
+    ]
+
+
+class SceneOptions(ModeOptions, SamplingOptions, EffectOptions, LightOptions, total=False):
+    """Every keyword argument of `Scene`."""

@@ -1,0 +1,69 @@
+"""What the command line accepts as the value of an option, without a word about how it is parsed.
+
+`sheetsplat.cli.types` has the parser of each.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum, auto
+
+
+@dataclass(frozen=True)
+class Real:
+    """A finite number: greater than `above`, less than `below`, at most `most`."""
+
+    above: float = -math.inf
+    below: float = math.inf
+    most: float = math.inf
+
+
+@dataclass(frozen=True)
+class Whole:
+    """An integer from `least` to `most`."""
+
+    least: int | None = None
+    most: int | None = None
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """`count` numbers, separated by commas.
+
+    Attributes
+    ----------
+    metavar
+        How the help shows them, for example "X,Y,Z".
+    count
+        How many there must be.
+    whole
+        Positive integers, which may also be separated by "x": 256x256x128.
+    square
+        A single number stands for two equal ones.
+    positive, rising
+        All greater than 0; each greater than the one before it.
+    """
+
+    metavar: str
+    count: int
+    whole: bool = False
+    square: bool = False
+    positive: bool = False
+    rising: bool = False
+
+
+class Special(Enum):
+    """Values with a syntax of their own."""
+
+    COLOR = auto()
+    COLORMAP = auto()
+    DEPTH_CUE = auto()
+    DIRECTION = auto()
+    OCCLUSION = auto()
+    OPACITY = auto()
+    INPUT_FILE = auto()
+    TEXT = auto()
+
+
+Value = Real | Whole | Numbers | Special

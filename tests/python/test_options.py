@@ -1,0 +1,110 @@
+"""One definition of each option: what is made of it, and that nothing is left out."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+
+import sheetsplat as ss
+from sheetsplat.cli.accuracy import command as accuracy_command
+from sheetsplat.cli.plan import command as plan_command
+from sheetsplat.cli.render import command as render_command
+from sheetsplat.options.core import COLORED, MODES, choices_of, definitions
+from sheetsplat.options.data import OpenOptions
+from sheetsplat.options.page import page
+from sheetsplat.options.picture import LookOptions, RenderOptions, unused
+from sheetsplat.options.renderer import RendererClassOptions
+from sheetsplat.options.scene import SceneOptions
+from sheetsplat.options.spelling import flag_of, flags, spellings
+
+DOCS = Path(__file__).resolve().parents[2] / "python" / "docs"
+TAKERS = [
+    (ss.render, RenderOptions),
+    (ss.open, OpenOptions),
+    (ss.Scene, SceneOptions),
+    (ss.Renderer, RendererClassOptions),
+]
+
+
+def test_the_page_is_current():
+    assert (DOCS / "options.md").read_text(encoding="utf-8") == page(), (
+        "python -m sheetsplat.options.page > python/docs/options.md"
+    )
+
+
+@pytest.mark.parametrize(("taker", "group"), TAKERS)
+def test_signatures_and_docstrings_have_every_option(taker, group):
+    names = list(definitions(group))
+    parameters = inspect.signature(taker).parameters
+    assert [name for name, one in parameters.items() if one.kind is inspect.Parameter.KEYWORD_ONLY] == names
+    assert [name for name in names if not re.search(rf"^    {name} : ", taker.__doc__, re.MULTILINE)] == []
+    assert "{" not in taker.__doc__ and "**options" not in taker.__doc__
+    assert max(map(len, taker.__doc__.splitlines())) <= 120
+
+
+@pytest.mark.parametrize("command", [render_command, plan_command, accuracy_command])
+def test_commands_have_every_option(command):
+    by_parameter = {one.name: one for one in command.params if isinstance(one, click.Option)}
+    for name, defined in definitions(RenderOptions).items():
+        for spelling in defined.option.cli:
+            option = by_parameter[spelling.parameter or name]
+            assert flags(name, spelling).partition("/")[0] in option.opts
+            assert option.help and "{" not in option.help
+            if defined.option.modes != MODES:
+                assert f"[{', '.join(defined.option.modes)}" in option.help
+            if name == (spelling.parameter or name) and choices_of(defined.type) and spelling.value is None:
+                if not spelling.switch and "/" not in flags(name, spelling):
+                    assert tuple(option.type.choices) == choices_of(defined.type)
+
+
+def test_defaults_are_of_the_types_and_pass_the_checks():
+    for group in (SceneOptions, RendererClassOptions):
+        for name, defined in definitions(group).items():
+            choices = choices_of(defined.type)
+            if choices and isinstance(defined.option.default, str):
+                assert defined.option.default in choices
+            assert defined.option.check is not None, name
+            defined.option.check(name, defined.option.default)
+
+
+def test_spellings():
+    assert flag_of("iso_value") == "--iso" and flag_of("fov_y") == "--fov" and flag_of("clip_planes") == "--clip-plane"
+    assert flag_of("max_error") == "--max-error" and flag_of("depth") == "--depth"
+    assert "transfer_function" not in spellings() and "camera" not in spellings()
+
+
+def test_modes_and_their_options():
+    assert unused("composite", definitions(LookOptions)) == ["iso_value"]
+    assert unused("isosurface", ["opacity", "cmap", "depth", "second_order"]) == ["opacity", "second_order"]
+    assert unused("mip", ["depth_cue_color", "depth", "coverage", "slice_spacing"]) == ["depth_cue_color", "depth"]
+    assert definitions(LookOptions)["clim"].option.modes == COLORED
+
+
+@pytest.mark.parametrize(
+    ("call", "near"),
+    [
+        (lambda field: ss.render(field, colormap="gray", cmpa="gray"), None),
+        (lambda field: ss.render(field, cmpa="gray"), "cmap"),
+        (lambda field: ss.open("nothing.npy", spacings=(1, 1, 1)), "spacing"),
+        (lambda field: ss.Scene(field, [(0, 1, 1, 1, 1)], slice_spacings=1), "slice_spacing"),
+        (lambda field: ss.Scene(field, [(0, 1, 1, 1, 1)]).replace(lighst=()), "lights"),
+        (lambda field: ss.Renderer("reference", thread=1), "threads"),
+    ],
+)
+def test_wrong_names_are_answered_with_the_nearest_ones(call, near):
+    """Such an error is the package's own and, as Python has it, a TypeError."""
+    with pytest.raises(
+        ss.InvalidInput, match="no option of this name" if near is None else f"did you mean {near}"
+    ) as e:
+        call(ss.RegularField(np.zeros((2, 2, 2))))
+    assert isinstance(e.value, TypeError)
+
+
+def test_the_short_way_is_short():
+    lines, _ = inspect.getsourcelines(ss.render)
+    assert len(lines) <= 45

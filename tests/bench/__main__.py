@@ -12,7 +12,7 @@ from pathlib import Path
 
 import sheetsplat as ss
 from bench import BENCHES, Options
-from sheetsplat.renderer import BACKENDS
+from sheetsplat.options.renderer import BACKENDS
 
 # Scenes that benchmarks share with tests.
 sys.path.append(str(Path(__file__).resolve().parents[1] / "python"))

@@ -13,11 +13,11 @@ from click.core import ParameterSource
 
 from sheetsplat.cli.types import param_type
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import MODES, CommandLine, Defined, choices_of, definitions, on_command_line
+from sheetsplat.options.core import MODES, CommandLine, Defined, choices_of, definitions
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
 from sheetsplat.options.picture import LookOptions, PictureOptions, unused
 from sheetsplat.options.renderer import RendererOptions
-from sheetsplat.options.spelling import flag_of, flags
+from sheetsplat.options.spelling import flag_of, flags, on_command_line
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -24,7 +24,8 @@ COMPOSITE = ("composite",)
 Check = Callable[[str, Any], Any]
 Documented = TypeVar("Documented", bound=Callable[..., Any])
 _COLUMNS = 120
-_REFERENCE = re.compile(r"\{(\w+)\}")
+# A reference to another option in a help text.
+REFERENCE = re.compile(r"\{(\w+)\}")
 
 
 class UnknownOption(InvalidInput, TypeError):
@@ -242,14 +243,7 @@ def modes_text(modes: tuple[str, ...]) -> str:
 
 def in_python(text: str) -> str:
     """Return a help text with references to options as Python spells them."""
-    return _REFERENCE.sub(r"`\1`", text)
-
-
-def on_command_line(text: str) -> str:
-    """Return a help text with references to options as the command line spells them."""
-    from sheetsplat.options.spelling import flag_of
-
-    return _REFERENCE.sub(lambda found: flag_of(found[1]), text)
+    return REFERENCE.sub(r"`\1`", text)
 
 
 def value_text(value: object) -> str:

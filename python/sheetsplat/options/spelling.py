@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from sheetsplat.options.core import CommandLine, definitions
+from sheetsplat.options.core import REFERENCE, CommandLine, definitions
 from sheetsplat.options.picture import RenderOptions
 
 
@@ -28,3 +28,8 @@ def spellings() -> dict[str, str]:
 def flag_of(name: str) -> str:
     """Return the flag of an option by its name, for example "--iso" of iso_value."""
     return spellings().get(name, "--" + name.replace("_", "-"))
+
+
+def on_command_line(text: str) -> str:
+    """Return a help text with references to options as the command line spells them."""
+    return REFERENCE.sub(lambda found: flag_of(found[1]), text)

@@ -16,9 +16,11 @@ from PIL import Image as PillowImage
 
 import sheetsplat as ss
 from sheetsplat.accuracy import KNOBS, AccuracyReport, AccuracyRow, accuracy
-from sheetsplat.accuracy._knobs import INTERPOLATED, cut_off, enlarge, regular, smaller, table
-from sheetsplat.accuracy._measure import limit
-from sheetsplat.accuracy._report import front
+from sheetsplat.accuracy.knobs import INTERPOLATED
+from sheetsplat.accuracy.lattice_sweeps import regular
+from sheetsplat.accuracy.measure import limit
+from sheetsplat.accuracy.report import front
+from sheetsplat.accuracy.sweeps import cut_off, enlarge, smaller, table
 from sheetsplat.cli import main
 
 TRANSFER = [(0.05, 0.1, 0.2, 0.6, 0.0), (0.5, 0.3, 0.6, 0.4, 0.1), (1.0, 1.0, 0.9, 0.8, 0.5)]
@@ -127,7 +129,7 @@ def test_arithmetic_is_that_of_the_precision(report: AccuracyReport) -> None:
     assert found["cpu float32"].current
     assert found["cpu float32"].arithmetic_size == SIZE
     if "gl uint8" in found:
-        # The control: 8 bits are far off, and no rung hides it.
+        # The control: 8 bits are far off, and no setting hides it.
         assert found["gl uint8"].arithmetic_rmse > 1e-3
 
 
@@ -231,7 +233,7 @@ def test_modes_say_what_they_do_not_use(scene: ss.Scene, camera: ss.Camera, mode
     found = accuracy(changed, camera, size=SIZE, backend="cpu", knobs=knobs, repeats=1, reference_seconds=0)
     assert found.of("slice_spacing")[0].measured
     for knob in ("opacity_stop", "table_size"):
-        assert [row.reason for row in found.of(knob)] == [f"says nothing in mode {mode}"]
+        assert [row.reason for row in found.of(knob)] == [f"mode {mode} does not use it"]
     refused = [row.setting for row in found.of("classification") if not row.measured]
     assert refused == ["pre-integrated", "second order"]
     assert all(row.arithmetic_reason == "not asked for" for row in found.rows if row.measured)
@@ -245,12 +247,12 @@ def test_scattered_fields() -> None:
     knobs = ("slice_spacing", "cut_off", "gradient", "filter", "lattice", "kernel", "prefilter")
     found = accuracy(scene, view, size=SIZE, backend="cpu", knobs=knobs, repeats=1, reference_seconds=5)
     assert {row.knob for row in found.rows if not row.measured} == {"gradient", "lattice", "kernel", "prefilter"}
-    assert found.of("gradient")[0].reason == "nothing in the scene calls for gradients"
+    assert found.of("gradient")[0].reason == "nothing in the scene uses gradients"
     cuts = [row.arithmetic_rmse for row in found.of("cut_off")]
     assert cuts == sorted(cuts) and cuts[-1] > 1e-3
 
 
-def test_a_rung_that_cannot_be_had_says_why(camera: ss.Camera) -> None:
+def test_a_setting_that_is_not_available_has_a_reason(camera: ss.Camera) -> None:
     holed = smooth()
     holed[5, 5, 5] = np.nan
     scene = ss.Scene(ss.RegularField(holed, nan="skip"), TRANSFER)

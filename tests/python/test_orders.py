@@ -18,7 +18,7 @@ import pytest
 from numpy.typing import NDArray
 
 import sheetsplat as ss
-from sheetsplat.accuracy._knobs import cut_off, enlarge, table
+from sheetsplat.accuracy.sweeps import cut_off, enlarge, table
 from sheetsplat.ripple import lattice_ripple
 
 Array = NDArray[np.float64]

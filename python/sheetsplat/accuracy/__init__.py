@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from sheetsplat.accuracy._accuracy import accuracy
-from sheetsplat.accuracy._knobs import KNOBS
-from sheetsplat.accuracy._report import AccuracyReport, AccuracyRow
+from sheetsplat.accuracy.knobs import KNOBS
+from sheetsplat.accuracy.measurement import accuracy
+from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow
 
 __all__ = ["KNOBS", "AccuracyReport", "AccuracyRow", "accuracy"]

@@ -85,7 +85,7 @@ def command(
     reference at the same slices and against the converged picture. FILE and options are those of "sheetsplat render".
     """
     from sheetsplat.accuracy import accuracy
-    from sheetsplat.accuracy._plot import check_path, require_matplotlib
+    from sheetsplat.accuracy.plot import check_path, require_matplotlib
 
     if output is not None:
         # Before anything takes its time.

@@ -71,7 +71,8 @@ def command(
             pictures.save_channel(getattr(image, name), path)
     seconds = time.perf_counter() - began
     if as_json:
-        written = {"output": str(output), **{name: str(path) for name, path in extra.items()}}
+        written = {"output": str(output)}
+        written |= {name: str(path) for name, path in extra.items()}
         surface: dict[str, Any] = {}
         if scene.mode == "isosurface":
             surface = {"iso_value": scene.iso_value, "color": list(surface_color(scene))}

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sheetsplat.accuracy._knobs import INTERPOLATED, KNOBS
+from sheetsplat.accuracy.knobs import INTERPOLATED, KNOBS
 from sheetsplat.errors import Unsupported, complain
 from sheetsplat.io.pictures import check_folder, whole_files
 
 if TYPE_CHECKING:
-    from sheetsplat.accuracy._report import AccuracyReport, AccuracyRow
+    from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow
 
 SUFFIXES = (".png", ".svg", ".pdf")
 # Colours that stay apart for most kinds of colour blindness (after Okabe and Ito), and one shape each.
@@ -216,7 +216,7 @@ def _panel(
 
 
 def _runs(there: Sequence[tuple[AccuracyRow, float, float]]) -> list[list[tuple[float, float]]]:
-    """Return the points of each line: rungs that differ by one number; classes and backends have one each."""
+    """Return the points of each line: settings that differ in one number; classes and backends have one each."""
     found: dict[str, list[tuple[float, float]]] = {}
     for row, time, error in there:
         name = row.setting.split(", ")[0] if row.knob in ("classification", "gradient") else ""
@@ -262,7 +262,7 @@ def _label(
     shown: Sequence[tuple[AccuracyRow, float, float]],
     now: tuple[AccuracyRow, float, float] | None,
 ) -> None:
-    """Write the settings beside their points where there is room: now, those of the front, then ends of ladders."""
+    """Write the settings beside their points where there is room: now, those of the front, then ends of lines."""
     stroke, text_class, box = _of("patheffects").withStroke, _of("text").Text, _of("transforms").Bbox
     renderer = canvas.get_renderer()
     canvas.draw()

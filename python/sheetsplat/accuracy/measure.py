@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _sheetsplat
-from sheetsplat.accuracy._knobs import calls_for_gradients, enlarge, smaller
+from sheetsplat.accuracy.knobs import calls_for_gradients
+from sheetsplat.accuracy.sweeps import enlarge, smaller
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, InvalidInput, Unsupported, complain
 from sheetsplat.image import Image
@@ -213,12 +214,12 @@ class Judge:
     Parameters
     ----------
     shared
-        The scene that several rungs are held against; its picture is made once. Those of others are not kept, since
-        each has a field of its own.
+        The scene with which several settings are compared; its picture is made once. Others are not kept, since each
+        has a field of its own.
     camera, size
         Of the pictures.
     seconds
-        How long the largest picture of one scene may take, about; 0: no arithmetic error is measured.
+        Approximate time that the largest picture of a scene may take; 0: no arithmetic error is measured.
     """
 
     def __init__(self, shared: Scene, camera: Camera, size: tuple[int, int], seconds: float) -> None:

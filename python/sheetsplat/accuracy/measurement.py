@@ -1,4 +1,4 @@
-"""The one call that measures what accuracy costs."""
+"""The measurement of what accuracy costs in time."""
 
 from __future__ import annotations
 
@@ -14,21 +14,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sheetsplat._checks import choice, image_size, instance, names, number, shown, whole
-from sheetsplat.accuracy import _measure
-from sheetsplat.accuracy._knobs import (
-    BEST_KERNEL,
+from sheetsplat.accuracy import measure
+from sheetsplat.accuracy.knobs import (
     CONVERGED,
     GIVEN,
     INTERPOLATED,
     KNOBS,
     SLICES,
     Base,
-    Rung,
+    Setting,
     calls_for_gradients,
-    interpolating,
-    rungs,
 )
-from sheetsplat.accuracy._report import AccuracyReport, AccuracyRow, TruthText, front
+from sheetsplat.accuracy.lattice_sweeps import BEST_KERNEL, interpolating
+from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow, TruthText, front
+from sheetsplat.accuracy.sweeps import sweep
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, complain
 from sheetsplat.image import Image
@@ -38,12 +37,12 @@ from sheetsplat.scene import Scene
 
 _FAILED = "accuracy: the measurement cannot be made"
 _MOST_REPEATS = 1000
-# What is less than this share of something is told as less; times vary by more than nothing.
+# Times and errors below this share of another are reported as less: repeated measurements vary.
 _CLEARLY = 0.95
 Clock = Literal["wall", "cpu"]
 CLOCKS = ("wall", "cpu")
 _THROUGH = f"the field through the samples (prefiltered, radius {BEST_KERNEL[0]:g}, falloff {BEST_KERNEL[1]:g})"
-# Shares of the steps in the progress: the pictures to measure against count as so many rungs.
+# Shares of the progress: converged pictures count as so many settings.
 _WEIGHT = {CONVERGED: 6.0, SLICES: 6.0, INTERPOLATED: 0.5}
 
 
@@ -63,11 +62,11 @@ def accuracy(
 ) -> AccuracyReport:
     """Measure what each choice that trades error for time costs in this scene.
 
-    Each rung of each knob is drawn with everything else as the scene has it, timed, and held against two pictures: the
-    float64 reference at the same slices (arithmetic error), and the converged picture (discretisation error and all
-    else), which is made of slices 8 times as close, in float64, with analytic gradients, without an opacity stop or a
-    filter. Knobs that change what a lattice stands for (lattice, kernel, prefilter) are held against the converged
-    picture of the field that passes through the samples.
+    One knob at a time is varied; each of its settings is drawn, timed, and compared with two pictures: the float64
+    reference at the same slices (arithmetic error), and the converged picture (the error of slicing and all else),
+    which has slices 8 times as close, in float64, with analytic gradients, without an opacity stop or a filter. Knobs
+    that change the field of a lattice (lattice, kernel, prefilter) are compared with the converged picture of the
+    field that interpolates the samples.
 
     Parameters
     ----------
@@ -76,24 +75,23 @@ def accuracy(
     size
         (width, height) in pixels.
     backend
-        That draws, as for `Renderer`; the knob "precision" tries the others as well.
+        What draws, as for `Renderer`; the knob "precision" tries the others as well.
     knobs
-        Names of those to be measured, of `sheetsplat.accuracy.KNOBS`; all unless given.
+        Names of the knobs to vary, from `sheetsplat.accuracy.KNOBS`; all unless given.
     repeats
-        Frames that are timed for each rung, after one that is not.
+        Number of timed frames for each setting, after one that is not timed.
     reference_seconds
-        How long the reference may take for a rung, about: arithmetic errors are measured at the largest size that this
-        allows, and not at all at 0.
+        Approximate time that the reference may take for a setting: arithmetic errors are measured at the largest size
+        that this allows, and not at all at 0.
     clock
-        Which time counts: "wall", by the clock, or "cpu", that of this process's processors together, which other work
-        on the machine disturbs less and which says nothing of a graphics card's work.
+        Time that is reported and compared: "wall", elapsed time, or "cpu", the processor time of this process, which
+        other processes disturb less and which does not include the work of a graphics card.
     truth
-        A picture to measure against in place of both converged ones, where the true one is known: (h, w, 4), or (h, w)
-        in scalar modes.
+        A known picture to compare with in place of both converged ones: (h, w, 4), or (h, w) in scalar modes.
     progress
-        Called with the share that is done, 0 to 1. Where it returns False the measurement stops.
+        Called with the finished share, 0 to 1. Where it returns False the measurement stops.
     settings
-        Others of `Renderer`: threads, precision, tagging, effects …
+        Other options of `Renderer`: threads, precision, tagging, effects …
 
     Returns
     -------
@@ -103,11 +101,11 @@ def accuracy(
     Raises
     ------
     InvalidInput
-        For names that are no knobs, and as `Renderer`.
+        For unknown knobs, and as `Renderer`.
     Cancelled
         Where `progress` returned False.
     DeviceUnavailable, Unsupported, OutOfMemory
-        Where the scene as it is cannot be drawn. What cannot be drawn of the rungs is told in their rows.
+        Where the scene itself cannot be drawn. The row of a setting that cannot be drawn has the reason.
     """
     instance("accuracy: scene", scene, Scene)
     instance("accuracy: camera", camera, Camera)
@@ -131,21 +129,21 @@ def accuracy(
 
 def _base(scene: Scene, camera: Camera, size: tuple[int, int], backend: Backend, settings: Mapping[str, Any]) -> Base:
     given = dict(settings)
-    seekers = [name for name in ("max_error", "max_seconds") if given.get(name) is not None]
-    if seekers:
+    goals = [name for name in ("max_error", "max_seconds") if given.get(name) is not None]
+    if goals:
         raise complain(
             _FAILED,
-            ", ".join(seekers),
-            "settings that stay what they are",
-            "leave it out: it chooses the settings that are to be turned here",
+            ", ".join(goals),
+            "fixed settings",
+            "leave it out: it chooses the settings that are varied here",
         )
     plan = Renderer(backend, **given).plan(scene, camera, size=size)
-    # Said aloud, so that no rung changes what it is not about.
+    # Stated explicitly, so that no setting changes another distance by its default.
     pinned = scene.replace(slice_spacing=scene.slice_spacing, reference_length=scene.reference_length)
     return Base(pinned, camera, size, plan.backend, plan.precision, given)
 
 
-def _given_truth(truth: Image | ArrayLike | None, base: Base) -> _measure.Truth | None:
+def _given_truth(truth: Image | ArrayLike | None, base: Base) -> measure.Truth | None:
     if truth is None:
         return None
     try:
@@ -158,39 +156,39 @@ def _given_truth(truth: Image | ArrayLike | None, base: Base) -> _measure.Truth 
     if values.shape != expected or not np.isfinite(values).all():
         found = f"shape {values.shape}" if values.shape != expected else "numbers that are not finite"
         raise complain("accuracy: truth cannot be used", found, f"finite numbers, shape {expected}")
-    return _measure.Truth(values, math.nan, math.nan, "the picture that was given")
+    return measure.Truth(values, math.nan, math.nan, "the picture that was given")
 
 
 class _Session:
-    """One measurement: what is drawn once and shared by several rungs."""
+    """One measurement, with the pictures that several settings share."""
 
     def __init__(self, base: Base, repeats: int, budget: float, clock: str, progress: Progress | None) -> None:
         self._base = base
         self._repeats = repeats
         self._clock = clock
         self._progress = progress
-        self._judge = _measure.Judge(base.scene, base.camera, base.size, budget)
-        self._truths: dict[str, _measure.Truth] = {}
+        self._judge = measure.Judge(base.scene, base.camera, base.size, budget)
+        self._truths: dict[str, measure.Truth] = {}
         self._refused: dict[str, str] = {}
         self._renderers: dict[tuple[tuple[str, Any], ...], Renderer] = {}
-        self._now: tuple[_measure.Drawn, _measure.Arithmetic] | None = None
+        self._now: tuple[measure.Drawn, measure.Arithmetic] | None = None
         self._done, self._all, self._told = 0.0, 1.0, 0.0
-        # Pictures whose gradients are differences tend to another limit than those of true gradients.
+        # Pictures with gradients by differences converge to another limit than those with analytic gradients.
         self._two_limits = calls_for_gradients(base.scene)
 
-    def run(self, knobs: tuple[str, ...], given: _measure.Truth | None) -> AccuracyReport:
-        ladder = [rung for knob in knobs for rung in rungs(self._base, knob)]
+    def run(self, knobs: tuple[str, ...], given: measure.Truth | None) -> AccuracyReport:
+        settings = [setting for knob in knobs for setting in sweep(self._base, knob)]
         if given is not None:
-            ladder = [replace(rung, truth=GIVEN) for rung in ladder]
-        truths = {rung.truth for rung in ladder if not rung.reason and rung.truth != GIVEN}
+            settings = [replace(setting, truth=GIVEN) for setting in settings]
+        truths = {setting.truth for setting in settings if not setting.reason and setting.truth != GIVEN}
         if CONVERGED in truths and self._two_limits:
             truths.add(SLICES)
-        self._all = len(ladder) + sum(_WEIGHT[name] for name in truths)
+        self._all = len(settings) + sum(_WEIGHT[name] for name in truths)
         if given is not None:
             self._truths = {GIVEN: given}
         measured: list[AccuracyRow] = []
         for knob in knobs:
-            measured += [self._row(rung) for rung in ladder if rung.knob == knob]
+            measured += [self._row(setting) for setting in settings if setting.knob == knob]
             self._time_again()
         rows = front([self._timed(row) for row in measured], self._clock)
         texts = tuple(TruthText(name, one.text, one.uncertainty, one.order) for name, one in self._truths.items())
@@ -211,7 +209,7 @@ class _Session:
         )
 
     def _tell(self, share: float) -> object:
-        # A rung is drawn, then judged; its share does not go back between the two.
+        # A setting is drawn, then compared; the share must not fall between the two.
         self._told = max(self._told, min(1.0, share))
         return None if self._progress is None else self._progress(self._told)
 
@@ -228,7 +226,7 @@ class _Session:
 
     def _renderer(self, settings: Mapping[str, Any]) -> Renderer:
         options = {**self._base.settings, "backend": self._base.backend, **settings}
-        # Of one backend only: the other would warn that it has no use for them.
+        # Settings of one backend only; the other would warn about them.
         for name in ("device", "tagging", "packing", "tags_per_clear") if options["backend"] == "cpu" else ("threads",):
             if settings:
                 options.pop(name, None)
@@ -237,7 +235,7 @@ class _Session:
             self._renderers[key] = Renderer(**options)
         return self._renderers[key]
 
-    def _truth(self, name: str) -> _measure.Truth:
+    def _truth(self, name: str) -> measure.Truth:
         if name in self._refused:
             raise complain(self._refused[name], kind=Error)
         if name not in self._truths:
@@ -246,13 +244,13 @@ class _Session:
                 watch = self._watch(_WEIGHT[name])
                 if name == INTERPOLATED:
                     scene, what = interpolating(base), _THROUGH
-                    found = _measure.same_slices(scene, base.camera, base.size, base.settings, watch)
+                    found = measure.same_slices(scene, base.camera, base.size, base.settings, watch)
                 else:
-                    # Only differences have a limit of their own.
+                    # Only gradients by differences have a limit of their own.
                     scene, what = base.scene, "the same field"
                     if name == SLICES:
                         scene = base.replace(gradient="sheets")
-                    found = _measure.limit(
+                    found = measure.limit(
                         scene, base.camera, base.size, base.settings, watch, analytic=name == CONVERGED
                     )
             except Cancelled:
@@ -265,40 +263,41 @@ class _Session:
         return self._truths[name]
 
     def _time_again(self) -> None:
-        """Time the scene as it is once more, so that its frames are spread over all of the measurement."""
+        """Time the unchanged scene once more, so that its frames are spread over the whole measurement."""
         if self._now is not None:
             base, (drawn, arithmetic) = self._base, self._now
-            more = _measure.draw(self._renderer({}), base.scene, base.camera, base.size, repeats=1)
+            more = measure.draw(self._renderer({}), base.scene, base.camera, base.size, repeats=1)
             drawn = replace(drawn, walls=drawn.walls + more.walls, cpus=drawn.cpus + more.cpus)
             self._now = drawn, arithmetic
 
     def _timed(self, row: AccuracyRow) -> AccuracyRow:
-        """Return the row of the scene as it is with the times of all its frames; other rows as they are."""
+        """Return the row of the unchanged scene with the times of all its frames; other rows as they are."""
         if not (row.current and row.measured and self._now is not None):
             return row
         return replace(row, **_times(self._now[0]))
 
-    def _row(self, rung: Rung) -> AccuracyRow:
-        row = self._measured(rung)
+    def _row(self, setting: Setting) -> AccuracyRow:
+        row = self._measured(setting)
         self._step(1.0)
         return row
 
-    def _measured(self, rung: Rung) -> AccuracyRow:
-        named: dict[str, Any] = {"knob": rung.knob, "setting": rung.setting, "how": rung.how, "current": rung.current}
-        named |= {"truth": rung.truth, "is_truth": rung.is_truth and rung.truth == INTERPOLATED}
-        if rung.ripple is not None:
-            named |= {"ripple_rms": rung.ripple[0], "ripple_maximum": rung.ripple[1]}
-        if rung.reason or rung.make is None:
-            return AccuracyRow(**named, reason=rung.reason)
+    def _measured(self, setting: Setting) -> AccuracyRow:
+        named: dict[str, Any] = {"knob": setting.knob, "setting": setting.name, "how": setting.how}
+        named |= {"current": setting.current, "truth": setting.truth}
+        named["is_truth"] = setting.is_truth and setting.truth == INTERPOLATED
+        if setting.ripple is not None:
+            named |= {"ripple_rms": setting.ripple[0], "ripple_maximum": setting.ripple[1]}
+        if setting.reason or setting.make is None:
+            return AccuracyRow(**named, reason=setting.reason)
         try:
-            truth = self._truth(rung.truth)
-            drawn, arithmetic = self._drawn(rung)
+            truth = self._truth(setting.truth)
+            drawn, arithmetic = self._drawn(setting)
         except Cancelled:
             raise
         except Error as error:
             return AccuracyRow(**named, reason=_line(error))
-        found = _measure.difference(drawn.values, truth.values)
-        slicing = self._slicing(rung, drawn, found["rmse"])
+        found = measure.difference(drawn.values, truth.values)
+        slicing = self._slicing(setting, drawn, found["rmse"])
         plan = drawn.picture.plan
         return AccuracyRow(
             **named,
@@ -317,51 +316,51 @@ class _Session:
             kernels_drawn=round(drawn.picture.stats.get("kernels_drawn", 0.0)),
         )
 
-    def _slicing(self, rung: Rung, drawn: _measure.Drawn, error: float) -> float:
-        """Return the distance from the limit of fine slices with the gradients of the rung's own kind."""
-        if rung.truth != CONVERGED:
+    def _slicing(self, setting: Setting, drawn: measure.Drawn, error: float) -> float:
+        """Return the distance from the limit of fine slices with the gradients of the setting's own kind."""
+        if setting.truth != CONVERGED:
             return math.nan
-        if not self._two_limits or rung.gradient(self._base) == "analytic":
+        if not self._two_limits or setting.gradient(self._base) == "analytic":
             return error
         try:
-            return _measure.difference(drawn.values, self._truth(SLICES).values)["rmse"]
+            return measure.difference(drawn.values, self._truth(SLICES).values)["rmse"]
         except Cancelled:
             raise
         except Error:
             return math.nan
 
-    def _drawn(self, rung: Rung) -> tuple[_measure.Drawn, _measure.Arithmetic]:
-        """Return a rung's picture; what is there already is drawn once, whatever knob it belongs to."""
-        if rung.current and self._now is not None:
+    def _drawn(self, setting: Setting) -> tuple[measure.Drawn, measure.Arithmetic]:
+        """Return the picture of a setting; the unchanged scene is drawn once for all knobs."""
+        if setting.current and self._now is not None:
             return self._now
-        assert rung.make is not None
+        assert setting.make is not None
         base = self._base
-        # The setting that is there is the scene itself, with nothing forced.
+        # The setting that the scene already has is the scene itself, with nothing forced.
         scene, renderer = (
             (base.scene, self._renderer({}))
-            if rung.current
+            if setting.current
             else (
-                rung.make(),
-                self._renderer(rung.settings),
+                setting.make(),
+                self._renderer(setting.renderer),
             )
         )
         watch = self._watch(1.0)
-        drawn = _measure.draw(
-            renderer, scene, base.camera, base.size, scale=rung.scale, repeats=self._repeats, watch=watch
+        drawn = measure.draw(
+            renderer, scene, base.camera, base.size, scale=setting.scale, repeats=self._repeats, watch=watch
         )
-        expected = scene if rung.judge is None else rung.judge()
+        expected = scene if setting.judge is None else setting.judge()
         try:
-            arithmetic = self._judge.judge(renderer, scene, expected, drawn, rung.scale, watch)
+            arithmetic = self._judge.judge(renderer, scene, expected, drawn, setting.scale, watch)
         except Cancelled:
             raise
         except Error as error:
-            arithmetic = _measure.Arithmetic(reason=_line(error))
-        if rung.current:
+            arithmetic = measure.Arithmetic(reason=_line(error))
+        if setting.current:
             self._now = drawn, arithmetic
         return drawn, arithmetic
 
 
-def _times(drawn: _measure.Drawn) -> dict[str, Any]:
+def _times(drawn: measure.Drawn) -> dict[str, Any]:
     return {
         "seconds": statistics.median(drawn.walls),
         "cpu_seconds": statistics.median(drawn.cpus),
@@ -375,7 +374,7 @@ def _line(error: Error) -> str:
 
 
 def _notes(rows: tuple[AccuracyRow, ...], clock: str) -> tuple[str, ...]:
-    """Return what the rows say together."""
+    """Return conclusions from several rows."""
     notes = []
     lattices = [row for row in rows if row.knob == "lattice" and row.measured]
     here = next((row for row in lattices if row.current), None)
@@ -385,13 +384,13 @@ def _notes(rows: tuple[AccuracyRow, ...], clock: str) -> tuple[str, ...]:
         if equal is None:
             side = "less" if others[-1].rmse < here.rmse else "more"
             notes.append(
-                f"BCC at equal error: out of reach, each of its rungs has {side} error than the Cartesian field"
+                f"BCC at equal error: not reached, each of its settings has {side} error than the Cartesian field"
             )
         else:
             seconds, kernels = equal
             notes.append(
                 f"BCC at the Cartesian field's error ({here.rmse:.1e}): {seconds / here.time(clock):.2f} times its "
-                f"time with {kernels / max(1, here.kernels_drawn):.2f} times its kernels (interpolated between rungs)"
+                f"time with {kernels / max(1, here.kernels_drawn):.2f} times its kernels (interpolated)"
             )
     now = next((row for row in rows if row.current and row.measured and row.truth != INTERPOLATED), None)
     better = [
@@ -406,7 +405,7 @@ def _notes(rows: tuple[AccuracyRow, ...], clock: str) -> tuple[str, ...]:
     if now is not None and better:
         best = min(better, key=lambda row: row.rmse)
         notes.append(
-            f"both faster and more exact than now: {best.knob} {best.setting} "
+            f"both faster and more accurate than now: {best.knob} {best.setting} "
             f"({best.time(clock) / now.time(clock):.2f} times the time, {best.rmse / now.rmse:.2g} times the error)"
         )
     return tuple(notes)

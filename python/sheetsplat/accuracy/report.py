@@ -1,4 +1,4 @@
-"""What a measurement of accuracy against time answers: a table, JSON and a plot."""
+"""The result of a measurement of accuracy against time: a table, JSON and a plot."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sheetsplat._checks import shown
-from sheetsplat.accuracy._knobs import GIVEN, INTERPOLATED, KNOBS, SLICES
+from sheetsplat.accuracy.knobs import GIVEN, INTERPOLATED, KNOBS, SLICES
 from sheetsplat.errors import complain
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class AccuracyRow:
     knob, setting
         Its names.
     how
-        What to write in Python to have it; empty for the scene as it is.
+        What to write in Python to use it; empty for the unchanged scene.
     truth
         Which of the report's pictures the error was measured against: "converged", "interpolated" (for knobs that
         change what a lattice stands for) or "given".
@@ -62,10 +62,10 @@ class AccuracyRow:
     slices, kernels_drawn
         Of the picture.
     pareto
-        No other row with the same truth is both faster and more exact.
+        No other row with the same truth is both faster and more accurate (Pareto-optimal).
     is_truth
-        It is what the other rows are held against, but for the number format: its error says nothing of it, and it is
-        left out of the front and the plot.
+        The errors of other rows are measured from this setting, drawn in float64: its own error is only that of the
+        number format, and it is left out of the front and the plot.
     """
 
     knob: str
@@ -97,7 +97,7 @@ class AccuracyRow:
 
     @property
     def measured(self) -> bool:
-        """Whether there are numbers."""
+        """Whether it was measured."""
         return not self.reason
 
     def time(self, clock: str) -> float:
@@ -132,9 +132,9 @@ class TruthText:
     text
         In words.
     uncertainty
-        Estimated root mean square distance from the limit that it stands for: errors below it say nothing.
+        Estimated root mean square distance from the limit that it stands for; smaller errors are not significant.
     order
-        That was found in the distance of slices; NaN where it was not looked for.
+        Order of convergence that was found in the distance of slices; NaN where it was not determined.
     """
 
     name: str
@@ -230,7 +230,7 @@ class AccuracyReport:
         Error
             Where the file cannot be written.
         """
-        from sheetsplat.accuracy._plot import draw
+        from sheetsplat.accuracy.plot import draw
 
         if not isinstance(path, str | os.PathLike) or "\0" in os.fsdecode(path):
             raise complain("the plot cannot be saved", shown(path), "a path that ends with .png, .svg or .pdf")
@@ -281,15 +281,15 @@ class AccuracyReport:
         return table
 
     def _remarks(self, row: AccuracyRow) -> list[str]:
-        remarks = ["held against"] if row.is_truth else []
+        remarks = ["reference field"] if row.is_truth else []
         if not math.isnan(row.ripple_maximum):
             remarks.append(f"ripple {100 * row.ripple_maximum:.2g} %")
         if any(truth.name == row.truth and row.rmse < truth.uncertainty for truth in self.truths):
-            remarks.append("below what can be told")
+            remarks.append("below the uncertainty")
         return remarks
 
     def text_below(self) -> str:
-        """Return the sentences that belong below the table."""
+        """Return the sentences below the table."""
         names = {
             "converged": "error",
             SLICES: "slicing of pictures with gradients by differences",
@@ -301,7 +301,7 @@ class AccuracyReport:
             + (f" (itself uncertain by {_error(one.uncertainty)})" if math.isfinite(one.uncertainty) else "")
             for one in self.truths
         ]
-        lines.append("now: as the scene is; front: no other row is both faster and more exact")
+        lines.append("now: the unchanged scene; front: no other row is both faster and more accurate")
         sizes = sorted({row.arithmetic_size for row in self.rows if row.arithmetic_size is not None})
         if sizes:
             texts = ", ".join(f"{width} x {height}" for width, height in sizes)
@@ -312,7 +312,7 @@ class AccuracyReport:
         return "\n".join([*lines, *self.notes])
 
     def __str__(self) -> str:
-        """Return the table and what is below it."""
+        """Return the table and the sentences below it."""
         from rich.console import Console
 
         console = Console(file=io.StringIO(), width=_WIDTH, color_system=None, force_terminal=False)
@@ -328,7 +328,7 @@ class AccuracyReport:
 
 
 def _shortened(reason: str) -> str:
-    # A missing device lists every try; all of it is in the row and in the JSON.
+    # A missing device lists every attempt; the row and the JSON have the whole text.
     return reason if len(reason) <= _REASON else reason[: _REASON - 2] + " …"
 
 

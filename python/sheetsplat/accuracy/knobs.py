@@ -1,0 +1,111 @@
+"""The knobs: what trades error for time, and what one setting of a knob changes in a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from sheetsplat.camera import Camera
+from sheetsplat.scene import Scene
+
+# The picture from which the error of a setting is measured.
+CONVERGED = "converged"
+SLICES = "slices"
+INTERPOLATED = "interpolated"
+GIVEN = "given"
+
+#: Every knob and what it trades for time, in the order of the report.
+KNOBS: dict[str, str] = {
+    "slice_spacing": "distance of slices",
+    "classification": "points, slabs, or the intervals between slices, at several distances of slices",
+    "gradient": "differences of sheets, or the kernels' own derivatives",
+    "cut_off": "where a kernel's Gaussian, of the same width, is cut off",
+    "precision": "numbers of the sheets, on every backend",
+    "table_size": "points of the transfer function, evenly spaced",
+    "opacity_stop": "opacity at which a pixel is done",
+    "filter": "widening of kernels smaller than a pixel or a slice distance",
+    "image_scale": "pixels drawn, before the picture is enlarged",
+    "lattice": "samples on a Cartesian or a body-centred cubic lattice",
+    "kernel": "radius, falloff and normalisation of a lattice's kernels",
+    "prefilter": "coefficients by which a lattice's sum passes through its samples",
+}
+
+
+@dataclass(frozen=True)
+class Base:
+    """What is varied: a scene with explicit distances, its camera, and the options of the renderer."""
+
+    scene: Scene
+    camera: Camera
+    size: tuple[int, int]
+    backend: str
+    precision: str
+    settings: dict[str, Any]
+
+    def replace(self, **changes: Any) -> Scene:
+        """Return the scene with some options changed."""
+        return self.scene.replace(**changes)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One setting of one knob.
+
+    Attributes
+    ----------
+    knob, name
+        Which knob it belongs to, and how it is called there.
+    how
+        What to write in Python to use it.
+    make
+        Returns the scene that is drawn.
+    judge
+        Returns the scene that the reference draws, where it is a different one: tables and cut-offs count as
+        arithmetic errors.
+    renderer
+        Options of the renderer, in addition to those of the base.
+    scale
+        Factor by which the drawn picture is smaller than the shown one.
+    truth
+        The picture from which the error is measured.
+    current
+        The scene has this setting already.
+    reason
+        Why it is not available, where that is known from the start.
+    ripple
+        Of a constant field: root mean square and maximum, relative.
+    is_truth
+        It is the field from which the errors of lattices are measured.
+    """
+
+    knob: str
+    name: str
+    how: str = ""
+    make: Callable[[], Scene] | None = None
+    judge: Callable[[], Scene] | None = None
+    renderer: dict[str, Any] = field(default_factory=dict)
+    scale: int = 1
+    truth: str = CONVERGED
+    current: bool = False
+    reason: str = ""
+    ripple: tuple[float, float] | None = None
+    is_truth: bool = False
+
+    def gradient(self, base: Base) -> str:
+        """Return the kind of gradients with which it is drawn."""
+        named = self.name.split(",")[0] if self.knob == "gradient" else ""
+        now: str = base.scene.options["gradient"]
+        return named if named in ("sheets", "analytic") else now
+
+
+def calls_for_gradients(scene: Scene) -> bool:
+    """Return whether the picture of a scene depends on gradients."""
+    lit = bool(scene.lights) or scene.options["gradient_opacity"] is not None
+    return lit and scene.mode in ("composite", "isosurface")
+
+
+def call_text(name: str, options: dict[str, Any]) -> str:
+    """Return a call as it is written in Python."""
+    parts = [f"{key}={value:.6g}" if isinstance(value, float) else f"{key}={value!r}" for key, value in options.items()]
+    return f"{name}({', '.join(parts)})"

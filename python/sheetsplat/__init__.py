@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 # First of all: on the command line it is for Ctrl-C while the others are read.
 from sheetsplat import _interrupt as _interrupt
 from sheetsplat._sheetsplat import __version__
-from sheetsplat.accuracy import AccuracyReport, AccuracyRow, accuracy
+from sheetsplat.accuracy import accuracy
 from sheetsplat.api import open, render
 from sheetsplat.camera import Camera
 from sheetsplat.device import Device, devices
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from sheetsplat import datasets as datasets
     from sheetsplat import fit as fit
     from sheetsplat import io as io
+    from sheetsplat.accuracy import AccuracyReport as AccuracyReport
+    from sheetsplat.accuracy import AccuracyRow as AccuracyRow
     from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
     from sheetsplat.ripple import lattice_ripple as lattice_ripple
 
@@ -79,6 +81,8 @@ logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
 
 # Read when first asked for, so that importing the package stays quick.
 _LATE = {
+    "AccuracyReport": ("sheetsplat.accuracy.report", "AccuracyReport"),
+    "AccuracyRow": ("sheetsplat.accuracy.report", "AccuracyRow"),
     "datasets": ("sheetsplat.datasets", None),
     "fit": ("sheetsplat.fit", None),
     "io": ("sheetsplat.io", None),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -185,6 +184,8 @@ class Image:
         return np.array(array, dtype=dtype, copy=copy or None)
 
     def _repr_png_(self) -> bytes:
+        import tempfile
+
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "image.png"
             self.native.save_png(str(path))

@@ -11,7 +11,6 @@ from typing import Any, Unpack
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, instance, names, number, shown, whole
 from sheetsplat.camera import Camera
-from sheetsplat.effects_cost import measured_plan
 from sheetsplat.errors import complain
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.look import empty
@@ -179,6 +178,8 @@ class Renderer:
         DeviceUnavailable, InvalidInput, Unsupported, OutOfMemory
             As `render`.
         """
+        from sheetsplat.effects_cost import measured_plan
+
         count = whole("Renderer: repeats", repeats)
         if count < 1:
             raise complain("Renderer: repeats cannot be used", str(count), "a whole number of at least 1")

@@ -233,7 +233,7 @@ def test_modes_say_what_they_do_not_use(scene: ss.Scene, camera: ss.Camera, mode
     found = accuracy(changed, camera, size=SIZE, backend="cpu", knobs=knobs, repeats=1, reference_seconds=0)
     assert found.of("slice_spacing")[0].measured
     for knob in ("opacity_stop", "table_size"):
-        assert [row.reason for row in found.of(knob)] == [f"mode {mode} does not use it"]
+        assert [row.reason for row in found.of(knob)] == [f"not used in mode {mode}"]
     refused = [row.setting for row in found.of("classification") if not row.measured]
     assert refused == ["pre-integrated", "second order"]
     assert all(row.arithmetic_reason == "not asked for" for row in found.rows if row.measured)

@@ -108,3 +108,15 @@ def test_wrong_names_are_answered_with_the_nearest_ones(call, near):
 def test_the_short_way_is_short():
     lines, _ = inspect.getsourcelines(ss.render)
     assert len(lines) <= 45
+
+
+def test_errors_name_their_option():
+    field = ss.RegularField(np.zeros((2, 2, 2)))
+    for call, option in (
+        (lambda: ss.Scene(field, [(0, 1, 1, 1, 1)], opacity_stop="much"), "opacity_stop"),
+        (lambda: ss.Renderer("cpu", threads=0), "threads"),
+        (lambda: ss.render(field, cmpa="gray"), "cmpa"),
+    ):
+        with pytest.raises(ss.InvalidInput) as caught:
+            call()
+        assert caught.value.option == option

@@ -8,13 +8,14 @@ import platform
 import statistics
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sheetsplat._checks import choice, image_size, instance, names, number, shown, whole
 from sheetsplat.accuracy import measure
+from sheetsplat.accuracy.clock import CLOCKS, Clock
 from sheetsplat.accuracy.knobs import (
     CONVERGED,
     GIVEN,
@@ -39,74 +40,26 @@ _FAILED = "accuracy: the measurement cannot be made"
 _MOST_REPEATS = 1000
 # Times and errors below this share of another are reported as less: repeated measurements vary.
 _CLEARLY = 0.95
-Clock = Literal["wall", "cpu"]
-CLOCKS = ("wall", "cpu")
 _THROUGH = f"the field through the samples (prefiltered, radius {BEST_KERNEL[0]:g}, falloff {BEST_KERNEL[1]:g})"
 # Shares of the progress: converged pictures count as so many settings.
 _WEIGHT = {CONVERGED: 6.0, SLICES: 6.0, INTERPOLATED: 0.5}
 
 
-def accuracy(
+def measure_accuracy(
     scene: Scene,
     camera: Camera,
     *,
-    size: tuple[int, int] = (400, 400),
-    backend: Backend = "auto",
-    knobs: Iterable[str] | str | None = None,
-    repeats: int = 3,
-    reference_seconds: float = 2.0,
-    clock: Clock = "wall",
-    truth: Image | ArrayLike | None = None,
-    progress: Progress | None = None,
-    **settings: Any,
+    size: tuple[int, int],
+    backend: Backend,
+    knobs: Iterable[str] | str | None,
+    repeats: int,
+    reference_seconds: float,
+    clock: Clock,
+    truth: Image | ArrayLike | None,
+    progress: Progress | None,
+    settings: Mapping[str, Any],
 ) -> AccuracyReport:
-    """Measure what each choice that trades error for time costs in this scene.
-
-    One knob at a time is varied; each of its settings is drawn, timed, and compared with two pictures: the float64
-    reference at the same slices (arithmetic error), and the converged picture (the error of slicing and all else),
-    which has slices 8 times as close, in float64, with analytic gradients, without an opacity stop or a filter. Knobs
-    that change the field of a lattice (lattice, kernel, prefilter) are compared with the converged picture of the
-    field that interpolates the samples.
-
-    Parameters
-    ----------
-    scene, camera
-        What is seen, and from where.
-    size
-        (width, height) in pixels.
-    backend
-        What draws, as for `Renderer`; the knob "precision" tries the others as well.
-    knobs
-        Names of the knobs to vary, from `sheetsplat.accuracy.KNOBS`; all unless given.
-    repeats
-        Number of timed frames for each setting, after one that is not timed.
-    reference_seconds
-        Approximate time that the reference may take for a setting: arithmetic errors are measured at the largest size
-        that this allows, and not at all at 0.
-    clock
-        Time that is reported and compared: "wall", elapsed time, or "cpu", the processor time of this process, which
-        other processes disturb less and which does not include the work of a graphics card.
-    truth
-        A known picture to compare with in place of both converged ones: (h, w, 4), or (h, w) in scalar modes.
-    progress
-        Called with the finished share, 0 to 1. Where it returns False the measurement stops.
-    settings
-        Other options of `Renderer`: threads, precision, tagging, effects …
-
-    Returns
-    -------
-    AccuracyReport
-        ``print(report)``, ``report.plot("accuracy.png")``, ``report.to_json()``.
-
-    Raises
-    ------
-    InvalidInput
-        For unknown knobs, and as `Renderer`.
-    Cancelled
-        Where `progress` returned False.
-    DeviceUnavailable, Unsupported, OutOfMemory
-        Where the scene itself cannot be drawn. The row of a setting that cannot be drawn has the reason.
-    """
+    """Measure; the arguments are those of `sheetsplat.accuracy`."""
     instance("accuracy: scene", scene, Scene)
     instance("accuracy: camera", camera, Camera)
     wanted = tuple(KNOBS) if knobs is None else names("accuracy: knobs", knobs, tuple(KNOBS))

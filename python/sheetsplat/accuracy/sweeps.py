@@ -38,7 +38,7 @@ def _times(factor: float) -> str:
 
 def _without(base: Base, *modes: str) -> str:
     mode = base.scene.mode
-    return f"mode {mode} does not use it" if mode in modes else ""
+    return f"not used in mode {mode}" if mode in modes else ""
 
 
 def _slice_spacing(base: Base) -> Iterator[Setting]:
@@ -71,7 +71,7 @@ def _classification(base: Base) -> Iterator[Setting]:
         if name in known:
             continue
         if changes["preintegration"] and base.scene.mode != "composite":
-            yield Setting("classification", name, reason=f"mode {base.scene.mode} does not use it")
+            yield Setting("classification", name, reason=f"not used in mode {base.scene.mode}")
             continue
         for factor in _SPACINGS[:-1]:
             spacing = factor * base.scene.slice_spacing

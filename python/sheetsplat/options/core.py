@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
+import contextlib
 import inspect
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 
-from sheetsplat.errors import InvalidInput, complain
+from sheetsplat.errors import Error, InvalidInput, complain
 from sheetsplat.options.values import Value
 
 Mode = Literal["composite", "isosurface", "xray", "mip"]
@@ -32,7 +32,7 @@ class UnknownOption(InvalidInput, TypeError):
     """A keyword argument that the function does not have."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class CommandLine:
     """One option of the command line.
 
@@ -66,7 +66,7 @@ class CommandLine:
     switch: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Option:
     """One option: everything about it but its name and its type, which are those of a field of a TypedDict.
 
@@ -103,7 +103,7 @@ class Option:
     harmless: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Defined:
     """An option with its name, its type, and the group that defines it."""
 
@@ -155,9 +155,13 @@ def check_names(function: str, options: Iterable[str], group: type, others: Iter
     known = [*definitions(group), *others]
     for name in options:
         if name not in known:
+            import difflib
+
             near = difflib.get_close_matches(name, known)
             advice = f"did you mean {' or '.join(near)}?" if near else f"help(sheetsplat.{function}) lists the options"
-            raise complain(f"{function}: there is no option of this name", name, "", advice, kind=UnknownOption)
+            raise complain(
+                f"{function}: there is no option of this name", name, "", advice, option=name, kind=UnknownOption
+            )
 
 
 def checked(owner: str, options: Mapping[str, Any], group: type) -> dict[str, Any]:
@@ -169,8 +173,21 @@ def checked(owner: str, options: Mapping[str, Any], group: type) -> dict[str, An
     values = filled(group, options)
     for name, defined in definitions(group).items():
         if defined.option.check is not None:
-            values[name] = defined.option.check(f"{owner}: {name}", values[name])
+            with concerning(name):
+                values[name] = defined.option.check(f"{owner}: {name}", values[name])
     return values
+
+
+@contextlib.contextmanager
+def concerning(name: str) -> Iterator[None]:
+    """Give errors that do not say which option they are about the name of one."""
+    try:
+        yield
+    except Error as error:
+        if error.option is not None:
+            raise
+        told = error.complaint
+        raise type(error)(told.what, told.found, told.wanted, told.advice, name) from None
 
 
 def parameters(group: type, *, chooses: bool) -> list[inspect.Parameter]:
@@ -224,8 +241,6 @@ def with_entries(text: str, group: type, *, chooses: bool) -> str:
 
 
 def _entry(defined: Defined, *, chooses: bool) -> list[str]:
-    import textwrap
-
     option = defined.option
     default = defined.default_text(chooses=chooses)
     words = in_python(option.help)
@@ -233,7 +248,19 @@ def _entry(defined: Defined, *, chooses: bool) -> list[str]:
         words += f" Default: {in_python(default)}."
     if option.modes != MODES:
         words += f" For {modes_text(option.modes)}."
-    return [f"{defined.name} : {defined.type_text}", *(f"    {line}" for line in textwrap.wrap(words, _COLUMNS - 12))]
+    return [f"{defined.name} : {defined.type_text}", *(f"    {line}" for line in _wrapped(words, _COLUMNS - 12))]
+
+
+def _wrapped(text: str, columns: int) -> Iterator[str]:
+    """Yield the lines of a text. The module textwrap takes ten times as long, at every import of the package."""
+    line = ""
+    for word in text.split():
+        if line and len(line) + 1 + len(word) > columns:
+            yield line
+            line = word
+        else:
+            line = f"{line} {word}" if line else word
+    yield line
 
 
 def modes_text(modes: tuple[str, ...]) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Real:
     """A finite number: greater than `above`, less than `below`, at most `most`."""
 
@@ -19,7 +19,7 @@ class Real:
     most: float = math.inf
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Whole:
     """An integer from `least` to `most`."""
 
@@ -27,7 +27,7 @@ class Whole:
     most: int | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Numbers:
     """`count` numbers, separated by commas.
 

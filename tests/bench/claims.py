@@ -1,4 +1,4 @@
-"""What the papers say about quality, measured again: figures, and pictures where a folder is given for them.
+"""The papers' claims on quality, measured again.
 
 [NM05] Neophytou and Mueller 2005, [NM06] Neophytou and Mueller 2006, [MC98] Mueller and Crawfis 1998.
 """
@@ -277,7 +277,7 @@ def _popping(options: Options) -> Iterator[Row]:
         return renderer.render(scene, camera, size=size).rgba
 
     ways: list[tuple[str, Callable[[ss.Camera], NDArray[Any]]]] = [
-        ("axis-aligned, as it is", partial(axis_aligned, samples, table, size=size, corrected=False)),
+        ("axis-aligned, uncorrected", partial(axis_aligned, samples, table, size=size, corrected=False)),
         ("axis-aligned, corrected", partial(axis_aligned, samples, table, size=size, corrected=True)),
         ("image-aligned, 1 apart", partial(aligned, 1.0)),
         ("image-aligned, 0.5 apart", partial(aligned, 0.5)),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sheetsplat as ss
-from bench.measure import Floats, rays
+from bench.measure import Floats, composited, rays
 
 
 def dominant_axis(direction: Floats) -> int:
@@ -49,16 +49,15 @@ def axis_aligned(
     layers = np.moveaxis(samples, 2 - axis, 0)
     across = [2 - n for n in range(3) if n != 2 - axis]
     order = range(len(layers)) if ahead[axis] > 0 else range(len(layers) - 1, -1, -1)
-    picture = np.zeros((*starts.shape[:2], 4))
-    for n in order:
+
+    def layer(n: int) -> Floats:
         along = (n - starts[..., axis]) / ahead[axis]
         at = [starts[..., one] + along * ahead[one] for one in across]
-        color = table.at(ndimage.map_coordinates(layers[n], at, np.float64, order=1, mode="constant"))
-        opacity = -np.expm1(length * np.log1p(-np.minimum(color[..., 3], 1.0 - 1e-12)))
+        color: Floats = table.at(ndimage.map_coordinates(layers[n], at, np.float64, order=1, mode="constant"))
         # Outside the volume opacity is 0, also where the table gives the value 0 an opacity.
         for position, count in zip(at, layers.shape[1:], strict=True):
-            opacity = np.where((position > -1.0) & (position < count), opacity, 0.0)
-        through = (1.0 - picture[..., 3]) * opacity
-        picture[..., :3] += through[..., None] * color[..., :3]
-        picture[..., 3] += through
+            color[..., 3] = np.where((position > -1.0) & (position < count), color[..., 3], 0.0)
+        return color
+
+    picture = composited(((layer(n), length) for n in order), starts.shape[:2])
     return np.asarray(picture, dtype=np.float32)

@@ -9,7 +9,7 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -274,6 +274,20 @@ def rays(camera: ss.Camera, size: tuple[int, int]) -> tuple[Floats, Floats]:
     x = (2.0 * (np.arange(width) + 0.5) / width - 1.0) * camera.height / 2.0 * width / height
     y = (1.0 - 2.0 * (np.arange(height) + 0.5) / height) * camera.height / 2.0
     return eye + x[None, :, None] * right + y[:, None, None] * up, ahead
+
+
+def composited(layers: Iterable[tuple[Floats, float]], shape: tuple[int, ...]) -> Floats:
+    """Return layers of a picture (h, w, 4), composited front to back and premultiplied.
+
+    Each layer is its classified colours (h, w, 4), with the length in reference lengths for which opacities are corrected.
+    """
+    picture = np.zeros((*shape, 4))
+    for color, length in layers:
+        opacity = -np.expm1(length * np.log1p(-np.minimum(color[..., 3], 1.0 - 1e-12)))
+        through = (1.0 - picture[..., 3]) * opacity
+        picture[..., :3] += through[..., None] * color[..., :3]
+        picture[..., 3] += through
+    return picture
 
 
 # --------------------------------------------------------------------------------------------------------- renderers

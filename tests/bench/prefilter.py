@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
 import sheetsplat as ss
-from bench.measure import Floats, attempt, clock, decibels, device_of, rays, renderer_for, rms, time_frames
+from bench.measure import Floats, attempt, clock, composited, decibels, device_of, rays, renderer_for, rms, time_frames
 from bench.pictures import keep
 from bench.report import Goal, Options, Report, Row, columns, environment
 from sheetsplat import datasets
@@ -71,15 +71,10 @@ def flat_picture(
     """
     starts, ahead = rays(camera, size)
     table = ss.TransferFunction(list(points))
-    picture = np.zeros((*starts.shape[:2], 4))
     count = math.ceil(half / spacing)
-    for n in range(-count, count):
-        color = table.at(rho(starts + (middle + (n + 0.5) * spacing) * ahead))
-        opacity = -np.expm1(spacing / length * np.log1p(-color[..., 3]))
-        through = (1.0 - picture[..., 3]) * opacity
-        picture[..., :3] += through[..., None] * color[..., :3]
-        picture[..., 3] += through
-    return picture
+    depths = (middle + (n + 0.5) * spacing for n in range(-count, count))
+    slices = ((table.at(rho(starts + depth * ahead)), spacing / length) for depth in depths)
+    return composited(slices, starts.shape[:2])
 
 
 def view() -> ss.Camera:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -110,16 +110,18 @@ class Case:
         Points of the transfer function.
     distance
         Distance of slices and of VTK's samples, world units.
+    edge
+        Edge of the cube that is looked at, world units.
+    share
+        Goal: largest share of the time of VTK's caster.
     unit
         Reference length of opacities, world units.
-    lower, edge
-        Corner and edge of the cube that is looked at.
+    lower
+        Corner of the cube.
     opacity_stop
         Accumulated opacity at which a pixel ends.
     peer
         VTK's caster whose time is compared.
-    share
-        Goal: largest share of that time.
     """
 
     name: str
@@ -128,12 +130,12 @@ class Case:
     volume: Volume | None
     points: tuple[Point, ...]
     distance: float
-    unit: float
-    lower: tuple[float, float, float]
     edge: float
-    opacity_stop: float
-    peer: Caster
     share: float
+    unit: float = 1.0
+    lower: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    opacity_stop: float = 1.0
+    peer: Caster = "gpu"
 
     def scene(self, *, shaded: bool = True, **others: Any) -> ss.Scene:
         """Return the scene; `others` are options of :class:`sheetsplat.Scene` and win."""
@@ -156,70 +158,40 @@ class Case:
 
 
 def _of_dataset(name: str, title: str, made: datasets.Dataset, points: tuple[Point, ...], share: float) -> Case:
-    step = made.spacing[0]
-    return Case(
-        name=name,
-        title=title,
-        field=made.field(),
-        volume=Volume(made.values, made.spacing, made.origin),
-        points=points,
-        distance=step,
-        unit=step,
-        lower=made.origin,
-        edge=step * (made.shape[2] - 1),
-        opacity_stop=0.98,
-        peer="cpu",
-        share=share,
-    )
-
-
-def _points_of(made: datasets.Dataset) -> tuple[Point, ...]:
-    return tuple(made.suggested["points"])
+    step, count = made.spacing[0], made.shape[2]
+    volume = Volume(made.values, made.spacing, made.origin)
+    edge = step * (count - 1)
+    case = Case(name, f"{title}, {count}^3", made.field(), volume, points, step, edge, share, unit=step)
+    return replace(case, lower=made.origin, opacity_stop=0.98, peer="cpu")
 
 
 def _ball(options: Options) -> Case:
     made = datasets.noisy_ball(options.edge(128))
-    return _of_dataset("ball", f"noisy ball, {made.shape[0]}^3", made, _points_of(made), 0.6)
+    return _of_dataset("ball", "noisy ball", made, tuple(made.suggested["points"]), 0.6)
 
 
 def _signal(options: Options, name: str, edge: int, share: float) -> Case:
-    made = datasets.marschner_lobb(options.edge(edge))
-    # From this value on, half of the samples can be seen or touch what can: 1.08 million of 128^3.
+    # From 0.6 on, half of the samples are visible or next to visible ones: 1.08 million of 128^3.
     points = ((0.0, 0.9, 0.55, 0.2, 0.0), (0.6, 0.9, 0.55, 0.2, 0.0), (1.0, 0.95, 0.9, 0.8, 0.3))
-    return _of_dataset(name, f"Marschner-Lobb, {made.shape[0]}^3", made, points, share)
+    return _of_dataset(name, "Marschner-Lobb", datasets.marschner_lobb(options.edge(edge)), points, share)
 
 
 def _tubes(options: Options) -> Case:
     made = datasets.tubes(options.edge(128))
-    return _of_dataset("tubes", f"thin tubes, {made.shape[0]}^3", made, _points_of(made), 0.3)
-
-
-def _scattered(name: str, title: str, field: ss.EllipsoidField, edge: float, distance: float) -> Case:
-    return Case(
-        name=name,
-        title=title,
-        field=field,
-        volume=None,
-        points=SCATTERED_POINTS,
-        distance=distance,
-        unit=1.0,
-        lower=(0.0, 0.0, 0.0),
-        edge=edge,
-        opacity_stop=1.0,
-        peer="gpu",
-        share=0.5,
-    )
+    return _of_dataset("tubes", "thin tubes", made, tuple(made.suggested["points"]), 0.3)
 
 
 def _spheres(options: Options) -> Case:
     edge, count = options.edge(128), options.count(100_000)
+    title = f"{count:,} Gaussians of radius 2-4 in {edge}"
     # At a distance of 1 a flat picture reaches only 45 dB of the converged one.
-    return _scattered("spheres", f"{count:,} Gaussians of radius 2-4 in {edge}", spheres(count, edge), edge, 0.75)
+    return Case("spheres", title, spheres(count, edge), None, SCATTERED_POINTS, 0.75, edge, 0.5)
 
 
 def _ellipsoids(options: Options) -> Case:
     edge, count = options.edge(EDGE), options.count(COUNT)
-    return _scattered("ellipsoids", f"{count:,} ellipsoids to 1:20 in {edge}", ellipsoids(count, edge), edge, 1.0)
+    title = f"{count:,} ellipsoids to 1:20 in {edge}"
+    return Case("ellipsoids", title, ellipsoids(count, edge), None, SCATTERED_POINTS, 1.0, edge, 0.5)
 
 
 #: How each scene is made, by its name.

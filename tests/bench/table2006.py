@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import statistics
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 import sheetsplat as ss
+from bench.lab import lab_renderer
 from bench.measure import (
     Judge,
     clock,
@@ -158,7 +160,12 @@ def run(options: Options) -> Report:
             # The solids are recognised from one side.
             cameras[0] = ss.Camera.fit(field, direction=loaded.direction)
         least, most = diagonals(kernels)
-        row, timing, _ = frames_and_error(options, judge, renderer, scene, cameras, name)
+        row, timing, last = frames_and_error(options, judge, renderer, scene, cameras, name)
+        if last.plan.backend == "gl":
+            counting = lab_renderer(options, "count_fragments")
+            counted = [counting.render(scene, camera, size=options.size).stats["fragments"] for camera in cameras]
+            fragments = statistics.median(counted)
+            row |= {"fragments": round(fragments), "fragments_a_second": fragments / timing.wall}
         further, picture_of_own = time_frames(renderer, own, cameras[: min(3, options.views)], options.size)
         keep(options, picture_of_own, f"{name} at its own distance")
         row |= {
@@ -191,6 +198,8 @@ def run(options: Options) -> Report:
             f"Unit of diagonals and distance of slices: 1/{_UNITS:g} of the longest edge of the box around all "
             "centres. own ds, slices and fps: at the default distance, which follows the kernels' thinnest semi-axes, "
             "with opacities per that distance.",
+            "fragments: those that the splat pass blends, counted by the device in another frame; in packing wide "
+            "each holds up to eight slices.",
             options.error_note,
             "The paper: Pentium 4 at 3 GHz, Quadro FX 3400 (GeForce 6800 GT), 400x400; in brackets, points that it did "
             "not cull. Its solids are not available; the column 'shown by' names the stand-ins.",

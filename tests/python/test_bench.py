@@ -209,6 +209,9 @@ def test_the_frame_is_opengls_unless_told(tmp_path: Path, monkeypatch: pytest.Mo
     frame = BENCHES["frame"].run(_options(tmp_path, backend="auto"))
     assert "OpenGL" in frame.environment["device"]
     assert all("remark" not in row and row["wall_ms"] > 0.0 for row in frame.rows)
+    options = _options(tmp_path, backend="auto", rows=("Toy Train",), size=(16, 16))
+    (train,) = BENCHES["table2006"].run(options).rows
+    assert train["fragments"] > 0 and train["rmse"] < 1e-4
 
 
 def test_what_only_opengl_has_is_not_run_elsewhere(tmp_path: Path) -> None:

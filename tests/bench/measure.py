@@ -279,7 +279,7 @@ def rays(camera: ss.Camera, size: tuple[int, int]) -> tuple[Floats, Floats]:
 def composited(layers: Iterable[tuple[Floats, float]], shape: tuple[int, ...]) -> Floats:
     """Return layers of a picture (h, w, 4), composited front to back and premultiplied.
 
-    Each layer is its classified colours (h, w, 4), with the length in reference lengths for which opacities are corrected.
+    Each layer is its classified colours (h, w, 4), with the length in reference lengths for opacity correction.
     """
     picture = np.zeros((*shape, 4))
     for color, length in layers:

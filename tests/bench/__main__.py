@@ -8,6 +8,7 @@ import os
 import sys
 import textwrap
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import sheetsplat as ss
@@ -43,6 +44,12 @@ def _parser() -> argparse.ArgumentParser:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON instead of tables")
     form.add_argument("--markdown", action="store_true", help="print tables as Markdown")
+    add(
+        "--columns",
+        type=lambda text: text.split(","),
+        metavar="NAME,...",
+        help="columns of the table, by their JSON names",
+    )
     add("--check", action="store_true", help="exit code 1 where a goal was missed")
     add("-q", "--quiet", action="store_true", help="do not print what is done next")
     return parser
@@ -100,6 +107,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     reached = True
     for name in names:
         report = BENCHES[name].run(options)
+        if given.columns:
+            shown = {column: report.columns.get(column, column) for column in given.columns}
+            report = replace(report, columns=shown)
         print(report.to_json() if given.json else report.markdown() if given.markdown else report.table(), flush=True)
         if len(names) > 1:
             print()

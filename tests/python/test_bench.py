@@ -87,8 +87,10 @@ def test_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
             main(bad)
         assert told in capsys.readouterr().err
     quick = ["--scale", "0.3", "--backend", "reference", "-q", "--output", str(tmp_path / "out")]
-    assert main(["claims", "--row", "borders", *quick, "--pictures", str(tmp_path), "--markdown"]) == 0
-    assert capsys.readouterr().out.startswith("## The papers' claims")
+    markdown = ["--markdown", "--columns", "row,rmse"]
+    assert main(["claims", "--row", "borders", *quick, "--pictures", str(tmp_path), *markdown]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("## The papers' claims") and "ghost points" in printed and "kernels" not in printed
     assert len(list(tmp_path.glob("borders*.png"))) == 4
     assert len(json.loads((tmp_path / "out" / "claims.json").read_text())["rows"]) == 4
 

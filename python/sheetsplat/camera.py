@@ -52,7 +52,7 @@ def bounds_of(thing: object) -> Bounds:
 
 
 class Camera:
-    """Where the picture is taken from. Immutable; made by `orthographic`, `perspective` or `fit`.
+    """Position and projection of the view. Immutable; made by `orthographic`, `perspective` or `fit`.
 
     The camera looks from eye to target; lengths are world units, angles degrees.
     """
@@ -146,8 +146,7 @@ class Camera:
         field
             A field, a scene, a data set, a sequence of fields, or anything with ``bounds`` ((x0, y0, z0),
             (x1, y1, z1)). What is fitted is that box, for fields the box around all supports, whether or not
-            anything in it is visible: orthographic as large as it looks in this view, in perspective the sphere
-            around it.
+            anything in it is visible: in orthographic views its projection, in perspective the sphere around it.
         direction
             World direction of the view, from the eye into the scene, or an axis such as "x" or "-z".
         up
@@ -155,14 +154,14 @@ class Camera:
         kind
             "orthographic" or "perspective".
         margin
-            How much larger than the thing the picture is, > 0.
+            Size of the picture relative to the fitted box, > 0.
         fov_y
             Vertical angle in degrees, for perspective.
 
         Raises
         ------
         InvalidInput
-            Where there is nothing to look at, or a number has no meaning.
+            Where there is no box to fit, or a number is out of range.
         """
         lower, upper = bounds_of(field)
         return cls._of(
@@ -194,7 +193,7 @@ class Camera:
 
     @property
     def up(self) -> Triple:
-        """World direction that is up in the picture, as it was given."""
+        """World direction that is up in the picture, as given."""
         return self.native.up
 
     @property
@@ -209,7 +208,7 @@ class Camera:
 
     @property
     def near(self) -> float:
-        """Depth in front of which a perspective camera shows nothing."""
+        """Depth of the near plane of a perspective camera."""
         return self.native.near
 
     def __repr__(self) -> str:

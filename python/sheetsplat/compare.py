@@ -32,7 +32,7 @@ def _picture(array: ArrayLike, what: str) -> Floats:
 
 
 def _for_eyes(picture: Floats, reference: Floats) -> Floats:
-    """Return the picture as a screen would show it over black: (h, w, 3) in [0, 1]."""
+    """Return the picture as a screen shows it over black: (h, w, 3) in [0, 1]."""
     if picture.ndim == 2:
         finite = np.nan_to_num(reference, posinf=0.0, neginf=0.0)
         top = float(finite.max(initial=0.0))
@@ -53,12 +53,12 @@ def compare(picture: ArrayLike, reference: ArrayLike) -> dict[str, float]:
     dict
         "rmse", "p99_9" (99.9th percentile of the largest channel difference of a pixel) and "maximum" as the
         conventions, section 8 (Distances between pictures), define them; "flip", the mean of FLIP (Andersson et al.
-        2020) over black. NaN in one picture only counts as infinitely far.
+        2020) over black. A NaN in only one of the pictures makes the distance infinite.
 
     Raises
     ------
     InvalidInput
-        Where the shapes differ or are no pictures.
+        Where the shapes differ or are not those of pictures.
     """
     first, second = _picture(picture, "picture"), _picture(reference, "reference")
     if first.shape != second.shape:
@@ -78,7 +78,7 @@ def compare(picture: ArrayLike, reference: ArrayLike) -> dict[str, float]:
 
 
 def _infinitely_far(picture: Floats, reference: Floats) -> bool:
-    """Return True where a number that is not finite stands in one picture only; for eyes it would be black or white."""
+    """Return True where only one of the pictures has a NaN or infinity at some place, which FLIP would not count."""
     odd = ~(np.isfinite(picture) & np.isfinite(reference))
     first, second = picture[odd], reference[odd]
     return bool(np.any((first != second) & ~(np.isnan(first) & np.isnan(second))))

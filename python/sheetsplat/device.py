@@ -1,4 +1,4 @@
-"""The machines that pictures can be made on."""
+"""The backends and devices of this machine."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sheetsplat import _sheetsplat
 
 @dataclass(frozen=True)
 class Device:
-    """One backend, or one way to an OpenGL context, as it was tried here.
+    """One backend, or one kind of OpenGL context, and whether it is available here.
 
     Attributes
     ----------
@@ -19,13 +19,13 @@ class Device:
     platform
         "egl", "surfaceless" or "osmesa" for OpenGL, else empty.
     available
-        Whether a picture can be made on it.
+        Whether it can render.
     description
-        Renderer and version where available, else why not and what to do.
+        Renderer and version where available, else the reason and what to do.
     extensions
-        Those that are used.
+        The OpenGL extensions that are used.
     workarounds
-        Names of those in force.
+        Names of the work-arounds in use.
     """
 
     backend: str
@@ -36,14 +36,14 @@ class Device:
     workarounds: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain dicts, lists and texts, ready for JSON."""
+        """Return all fields as dicts, lists and strings, for JSON."""
         plain = asdict(self)
         plain["extensions"], plain["workarounds"] = list(self.extensions), list(self.workarounds)
         return plain
 
 
 def devices() -> list[Device]:
-    """Return every backend and context that could be made here, and why the others could not. Tries each of them."""
+    """Return every backend and kind of context with its availability. Tries each of them."""
     return [
         Device(
             backend=report.backend,

@@ -1,4 +1,4 @@
-"""What each effect of a plan costs: the same picture, drawn with it and without."""
+"""The time that each effect of a plan costs: the same picture is drawn with it and without."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sheetsplat.scene import Scene
 # Returns its plan.
 Draw = Callable[[Scene, tuple[str, ...], dict[str, bool]], RenderPlan]
 
-# Effects that the scene asks for by an option of their own, and how it does without.
+# Effects that an option of the scene switches, and the option that switches them off.
 _WITHOUT: dict[str, dict[str, Any]] = {
     "ewa_filter": {"filter": None},
     "slab_sampling": {"sampling": "point"},
@@ -30,7 +30,7 @@ _WITHOUT: dict[str, dict[str, Any]] = {
     "shadows": {"shadows": False},
     "ambient_occlusion": {"ambient_occlusion": None},
 }
-# Effects that are the point of the picture, or of the machine: without them it would be another one.
+# Effects that follow from the data, the mode or the device, and cannot be switched for the same picture.
 _FIXED = frozenset(
     {
         "classification",
@@ -54,7 +54,7 @@ _OUTPUTS = ("coverage", "depth")
 
 
 class _Way:
-    """A picture with one effect the other way."""
+    """A picture with one effect switched."""
 
     def __init__(self, scene: Scene, outputs: tuple[str, ...], effects: dict[str, bool]) -> None:
         self.scene = scene
@@ -63,7 +63,7 @@ class _Way:
 
 
 def _other_way(effect: Effect, scene: Scene, outputs: tuple[str, ...]) -> _Way | None:
-    """Return how to draw the picture with the effect turned the other way, or None where it cannot be."""
+    """Return how to draw the picture with an effect switched, or None where it cannot be switched."""
     if effect.name in _FIXED or effect.name in _FOR_COMPARISON:
         return None
     if effect.name in _OUTPUTS:
@@ -82,33 +82,33 @@ def _milliseconds(draw: Draw, way: _Way) -> float:
 
 
 def _turns(draw: Draw, way: _Way, effect: Effect) -> bool:
-    """Draw a first picture the other way. Returns False where that cannot be had, or changes nothing."""
+    """Draw a first picture with an effect switched. Return False where that fails or does not switch it."""
     try:
         plan = draw(way.scene, way.outputs, way.effects)
     except Error:
-        # Not every effect of a list can be had together with the others.
+        # Some combinations of effects are refused.
         return False
     return plan.has(effect.name) != effect.on
 
 
 def measured_plan(plan: RenderPlan, scene: Scene, outputs: tuple[str, ...], draw: Draw, repeats: int) -> RenderPlan:
-    """Return the plan with the cost of each effect that can be turned the other way.
+    """Return the plan with the cost of each effect that can be switched.
 
-    Pictures with and without an effect take turns, so that a machine that gets slower does so for both; each is drawn
-    once before anything is timed, which makes what is kept between pictures. Costs are medians of differences
-    between neighbours: noise of a few per cent of the picture is in them, more on a busy machine, and they do not add
-    up, since effects share work.
+    Pictures with and without an effect alternate, so that changes in the speed of the machine affect both. Each is
+    drawn once before it is timed, to fill the caches. Costs are medians of the differences of consecutive pictures,
+    with a noise of a few per cent of the picture's time, more on a busy machine. They do not add up, because effects
+    share work.
 
     Parameters
     ----------
     plan
-        Of the picture as it is.
+        Of the unchanged picture.
     scene, outputs
         The picture.
     draw
-        Draws it; for forced effects it may keep renderers of its own.
+        Draws it; may keep renderers for forced effects.
     repeats
-        Pictures of each kind that are timed.
+        Number of timed pictures of each kind.
     """
     base = _Way(scene, outputs, {})
     draw(base.scene, base.outputs, base.effects)

@@ -19,21 +19,21 @@ from sheetsplat.plan import RenderPlan
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """How far a picture is from the converged one, estimated without it.
+    """Estimated distance of a picture from the converged one.
 
-    The converged picture is the one of ever closer slices, without an opacity stop, in exact arithmetic.
+    The converged picture is the limit of vanishing slice distances, without an opacity stop, in exact arithmetic.
 
     Attributes
     ----------
     rmse
         Root mean square difference over all pixels and channels: of premultiplied colours and opacity, 0 to 1; in the
         modes "xray" and "mip" of scalars, divided by the largest one where that is above 1. So do conventions, section
-        8, and ``sheetsplat.compare.compare`` (after ``import sheetsplat.compare``).
+        8, and ``sheetsplat.compare.compare``.
     budget
-        The same by cause. Causes are independent: their squares add up to the square of `rmse`. Shadows and ambient
-        occlusion from volumes are not measured: they count as the plan expects them, mostly from above.
+        The parts of `rmse` by cause, whose squares add up to its square. Those of shadows and ambient occlusion from
+        volumes are not measured but taken from the plan, which mostly overestimates them.
     map
-        Each pixel's own estimate, root mean square over its channels, float32 (h, w); the mean of its squares is the
+        Estimate of each pixel, root mean square over its channels, float32 (h, w); the mean of the squares is the
         square of `rmse`.
     """
 
@@ -58,7 +58,7 @@ class ErrorEstimate:
 class Image:
     """A picture, row 0 at the top, made by `Renderer.render`. It has either `rgba` or `scalar`, by the scene's mode.
 
-    ``np.asarray(image)`` gives the one that is there. The arrays may outlive the image.
+    ``np.asarray(image)`` returns that array. The arrays stay valid after the image is gone.
     """
 
     __slots__ = ("_coverage", "_depth", "_error", "_estimate", "native", "_plan", "_rgba", "_scalar", "_stats")
@@ -115,7 +115,7 @@ class Image:
 
     @property
     def plan(self) -> RenderPlan:
-        """What ran, and why."""
+        """The plan that was carried out."""
         return self._plan
 
     @property
@@ -125,22 +125,22 @@ class Image:
 
     @property
     def settings(self) -> dict[str, Any] | None:
-        """What stood in place of the scene's own options where max_error or max_seconds chose them; else None."""
+        """Options that max_error or max_seconds chose in place of those of the scene; None without them."""
         return self.native.settings
 
     @property
     def error(self) -> ErrorEstimate:
-        """How far this picture is from the converged one, with the causes and a map.
+        """Estimated distance of this picture from the converged one, by cause and by pixel.
 
-        It is estimated when it is first asked for, from further pictures of the same view, which take some four times
-        as long as this one; the renderer and the scene are kept until then. Ctrl-C stops it.
+        It is computed at the first access, from further pictures of the same view, which take about four times as long
+        as this one; the image keeps renderer and scene until then. Ctrl-C stops it.
 
         Raises
         ------
         InvalidInput
-            For a coarse stage of a picture.
+            For a coarse stage of a progressive rendering.
         Unsupported, OutOfMemory
-            Where those further pictures cannot be made.
+            Where the further pictures cannot be rendered.
         """
         if self._error is None:
             if self._estimate is None:
@@ -155,13 +155,13 @@ class Image:
         return self._error
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the picture to a file, by its suffix; the file appears whole or not at all.
+        """Write the picture in the format of the suffix; the file appears whole or not at all.
 
         Parameters
         ----------
         path
             .png: straight alpha, clamped, 8 bit, no gamma; scalar pictures are scaled to their largest value.
-            .exr: float32, premultiplied R, G, B, A, or Y for scalar pictures. .npy: the array as it is.
+            .exr: float32, premultiplied R, G, B, A, or Y for scalar pictures. .npy: the array unchanged.
 
         Raises
         ------
@@ -177,7 +177,7 @@ class Image:
         pictures.save(self, Path(os.fsdecode(path)))
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
-        """Return `rgba` or `scalar`, whichever is there."""
+        """Return `rgba` or `scalar`, by the mode of the scene."""
         array = self._scalar if self._rgba is None else self._rgba
         if copy is False and dtype is not None and np.dtype(dtype) != np.float32:
             raise ValueError(f"an Image is float32; it cannot be seen as {np.dtype(dtype)} without a copy")

@@ -1,4 +1,4 @@
-"""What will run for a scene, and why, before it runs."""
+"""The plan of a rendering: which effects run for a scene, and why."""
 
 from __future__ import annotations
 
@@ -11,25 +11,24 @@ from sheetsplat import _sheetsplat
 
 @dataclass(frozen=True)
 class Effect:
-    """Anything that a scene may or may not call for.
+    """A step of rendering that a scene may or may not need.
 
     Attributes
     ----------
     name
-        What it is called in ``Renderer(effects={name: bool})``.
+        Its name in ``Renderer(effects={name: bool})``.
     on
         Whether it runs.
     reason
         One sentence: why it is on or off.
     forced
-        True where the caller decided.
+        True where the caller forced it.
     error
-        Root mean square error that it is expected to add to the picture: its part of ``RenderPlan.error_budget``. 0
-        where it changes no digit that anybody sees.
+        Root mean square error that it is expected to add to the picture, its part of ``RenderPlan.error_budget``; 0
+        where it adds none.
     cost_ms
-        What it costs, in milliseconds of this picture: of an effect that is on what the picture takes longer with it,
-        of one that is off what it would. None until `Renderer.measure_effects` has measured it, and where it cannot be
-        turned the other way.
+        Milliseconds that it adds to this picture, or would add where it is off. None until `Renderer.measure_effects`
+        has measured it, and where it cannot be switched.
     """
 
     name: str
@@ -42,30 +41,30 @@ class Effect:
 
 @dataclass(frozen=True)
 class RenderPlan:
-    """What will run for one scene, camera and size. ``print(plan)`` gives a table.
+    """The effects that run for one scene, camera and size. ``print(plan)`` prints a table.
 
     Attributes
     ----------
     backend, precision, packing, tagging
-        What was chosen of each.
+        The choice for each.
     device
-        The machine, in words.
+        Description of the device.
     size
         (width, height) in pixels.
     slice_spacing
         Distance of slices in world units.
     first_slice, slices
-        Number n of the first slice, and how many follow.
+        Index n of the first slice, and the number of slices.
     memory
-        Bytes beside the fields, all stages at once.
+        Bytes in addition to the fields.
     effects
         Each effect with its reason.
     error_budget
-        Root mean square distance from the float64 reference at the same slices that is expected of each cause, made
-        from the scene alone. An estimate, mostly from above; measure where it matters. What the distance of slices and
-        the opacity stop cost is not in it: `Image.error` says that, and the effect "settings for max_error".
+        Root mean square distance from the float64 reference at the same slices that is expected from each cause,
+        estimated from the scene alone and mostly too large. The errors of the distance of slices and of the opacity
+        stop are not included: `Image.error` and the effect "settings for max_error" have them.
     picture_ms
-        Milliseconds that the picture took, median, where `Renderer.measure_effects` made this plan; else None.
+        Median time of the picture in milliseconds where `Renderer.measure_effects` made this plan; else None.
     """
 
     backend: str
@@ -102,9 +101,9 @@ class RenderPlan:
 
     @property
     def expected_error(self) -> float:
-        """Root mean square distance from the reference that is expected of all causes: the root of their squares' sum.
+        """Root mean square distance from the reference that is expected from all causes together.
 
-        It is also that of the errors of all effects.
+        It is the root of the sum of their squares, and also that of the errors of all effects.
         """
         return math.hypot(*self.error_budget.values())
 
@@ -144,7 +143,7 @@ class RenderPlan:
         return "\n".join(lines)
 
     def _table(self) -> list[str]:
-        """Return the lines of the effects: name, on or off, error owed, cost where measured, reason."""
+        """Return the lines of the effects: name, on or off, expected error, cost where measured, reason."""
         if not self.effects:
             return []
         width = max(len(effect.name) for effect in self.effects)
@@ -161,7 +160,7 @@ class RenderPlan:
 
 
 def _cost(effect: Effect) -> str:
-    """Return milliseconds: in brackets what an effect that is off would cost."""
+    """Return milliseconds; in brackets for an effect that is off."""
     if effect.cost_ms is None:
         return "-"
     text = f"{effect.cost_ms:.2f}"

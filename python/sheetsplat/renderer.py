@@ -118,21 +118,21 @@ class Renderer:
         size: tuple[int, int] = (400, 400),
         outputs: Iterable[Output] = (),
     ) -> RenderPlan:
-        """Return what would run, and why. Raises what `render` would raise before it draws.
+        """Return the plan of a picture. Raises what `render` would raise before it draws.
 
         Parameters
         ----------
         scene, camera
-            What is seen, and from where.
+            The scene, and the camera that shows it.
         size
             (width, height) in pixels.
         outputs
-            "coverage" and "depth", where wanted beside the picture.
+            Arrays to render in addition to the picture: "coverage", "depth".
 
         Raises
         ------
         DeviceUnavailable
-            Where the backend has no device here; the message lists every try.
+            Where the backend has no device here; the message lists every attempt.
         InvalidInput, Unsupported, OutOfMemory
             As `render` would.
         """
@@ -161,17 +161,16 @@ class Renderer:
     ) -> RenderPlan:
         """Return the plan with the milliseconds that each effect costs, by drawing the picture with and without it.
 
-        Some two dozen effects can be turned the other way, so this takes some hundred pictures. Effects that are off
-        are timed as well: what it would cost to leave them in. Costs are medians of differences between neighbours:
-        they carry noise of some per cent of ``picture_ms``, more on a busy machine, and do not add up, since effects
-        share work.
+        About two dozen effects can be switched, so that this takes about a hundred pictures. Effects that are off are
+        timed as well: what they would cost. Costs are medians of differences of consecutive pictures, with a noise of
+        some per cent of ``picture_ms``, more on a busy machine. They do not add up, because effects share work.
 
         Parameters
         ----------
         scene, camera, size, outputs
             As for `render`.
         repeats
-            Pictures of each kind that are timed, at least 1.
+            Number of timed pictures of each kind, at least 1.
 
         Raises
         ------
@@ -194,7 +193,7 @@ class Renderer:
             if effects:
                 key = repr(effects)
                 if key not in others:
-                    # One at a time beside this one: each keeps buffers of its own.
+                    # One additional renderer at a time: each has buffers of its own.
                     others.clear()
                     forced = settings["effects"] | effects
                     others[key] = _native(settings | {"effects": forced, "allow_inexact": True})
@@ -219,30 +218,30 @@ class Renderer:
         outputs: Iterable[Output] = (),
         progress: Progress | None = None,
     ) -> Image:
-        """Return the picture. Other threads of Python run meanwhile; Ctrl-C stops it within a slice.
+        """Return the picture. It releases the GIL while it renders; Ctrl-C stops it within a slice.
 
         Parameters
         ----------
         scene, camera
-            What is seen, and from where.
+            The scene, and the camera that shows it.
         size
             (width, height) in pixels.
         outputs
-            "coverage" and "depth", where wanted beside the picture.
+            Arrays to render in addition to the picture: "coverage", "depth".
         progress
-            Called between slices, at most fifty times a second, with the share that is done, 0 to 1. Where it returns
-            False the rendering stops; where it raises, that error comes out of here.
+            Called between slices, at most fifty times a second, with the finished share, 0 to 1. Where it returns
+            False, the rendering stops; an error that it raises is raised here.
 
         Raises
         ------
         DeviceUnavailable
-            Where the backend has no device here; the message lists every try.
+            Where the backend has no device here; the message lists every attempt.
         InvalidInput
-            For a size, an output or the name of an effect that has no meaning, and for more than 10⁷ slices.
+            For an invalid size or output, an unknown effect, and for more than 10⁷ slices.
         Unsupported
-            Where the backend does not have a setting, or the picture cannot be made within its error bound.
+            Where the backend does not have a setting, or the error bound cannot be kept.
         OutOfMemory
-            Where it does not fit.
+            Where the picture or its buffers do not fit into memory.
         Cancelled
             Where `progress` returned False.
         """
@@ -268,22 +267,21 @@ class Renderer:
         *,
         first_seconds: float = 0.05,
     ) -> Iterator[Image]:
-        """Return an iterator over stages of the picture: coarse ones first, each at least twice as fine.
+        """Return an iterator over stages of the picture, from coarse to fine, each at least twice as fine as the last.
 
         Coarse stages have fewer pixels, which are interpolated to the full size, and larger slice distances. The last
-        stage is what `render` returns. Of the ``stats`` of each, ``estimated_rmse`` is its estimated distance from the
-        last one (for the last one: what its plan expects), and ``stage`` counts from 1 to ``stages``. Where the
-        iterator is closed, or just left, nothing more is drawn.
+        stage is what `render` returns. In the ``stats`` of each stage, ``estimated_rmse`` is the estimated distance
+        from the last one (for the last one: what its plan expects), and ``stage`` counts from 1 to ``stages``. Nothing
+        more is drawn when the iterator is closed or dropped.
 
         Parameters
         ----------
         scene, camera, size, outputs
             As for `render`.
         progress
-            As for `render`, for each stage: its share runs from 0 to 1 again.
+            As for `render`, for each stage anew: its share starts at 0 again.
         first_seconds
-            How long the first stage may take: an aim. Where all of the picture is expected to take no longer, it is the
-            only stage.
+            Target time of the first stage. Where the whole picture is expected to take no longer, it is the only stage.
 
         Raises
         ------

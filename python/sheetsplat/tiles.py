@@ -1,4 +1,4 @@
-"""Pictures that do not fit into memory: drawn piece by piece, straight into a file."""
+"""Pictures larger than memory, rendered in tiles into a file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from sheetsplat.scene import Scene
 
 Floats = NDArray[np.float32]
 TILE = 2048
-# Of the header of a .npy file, rounded up.
+# Size of the header of a .npy file, rounded up.
 _HEADER = 4096
 
 
@@ -31,25 +31,25 @@ def _moved(position: Triple, right: Triple, up: Triple, x: float, y: float) -> T
 
 
 def window(camera: Camera, size: tuple[int, int], at: tuple[int, int], extent: tuple[int, int]) -> Camera:
-    """Return the camera that sees a part of what an orthographic camera sees, pixel by pixel.
+    """Return the camera of a rectangle of pixels of an orthographic camera's picture.
 
-    Slices, and with them all sums, stay what they are: they lie across the same view and hang on the field.
+    The slices, and with them all sums, stay the same: the view direction and the field determine them.
 
     Parameters
     ----------
     camera
         An orthographic camera.
     size
-        (width, height) of its whole picture in pixels.
+        (width, height) of the whole picture in pixels.
     at
-        Column and row of the part's first pixel; may lie outside the picture.
+        Column and row of the first pixel of the rectangle; may lie outside the picture.
     extent
-        (width, height) of the part in pixels.
+        (width, height) of the rectangle in pixels.
 
     Raises
     ------
     Unsupported
-        For a perspective camera: its parts are seen askew.
+        For a perspective camera: parts of its picture would need an off-axis projection.
     """
     if camera.kind != "orthographic":
         raise complain(
@@ -63,17 +63,17 @@ def window(camera: Camera, size: tuple[int, int], at: tuple[int, int], extent: t
     x = (at[0] + 0.5 * extent[0] - 0.5 * size[0]) * pixel
     y = (0.5 * size[1] - at[1] - 0.5 * extent[1]) * pixel
     rows = [camera.native.direction_to_eye(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
-    # The columns of these rows: eye space's axes in the world.
+    # The columns are the axes of eye space in world coordinates.
     right, up, back = ((rows[0][n], rows[1][n], rows[2][n]) for n in range(3))
     eye = _moved(camera.eye, right, up, x, y)
-    # So far off that the target's own rounding does not turn the view.
+    # Far enough that rounding the target does not turn the view.
     far = max(1.0, math.hypot(*eye), math.dist(camera.eye, camera.target))
     target = (eye[0] - far * back[0], eye[1] - far * back[1], eye[2] - far * back[2])
     return Camera.orthographic(eye, target, up, height=extent[1] * pixel)
 
 
 def pieces(size: tuple[int, int], tile: int) -> Iterator[tuple[int, int, int, int]]:
-    """Return column, row, width and height of every tile, row by row; those at the far edges are smaller."""
+    """Return column, row, width and height of every tile, row by row; tiles at the right and bottom may be smaller."""
     for row in range(0, size[1], tile):
         for column in range(0, size[0], tile):
             yield column, row, min(tile, size[0] - column), min(tile, size[1] - row)
@@ -89,27 +89,27 @@ def render_tiles(
     tile: int = TILE,
     progress: Callable[[float], object] | None = None,
 ) -> Floats:
-    """Draw a picture of any size into an .npy file, a tile at a time, and return the file as a memory map.
+    """Render a picture of any size into an .npy file, tile by tile, and return the file as a memory map.
 
-    The pixels are those of one picture, within the rounding of float32: every tile has the same slices. Gradients look
-    beyond a tile's edge, so tiles leave no seam.
+    The pixels are those of a single picture within the rounding of float32: all tiles have the same slices, and
+    gradients use pixels beyond the edge of a tile, so that there are no seams.
 
     Parameters
     ----------
     scene
-        What is seen.
+        The scene.
     camera
-        From where; orthographic.
+        An orthographic camera.
     size
         (width, height) in pixels.
     path
         The file, .npy: float32 (h, w, 4), premultiplied, or (h, w) in scalar modes; it appears whole or not at all.
     renderer
-        What draws; one of its own unless given.
+        The renderer; a new one unless given.
     tile
         Largest edge of a tile in pixels.
     progress
-        Called with the share that is done, 0 to 1, as often as `Renderer.render` calls it; False stops the drawing.
+        Called with the finished share, 0 to 1, as often as `Renderer.render` calls it; False stops the rendering.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def render_tiles(
             "make the picture smaller, or choose another disk",
             kind=Error,
         )
-    # What cannot be seen in parts is told before anything is drawn.
+    # Refuse perspective cameras before anything is drawn.
     window(camera, (width, height), (0, 0), (1, 1))
     drawing = Renderer() if renderer is None else renderer
     all_pieces = list(pieces((width, height), edge))
@@ -155,7 +155,7 @@ def render_tiles(
 
             part = window(camera, (width, height), (column, row), (across, down))
             image = drawing.render(scene, part, size=(across, down), progress=told)
-            # Mapped anew each time, as pages that were written stay in memory for as long as the file is mapped.
+            # Mapped anew for each tile: written pages stay in memory as long as the file is mapped.
             open_memmap(made, mode="r+")[row : row + down, column : column + across] = np.asarray(image)
     if progress is not None and progress(1.0) is False:
         raise Cancelled("the rendering was cancelled by its progress callback")

@@ -19,7 +19,7 @@ Colormap = str | Sequence[str] | ArrayLike | Callable[[Floats], ArrayLike]
 # One opacity, opacities spread evenly over clim, or pairs (value, opacity).
 Opacity = float | Sequence[float] | Sequence[tuple[float, float]] | NDArray[Any]
 
-# A name or a function of the caller's is sampled this often; tables of 8 bits have as many entries.
+# Number of samples of a named colormap or of a function; tables of 8 bits have as many entries.
 _COLORS = 256
 
 

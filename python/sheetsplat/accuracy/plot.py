@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow
 
 SUFFIXES = (".png", ".svg", ".pdf")
-# Colours that stay apart for most kinds of colour blindness (after Okabe and Ito), and one shape each.
+# Colours that most colour-blind readers can tell apart (after Okabe and Ito), with one marker each.
 _STYLES = {
     "slice_spacing": ("#0072B2", "o"),
     "classification": ("#D55E00", "s"),
@@ -35,9 +35,9 @@ _STYLES = {
 }
 _INK, _FAINT = "#222222", "#8a8a8a"
 _FRONT = "#f2c14e"
-# Half a grey level of 8 bits, which no screen shows.
+# Half a grey level of 8 bits: smaller errors are invisible on most screens.
 _UNSEEN = 0.5 / 255
-# Rank of what is labelled last.
+# Rank of the points that are labelled last.
 _LEAST = 3
 # Offsets of labels from their points, in points, in the order in which they are tried.
 _PLACES = (
@@ -48,7 +48,7 @@ _PLACES = (
 
 
 def require_matplotlib() -> None:
-    """Raise Unsupported where there is nothing to draw with."""
+    """Raise Unsupported where matplotlib is missing."""
     try:
         importlib.import_module("matplotlib")
     except ImportError:
@@ -62,7 +62,7 @@ def require_matplotlib() -> None:
 
 
 def _of(module: str) -> Any:
-    """Return a module of matplotlib, which type checkers need not have."""
+    """Return a module of matplotlib, without a static import: it is an optional dependency."""
     return importlib.import_module(f"matplotlib.{module}")
 
 
@@ -94,7 +94,7 @@ def draw(report: AccuracyReport, path: Path) -> None:
     panels = [(title, rows) for title, rows in panels if rows]
     if not panels:
         raise complain("the plot cannot be drawn", "no row that was measured", "at least one")
-    # Not pyplot: a program that shows windows of its own keeps them.
+    # Not pyplot, which would change the global state of a program with windows of its own.
     figure = _of("figure").Figure(figsize=(9.4 + 4.4 * (len(panels) - 1), 6.8), dpi=100, facecolor="white")
     canvas: Any = _of("backends.backend_agg").FigureCanvasAgg(figure)
     left = 0.08 if len(panels) == 1 else 0.06
@@ -117,7 +117,7 @@ def draw(report: AccuracyReport, path: Path) -> None:
         left,
         0.912,
         f"{width} × {height} pixels, {report.backend} {report.precision}, Δs = {report.slice_spacing:.4g}; each knob "
-        "is turned alone, all else as the scene has it",
+        "varied alone, all else as in the scene",
         size=10,
         color=_FAINT,
         va="center",
@@ -130,7 +130,7 @@ def draw(report: AccuracyReport, path: Path) -> None:
         from PIL import Image
 
         canvas.draw()
-        # Few colours, which a table of them keeps in a quarter of the bytes.
+        # A palette takes a quarter of the bytes.
         seen = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
         seen.quantize(256, dither=Image.Dither.NONE).save(made, format="PNG", optimize=True)
 
@@ -142,7 +142,7 @@ def _panel(
     truth = next((one for one in report.truths if one.name == rows[0].truth), None)
     floor = truth.uncertainty if truth is not None and math.isfinite(truth.uncertainty) else 0.0
     least = max(min(row.rmse for row in rows if row.rmse > 0.0) if any(row.rmse > 0 for row in rows) else 1e-8, 1e-9)
-    # A row without any error has no place on a logarithmic axis but its end.
+    # An error of 0 is drawn at the end of the logarithmic axis.
     shown = [(row, 1e3 * row.time(report.clock), max(row.rmse, least)) for row in rows]
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -262,7 +262,7 @@ def _label(
     shown: Sequence[tuple[AccuracyRow, float, float]],
     now: tuple[AccuracyRow, float, float] | None,
 ) -> None:
-    """Write the settings beside their points where there is room: now, those of the front, then ends of lines."""
+    """Write the settings beside their points where there is room: the current one, the front, then ends of lines."""
     stroke, text_class, box = _of("patheffects").withStroke, _of("text").Text, _of("transforms").Bbox
     renderer = canvas.get_renderer()
     canvas.draw()
@@ -279,7 +279,7 @@ def _label(
         text = "now" if is_now else _short(row)
         color = _INK if is_now else _STYLES[row.knob][0]
         x, y = axes.transData.transform((time, error))
-        # What is least in need of words has them only where there is room right beside it.
+        # Labels of the lowest rank are placed only directly beside their points.
         for dx, dy, ha, va in _PLACES if rank < _LEAST else _PLACES[:4]:
             far = 1.6 if is_now else 1.0
             note = axes.annotate(
@@ -299,7 +299,7 @@ def _label(
                 else None,
             )
             note.update_positions(renderer)
-            # The line to the point may cross others; the words may not.
+            # Leader lines may cross other labels; the texts may not.
             words = text_class.get_window_extent(note, renderer)
             inside = frame.x0 <= words.x0 and words.x1 <= frame.x1 + 30 and frame.y0 <= words.y0 <= frame.y1 - 4
             if inside and not any(words.overlaps(other) for other in taken):
@@ -312,7 +312,7 @@ def _label(
 def _in_order(
     shown: Sequence[tuple[AccuracyRow, float, float]], now: tuple[AccuracyRow, float, float] | None
 ) -> list[tuple[int, AccuracyRow, float, float]]:
-    """Return what is to be labelled with its rank: now, the front, the ends of each line, then the others."""
+    """Return the points to label with their ranks: the current setting, the front, ends of lines, then the others."""
     ends = set()
     for knob in KNOBS:
         for run in _runs([one for one in shown if one[0].knob == knob]):
@@ -328,7 +328,7 @@ def _in_order(
 
 
 def _short(row: AccuracyRow) -> str:
-    """Return a label that can be understood beside a point of its knob's colour."""
+    """Return a short label; the colour of the point tells the knob."""
     if row.knob == "image_scale":
         return f"{row.setting} size"
     if row.knob == "opacity_stop":

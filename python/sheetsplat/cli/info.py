@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
 _BAR = 40
-# Samples that are looked at in one go; percentiles look at no more than enough of them.
+# Number of samples per block; percentiles use at most `_ENOUGH` samples.
 _BLOCK = 1 << 20
 _ENOUGH = 4_000_000
 _LARGEST = float(np.finfo(np.float64).max)
@@ -31,14 +31,14 @@ def _extent(shape: tuple[int, ...], spacing: Any, lattice: str) -> list[float]:
     """Return the distances along x, y, z from the first kernel's centre to the last one's."""
     nk, nj, ni = shape
     if lattice == "bcc":
-        # Odd layers are half a cube further.
+        # Odd layers are shifted by half a cube.
         shift, edge = 0.5 * (nk > 1), spacing[0]
         return [(ni - 1 + shift) * edge, (nj - 1 + shift) * edge, 0.5 * (nk - 1) * edge]
     return [gap * (count - 1) for gap, count in zip(spacing, (ni, nj, nk), strict=True)]
 
 
 def _blocks(flat: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
-    """Give the finite samples as float64, a block at a time."""
+    """Yield the finite samples as float64, block by block."""
     for start in range(0, flat.size, _BLOCK):
         block = flat[start : start + _BLOCK].astype(np.float64)
         yield block if flat.dtype.kind != "f" else block[np.isfinite(block)]
@@ -48,18 +48,18 @@ def _edges(low: float, high: float, bins: int) -> NDArray[np.float64]:
     if not low < high:
         half = max(0.5, 1e-3 * abs(low))
         low, high = max(low - half, -_LARGEST), min(high + half, _LARGEST)
-    # Written so that the difference of the largest numbers, which overflows, does not appear.
+    # Not low + share * (high - low): the difference of the largest numbers overflows.
     share = np.linspace(0.0, 1.0, bins + 1)
     edges: NDArray[np.float64] = low * (1.0 - share) + high * share
     return edges
 
 
 def _percentiles(flat: NDArray[Any]) -> list[float]:
-    """Return percentiles of the finite samples, of every so many where there are more than enough."""
-    # An odd stride does not fall into step with the rows of the array.
+    """Return percentiles of the finite samples, of a regular subset where there are more than `_ENOUGH`."""
+    # An odd stride does not sample the same columns of every row.
     stride = 1 if flat.size <= _ENOUGH else (-(-flat.size // _ENOUGH) | 1)
     picked = np.concatenate(list(_blocks(flat[::stride])))
-    # Differences of the largest numbers must not overflow; a power of two costs no digits.
+    # Differences of the largest numbers must not overflow; scaling by a power of two is exact.
     scale = 4.0 if picked.size and float(np.abs(picked).max()) > 1e307 else 1.0
     picked /= scale
     found: list[float] = (np.percentile(picked, _PERCENTILES, overwrite_input=True) * scale).tolist()
@@ -78,15 +78,15 @@ def _statistics(flat: NDArray[Any], bins: int) -> dict[str, Any]:
     report: dict[str, Any] = {"nan": missing, "infinite": flat.size - count - missing}
     if not count:
         return report
-    # Squares of the largest numbers overflow and those of the smallest vanish; those of shares do neither.
-    # And a power of two costs no digits.
+    # Squares of the largest numbers overflow and those of the smallest underflow, unless they are scaled; scaling by a
+    # power of two is exact.
     unit = math.ldexp(1.0, math.frexp(max(abs(low), abs(high)))[1] - 1)
     mean = sum(float((block / unit).sum()) for block in _blocks(flat)) / count
     edges = _edges(low, high, bins)
     counts = np.zeros(bins, dtype=np.int64)
     squares = 0.0
     for block in _blocks(flat):
-        # The last bin takes its upper edge in, as NumPy has it.
+        # The last bin includes its upper edge, as in NumPy.
         counts += np.bincount(np.searchsorted(edges[1:-1], block, side="right"), minlength=bins)
         block /= unit
         block -= mean
@@ -102,7 +102,7 @@ def _statistics(flat: NDArray[Any], bins: int) -> dict[str, Any]:
 
 
 def _aspects(field: EllipsoidField) -> NDArray[np.float64]:
-    """Return the longest over the shortest semi-axis of every so many kernels, as percentiles 50, 99 and 100."""
+    """Return the percentiles 50, 99 and 100 of the ratios of the longest to the shortest semi-axis."""
     if field.isotropic or not field.size:
         return np.ones(3)
     aspects = np.concatenate(
@@ -116,7 +116,7 @@ def _aspects(field: EllipsoidField) -> NDArray[np.float64]:
 
 
 def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
-    """Return what is in a field of ellipsoids: counts, places, sizes, ranges, histogram, memory, and its look."""
+    """Return the properties of a field of ellipsoids: counts, bounds, sizes, ranges, histogram, memory, look."""
     from sheetsplat.look import automatic
 
     known = slice(0, field.size - field.ghosts)
@@ -134,7 +134,6 @@ def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
         **_statistics(field.values[known], bins),
     }
     if field.size:
-        # A median of 10 million takes its time; percentiles look at no more than enough of them.
         stride = 1 if field.size <= _ENOUGH else (-(-field.size // _ENOUGH) | 1)
         report["median_scale"] = float(np.median(field.scales[::stride]))
         report["aspect"] = dict(zip(("median", "99 %", "largest"), _aspects(field).tolist(), strict=True))
@@ -144,7 +143,7 @@ def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
 
 
 def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
-    """Return what is in a file: sizes, ranges, histogram, memory, and the look that a picture of it would get."""
+    """Return the properties of a file: sizes, ranges, histogram, memory, and its automatic look."""
     from sheetsplat.fields import Lattice, RegularField, as_samples
     from sheetsplat.io import SCATTERED
     from sheetsplat.io.opening import kind_of, open_scattered, read_regular
@@ -163,7 +162,7 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     origin = options["origin"] or volume.origin
     lattice: Lattice = options["lattice"] or "cartesian"
     extent = _extent(samples.shape, spacing, lattice)
-    # A field of one sample judges spacing and origin as a field of all of them would, without their copy.
+    # A field of one sample checks spacing and origin without a copy of all samples.
     RegularField(np.zeros_like(samples[:1, :1, :1]), spacing=spacing, origin=origin, lattice=lattice)
     numbers = _statistics(samples.reshape(-1), bins)
     report: dict[str, Any] = {
@@ -248,7 +247,7 @@ def _table(report: dict[str, Any]) -> str:
         counts, edges = report["histogram"]["counts"], report["histogram"]["edges"]
         labels = [f"{edge:g}" for edge in edges[:-1]]
         width = max(map(len, labels))
-        # By the logarithm: background is thousands of times more than anything else in most volumes.
+        # Logarithmic: in most volumes background has thousands of times more samples than anything else.
         top = np.log1p(max(counts))
         lines += ["", "histogram (logarithmic)"]
         for label, count in zip(labels, counts, strict=True):

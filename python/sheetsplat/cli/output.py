@@ -1,4 +1,4 @@
-"""Reports on stdout, words and bars on stderr."""
+"""Reports on stdout; messages and progress bars on stderr."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def report_json(value: Any) -> None:
 
 
 def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
-    """Refuse outputs that are one and the same file, or an input: one would take the place of the other."""
+    """Refuse an output that is named twice or is also an input: it would be overwritten."""
     taken = {path.resolve(): path for path in inputs}
     for path in outputs:
         if path.resolve() in taken:
@@ -41,14 +41,14 @@ def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
 
 
 def say(text: str, *, quiet: bool) -> None:
-    """Print a line on stderr unless told to be quiet."""
+    """Print a line on stderr unless `quiet`."""
     if not quiet:
         click.echo(text, err=True)
 
 
 @contextlib.contextmanager
 def progress_bar(what: str, *, quiet: bool) -> Iterator[Callable[[float], object] | None]:
-    """Give a progress callback that draws a bar on stderr, or None where nobody would see it."""
+    """Yield a progress callback that draws a bar on stderr, or None where stderr is no terminal."""
     if quiet or not sys.stderr.isatty():
         yield None
         return

@@ -1,4 +1,4 @@
-"""A transfer function that shows something useful when nobody gave one: from the histogram of the scalar."""
+"""Automatic transfer functions, chosen by the histogram of the scalar."""
 
 from __future__ import annotations
 
@@ -19,19 +19,18 @@ _BINS = 512
 TOP_OPACITY = 0.5
 # Few bright samples, metal for instance, must not push everything else to the dark end.
 _TOP_PERCENTILE = 99.0
-# A ramp that begins flat lets the eye into soft things and still shows thin ones.
+# A ramp that starts flat keeps soft material transparent and still shows thin structures.
 _RAMP_POWER = 1.5
 _RAMP_POINTS = 9
-# Places at which scattered fields are looked at.
+# Number of positions at which a scattered field is sampled.
 _PLACES = 16_384
-# Where thousands of kernels reach each place, fewer do: so many at least, and so many summands all told.
+# Where thousands of kernels overlap, fewer positions suffice: at least so many, with so many summands in total.
 _FEW_PLACES = 256
 _SUMMANDS = 1e8
-# Volumes are some hundred slices deep, and their opacities are meant for that; the slices of scattered data may be
-# many more.
+# The opacities suit volumes of some hundred slices; scattered data may have many more.
 _USUAL_SLICES = 300.0
 _OUTLIERS = 1.0
-# Largest value over the limits' difference; sums of float32 resolve about twice that within the pictures' bound.
+# Largest ratio of a value to the width of the limits: half of what sums of float32 resolve within the error bound.
 _WIDEST = 20.0
 _EXTREMES = 256
 
@@ -40,7 +39,7 @@ _log = logging.getLogger("sheetsplat")
 
 @dataclass(frozen=True)
 class Look:
-    """What `choose` found.
+    """Limits and opacities that `choose` found.
 
     Attributes
     ----------
@@ -49,11 +48,11 @@ class Look:
     opacity
         Pairs (value, opacity per reference length).
     surface
-        Value that parts things from background.
+        Value that separates objects from background.
     top_opacity
-        The largest of these opacities that suits things as thick as this.
+        The largest of these opacities, for objects of this thickness.
     slice_spacing
-        Distance of slices in world units that shows borders smooth; None: what the fields have.
+        Distance of slices in world units that shows borders without steps; None: the default of the fields.
     """
 
     clim: tuple[float, float]
@@ -65,7 +64,7 @@ class Look:
 
 def _samples(samples: NDArray[Any]) -> NDArray[np.float64]:
     flat = samples.reshape(-1)
-    # An odd stride does not fall into step with the rows of the array.
+    # An odd stride does not sample the same columns of every row.
     stride = max(1, -(-flat.size // _ENOUGH)) | 1
     picked: NDArray[np.float64] = flat[::stride].astype(np.float64)
     known: NDArray[np.float64] = picked[~np.isnan(picked)]
@@ -82,7 +81,7 @@ def _between_classes(values: NDArray[np.float64]) -> float:
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = (moment[-1] * below - moment[:-1]) ** 2 / (below * (1 - below))
     spread = np.nan_to_num(spread, nan=-1.0, posinf=-1.0)
-    # Empty bins between two classes all split alike: take the middle of them.
+    # All empty bins between two classes are equally good thresholds: take the middle of them.
     best = np.flatnonzero(spread >= spread.max() * (1 - 1e-12))
     return float(0.5 * (edges[1:-1][best[0]] + edges[1:-1][best[-1]]))
 
@@ -90,8 +89,8 @@ def _between_classes(values: NDArray[np.float64]) -> float:
 def choose(fields: Sequence[Field]) -> Look:
     """Return limits and opacities for fields, by the one with the most kernels.
 
-    Regular fields are judged by their samples, scattered ones by the scalar at places that lie the denser the more
-    kernels' volumes there are (`places_in`).
+    Of regular fields the samples count, of scattered ones the scalar at positions inside the kernels, as many in each
+    as its share of the volume (`places_in`).
     """
     field = max(fields, key=lambda one: one.size)
     if isinstance(field, RegularField):
@@ -106,16 +105,16 @@ def choose(fields: Sequence[Field]) -> Look:
     # Opacity of a shorter length: 1 - (1 - a)^share.
     scaled = tuple((value, -math.expm1(share * math.log1p(-opacity))) for value, opacity in look.opacity)
     top_opacity = -math.expm1(share * math.log1p(-TOP_OPACITY))
-    # A weighted mean ends abruptly where the weights do, and slices that are few leave steps there.
+    # A weighted mean ends abruptly at the border of the weights; too few slices leave visible steps there.
     finer = max(0.5 * spacing, usual) if usual < spacing else None
     return replace(look, opacity=scaled, top_opacity=top_opacity, slice_spacing=finer)
 
 
 def _wide_enough(look: Look, field: EllipsoidField) -> Look:
-    """Return a look whose limits let the largest values be summed within the pictures' bound.
+    """Return a look with limits wide enough to sum the largest values within the error bound of pictures.
 
-    Where nearly all of the volume holds next to nothing, and a few small kernels thousands of times more, limits that
-    suit the volume would be too narrow.
+    Where most of the volume has small values and a few small kernels thousands of times larger ones, limits chosen for
+    the volume would be too narrow.
     """
     low, high = look.clim
     known = np.abs(field.values[: field.size - field.ghosts])
@@ -123,12 +122,12 @@ def _wide_enough(look: Look, field: EllipsoidField) -> Look:
     places = field.centers[: known.size][extremes]
     largest = float(np.abs(field.at(places)).max(initial=0.0))
     if field.normalization == "threshold" and field.weight_at(places).max(initial=0.0) >= field.w0:
-        # The mean of a large value and small ones around it is formed of the large one's sum.
+        # The weighted mean of a large value and small neighbours is computed from the sum of the large one.
         largest = max(largest, float(known.max()))
     if not _WIDEST * (high - low) < largest < math.inf:
         return look
     _log.warning(
-        "values up to %g lie in a field that is mostly below %g, and are shown at the cost of the others; "
+        "values up to %g lie in a field that is mostly below %g; showing them leaves little contrast for the others; "
         "their logarithm, log=True of sheetsplat.open, would show both",
         largest,
         high,
@@ -139,7 +138,7 @@ def _wide_enough(look: Look, field: EllipsoidField) -> Look:
 
 
 def _usual_spacing(places: NDArray[np.float64], spacing: float) -> float:
-    """Return the slice distance of a volume that is as large as what lies at these places, else `spacing`."""
+    """Return the usual slice distance of a volume as large as the box around these positions, else `spacing`."""
     if not places.size:
         return spacing
     low, high = np.percentile(places, (_OUTLIERS, 100.0 - _OUTLIERS), axis=0)
@@ -147,24 +146,24 @@ def _usual_spacing(places: NDArray[np.float64], spacing: float) -> float:
 
 
 def _affordable(field: EllipsoidField) -> int:
-    """Return at how many places the scalar can be asked for: fewer where very many kernels reach each of them."""
+    """Return at how many positions the scalar can be evaluated: fewer where very many kernels overlap."""
     few = places_in(field, _FEW_PLACES)
     heaviest = field.weight_range[1]
-    # A kernel adds its weight to W at most, and a tenth of it on the average.
+    # A kernel contributes at most its weight to W, and a tenth of it on average.
     crowd = 10.0 * float(np.median(field.weight_at(few))) / heaviest if few.size and heaviest > 0 else 0.0
     return int(min(_PLACES, max(_FEW_PLACES, _SUMMANDS / max(crowd, 1.0))))
 
 
 def affordable_places_in(field: EllipsoidField) -> NDArray[np.float64]:
-    """Return as many places in a scattered field, (M, 3), as the scalar can be asked for at."""
+    """Return as many positions in a scattered field, (M, 3), as the scalar can be evaluated at in reasonable time."""
     return places_in(field, _affordable(field))
 
 
 def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64]:
-    """Return places in a scattered field, (M, 3), as many in each kernel as its volume's share of all volumes says.
+    """Return positions in a scattered field, (M, 3): in each kernel as many as its share of the volume.
 
-    They lie in the inner halves of the supports, the same ones every time; M is 0 where there are no kernels, ghost
-    points left aside.
+    They lie in the inner halves of the supports and are the same in every call. M is 0 where there are no kernels
+    except ghost points.
     """
     known = field.size - field.ghosts
     if not known:
@@ -175,7 +174,7 @@ def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64
         volumes[field.weights[:known] == 0] = 0.0
     ends = np.cumsum(volumes)
     if not ends[-1] > 0:
-        # Only kernels so thin that products of their semi-axes vanish.
+        # All kernels are so thin that the products of their semi-axes underflow.
         ends = np.arange(1.0, known + 1.0)
     picked = np.searchsorted(ends, (np.arange(count) + 0.5) / count * ends[-1], side="right").clip(max=known - 1)
     generator = np.random.default_rng(2006)
@@ -189,7 +188,7 @@ def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64
 def choose_for(samples: NDArray[Any]) -> Look:
     """Return limits and opacities for samples, finite or NaN."""
     values = _samples(samples)
-    # Differences of the largest numbers must not overflow; a power of two costs no digits.
+    # Differences of the largest numbers must not overflow; scaling by a power of two is exact.
     scale = 4.0 if values.size and float(np.abs(values).max()) > 1e307 else 1.0
     look = _choose(values / scale)
     pairs = tuple((value * scale, opacity) for value, opacity in look.opacity)
@@ -199,18 +198,18 @@ def choose_for(samples: NDArray[Any]) -> Look:
 def _choose(values: NDArray[np.float64]) -> Look:
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
     if not low < high:
-        # One value everywhere: show it, half transparent.
+        # One value everywhere: show it, almost transparent.
         width = max(abs(low), 1.0) * 1e-3
         return Look((low - width, high + width), ((low - width, 0.05), (high + width, 0.05)), low)
-    # Low values spread little and high ones much; their roots spread alike, so that thin branches and faint shells stay
-    # with the things and not with the background.
+    # Low values vary little and high ones much. Square roots make the variation similar, so that thin branches and
+    # faint shells are classified as objects, not as background.
     start = low + _between_classes(np.sqrt(values - low)) ** 2
     shown = values[values > start]
     top = float(np.percentile(shown, _TOP_PERCENTILE)) if shown.size else high
     if not start < top:
         top = high
     if not start < top:
-        # Two neighbours among the numbers.
+        # Two adjacent floating-point numbers.
         start = low
     share = np.linspace(0.0, 1.0, _RAMP_POINTS)
     opacity = TOP_OPACITY * share**_RAMP_POWER

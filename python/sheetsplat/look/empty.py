@@ -26,16 +26,16 @@ def is_empty(image: Image, scene: Scene) -> bool:
 
 
 def _range_of(field: Field) -> tuple[float, float]:
-    """Return the smallest and the largest scalar of a field, as far as they are easily told."""
+    """Return the smallest and the largest scalar of a field; of scattered fields approximately."""
     if not isinstance(field, EllipsoidField):
         return field.value_range
-    # Sums of scattered kernels may be far above their values, or far below.
+    # Sums of scattered kernels may be much larger or smaller than their values.
     found = field.at(automatic.affordable_places_in(field))
     return float(found.min(initial=math.inf)), float(found.max(initial=-math.inf))
 
 
 def why_empty(scene: Scene) -> str:
-    """Return the reason why a picture of a scene shows nothing, as far as the scene tells it."""
+    """Return the probable reason why the picture of a scene shows nothing."""
     known = [one for one in scene.fields if one.size]
     if not known:
         return f"the field has no {'kernels' if isinstance(scene.fields[0], EllipsoidField) else 'samples'}"
@@ -49,7 +49,7 @@ def why_empty(scene: Scene) -> str:
             return f"mode mip shows nothing below 0, and {values} are"
     elif scene.mode == "isosurface":
         iso = scene.iso_value
-        # Where the supports end the scalar goes back to 0.
+        # Outside the supports the scalar is 0.
         if iso is not None and not min(low, 0.0) <= iso <= max(high, 0.0):
             return f"the iso value {iso:g} lies outside {values}"
     else:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sheetsplat.camera import Camera
+from sheetsplat.options.core import COLORED
 from sheetsplat.scene import Scene
 
 # The picture from which the error of a setting is measured.
@@ -102,7 +103,7 @@ class Setting:
 def calls_for_gradients(scene: Scene) -> bool:
     """Return whether the picture of a scene depends on gradients."""
     lit = bool(scene.lights) or scene.options["gradient_opacity"] is not None
-    return lit and scene.mode in ("composite", "isosurface")
+    return lit and scene.mode in COLORED
 
 
 def call_text(name: str, options: dict[str, Any]) -> str:

@@ -13,6 +13,7 @@ from sheetsplat.accuracy.knobs import Base, Setting, call_text, calls_for_gradie
 from sheetsplat.accuracy.lattice_sweeps import regular
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.options.picture import unused
 from sheetsplat.transfer import TransferFunction
 
 _SPACINGS = (4.0, 2.0, 1.0, 0.5, 0.25)
@@ -36,9 +37,10 @@ def _times(factor: float) -> str:
     return f"Δs × {factor:g}" if factor >= 1 else f"Δs / {1 / factor:g}"
 
 
-def _without(base: Base, *modes: str) -> str:
+def _unused(base: Base, option: str) -> str:
+    """Return why an option has no effect in the scene's mode, or an empty text."""
     mode = base.scene.mode
-    return f"not used in mode {mode}" if mode in modes else ""
+    return f"not used in mode {mode}" if unused(mode, [option]) else ""
 
 
 def _slice_spacing(base: Base) -> Iterator[Setting]:
@@ -70,8 +72,9 @@ def _classification(base: Base) -> Iterator[Setting]:
     for name, changes in _CLASSES.items():
         if name in known:
             continue
-        if changes["preintegration"] and base.scene.mode != "composite":
-            yield Setting("classification", name, reason=f"not used in mode {base.scene.mode}")
+        reason = _unused(base, "preintegration") if changes["preintegration"] else ""
+        if reason:
+            yield Setting("classification", name, reason=reason)
             continue
         for factor in _SPACINGS[:-1]:
             spacing = factor * base.scene.slice_spacing
@@ -85,7 +88,7 @@ def _classification(base: Base) -> Iterator[Setting]:
 
 
 def _gradient(base: Base) -> Iterator[Setting]:
-    reason = _without(base, "xray", "mip")
+    reason = _unused(base, "gradient")
     if not reason and not calls_for_gradients(base.scene):
         reason = "nothing in the scene uses gradients"
     if reason:
@@ -153,7 +156,7 @@ def _precision(base: Base) -> Iterator[Setting]:
 
 
 def _table_size(base: Base) -> Iterator[Setting]:
-    reason = _without(base, "xray", "mip", "isosurface")
+    reason = _unused(base, "opacity")
     if reason:
         yield Setting("table_size", "points", reason=reason)
         return
@@ -182,7 +185,7 @@ def table(function: TransferFunction, count: int) -> TransferFunction:
 
 
 def _opacity_stop(base: Base) -> Iterator[Setting]:
-    reason = _without(base, "xray", "mip", "isosurface")
+    reason = _unused(base, "opacity_stop")
     if reason:
         yield Setting("opacity_stop", "A_stop", reason=reason)
         return

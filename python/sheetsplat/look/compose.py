@@ -12,7 +12,7 @@ from sheetsplat.fields import EllipsoidField, Field
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
 from sheetsplat.look.surface import surface_limits
-from sheetsplat.options.core import check_names, pick_given
+from sheetsplat.options.core import COLORED, check_names, pick_given
 from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.options.picture import LookOptions
 from sheetsplat.options.scene import SceneOptions
@@ -52,7 +52,7 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         spacing = min(one.default_slice_spacing for one in fields if one.size) / 4
     if spacing is not None and not spacing_is_free:
         scene_options.setdefault("slice_spacing", spacing)
-    lit = options.get("shading") in (None, True) and mode in ("composite", "isosurface")
+    lit = options.get("shading") in (None, True) and mode in COLORED
     scene_options.setdefault("lights", (HEAD_LIGHT,) if lit else ())
     scene_options.setdefault("material", SHINY)
     scene = Scene(list(fields), function, **scene_options)

@@ -14,28 +14,28 @@ from sheetsplat.camera import Camera
 from sheetsplat.errors import complain
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.look import empty
-from sheetsplat.options.core import checked, documented
+from sheetsplat.options.core import checked, definitions, documented
 from sheetsplat.options.renderer import (
     OUTPUTS,
     Backend,
     Output,
     Progress,
     RendererClassOptions,
+    RendererKeywords,
     check_backend,
 )
 from sheetsplat.plan import RenderPlan
 from sheetsplat.scene import Scene
 
 _log = logging.getLogger("sheetsplat")
-# Backends that use a setting; all of them use the settings that are missing here.
-_USERS = {"device": ("gl",), "tags_per_clear": ("gl",), "threads": ("cpu",), "tile_size": ("gl", "cpu")}
 
 
 def _chosen_backend(backend: str) -> str:
-    if check_backend("Renderer: backend", backend) == "auto":
-        wanted = os.environ.get("SHEETSPLAT_BACKEND", "") or "auto"
-        return check_backend("the environment variable SHEETSPLAT_BACKEND", wanted)
-    return backend
+    """Return a backend, in place of "auto" the one that the environment names."""
+    if backend != "auto":
+        return backend
+    wanted = os.environ.get("SHEETSPLAT_BACKEND", "") or "auto"
+    return check_backend("the environment variable SHEETSPLAT_BACKEND", wanted)
 
 
 def _outputs(outputs: object) -> tuple[str, ...]:
@@ -52,7 +52,10 @@ def _native(settings: Mapping[str, Any]) -> _sheetsplat.Renderer:
 
 def _unused(settings: Mapping[str, Any], plan: RenderPlan) -> list[str]:
     """Return which of the given settings the backend of a plan does not use."""
-    found = [name for name, backends in _USERS.items() if settings[name] is not None and plan.backend not in backends]
+    users = {name: defined.option.backends for name, defined in definitions(RendererClassOptions).items()}
+    found = [
+        name for name, known in users.items() if known and settings[name] is not None and plan.backend not in known
+    ]
     if plan.backend == "reference":
         # The way in which it draws anyway may be asked for.
         ways = {"tagging": plan.tagging, "packing": plan.packing}
@@ -75,10 +78,6 @@ class Renderer:
 
     Parameters
     ----------
-    backend
-        "auto", "gl" (OpenGL), "cpu" (vector instructions of the processor) or "reference". "auto" is the environment
-        variable SHEETSPLAT_BACKEND, else "gl" on graphics hardware and "cpu" where there is none; where one does not
-        support the scene, the other is tried.
     **options
         Those of RendererClassOptions.
 
@@ -90,8 +89,9 @@ class Renderer:
 
     __slots__ = ("_settings", "_warned", "native")
 
-    def __init__(self, backend: Backend = "auto", **options: Unpack[RendererClassOptions]) -> None:
-        self._settings = {"backend": _chosen_backend(backend), **checked("Renderer", options, RendererClassOptions)}
+    def __init__(self, backend: Backend = "auto", **options: Unpack[RendererKeywords]) -> None:
+        self._settings = checked("Renderer", {"backend": backend, **options}, RendererClassOptions)
+        self._settings["backend"] = _chosen_backend(self._settings["backend"])
         self.native = _native(self._settings)
         self._warned: frozenset[str] = frozenset()
 

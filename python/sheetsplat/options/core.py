@@ -84,6 +84,8 @@ class Option:
         Its Python type in words, where the annotation is too long to be read.
     modes
         The modes that use it.
+    backends
+        The backends that use it, for options of the renderer; all unless given.
     check
         Converts a value, for classes that take their options from definitions.
     cli
@@ -98,6 +100,7 @@ class Option:
     chosen: str = ""
     accepts: str = ""
     modes: tuple[str, ...] = MODES
+    backends: tuple[str, ...] = ()
     check: Check | None = None
     cli: tuple[CommandLine, ...] = (CommandLine(),)
     harmless: bool = False
@@ -207,7 +210,8 @@ def parameters(group: type, *, chooses: bool) -> list[inspect.Parameter]:
 def documented(group: type, *, chooses: bool = False) -> Callable[[Documented], Documented]:
     """Decorate a function, or a class, that takes ``**options: Unpack[group]``: full signature, docs of every option.
 
-    The docstring has an entry ``**options``, which the entries of the options replace.
+    The docstring has an entry ``**options``, which the entries of the options replace. An option of the group may also
+    be a parameter of its own, which can be given by position.
 
     Parameters
     ----------
@@ -221,7 +225,8 @@ def documented(group: type, *, chooses: bool = False) -> Callable[[Documented], 
         function: Any = target.__init__ if isinstance(target, type) else target  # type: ignore[misc]
         signature = inspect.signature(function)
         fixed = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
-        function.__signature__ = signature.replace(parameters=[*fixed, *parameters(group, chooses=chooses)])
+        more = [one for one in parameters(group, chooses=chooses) if one.name not in signature.parameters]
+        function.__signature__ = signature.replace(parameters=[*fixed, *more])
         if target.__doc__:
             target.__doc__ = with_entries(target.__doc__, group, chooses=chooses)
         return target

@@ -79,7 +79,8 @@ class RendererSettings(TypedDict, total=False):
     device: Annotated[
         int | None,
         Option(
-            "Number of the EGL device.",
+            "Number of the EGL device of backend gl.",
+            backends=("gl",),
             unset="the environment variable SHEETSPLAT_EGL_DEVICE, else the first that works",
             check=optional(whole),
             cli=(CommandLine(value=Whole(0, 2**31 - 1)),),
@@ -136,6 +137,7 @@ class RendererSettings(TypedDict, total=False):
         int | None,
         Option(
             "Number of threads of backend cpu. Pictures do not depend on it.",
+            backends=("cpu",),
             unset="as many as the process may run on",
             check=optional(_threads),
             cli=(CommandLine(value=Whole(1, MOST_THREADS)),),
@@ -169,12 +171,19 @@ class RendererLimits(TypedDict, total=False):
 
     tile_size: Annotated[
         int | None,
-        Option("Largest edge of an image tile in pixels.", unset="what the device can do", check=_count, cli=()),
+        Option(
+            "Largest edge of an image tile in pixels.",
+            backends=("gl", "cpu"),
+            unset="what the device can do",
+            check=_count,
+            cli=(),
+        ),
     ]
     tags_per_clear: Annotated[
         int | None,
         Option(
-            "Number of depth tags before the depth buffer is cleared.",
+            "Number of depth tags before the depth buffer is cleared, of backend gl.",
+            backends=("gl",),
             unset="what the resolution of the depth buffer allows",
             check=_count,
             cli=(),
@@ -182,8 +191,12 @@ class RendererLimits(TypedDict, total=False):
     ]
 
 
-class RendererClassOptions(RendererSettings, RendererLimits, total=False):
-    """Every keyword argument of `Renderer`; its backend is positional."""
+class RendererKeywords(RendererSettings, RendererLimits, total=False):
+    """Every keyword argument of `Renderer`; its backend may be given by position."""
+
+
+class RendererClassOptions(BackendOptions, RendererKeywords, total=False):
+    """Every argument of `Renderer`."""
 
 
 class RendererOptions(BackendOptions, RendererSettings, total=False):

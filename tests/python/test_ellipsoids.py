@@ -10,8 +10,9 @@ import pytest
 
 import sheetsplat as ss
 from sheetsplat.cli import info
-from sheetsplat.look import automatic, empty
+from sheetsplat.look import automatic
 from sheetsplat.look.compose import compose_scene
+from sheetsplat.look.empty import why_empty
 
 SMALL = {"size": (32, 32), "backend": "reference"}
 
@@ -202,7 +203,7 @@ def test_a_field_may_have_no_kernels(scales):
     assert ss.EllipsoidField([], [], values=[]).size == 0
     assert not ss.render(empty, **SMALL).rgba.any()
     scene = ss.Scene(empty, [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)])
-    assert empty.why_empty(scene) == "the field has no kernels" and scene.slice_spacing == 1
+    assert why_empty(scene) == "the field has no kernels" and scene.slice_spacing == 1
     with pytest.raises(ss.InvalidInput, match=r"Camera\.fit"):
         ss.Camera.fit(empty)
 
@@ -707,10 +708,10 @@ def test_fields_add_up(rng, block):
 def test_advice_tells_what_the_scalars_are(rng):
     field = ball_of_kernels(rng)
     scene = ss.Scene(field, [(10, 0, 0, 0, 0), (20, 1, 1, 1, 1)])
-    assert "the opacity is 0 for all of the values" in empty.why_empty(scene)
+    assert "the opacity is 0 for all of the values" in why_empty(scene)
     summed = ss.EllipsoidField(field.centers, field.scales, values=-field.values, normalization="none")
     scene = ss.Scene(summed, [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)], mode="mip")
-    assert "shows nothing below 0" in empty.why_empty(scene)
+    assert "shows nothing below 0" in why_empty(scene)
 
 
 def test_info_describes_fields(rng, soup):

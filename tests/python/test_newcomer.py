@@ -13,8 +13,8 @@ import sheetsplat as ss
 from sheetsplat.cli import main
 from sheetsplat.framing import compose_camera
 from sheetsplat.io.pictures import read_picture
-from sheetsplat.look import empty
 from sheetsplat.look.compose import compose_scene
+from sheetsplat.look.empty import why_empty
 from sheetsplat.look.surface import surface_color
 
 SMALL = {"size": (24, 24), "backend": "reference"}
@@ -239,4 +239,4 @@ def test_short_descriptions(ball):
 
 def test_the_reason_is_one_of_the_scene():
     scene = ss.Scene(ss.RegularField(np.full((3, 3, 3), -2.0)), [(0, 1, 1, 1, 1)], mode="mip")
-    assert "below 0" in empty.why_empty(scene)
+    assert "below 0" in why_empty(scene)

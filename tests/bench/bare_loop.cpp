@@ -1,6 +1,5 @@
-// What splatting costs at least: the inner loops alone, over kernels that lie ready, into sheets that stay in the
-// cache. No views, tiles, sorting, clipping, normalisation or shading. `./run bench cpu` measures the renderer
-// against it.
+// The least time of splatting: the inner loops alone, over prepared kernels, into sheets that stay in the cache. No
+// views, tiles, sorting, clipping, normalisation or shading. `./run bench cpu` compares the renderer with it.
 //
 //     sheetsplat_bare_loop spheres|ellipsoids PIXELS
 //

@@ -21,13 +21,13 @@ from bench.pictures import keep, make_sheet
 from bench.report import Options, Report, Row, columns
 from sheetsplat import datasets
 
-#: Claims that can be looked at alone.
+#: Claims that can be measured alone.
 ROWS = ("slabs", "bits", "shading", "borders", "popping")
 
 _PIXELS = 256
 _LOUDER = 8.0
 
-# Pictures side by side, by the claim that they belong to.
+# Contact sheet of each claim: rows of names of pictures.
 _SHEETS: dict[str, list[list[tuple[str, ...]]]] = {
     "slabs": [
         [
@@ -44,7 +44,7 @@ _SHEETS: dict[str, list[list[tuple[str, ...]]]] = {
 
 
 def _timed(renderer: ss.Renderer, scene: ss.Scene, camera: ss.Camera, size: tuple[int, int]) -> tuple[ss.Image, float]:
-    """Return a picture and the milliseconds of making it once more."""
+    """Return a picture and the time of a second frame, ms."""
     renderer.render(scene, camera, size=size)
     timing = Timing()
     return timing.frame(renderer, scene, camera, size), 1000.0 * timing.wall
@@ -66,7 +66,7 @@ def _camera(field: ss.Field, height: float) -> ss.Camera:
 
 
 def _slabs(options: Options) -> Iterator[Row]:
-    """Give the distance from the picture of very thin slices, for slices and slabs of growing distance."""
+    """Yield distances from the picture of very thin slices, for slices and slabs of growing distance."""
     edge = options.edge(64)
     volume = datasets.tubes(edge)
     field = volume.field()
@@ -101,17 +101,17 @@ def _slabs(options: Options) -> Iterator[Row]:
 
 
 def rings(picture: NDArray[Any], smooth: NDArray[Any]) -> float:
-    """Return the RMS step from pixel to pixel of the difference of two pictures: rings show, a pale tint does not."""
+    """Return the RMS step between neighbouring pixels of a difference, which measures rings but no constant offset."""
     apart = picture.astype(np.float64) - smooth
     along, down = np.diff(apart, axis=1), np.diff(apart, axis=0)
     return math.sqrt(0.5 * (rms(along) ** 2 + rms(down) ** 2))
 
 
-# Numbers of the buffers
+# Formats of the sheets
 
 
 def _bits(options: Options) -> Iterator[Row]:
-    """Give the distance from the reference for sheets of 8, 16 and 32 bits, lit and unlit."""
+    """Yield distances from the reference for sheets of 8, 16 and 32 bits, lit and unlit."""
     edge = options.edge(64)
     volume = datasets.noisy_ball(edge)
     size = (options.edge(128),) * 2
@@ -139,10 +139,10 @@ def _bits(options: Options) -> Iterator[Row]:
 
 
 def _shading(options: Options) -> Iterator[Row]:
-    """Give the distance from the picture of a volume twice as fine, for colours made before and after the sum."""
+    """Yield distances from the picture of a volume twice as fine, for shading before and after the sum."""
     edge = options.edge(48)
     size = (options.edge(128),) * 2
-    # Divided by the weights, so that lights show no weave. Colours are not divided by weights.
+    # Scalars are divided by the weights, so that lights show no weave; pre-shaded colours cannot be.
     fine = _shells(2 * edge)
     coarse = {"after": _shells(edge), "before": _shells(edge, "lattice")}
     for zoom in (1.0, 4.0, 8.0):
@@ -200,7 +200,7 @@ def _shell_scene(field: ss.RegularField, length: float) -> ss.Scene:
 
 
 def sharpness(picture: NDArray[Any]) -> float:
-    """Return the RMS step of a picture from pixel to pixel."""
+    """Return the RMS step between neighbouring pixels."""
     values = picture.astype(np.float64)
     return math.hypot(rms(np.diff(values, axis=1)), rms(np.diff(values, axis=0)))
 
@@ -209,7 +209,7 @@ def sharpness(picture: NDArray[Any]) -> float:
 
 
 def _borders(options: Options) -> Iterator[Row]:
-    """Give how far the mean is right inside, and how steeply it ends outside, for three ways of ending data."""
+    """Yield the error of the mean inside, and how steeply it ends outside, for four borders."""
     count = max(200, round(4000 * options.scale**3))
     size = (options.edge(192),) * 2
     rng = np.random.default_rng(2006)
@@ -246,7 +246,7 @@ def _borders(options: Options) -> Iterator[Row]:
             "at": f"{field.size:,} kernels",
             "rmse": rms(inside),
             "maximum": float(np.abs(inside).max()),
-            # Per semi-axis: 1 would be a fall over a whole one; the mean over rays of the steepest place.
+            # Steepest descent of each ray, per semi-axis, averaged over the rays: 1 is a fall to 0 over one semi-axis.
             "score": float(falls.max(axis=1).mean() / (steps[1] - steps[0]) * radius),
             "wall_ms": spent,
         }
@@ -256,7 +256,7 @@ def _borders(options: Options) -> Iterator[Row]:
 
 
 def _popping(options: Options) -> Iterator[Row]:
-    """Give the largest change from frame to frame of a rotation, and over the median one."""
+    """Yield the largest change between frames of a rotation, and its ratio to the median change."""
     edge = options.edge(48)
     size = (options.edge(96),) * 2
     volume = datasets.noisy_ball(edge)
@@ -289,7 +289,7 @@ def _popping(options: Options) -> Iterator[Row]:
         worst = int(np.argmax(changes))
         for n in (worst, worst + 1):
             keep(options, frames[n], "popping", name, f"{angles[n]:g}")
-        # Grey is no change, which is shown many times as large.
+        # Grey is no change; changes are amplified.
         change = _LOUDER * (frames[worst + 1] - frames[worst])[..., :3].mean(axis=2, keepdims=True)
         keep(options, 0.5 * np.ones(4) + change * np.array([1.0, 1.0, 1.0, 0.0]) + [0, 0, 0, 0.5], "popping", name)
         yield {
@@ -329,9 +329,9 @@ def run(options: Options) -> Report:
         columns=columns("claim, row=setting, at, rmse, maximum, score, ratio=over median, wall_ms, remark"),
         rows=rows,
         notes=[
-            "slabs: tubes, unlit, against slices 1/16 of a sample apart; score: RMS step from pixel to pixel of the "
-            "difference, which is what rings are ([NM05], [MC98]).",
-            "bits: a noisy ball against the float64 reference, numbers of OpenGL's sheet buffers ([NM05]).",
+            "slabs: tubes, unlit, against slices 1/16 of a sample apart; score: RMS step between neighbouring pixels of "
+            "the difference, which measures rings ([NM05], [MC98]).",
+            "bits: a noisy ball against the float64 reference, formats of OpenGL's sheet buffers ([NM05]).",
             "shading: thin lit shells against samples twice as fine; score: sharpness over that of the finer ones "
             "([NM05]).",
             "borders: a ball of random spheres whose scalar is a ramp; rmse and maximum inside, score: how steeply the "

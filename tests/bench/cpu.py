@@ -444,12 +444,11 @@ def _memory_row(found: Row) -> Row:
 
 def bare_loop(kind: str, pixels: float) -> float:
     """Return kernel sections a second of the bare loop on one core. FileNotFoundError where it is not built."""
-    name = os.environ.get("SHEETSPLAT_BARE_LOOP", "")
-    places = [Path(name)] if name else [Path("build") / _BARE_LOOP, *Path("build").glob(f"*/{_BARE_LOOP}")]
-    program = next((place for place in places if place.is_file()), None)
-    if program is None:
+    built = Path(__file__).resolve().parents[2] / "build" / _BARE_LOOP
+    program = Path(os.environ.get("SHEETSPLAT_BARE_LOOP") or built)
+    if not program.is_file():
         raise FileNotFoundError(
-            f"the program {_BARE_LOOP} is not built (looked in build/; SHEETSPLAT_BARE_LOOP names another place)"
+            f"{program} is not built; ./run bench builds it, SHEETSPLAT_BARE_LOOP names another one"
         )
     done = subprocess.run(
         [str(program.resolve()), kind, f"{pixels:.3f}"], capture_output=True, text=True, check=False, timeout=120

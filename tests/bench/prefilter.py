@@ -65,7 +65,7 @@ def flat_picture(
     camera, size
         The view.
     middle, half
-        Depth of t_c, and how far slices reach from there.
+        Depth of t_c (conventions, section 3), and the depth that slices cover on each side of it.
     spacing, length
         Distance of slices and reference length.
     """
@@ -142,7 +142,7 @@ def run(options: Options) -> Report:
         groups += [("bcc", body, {}), ("bcc prefilter", body, {"prefilter": True})]
 
     def kernels(name: str, data: datasets.Dataset, settings: dict[str, Any], compared: Floats) -> Row:
-        """Return figures of a field of kernels, with the time that the field and a frame take."""
+        """Return the figures of a field of kernels, with the times of making it and of a frame."""
         field, made, _ = clock(lambda: data.field(**settings))
         cameras = [view()] * options.views
         timing, picture = time_frames(renderer_for(options), scene_of(field, spacing), cameras, size)

@@ -23,7 +23,7 @@ _WAYS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("prefilter", {"prefilter": True}),
 )
 SMOOTH = {"radius": 3.0, "falloff": 8.0, "normalization": "threshold"}
-# Samples along an edge of the body's volume, and the share of it that is seen.
+# Samples along an edge of the body's volume, and the visible share of the edge.
 _EDGE = 32
 _SHARE = 0.4
 #: Lattices that can be run alone.

@@ -1,8 +1,4 @@
-"""VTK's two volume ray casters in a process of their own, for figures side by side with ours.
-
-The package vtk is wanted for benchmarks only; where it is missing, :class:`Vtk` says so and everything else goes on. A
-process of its own keeps its OpenGL context, its threads and its faults away from what is measured beside it.
-"""
+"""VTK's two volume ray casters, in a process of their own that keeps their context, threads and faults apart."""
 
 from __future__ import annotations
 
@@ -25,9 +21,9 @@ import sheetsplat as ss
 
 Caster = Literal["cpu", "gpu"]
 
-#: What is measured, in words.
+#: Classes that are measured.
 CASTERS: dict[Caster, str] = {"cpu": "vtkFixedPointVolumeRayCastMapper", "gpu": "vtkOpenGLGPUVolumeRayCastMapper"}
-# How long the other process may take for one answer, s.
+# Time allowed to the other process for one answer, s.
 _PATIENCE = 300.0
 
 
@@ -55,17 +51,17 @@ class Look:
     Attributes
     ----------
     points
-        (value, red, green, blue, opacity per `unit`) of the transfer function, linear between them.
+        (value, red, green, blue, opacity per `unit`) of the transfer function, linear in between.
     unit
-        World units to which opacities refer.
+        Reference length of opacities, world units.
     distance
-        Of samples along a ray, world units.
+        Distance of samples along a ray, world units.
     material
-        Phong coefficients under one white head light, two-sided; None: the transfer function's colours themselves.
+        Phong coefficients under one white head light; None: unlit.
     size
         (width, height) in pixels.
     threads
-        Of the processor's ray caster.
+        Threads of the processor's ray caster.
     """
 
     points: tuple[tuple[float, float, float, float, float], ...]
@@ -83,10 +79,10 @@ class Shot:
     Attributes
     ----------
     wall, cpu
-        Seconds by the clock and of all processors of its process, from the change of the camera until the picture is
+        Elapsed seconds and those of all threads of its process, from the change of the camera until the picture is
         a NumPy array.
     rgba
-        Premultiplied, (h, w, 4), in 256 steps; None unless asked for.
+        Premultiplied colours, (h, w, 4), in 256 steps; None unless requested.
     """
 
     wall: float
@@ -99,12 +95,12 @@ class VtkMissing(Exception):
 
 
 class Vtk:
-    """VTK in its own process; a context manager. Raises VtkMissing where it does not start or does not answer."""
+    """VTK in its own process; a context manager. Raises VtkMissing if it does not start or does not answer."""
 
     def __init__(self) -> None:
         if importlib.util.find_spec("vtk") is None:
             raise VtkMissing("the package vtk is not installed (pip install vtk, or the extra sheetsplat[bench])")
-        # Not a child of multiprocessing: that would run the caller's own script once more.
+        # A child of multiprocessing would run the caller's script again.
         self._pipe, other = multiprocessing.Pipe()
         script = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve(int(sys.argv[1]))"
         with other:
@@ -136,7 +132,7 @@ class Vtk:
         self._pipe.close()
 
     def show(self, caster: Caster, volume: Volume, look: Look) -> str:
-        """Make ready to draw a volume, in place of what this caster showed before; return what draws it, in words."""
+        """Prepare a volume in place of what this caster showed before; return class, window and device in words."""
         material = None
         if look.material is not None:
             one = look.material
@@ -150,11 +146,11 @@ class Vtk:
         return str(told)
 
     def forget(self) -> None:
-        """Give back what is shown."""
+        """Release what is shown."""
         self._ask("forget")
 
     def frame(self, caster: Caster, camera: ss.Camera, *, picture: bool = False) -> Shot:
-        """Draw a view, orthographic, and read it back."""
+        """Draw an orthographic view and read it back."""
         wall, cpu, rgba = self._ask(
             "frame", caster, camera.eye, camera.target, camera.up, 0.5 * camera.height, bool(picture)
         )
@@ -177,7 +173,7 @@ class Vtk:
 
 
 def serve(handle: int) -> None:
-    """Answer what is asked through a pipe, until there are no more questions."""
+    """Answer requests through a pipe until it ends."""
     pipe: Any = Connection(handle)
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
@@ -188,7 +184,7 @@ def serve(handle: int) -> None:
         except EOFError:
             return
         if words is None:
-            # Windows are given up while the library is still whole.
+            # Windows end before the library does.
             shown.clear()
             return
         try:
@@ -204,7 +200,7 @@ def serve(handle: int) -> None:
             else:
                 answer = shown[words[1]].frame(*words[2:])
             pipe.send((True, answer))
-        except Exception as error:  # noqa: BLE001 - whatever it is, the asker is told
+        except Exception as error:  # noqa: BLE001 - the message goes to the caller
             pipe.send((False, f"{type(error).__name__}: {error}"))
 
 
@@ -218,7 +214,7 @@ class _Window:
         values, spacing, origin = volume
         points, unit, distance, material, self._size, threads = look
 
-        # The array is kept: VTK looks at its memory.
+        # VTK uses the memory of the array.
         self._values = values
         image = vtk.vtkImageData()
         image.SetDimensions(*values.shape[::-1])
@@ -262,7 +258,7 @@ class _Window:
         light = vtk.vtkLight()
         light.SetLightTypeToHeadlight()
         light.SetPositional(0)
-        # Ambient light is the light's own affair there; without a colour the processor's caster shows none.
+        # The processor's caster shows no ambient term unless the light has an ambient colour.
         light.SetAmbientColor(1.0, 1.0, 1.0)
         renderer.AddLight(light)
         if material is not None:

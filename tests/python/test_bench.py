@@ -14,6 +14,8 @@ import sheetsplat as ss
 from bench import BENCHES, Goal, Options, Report
 from bench.__main__ import main
 from bench.ellipsoids import WAYS, at_equal_time
+from bench.error_estimate import summary
+from bench.huge import corners
 from bench.measure import Judge, Timing, decibels, difference, exponent, orbit, quotient, time_frames
 from bench.report import columns
 from bench.scenes import ellipsoids
@@ -224,6 +226,23 @@ def test_what_only_opengl_has_is_not_run_elsewhere(tmp_path: Path) -> None:
     assert train["fps"] > 0.0 and "fragments" not in train and "remark" not in train
     ways = BENCHES["ellipsoids"].run(_options(tmp_path, backend="cpu", rows=("ways",), size=(16, 16), scale=0.1)).rows
     assert len(ways) == len(WAYS) and all(row["remark"].startswith("not run") for row in ways)
+
+
+def test_summaries_of_error_estimates() -> None:
+    text = summary("random", [0.5, 1.0, 1.0, 1.0, 8.0])
+    assert "5 pictures" in text and "0.50 / 0.60 / 1.00 / 6.60 / 8.00" in text
+    assert "factor of 2: 80.0%" in text and text.endswith("above 4 estimates: 1")
+
+
+def test_windows_of_the_huge_picture_lie_across_tiles(rng: np.random.Generator) -> None:
+    found = corners(2000, 600, rng)
+    assert len(found) == 64 and all(0 <= low <= 2000 - 48 for place in found for low in place)
+
+    def crosses(low: int) -> bool:
+        return low // 600 != (low + 47) // 600
+
+    assert all(crosses(column) and crosses(row) for column, row in found[:16])
+    assert all(crosses(column) or crosses(row) for column, row in found[16:32])
 
 
 def test_import_and_memory_run_in_new_processes(tmp_path: Path) -> None:

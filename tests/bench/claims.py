@@ -329,7 +329,7 @@ def run(options: Options) -> Report:
         columns=columns("claim, row=setting, at, rmse, maximum, score, ratio=over median, wall_ms, remark"),
         rows=rows,
         notes=[
-            "slabs: tubes, unlit, against slices 1/16 of a sample apart; score: RMS step between neighbouring pixels of "
+            "slabs: tubes, unlit, against slices 1/16 sample apart; score: RMS step between neighbouring pixels of "
             "the difference, which measures rings ([NM05], [MC98]).",
             "bits: a noisy ball against the float64 reference, formats of OpenGL's sheet buffers ([NM05]).",
             "shading: thin lit shells against samples twice as fine; score: sharpness over that of the finer ones "

@@ -11,7 +11,7 @@ from sheetsplat import _sheetsplat
 from sheetsplat._checks import Triple, Vector, measurable, number, shown, strengths, triple
 from sheetsplat.errors import complain
 
-# More planes than anybody has; an iterator may have no end.
+# Limit for iterators without an end.
 _MOST_PLANES = 64
 
 
@@ -35,17 +35,17 @@ def _planes(planes: object) -> tuple[tuple[Triple, float], ...]:
 
 @dataclass(frozen=True)
 class Clip:
-    """What of a picture's points is kept. Conventions, section 10 (Effects beyond the papers).
+    """The region of space that is shown. Conventions, section 10 (Effects beyond the papers).
 
     Parameters
     ----------
     planes
         Pairs (normal, offset): points x with normal · x >= offset are kept. World units.
     box
-        Two corners ((x0, y0, z0), (x1, y1, z1)), the lower one first: what lies in between is kept. World units.
+        Two corners ((x0, y0, z0), (x1, y1, z1)), the lower one first: the box between them is kept. World units.
 
-    Points must be kept by all planes and by the box. What is cut off is transparent; the field itself, and with it
-    gradients next to a cut, stay as they are.
+    A point is kept where all planes and the box keep it. The rest is transparent; the field itself, and with it the
+    gradients next to a cut, do not change.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class Clip:
 
 
 def _parts(value: Iterable[object], most: int, what: str, wanted: str) -> list[object]:
-    """Return the first parts of a sequence; arrays without an axis only say that they can be iterated over."""
+    """Return the first parts of a sequence, or InvalidInput; arrays without an axis are no sequences."""
     try:
         return list(islice(value, most))
     except TypeError:
@@ -101,12 +101,11 @@ class DepthCue:
     Parameters
     ----------
     start, end
-        Depths, world units from the eye along the view direction, start < end: where fading begins and where it is
-        done.
+        Depths where fading begins and ends, world units from the eye along the view direction, start < end.
     color
-        Red, green, blue to fade to.
+        Colour to fade to: red, green, blue.
     strength
-        Share of that colour from `end` on, 0 to 1.
+        Share of that colour at `end` and beyond, 0 to 1.
 
     Raises
     ------
@@ -139,14 +138,14 @@ class DepthCue:
 
 @dataclass(frozen=True)
 class AmbientOcclusion:
-    """Ambient light fades where the surroundings are dense. Conventions, section 10 (Effects beyond the papers).
+    """Ambient light is dimmed where the surroundings are dense. Conventions, section 10 (Effects beyond the papers).
 
     Parameters
     ----------
     radius
-        How far away what occludes may be, world units, above 0.
+        Largest distance of occluders, world units, > 0.
     strength
-        Share of ambient light that dense surroundings take, 0 to 1.
+        Share of ambient light that dense surroundings absorb, 0 to 1.
 
     Raises
     ------

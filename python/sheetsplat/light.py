@@ -22,12 +22,12 @@ class Light:
     color
         Red, green, blue; 1 is full strength.
     space
-        "eye" (turns with the camera: x right, y up, z towards the viewer) or "world".
+        "eye" (moves with the camera: x right, y up, z towards the viewer) or "world".
 
     Raises
     ------
     InvalidInput
-        For anything but three finite numbers and those two names, and for a direction of length 0.
+        Where the vectors are not three finite numbers, the direction has length 0, or the space is unknown.
     """
 
     direction: Vector = (0.0, 0.0, 1.0)
@@ -62,11 +62,11 @@ class Material:
     Parameters
     ----------
     ambient, diffuse, specular
-        Shares of light, finite.
+        Reflection coefficients, finite.
     shininess
         Exponent of the specular term, at least 0.
     two_sided
-        Turn the normal round for lights on its far side.
+        Light both sides of a surface: the normal is flipped towards each light.
 
     Raises
     ------

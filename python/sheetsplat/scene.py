@@ -1,4 +1,4 @@
-"""Scenes: fields, how they are classified, lit and composited. Conventions, sections 3 (Slices) to 7 (Modes)."""
+"""Scenes: fields with their classification, light and compositing. Conventions, sections 3 (Slices) to 7 (Modes)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _native(value: Any) -> Any:
 
 @documented(SceneOptions)
 class Scene:
-    """Everything about a picture but the camera and its size. Immutable.
+    """Everything about a picture except the camera and the size. Immutable.
 
     Parameters
     ----------
@@ -62,18 +62,18 @@ class Scene:
         self.native = _sheetsplat.Scene([one.native for one in self._fields], transfer_function.native, **native)
 
     def replace(self, **changes: Any) -> Scene:
-        """Return a scene that has some other options, and all the others of this one.
+        """Return a scene with some options changed and all others as in this one.
 
         Parameters
         ----------
         changes
-            Options of `Scene`, `field` and `transfer_function` among them. Distances that this scene took from its
-            field are taken from the field of the new one.
+            Options of `Scene`, including `field` and `transfer_function`. Distances that were not given follow from the
+            field of the new scene.
 
         Raises
         ------
         InvalidInput
-            As `Scene`, and for names that are none of its options.
+            As `Scene`, and for unknown names.
         """
         check_names("Scene.replace", changes, SceneOptions, ("field", "transfer_function"))
         given = {"field": self._fields, "transfer_function": self._transfer_function, **self._options}
@@ -120,7 +120,7 @@ class Scene:
 
     @property
     def filter(self) -> str | None:
-        """What is done to kernels before they are sliced: None or "ewa"."""
+        """Filter of kernels before slicing: None or "ewa"."""
         found: str | None = self._options["filter"]
         return found
 
@@ -132,12 +132,12 @@ class Scene:
 
     @property
     def slice_spacing(self) -> float:
-        """Distance of slices in world units, as it will be used."""
+        """Distance of slices in world units."""
         return self.native.slice_distance
 
     @property
     def reference_length(self) -> float:
-        """World units to which opacities refer, as they will be used."""
+        """Length in world units to which opacities refer."""
         return self.native.reference_distance
 
     @property

@@ -1,4 +1,4 @@
-"""Times, errors, and the pictures that errors are measured against."""
+"""Times, errors, and the pictures from which errors are measured."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
 Floats = NDArray[np.float32]
-# Told the share of the present step that is done, or None for a step of unknown length; False stops the measurement.
+# Called with the finished share of the current step; False stops the measurement.
 Watch = Callable[[float], object] | None
 
-# Of the distance of slices: the finest is the picture that is extrapolated from, the others tell its order.
+# Divisors of the distance of slices: the finest picture is extrapolated, the others give the order of convergence.
 _FINER = (2, 4, 8)
-# Orders between which an error is taken for one of second order.
+# Orders of convergence that count as second order.
 _SECOND = (1.5, 2.6)
-# Sizes at which the reference is tried, as a share of the picture.
+# Sizes at which the reference is tried, relative to the picture.
 _SHARES = (0.125, 0.25, 0.5, 1.0)
 _FAILED = "the measurement was stopped"
 
 
 def array_of(picture: Image) -> Floats:
-    """Return rgba or scalar, whichever is there."""
+    """Return rgba or scalar, by the mode."""
     return picture.scalar if picture.is_scalar else picture.rgba
 
 
@@ -47,7 +47,7 @@ def difference(picture: NDArray[Any], expected: NDArray[Any]) -> dict[str, float
 
 @dataclass(frozen=True)
 class Truth:
-    """A picture to measure against.
+    """A picture from which errors are measured.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Truth:
     uncertainty
         Root mean square distance from the limit that it stands for, estimated.
     order
-        That was found in the distance of slices; 2 was extrapolated (Richardson), NaN: not looked for.
+        Order of convergence in the distance of slices; 2 was extrapolated (Richardson), NaN: not determined.
     text
         How it was made, in words.
     """
@@ -68,7 +68,7 @@ class Truth:
 
 
 def _finest(scene: Scene, factor: int) -> Scene:
-    """Return a scene whose picture tends to the limit of fine slices."""
+    """Return a scene whose picture converges to the limit of fine slices."""
     changes: dict[str, Any] = {
         "slice_spacing": scene.slice_spacing / factor,
         "sampling": "point",
@@ -77,7 +77,7 @@ def _finest(scene: Scene, factor: int) -> Scene:
         "preintegration": False,
     }
     if scene.mode == "composite" and np.any(np.diff(scene.transfer_function.points[:, 0]) == 0.0):
-        # Steps of the transfer function are exact in intervals, and of first order in points.
+        # Steps of the transfer function are exact with pre-integration, and of first order without.
         changes["preintegration"] = True
     return scene.replace(**changes)
 
@@ -88,7 +88,7 @@ def _exact_renderers(settings: dict[str, Any]) -> list[Renderer]:
 
 
 def _exactly(scene: Scene, camera: Camera, size: tuple[int, int], settings: dict[str, Any], watch: Watch) -> Image:
-    """Return a picture in float64: of backend cpu, or of the reference where that does not have the scene."""
+    """Return a picture in float64 by backend cpu, or by the reference where cpu does not support the scene."""
     first, second = _exact_renderers(settings)
     try:
         return first.render(scene, camera, size=size, progress=watch)
@@ -132,9 +132,9 @@ def limit(
     if _SECOND[0] <= order <= _SECOND[1]:
         better = fine + (fine - middle) / 3.0
         before = middle + (middle - coarse) / 3.0
-        # What is left falls at an order above the second; a third is what second order would leave.
+        # The remaining error falls faster than second order; a third of the change is an upper estimate.
         return Truth(better, difference(better, before)["rmse"] / 3.0, order, f"{steps}, extrapolated at second order")
-    # Sums of float32 pictures end here.
+    # The rounding of float32 pictures ends the convergence.
     left = second / (2.0 ** max(order, 0.5) - 1.0) if math.isfinite(order) else 0.0
     return Truth(fine, left, order, f"{steps}, order {order:.1f}: not extrapolated")
 
@@ -142,7 +142,7 @@ def limit(
 def same_slices(
     scene: Scene, camera: Camera, size: tuple[int, int], settings: dict[str, Any], watch: Watch = None
 ) -> Truth:
-    """Return the picture of a scene in float64 as it is, with the slices, the gradients and the stop that it has."""
+    """Return the picture of a scene in float64 with its own slices, gradients and opacity stop."""
     values = array_of(_exactly(scene, camera, size, settings, watch)).astype(np.float64)
     return Truth(values, math.nan, math.nan, "at the same slices, float64")
 
@@ -153,7 +153,7 @@ def _share(watch: Watch, start: float, length: float) -> Watch:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A picture at its full size, and what it took.
+    """A picture at its full size, with its times.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class Drawn:
     walls, cpus
         Seconds of each frame by the clock, and by the processors of this process together.
     picture
-        As it was drawn.
+        The image, before it is enlarged.
     """
 
     values: Floats
@@ -181,7 +181,7 @@ def draw(
     repeats: int,
     watch: Watch = None,
 ) -> Drawn:
-    """Draw several frames, after one that is not counted: it makes the index and compiles the shaders."""
+    """Draw several timed frames, after one that builds the index and compiles the shaders."""
     drawn = smaller(size, scale) if scale > 1 else size
     picture = renderer.render(scene, camera, size=drawn, progress=_share(watch, 0.0, 1.0 / (repeats + 1)))
     walls, cpus = [], []
@@ -189,7 +189,7 @@ def draw(
     for number in range(repeats):
         if watch is not None and watch((number + 1) / (repeats + 1)) is False:
             raise complain(_FAILED, kind=Cancelled)
-        # Without progress: a caller's function would be timed as well.
+        # Without progress, so that the caller's function is not timed.
         wall, cpu = time.perf_counter(), time.process_time()
         picture = renderer.render(scene, camera, size=drawn)
         values = array_of(picture) if scale == 1 else enlarge(array_of(picture), size)
@@ -209,7 +209,7 @@ class Arithmetic:
 
 
 class Judge:
-    """Pictures of the reference backend, as large as the time allows.
+    """Pictures of the reference backend, as large as the given time allows.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ class Judge:
     def judge(
         self, renderer: Renderer, scene: Scene, expected: Scene, drawn: Drawn, scale: int, watch: Watch = None
     ) -> Arithmetic:
-        """Return the arithmetic error of what a renderer draws of a scene that the reference knows as `expected`."""
+        """Return the arithmetic error of a renderer's picture of a scene; the reference draws `expected`."""
         if not self._seconds > 0.0:
             return Arithmetic(reason="not asked for")
         reference, reason = self._picture(expected, scale, watch)

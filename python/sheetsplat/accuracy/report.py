@@ -25,7 +25,7 @@ _REASON = 160
 
 @dataclass(frozen=True)
 class AccuracyRow:
-    """One setting of one knob, all else as the scene has it.
+    """One setting of one knob, all else as in the scene.
 
     Attributes
     ----------
@@ -34,18 +34,18 @@ class AccuracyRow:
     how
         What to write in Python to use it; empty for the unchanged scene.
     truth
-        Which of the report's pictures the error was measured against: "converged", "interpolated" (for knobs that
-        change what a lattice stands for) or "given".
+        The picture from which the error was measured: "converged", "interpolated" (for knobs that change the field of
+        a lattice) or "given".
     current
         The scene has this setting already.
     reason
-        Why there are no numbers, or an empty text.
+        Why it was not measured, or an empty text.
     seconds, cpu_seconds
-        Median of a frame by the clock, and by the processors of this process together; NaN where there is none.
+        Medians of the elapsed time and of the processor time of a frame; NaN where it was not measured.
     fastest, slowest
-        Of the frames by the clock, seconds.
+        Extremes of the elapsed times of the frames, seconds.
     rmse, p99_9, maximum
-        Distance from the truth: what slicing and all else does, arithmetic included. Conventions, section 8.
+        Distance from the truth, of all causes together. Conventions, section 8.
     slicing_rmse
         Distance from the limit of fine slices with the row's own kind of gradients: conventions, section 8, and what
         ``image.error`` estimates. `rmse` counts what differences of pixels lose as well. NaN for lattices' knobs.
@@ -56,9 +56,9 @@ class AccuracyRow:
     arithmetic_reason
         Why it was not, or an empty text.
     ripple_rms, ripple_maximum
-        Of lattices: how far the sum of equal samples is from constant, relative; NaN for other knobs.
+        Of lattices: relative deviation of the sum of equal samples from a constant; NaN for other knobs.
     backend, precision
-        That drew it.
+        What drew it.
     slices, kernels_drawn
         Of the picture.
     pareto
@@ -106,7 +106,7 @@ class AccuracyRow:
 
 
 def front(rows: Sequence[AccuracyRow], clock: str) -> tuple[AccuracyRow, ...]:
-    """Return the rows with `pareto` set: by truth, those that no other row beats in both time and error."""
+    """Return the rows with `pareto` set: for each truth, those that no other row beats in both time and error."""
     best: dict[str, list[tuple[float, float]]] = {}
     for row in rows:
         if row.measured and not row.is_truth:
@@ -123,14 +123,14 @@ def front(rows: Sequence[AccuracyRow], clock: str) -> tuple[AccuracyRow, ...]:
 
 @dataclass(frozen=True)
 class TruthText:
-    """How a picture that errors are measured against was made.
+    """How a picture was made from which errors are measured.
 
     Attributes
     ----------
     name
         As in the rows' `truth`.
     text
-        In words.
+        Description.
     uncertainty
         Estimated root mean square distance from the limit that it stands for; smaller errors are not significant.
     order
@@ -145,28 +145,28 @@ class TruthText:
 
 @dataclass(frozen=True)
 class AccuracyReport:
-    """What accuracy costs in time, for one scene and camera. ``print(report)`` gives a table.
+    """Error and time of each setting, for one scene and camera. ``print(report)`` prints a table.
 
     Attributes
     ----------
     size
         (width, height) in pixels.
     backend, precision, device
-        That the scene was drawn by unless a row says otherwise.
+        What drew the scene unless a row says otherwise.
     slice_spacing
         Δs of the scene, world units.
     repeats
-        Frames that were timed for each row; of the scene as it is some more.
+        Number of timed frames for each row; more for the unchanged scene.
     clock
-        "wall" or "cpu": by which times the front was found and the plot is drawn.
+        "wall" or "cpu": the times of the front and the plot.
     rows
-        By knob; also what could not be measured, with its reason.
+        All settings by knob; those that could not be measured have a reason.
     truths
-        The pictures that errors were measured against.
+        The pictures from which errors were measured.
     notes
-        Sentences that follow from the rows.
+        Conclusions from the rows.
     environment
-        Where it ran.
+        Versions and machine.
     """
 
     size: tuple[int, int]
@@ -183,13 +183,13 @@ class AccuracyReport:
 
     @property
     def current(self) -> AccuracyRow | None:
-        """The scene as it is, measured against the converged picture; None where only lattices were measured."""
+        """The unchanged scene, measured from the converged picture; None where only lattices were measured."""
         there = [row for row in self.rows if row.current and row.measured]
         return next((row for row in there if row.truth != INTERPOLATED), there[0] if there else None)
 
     @property
     def pareto(self) -> tuple[AccuracyRow, ...]:
-        """Rows of the same field that no other beats in both time and error, the fastest first; each picture once."""
+        """Pareto-optimal rows of the same field in time and error, the fastest first; each picture once."""
         found: dict[tuple[float, float], AccuracyRow] = {}
         for row in self.rows:
             if row.pareto and row.truth != INTERPOLATED:
@@ -197,13 +197,13 @@ class AccuracyReport:
         return tuple(sorted(found.values(), key=lambda row: row.time(self.clock)))
 
     def of(self, knob: str) -> tuple[AccuracyRow, ...]:
-        """Return the rows of one knob. InvalidInput for a name that is none."""
+        """Return the rows of one knob. InvalidInput for an unknown name."""
         if knob not in KNOBS:
             raise complain("there is no such knob", shown(knob), f"one of: {', '.join(KNOBS)}")
         return tuple(row for row in self.rows if row.knob == knob)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain dicts, lists, numbers and texts, ready for JSON; NaN and infinity become None."""
+        """Return all fields as dicts, lists, numbers and strings, for JSON; NaN and infinity become None."""
         plain = {**asdict(self), "pareto": [asdict(row) for row in self.pareto]}
         plain["current"] = None if self.current is None else asdict(self.current)
         cleaned: dict[str, Any] = _plain(plain)
@@ -214,7 +214,7 @@ class AccuracyReport:
         return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
 
     def plot(self, path: str | os.PathLike[str]) -> None:
-        """Draw error over time, and save it.
+        """Save a plot of error over time.
 
         Parameters
         ----------

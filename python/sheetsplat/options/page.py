@@ -6,7 +6,7 @@ from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, Defined, definitions, in_python
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
 from sheetsplat.options.look import TransferOptions
-from sheetsplat.options.picture import NounOptions, PictureOptions
+from sheetsplat.options.picture import ObjectOptions, PictureOptions
 from sheetsplat.options.renderer import BackendOptions, RendererLimits, RendererSettings
 from sheetsplat.options.scene import EffectOptions, LightOptions, ModeOptions, SamplingOptions
 from sheetsplat.options.spelling import flags
@@ -36,7 +36,7 @@ _GROUPS: tuple[tuple[str, tuple[type, ...]], ...] = (
     ("Camera", (CameraOptions,)),
     ("Renderer", (BackendOptions, RendererSettings)),
     ("Renderer, in its constructor only", (RendererLimits,)),
-    ("Objects in place of options", (NounOptions,)),
+    ("Objects in place of options", (ObjectOptions,)),
     ("Files", (FileOptions,)),
     ("Positions of samples", (PlacementOptions,)),
     ("Kernels", (KernelOptions,)),

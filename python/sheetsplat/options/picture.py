@@ -55,7 +55,7 @@ class PictureOptions(TypedDict, total=False):
     ]
 
 
-class NounOptions(TypedDict, total=False):
+class ObjectOptions(TypedDict, total=False):
     """Objects that replace groups of options."""
 
     camera: Annotated[Camera | None, Option("Replaces all options of the camera.", accepts="Camera", cli=())]
@@ -66,7 +66,9 @@ class LookOptions(TransferOptions, SceneOptions, total=False):
     """Every option of a scene: what `Scene` takes, and what chooses a transfer function and light."""
 
 
-class RenderOptions(PictureOptions, LookOptions, NounOptions, CameraOptions, RendererOptions, OpenOptions, total=False):
+class RenderOptions(
+    PictureOptions, LookOptions, ObjectOptions, CameraOptions, RendererOptions, OpenOptions, total=False
+):
     """Every keyword argument of `sheetsplat.render`."""
 
 

@@ -9,6 +9,8 @@ from statistics import median
 from typing import Any
 
 from sheetsplat.errors import Error
+from sheetsplat.options.core import definitions
+from sheetsplat.options.scene import SceneOptions
 from sheetsplat.plan import Effect, RenderPlan
 from sheetsplat.scene import Scene
 
@@ -16,19 +18,14 @@ from sheetsplat.scene import Scene
 # Returns its plan.
 Draw = Callable[[Scene, tuple[str, ...], dict[str, bool]], RenderPlan]
 
-# Effects that an option of the scene switches, and the option that switches them off.
+# Effects that an option of the scene switches on, and the option that switches them off.
 _WITHOUT: dict[str, dict[str, Any]] = {
-    "ewa_filter": {"filter": None},
-    "slab_sampling": {"sampling": "point"},
-    "preintegration": {"preintegration": False},
-    "background": {"background": None},
-    "clip": {"clip": None},
-    "analytic_gradient": {"gradient": "sheets"},
-    "gradient_opacity": {"gradient_opacity": None},
-    "depth_cue": {"depth_cue": None},
+    **{
+        one.option.effect: {name: one.option.default}
+        for name, one in definitions(SceneOptions).items()
+        if one.option.effect
+    },
     "second_order": {"preintegration": True},
-    "shadows": {"shadows": False},
-    "ambient_occlusion": {"ambient_occlusion": None},
 }
 # Effects that follow from the data, the mode or the device, and cannot be switched for the same picture.
 _FIXED = frozenset(

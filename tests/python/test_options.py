@@ -111,6 +111,12 @@ def test_the_short_way_is_short():
     assert len(lines) <= 45
 
 
+def test_effects_of_options_are_effects_of_the_plan():
+    scene = ss.Scene(ss.RegularField(np.ones((3, 3, 3))), [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)])
+    known = {effect.name for effect in ss.Renderer("cpu").plan(scene, ss.Camera.fit(scene), size=(8, 8)).effects}
+    assert {one.option.effect for one in definitions(SceneOptions).values() if one.option.effect} <= known
+
+
 def test_errors_name_their_option():
     field = ss.RegularField(np.zeros((2, 2, 2)))
     for call, option in (

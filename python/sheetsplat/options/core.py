@@ -84,6 +84,8 @@ class Option:
         Its Python type in words, where the annotation is too long to be read.
     modes
         The modes that use it.
+    effect
+        The effect of the plan that any value but the default switches on.
     backends
         The backends that use it, for options of the renderer; all unless given.
     check
@@ -100,6 +102,7 @@ class Option:
     chosen: str = ""
     accepts: str = ""
     modes: tuple[str, ...] = MODES
+    effect: str = ""
     backends: tuple[str, ...] = ()
     check: Check | None = None
     cli: tuple[CommandLine, ...] = (CommandLine(),)

@@ -75,6 +75,7 @@ class LightOptions(TypedDict, total=False):
             unset="transparent",
             accepts="three numbers or str",
             modes=COLORED,
+            effect="background",
             check=optional(color),
             cli=(CommandLine(value=Special.COLOR),),
         ),
@@ -123,6 +124,7 @@ class SamplingOptions(TypedDict, total=False):
         Option(
             '"point": a slice holds the field at its depth; "slab": the mean over its slab along the pixel\'s ray.',
             default="point",
+            effect="slab_sampling",
             check=one_of(Sampling),
         ),
     ]
@@ -155,6 +157,7 @@ class SamplingOptions(TypedDict, total=False):
             default=False,
             accepts='bool or "second_order"',
             modes=COMPOSITE,
+            effect="preintegration",
             check=_preintegration,
             cli=(
                 CommandLine(
@@ -175,6 +178,7 @@ class SamplingOptions(TypedDict, total=False):
         Option(
             '"ewa": widen kernels by a pixel across and by a slice distance along the view, so that kernels smaller '
             "than that do not vanish between pixels or slices. Their mass stays the same.",
+            effect="ewa_filter",
             check=optional(one_of(Filter)),
         ),
     ]
@@ -190,6 +194,7 @@ class EffectOptions(TypedDict, total=False):
             "kernels' own derivatives, which do not depend on pixels and slices.",
             default="sheets",
             modes=COLORED,
+            effect="analytic_gradient",
             check=one_of(Gradient),
         ),
     ]
@@ -198,6 +203,7 @@ class EffectOptions(TypedDict, total=False):
         Option(
             "The region that is kept.",
             unset="everything",
+            effect="clip",
             check=or_default(Clip),
             cli=(
                 CommandLine(
@@ -222,6 +228,7 @@ class EffectOptions(TypedDict, total=False):
             "Multiply the opacity by min(1, gradient / {gradient_opacity}), which hides regions of little change. "
             "Scalar per world unit, greater than 0.",
             modes=COMPOSITE,
+            effect="gradient_opacity",
             check=optional_number,
             cli=(CommandLine(value=Real(above=0.0)),),
         ),
@@ -233,6 +240,7 @@ class EffectOptions(TypedDict, total=False):
             "fields; it needs `render` or the command line, which know the camera.",
             accepts='DepthCue or "auto"',
             modes=COLORED,
+            effect="depth_cue",
             check=optional(instance_of(DepthCue)),
             cli=(
                 CommandLine(
@@ -252,13 +260,21 @@ class EffectOptions(TypedDict, total=False):
     ]
     shadows: Annotated[
         bool,
-        Option("Lights cast shadows.", default=False, modes=COLORED, check=truth, cli=(CommandLine(switch=True),)),
+        Option(
+            "Lights cast shadows.",
+            default=False,
+            modes=COLORED,
+            effect="shadows",
+            check=truth,
+            cli=(CommandLine(switch=True),),
+        ),
     ]
     ambient_occlusion: Annotated[
         AmbientOcclusion | None,
         Option(
             "Dim ambient light where the surroundings, up to a radius in world units, are dense.",
             modes=COLORED,
+            effect="ambient_occlusion",
             check=optional(instance_of(AmbientOcclusion)),
             cli=(CommandLine(value=Special.OCCLUSION),),
         ),

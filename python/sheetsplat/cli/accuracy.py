@@ -15,12 +15,12 @@ from sheetsplat.options.core import pick
 from sheetsplat.options.renderer import RendererOptions
 
 _MOST_REPEATS = 1000
-# What looks for settings itself leaves no setting to be turned.
-_SEEKERS = ("max_error", "max_seconds")
+# Goals that choose settings; they leave nothing to vary.
+_GOALS = ("max_error", "max_seconds")
 
 
 class _Knobs(ParamType):
-    """Names of knobs with commas between them."""
+    """Names of knobs, separated by commas."""
 
     name = "NAME,NAME,…"
 
@@ -41,7 +41,7 @@ class _Knobs(ParamType):
 @click.option(
     "--knobs",
     type=_Knobs(),
-    help="What is turned: slice_spacing, classification, gradient, cut_off, precision, table_size, opacity_stop, "
+    help="Knobs to vary: slice_spacing, classification, gradient, cut_off, precision, table_size, opacity_stop, "
     "filter, image_scale, lattice, kernel, prefilter.  [default: all]",
 )
 @click.option(
@@ -49,21 +49,21 @@ class _Knobs(ParamType):
     type=click.IntRange(1, _MOST_REPEATS),
     default=3,
     show_default=True,
-    help="Frames that are timed for each setting; the median counts.",
+    help="Number of timed frames for each setting; the median is reported.",
 )
 @click.option(
     "--reference-seconds",
     type=click.FloatRange(min=0.0),
     default=2.0,
     show_default=True,
-    help="How long the float64 reference may take for a setting, about; 0: no arithmetic errors.",
+    help="Approximate time limit of the float64 reference for a setting; 0: no arithmetic errors.",
 )
 @click.option(
     "--clock",
     type=click.Choice(["wall", "cpu"]),
     default="wall",
     show_default=True,
-    help="Which time counts: by the clock, or that of the processors, which other work disturbs less.",
+    help="Reported time: elapsed, or of the processor, which other processes disturb less.",
 )
 @scene_options
 @as_json
@@ -79,25 +79,23 @@ def command(
     quiet: bool,
     **options: Any,
 ) -> None:
-    """Measure what accuracy costs in time when FILE is rendered with these options.
+    """Measure error and time of FILE for each setting that trades one for the other.
 
-    Every choice that trades error for time is turned alone; each setting is timed and held against the float64
-    reference at the same slices and against the converged picture. FILE and options are those of "sheetsplat render".
+    Each knob is varied alone; each of its settings is timed and compared with the float64 reference at the same slices
+    and with the converged picture. FILE and options are those of "sheetsplat render".
     """
     from sheetsplat.accuracy import accuracy
     from sheetsplat.accuracy.plot import check_path, require_matplotlib
 
     if output is not None:
-        # Before anything takes its time.
+        # Before the measurement, which takes long.
         check_outputs([output], [file, *([options["grid"]] if options["grid"] else [])])
         if output.suffix.lower() not in (".png", ".svg", ".pdf"):
             raise click.UsageError(f"{output}: a plot's name ends with .png, .svg or .pdf")
         check_path(output)
         require_matplotlib()
-    if any(options.get(name) is not None for name in _SEEKERS):
-        raise click.UsageError(
-            "leave out --max-error and --max-seconds: they choose the settings that are to be turned"
-        )
+    if any(options.get(name) is not None for name in _GOALS):
+        raise click.UsageError("leave out --max-error and --max-seconds: they choose the settings that are varied here")
     check_mode(options)
     scene, camera, _, size = prepare(file, options)
     settings = {**pick(RendererOptions, options), "effects": forced_effects(options["effects"])}
@@ -122,7 +120,7 @@ def command(
     from rich.console import Console
 
     console = Console()
-    # Files and pipes have no width of their own.
+    # Files and pipes have no width.
     if not console.is_terminal:
         click.echo(str(report))
         return

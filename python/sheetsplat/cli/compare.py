@@ -16,10 +16,10 @@ _PATH = click.Path(path_type=Path)
 @click.command("compare")
 @click.argument("picture", type=_PATH)
 @click.argument("reference", type=_PATH)
-@click.option("--max-rmse", type=float, help="Fail above this root mean square error.")
-@click.option("--max-p999", type=float, help="Fail above this 99.9th percentile.")
-@click.option("--max", "max_maximum", type=float, help="Fail above this largest difference.")
-@click.option("--max-flip", type=float, help="Fail above this mean FLIP.")
+@click.option("--max-rmse", type=float, help="Largest root mean square error that passes.")
+@click.option("--max-p999", type=float, help="Largest 99.9th percentile that passes.")
+@click.option("--max", "max_maximum", type=float, help="Largest maximum difference that passes.")
+@click.option("--max-flip", type=float, help="Largest mean FLIP that passes.")
 @click.option(
     "--difference",
     type=_PATH,
@@ -71,5 +71,5 @@ def command(
         if factor is not None:
             click.echo(f"{difference}: the difference times {factor:.6g}")
     if above:
-        say(f"{picture} differs from {reference} by more than was allowed: {', '.join(above)}", quiet=quiet)
+        say(f"{picture} differs from {reference} by more than allowed: {', '.join(above)}", quiet=quiet)
         sys.exit(1)

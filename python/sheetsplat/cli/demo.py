@@ -24,9 +24,7 @@ _DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "j
     show_default=True,
     help="The picture: .png, .exr or .npy.",
 )
-@click.option(
-    "--dataset", type=click.Choice(_DATASETS), default="tubes", show_default=True, help="What to make and show."
-)
+@click.option("--dataset", type=click.Choice(_DATASETS), default="tubes", show_default=True, help="Generated data set.")
 @apply(single(PictureOptions, "size"))
 @apply(single(RendererOptions, "backend", "threads"))
 @as_json
@@ -40,7 +38,7 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Render a data set that is made on the spot, and say where the picture is."""
+    """Render a generated data set, and print the path of the picture."""
     from sheetsplat import datasets
     from sheetsplat._checks import image_size
     from sheetsplat.framing import compose_camera
@@ -49,7 +47,7 @@ def command(
 
     pictures.check_suffix(output)
     pictures.check_folder(output)
-    # Settings that cannot be used fail before anything is made.
+    # Unusable settings must fail before data is generated.
     renderer = Renderer(backend, threads=threads)
     began = time.perf_counter()
     say(f"making {dataset} ...", quiet=quiet)

@@ -14,14 +14,14 @@ from sheetsplat.options.renderer import BACKENDS
 
 
 def _about_environment(found: list[Device]) -> str:
-    """Return what is wrong with the variable SHEETSPLAT_BACKEND, or an empty text."""
+    """Return a warning about the environment variable SHEETSPLAT_BACKEND, or an empty text."""
     wanted = os.environ.get("SHEETSPLAT_BACKEND", "")
     if wanted in ("", "auto"):
         return ""
     if wanted not in BACKENDS:
-        return f"SHEETSPLAT_BACKEND is {wanted!r}, which is no backend: wanted one of {', '.join(BACKENDS)}"
+        return f"SHEETSPLAT_BACKEND is {wanted!r}, which is not a backend; wanted one of {', '.join(BACKENDS)}"
     if not any(device.backend == wanted and device.available for device in found):
-        return f"SHEETSPLAT_BACKEND is {wanted!r}, which cannot be had here"
+        return f"SHEETSPLAT_BACKEND is {wanted!r}, which is not available here"
     return ""
 
 
@@ -29,7 +29,7 @@ def _about_environment(found: list[Device]) -> str:
 @as_json
 @common
 def command(as_json: bool, quiet: bool) -> None:
-    """Show every backend and context that could be made here, and why the others could not."""
+    """Show every backend and kind of OpenGL context, and whether it is available here."""
     found = devices()
     if wrong := _about_environment(found):
         logging.getLogger("sheetsplat").warning(wrong)

@@ -15,19 +15,19 @@ from sheetsplat.cli.scene import prepare
 @click.command("plan")
 @click.argument("file", type=click.Path(path_type=Path))
 @scene_options
-@click.option("--measure", is_flag=True, help="Draw the picture with and without each effect: what each costs in ms.")
+@click.option("--measure", is_flag=True, help="Measure the time of each effect: draw with and without it.")
 @click.option(
-    "--repeats", type=click.IntRange(min=1), default=3, show_default=True, help="Timed pictures of each kind."
+    "--repeats", type=click.IntRange(min=1), default=3, show_default=True, help="Number of timed pictures of each kind."
 )
 @as_json
 @common
 def command(file: Path, measure: bool, repeats: int, as_json: bool, quiet: bool, **options: Any) -> None:
-    """Show what rendering FILE with these options calls for, effect by effect, with the reason and the error it adds.
+    """Show the plan for rendering FILE: every effect, on or off, with the reason and the error that it adds.
 
-    With --measure also what each effect costs: of one that is on, what the picture takes longer with it; in brackets,
-    what one that is off would cost. That takes some hundred pictures.
+    With --measure also the time that each effect adds to the picture; in brackets, the time that an effect which is off
+    would add. That draws about a hundred pictures.
 
-    Effects that --effect can force, and what each means: usage, "Words of the plan".
+    "Words of the plan" in the usage page explains the effects, and which of them --effect can force.
     """
     check_mode(options)
     scene, camera, renderer, size = prepare(file, options)

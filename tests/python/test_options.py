@@ -108,7 +108,7 @@ def test_wrong_names_are_answered_with_the_nearest_ones(call, near):
 
 def test_the_short_way_is_short():
     lines, _ = inspect.getsourcelines(ss.render)
-    assert len(lines) <= 45
+    assert len(lines) <= 40
 
 
 def test_effects_of_options_are_effects_of_the_plan():

@@ -169,22 +169,22 @@ class RendererSettings(TypedDict, total=False):
 class RendererLimits(TypedDict, total=False):
     """Limits of a device that only `Renderer` itself takes."""
 
-    tile_size: Annotated[
-        int | None,
-        Option(
-            "Largest edge of an image tile in pixels.",
-            backends=("gl", "cpu"),
-            unset="what the device can do",
-            check=_count,
-            cli=(),
-        ),
-    ]
     tags_per_clear: Annotated[
         int | None,
         Option(
             "Number of depth tags before the depth buffer is cleared, of backend gl.",
             backends=("gl",),
             unset="what the resolution of the depth buffer allows",
+            check=_count,
+            cli=(),
+        ),
+    ]
+    tile_size: Annotated[
+        int | None,
+        Option(
+            "Largest edge of an image tile in pixels.",
+            backends=("gl", "cpu"),
+            unset="what the device can do",
             check=_count,
             cli=(),
         ),

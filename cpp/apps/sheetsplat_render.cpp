@@ -126,9 +126,10 @@ std::shared_ptr<const ss::RegularField> read_raw(const Options& options) {
     std::uint64_t bytes = bytes_of(options.type);
     for (const std::uint64_t edge : options.shape) {
         if (edge == 0 || bytes > static_cast<std::uint64_t>(std::numeric_limits<std::streamsize>::max()) / edge) {
-            throw ss::InvalidInput(ss::Complaint{
-                failed, "a shape of " + shape_text,
-                "at least one sample along each axis, and a size that can be addressed", "correct --shape"});
+            throw ss::InvalidInput(
+                ss::Complaint{failed, "a shape of " + shape_text,
+                              "at least one sample along each axis, and a size that can be addressed",
+                              "correct " + ss::option_ref("shape"), "shape"});
         }
         bytes *= edge;
     }
@@ -139,9 +140,9 @@ std::shared_ptr<const ss::RegularField> read_raw(const Options& options) {
             ss::Complaint{failed, error.message(), "a file that can be read", "check the path and its permissions"});
     }
     if (found != bytes) {
-        throw ss::InvalidInput(ss::Complaint{failed, std::to_string(found) + " bytes",
-                                             std::to_string(bytes) + " bytes for " + shape_text,
-                                             "correct --shape or --dtype, or fetch the whole file"});
+        throw ss::InvalidInput(ss::Complaint{
+            failed, std::to_string(found) + " bytes", std::to_string(bytes) + " bytes for " + shape_text,
+            "correct " + ss::option_ref("shape") + " or " + ss::option_ref("dtype") + ", or fetch the whole file"});
     }
     const std::size_t count = static_cast<std::size_t>(bytes) / bytes_of(options.type);
     ss::SampleArray samples;
@@ -398,7 +399,7 @@ void declare(CLI::App& app, Options& options) {
                                                                          {"xray", ss::Mode::xray},
                                                                          {"mip", ss::Mode::mip}}))
         ->group("Classification");
-    app.add_option("--iso", options.iso_value, "value of the isosurface (the middle of the range)")
+    app.add_option("--iso,--iso-value", options.iso_value, "value of the isosurface (the middle of the range)")
         ->group("Classification");
     app.add_option("--sampling", options.sampling, "point | slab")
         ->transform(one_of(std::vector<std::pair<std::string, ss::Sampling>>{{"point", ss::Sampling::point},
@@ -422,7 +423,8 @@ void declare(CLI::App& app, Options& options) {
     app.add_option("--zoom", options.zoom, "1 shows the whole volume")
         ->check(CLI::PositiveNumber.description(""))
         ->group("Camera");
-    app.add_option("--fov", options.fov_y, "vertical angle of the perspective camera in degrees (30)")->group("Camera");
+    app.add_option("--fov,--fov-y", options.fov_y, "vertical angle of the perspective camera in degrees (30)")
+        ->group("Camera");
 
     app.add_option("--size", options.size, "pixels, WIDTHxHEIGHT or WIDTH HEIGHT (400x400)")
         ->delimiter('x')
@@ -455,16 +457,28 @@ void declare(CLI::App& app, Options& options) {
         ->group("Picture");
 }
 
-/// Throws CLI::ValidationError for options that say nothing of what is drawn.
+/// A reference to an option as this program spells it; without such an option, as C++ does.
+std::string spelled(const CLI::App& app, const ss::OptionRef& option) {
+    std::string name = "--" + option.name;
+    std::replace(name.begin(), name.end(), '_', '-');
+    const CLI::Option* known = app.get_option_no_throw(name);
+    if (known == nullptr) {
+        return ss::spelled_in_cpp(option);
+    }
+    const bool alone = option.value.empty() || option.value == "..." || known->get_items_expected_max() == 0;
+    return alone ? known->get_name() : known->get_name() + " " + option.value;
+}
+
+/// Throws CLI::ValidationError for options that what is drawn does not use.
 void refuse_unused(const CLI::App& app, const Options& options) {
     const bool scattered = options.generated == Generated::ellipsoids;
     for (const char* name : {"--samples", "--spacing"}) {
         if (scattered && app.count(name) > 0) {
-            throw CLI::ValidationError(name, "ellipsoids have none; --kernels says how many there are");
+            throw CLI::ValidationError(name, "not used by --generate ellipsoids; --kernels sets their number");
         }
     }
     if (!scattered && app.count("--kernels") > 0) {
-        throw CLI::ValidationError("--kernels", "it is for --generate ellipsoids alone");
+        throw CLI::ValidationError("--kernels", "only used by --generate ellipsoids");
     }
 }
 
@@ -488,6 +502,10 @@ int main(int argc, char** argv) {
         run(options);
     } catch (const std::bad_alloc&) {
         std::cerr << "sheetsplat_render: there is not enough memory for this volume and picture\n";
+        return 1;
+    } catch (const ss::Error& error) {
+        const auto spelling = [&](const ss::OptionRef& option) { return spelled(app, option); };
+        std::cerr << "sheetsplat_render: " << error.complaint().text(spelling) << '\n';
         return 1;
     } catch (const std::exception& error) {
         std::cerr << "sheetsplat_render: " << error.what() << '\n';

@@ -35,8 +35,7 @@ Value from_name(const std::string& what, const std::string& name, const std::map
         wanted << separator << entry.first;
         separator = ", ";
     }
-    throw InvalidInput(
-        Complaint{"the option " + what + " cannot be used", "\"" + name + "\"", "one of: " + wanted.str(), ""});
+    throw InvalidInput(Complaint{option_ref(what) + " cannot be used", "\"" + name + "\"", "one of: " + wanted.str()});
 }
 
 } // namespace sheetsplat::bindings

@@ -28,7 +28,7 @@ void each_row(const pybind11::array& array, const char* name, Take&& take) {
     const bool rows = array.ndim() == 2 && static_cast<std::size_t>(array.shape(1)) == Columns;
     const bool blocks = array.ndim() == 3 && static_cast<std::size_t>(array.shape(1) * array.shape(2)) == Columns;
     if (!flat && !rows && !blocks) {
-        throw InvalidInput(Complaint{std::string("EllipsoidField: ") + name + " cannot be used",
+        throw InvalidInput(Complaint{std::string("EllipsoidField: ") + option_ref(name) + " cannot be used",
                                      "an array of " + std::to_string(array.ndim()) + " axes",
                                      std::to_string(Columns) + " numbers a kernel", ""});
     }
@@ -61,7 +61,7 @@ void each_row(const pybind11::array& array, const char* name, Take&& take) {
     } else if (dtype.equal(py::dtype::of<float>())) {
         read(float{});
     } else {
-        throw InvalidInput(Complaint{std::string("EllipsoidField: ") + name + " cannot be used",
+        throw InvalidInput(Complaint{std::string("EllipsoidField: ") + option_ref(name) + " cannot be used",
                                      "numbers of type " + std::string(py::str(dtype)),
                                      "float32 or float64 in this machine's byte order", ""});
     }

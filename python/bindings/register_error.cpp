@@ -70,7 +70,7 @@ void register_error() {
             set_error(known, known.error, error.complaint());
         } catch (const std::bad_alloc&) {
             set_error(known, known.out_of_memory,
-                      Complaint{"memory could not be allocated", "", "",
+                      Complaint{"the call cannot be completed", "not enough memory", "",
                                 "use a smaller volume or picture, or a narrower type of samples"});
         }
     });

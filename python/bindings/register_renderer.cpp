@@ -184,7 +184,7 @@ class LockedRenderer {
 
     void refuse_reentry() const {
         if (holder_.load() == std::this_thread::get_id()) {
-            throw Unsupported(Complaint{"Renderer: it cannot start another picture",
+            throw Unsupported(Complaint{"Renderer: another picture cannot be started",
                                         "a call from its own progress callback", "one picture at a time",
                                         "use a second Renderer inside the callback"});
         }

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sheetsplat import _memory
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 
 Triple = tuple[float, float, float]
 Bounds = tuple[Triple, Triple]
@@ -38,18 +38,18 @@ def shown(value: object) -> str:
 def number(what: str, value: object) -> float:
     """Return a float, or InvalidInput. Whether its size makes sense is for the caller to say."""
     if isinstance(value, str | bytes | bool | np.bool_ | complex | np.complexfloating):
-        raise complain(f"{what} cannot be used", shown(value), "a number")
+        raise complain(unusable(what), shown(value), "a number")
     try:
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
-        raise complain(f"{what} cannot be used", shown(value), "a number") from None
+        raise complain(unusable(what), shown(value), "a number") from None
 
 
 def strength(what: str, value: object) -> float:
     """Return a float of a colour or of light, or InvalidInput where it is too large for pictures of float32."""
     result = number(what, value)
     if math.isfinite(result) and abs(result) > STRONGEST:
-        raise complain(f"{what} cannot be used", f"{result:g}", f"a number of at most {STRONGEST:g} in magnitude")
+        raise complain(unusable(what), f"{result:g}", f"a number of at most {STRONGEST:g} in magnitude")
     return result
 
 
@@ -61,7 +61,7 @@ def strengths(what: str, vector: Triple) -> Triple:
 def truth(what: str, value: object) -> bool:
     """Return a bool, or InvalidInput: a word such as "off" would be true."""
     if not isinstance(value, bool | np.bool_):
-        raise complain(f"{what} cannot be used", shown(value), "True or False")
+        raise complain(unusable(what), shown(value), "True or False")
     return bool(value)
 
 
@@ -70,11 +70,11 @@ def names(what: str, value: object, known: Sequence[str]) -> tuple[str, ...]:
     if isinstance(value, str):
         return (choice(what, value, known),)
     if not isinstance(value, Iterable):
-        raise complain(f"{what} cannot be used", shown(value), "any of: " + ", ".join(known))
+        raise complain(unusable(what), shown(value), "any of: " + ", ".join(known))
     # Iterators may have no end.
     found = tuple(choice(what, one, known) for one in itertools.islice(value, _MOST_NAMES + 1))
     if len(found) > _MOST_NAMES:
-        raise complain(f"{what} cannot be used", f"more than {_MOST_NAMES} names", "any of: " + ", ".join(known))
+        raise complain(unusable(what), f"more than {_MOST_NAMES} names", "any of: " + ", ".join(known))
     return tuple(dict.fromkeys(found))
 
 
@@ -86,16 +86,16 @@ def optional_number(what: str, value: object) -> float | None:
 def triple(what: str, value: object) -> Triple:
     """Return three floats, or InvalidInput."""
     if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-        raise complain(f"{what} cannot be used", shown(value), "three numbers")
+        raise complain(unusable(what), shown(value), "three numbers")
     # Iterators may have no end.
     try:
         parts = list(itertools.islice(value, 4))
     except TypeError:
         # Arrays without an axis say that they can be iterated over.
-        raise complain(f"{what} cannot be used", shown(value), "three numbers") from None
+        raise complain(unusable(what), shown(value), "three numbers") from None
     if len(parts) != 3:
         found = f"{'more than 3' if len(parts) > 3 else len(parts)} entries"
-        raise complain(f"{what} cannot be used", f"{found}, {shown(value)}", "three numbers")
+        raise complain(unusable(what), f"{found}, {shown(value)}", "three numbers")
     return number(what, parts[0]), number(what, parts[1]), number(what, parts[2])
 
 
@@ -105,7 +105,7 @@ def direction(what: str, value: object) -> Triple:
         name = value.strip().lower()
         sign, axis = (-1.0, name[1:]) if name.startswith("-") else (1.0, name.removeprefix("+"))
         if len(axis) != 1 or axis not in "xyz":
-            raise complain(f"{what} cannot be used", shown(value), 'three numbers, or an axis such as "x" or "-z"')
+            raise complain(unusable(what), shown(value), 'three numbers, or an axis such as "x" or "-z"')
         x, y, z = (sign * (one == axis) for one in "xyz")
         return x, y, z
     return measurable(what, triple(what, value))
@@ -119,7 +119,7 @@ def measurable(
     squared = x * x + y * y + z * z
     if all(map(math.isfinite, vector)) and any(vector) and not 1e-280 < squared < math.inf:
         raise complain(
-            f"{what} cannot be used",
+            unusable(what),
             f"({x:g}, {y:g}, {z:g})",
             "a direction whose length is between 1e-140 and 1e150",
             advice,
@@ -140,11 +140,11 @@ def numbers(what: str, value: object, wanted: str) -> np.ndarray[Any, Any]:
     try:
         array: np.ndarray[Any, Any] = np.asarray(value)
     except (ValueError, TypeError, OverflowError) as error:
-        raise complain(f"{what} cannot be used", f"{type(value).__name__}: {error}", wanted) from None
+        raise complain(unusable(what), f"{type(value).__name__}: {error}", wanted) from None
     # A list without entries is float64 for NumPy; None and texts are objects and strings.
     if array.dtype.kind not in "biuf":
         found = shown(value) if value is None or array.ndim == 0 else f"values of type {array.dtype}"
-        raise complain(f"{what} cannot be used", found, f"{wanted}, integers or real floating-point numbers")
+        raise complain(unusable(what), found, f"{wanted}, integers or real floating-point numbers")
     native = array.dtype.newbyteorder("=")
     if native in (np.dtype(np.float32), np.dtype(np.float64)):
         if array.dtype.isnative:
@@ -164,9 +164,7 @@ def color(what: str, value: object) -> Triple:
         try:
             red, green, blue = ImageColor.getrgb(value.strip())[:3]
         except ValueError:
-            raise complain(
-                f"{what} cannot be used", shown(value), 'three numbers, "#rrggbb", or a colour\'s name'
-            ) from None
+            raise complain(unusable(what), shown(value), 'three numbers, "#rrggbb", or a colour\'s name') from None
         return red / 255, green / 255, blue / 255
     return strengths(what, triple(what, value))
 
@@ -180,16 +178,16 @@ def image_size(value: object) -> tuple[int, int]:
             raise TypeError
         width, height = map(operator.index, parts)
     except (TypeError, ValueError):
-        raise complain("the size of the picture cannot be used", shown(value), wanted) from None
+        raise complain("the size of the picture cannot be used", shown(value), wanted, option="size") from None
     if not (1 <= width < 2**31 and 1 <= height < 2**31):
-        raise complain("the size of the picture cannot be used", shown((width, height)), wanted)
+        raise complain("the size of the picture cannot be used", shown((width, height)), wanted, option="size")
     return width, height
 
 
 def choice(what: str, value: object, names: Sequence[str]) -> str:
     """Return one of `names`, or InvalidInput."""
     if not isinstance(value, str) or value not in names:
-        raise complain(f"{what} cannot be used", shown(value), "one of: " + ", ".join(names))
+        raise complain(unusable(what), shown(value), "one of: " + ", ".join(names))
     return value
 
 
@@ -200,15 +198,13 @@ def whole(what: str, value: object, wanted: str = "a whole number") -> int:
             raise TypeError
         result = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
-        raise complain(f"{what} cannot be used", shown(value), wanted) from None
+        raise complain(unusable(what), shown(value), wanted) from None
     if not -(2**31) <= result < 2**31:
-        raise complain(f"{what} cannot be used", shown(result), "a whole number of 32 bits")
+        raise complain(unusable(what), shown(result), "a whole number of 32 bits")
     return result
 
 
 def instance(what: str, value: object, kind: type) -> None:
     """Raise InvalidInput unless `value` is a `kind`."""
     if not isinstance(value, kind):
-        raise complain(
-            f"{what} cannot be used", f"{type(value).__name__}, {shown(value)}", f"sheetsplat.{kind.__name__}"
-        )
+        raise complain(unusable(what), f"{type(value).__name__}, {shown(value)}", f"sheetsplat.{kind.__name__}")

@@ -1,4 +1,7 @@
-"""Ctrl-C before the command line is ready for it: a word in place of a traceback."""
+"""Ctrl-C while the command line reads the package: one word in place of a traceback.
+
+The hook is set in a process of the command line alone, and only until the package is read; from then on click answers.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,17 @@ def _tell(kind: type[BaseException], error: BaseException, trace: TracebackType 
 
 
 def _is_command_line() -> bool:
-    # While a package is read for -m the program has no name of its own yet.
     started = (*getattr(sys, "argv", ()), "")[0].replace("\\", "/").rsplit("/", 1)[-1]
-    return started in ("sheetsplat", "sheetsplat.exe") or (started == "-m" and "sheetsplat" in sys.orig_argv)
+    if started == "-m":  # until the module that -m names is found
+        words = sys.orig_argv
+        return "-m" in words and words[words.index("-m") + 1 :][:1] == ["sheetsplat"]
+    return started in ("sheetsplat", "sheetsplat.exe")
+
+
+def restore() -> None:
+    """Restore Python's own hook."""
+    if sys.excepthook is _tell:
+        sys.excepthook = sys.__excepthook__
 
 
 # The exit code stays that of the signal.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sheetsplat.errors import OutOfMemory, complain
+from sheetsplat.errors import OutOfMemory, Words, complain
 
 
 def _proc_available() -> int | None:
@@ -50,14 +50,14 @@ def available() -> int:
     return min(known, default=2**62)
 
 
-def require(size: int, what: str, then: str = "use a smaller volume, or a narrower type of samples") -> None:
-    """Raise OutOfMemory where `size` bytes for `what` are more than there are; `then` says what the caller can do."""
+def require(size: int, what: str, advice: str | Words = "use a smaller volume, or a narrower type of samples") -> None:
+    """Raise OutOfMemory where `size` bytes for `what` are more than there are."""
     limit = available()
     if size > limit:
         raise complain(
             f"there is not enough memory for {what}",
             f"{limit / 1e6:,.0f} MB",
             f"{size / 1e6:,.0f} MB",
-            then,
+            advice,
             kind=OutOfMemory,
         )

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat.errors import Error, complain
+from sheetsplat.errors import Error, complain, option_ref
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ _BYTES = 60
 _LARGEST_SAMPLE = 1e300
 
 _FAILED = "RegularField: the samples cannot be prefiltered"
-_FAILED_KERNEL = "RegularField: prefilter=True cannot be used with this kernel"
+_FAILED_KERNEL = "RegularField: " + option_ref("prefilter", "true") + " cannot be used with this kernel"
 _log = logging.getLogger("sheetsplat")
 
 
@@ -262,7 +262,11 @@ def require_kernel(radius: float, falloff: float, lattice: str) -> float:
         _FAILED_KERNEL,
         found,
         f"a spectrum above 0 and a condition number of at most {WORST_CONDITION:g}",
-        "use a larger falloff or a smaller radius: (2, 5), (2.5, 7) and (3, 8) are well behaved",
+        "use a larger "
+        + option_ref("falloff")
+        + " or a smaller "
+        + option_ref("radius")
+        + ": radius 2 with falloff 5, 2.5 with 7 and 3 with 8 can be used",
     )
 
 
@@ -288,7 +292,7 @@ def require_memory(shape: tuple[int, int, int], radius: float, falloff: float, l
     _memory.require(
         _BYTES * padded,
         f"the prefilter of {' x '.join(map(str, shape))} samples",
-        "use a smaller volume, or leave prefilter=True out",
+        "use a smaller volume, or leave out " + option_ref("prefilter"),
     )
 
 
@@ -330,7 +334,11 @@ def solve(samples: NDArray[Any], radius: float, falloff: float, lattice: str) ->
             _FAILED,
             f"sums that are {found.residual:.1e} of the largest sample away from the samples after {found.steps} steps",
             f"at most {WORST_RESIDUAL:g}",
-            "use a larger falloff or a smaller radius, or scale the values towards 1",
+            "use a larger "
+            + option_ref("falloff")
+            + " or a smaller "
+            + option_ref("radius")
+            + ", or scale the values towards 1",
             kind=Error,
         )
     return found

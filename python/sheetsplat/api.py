@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sheetsplat._checks import choice, image_size, names, shown, whole
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.image import Image
@@ -39,11 +39,11 @@ _log = logging.getLogger("sheetsplat")
 def _shape(shape: object) -> tuple[int, int, int]:
     wanted = "three whole numbers, (nk, nj, ni)"
     if isinstance(shape, str) or not isinstance(shape, Iterable):
-        raise complain("open: shape cannot be used", shown(shape), wanted)
+        raise complain(unusable("open: shape"), shown(shape), wanted)
     # An iterator may have no end.
     parts = list(islice(shape, 4))
     if len(parts) != 3:
-        raise complain("open: shape cannot be used", shown(shape), wanted)
+        raise complain(unusable("open: shape"), shown(shape), wanted)
     nk, nj, ni = (whole("open: shape", part) for part in parts)
     return nk, nj, ni
 
@@ -102,13 +102,13 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
         if given:
             raise complain(
                 "render: these options cannot be used",
-                ", ".join(given) + " for a field that is made already",
+                option_refs(given) + " for a field that is made already",
                 "them only for arrays and files",
                 "give them to the field itself, or to sheetsplat.open",
             )
         return [data] if isinstance(data, Field) else list(data)  # type: ignore[call-overload]
     for name in pick(FileOptions, given):
-        raise complain(f"render: {name} cannot be used", "an array", f"{name} only for files")
+        raise complain(unusable(f"render: {name}"), "an array", f"{name} only for files")
     return [RegularField(data, **given)]  # type: ignore[arg-type]
 
 
@@ -120,7 +120,7 @@ def _scene(data: object, options: Any, outputs: Iterable[str], *, spacing_is_fre
         if clash:
             raise complain(
                 "render: these options cannot be used",
-                ", ".join(clash) + " for a scene that is made already",
+                option_refs(clash) + " for a scene that is made already",
                 "them only for arrays, files and fields",
                 "give them to sheetsplat.Scene",
             )

@@ -9,7 +9,7 @@ from itertools import islice
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Triple, Vector, measurable, number, shown, strengths, triple
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 
 # Limit for iterators without an end.
 _MOST_PLANES = 64
@@ -18,14 +18,14 @@ _MOST_PLANES = 64
 def _planes(planes: object) -> tuple[tuple[Triple, float], ...]:
     wanted = "a sequence of planes (normal, offset); () for none"
     if isinstance(planes, str | bytes) or not isinstance(planes, Iterable):
-        raise complain("Clip: planes cannot be used", shown(planes), wanted)
+        raise complain(unusable("Clip: planes"), shown(planes), wanted)
     found = _parts(planes, _MOST_PLANES + 1, "Clip: planes", wanted)
     if len(found) > _MOST_PLANES:
-        raise complain("Clip: planes cannot be used", f"more than {_MOST_PLANES} planes", "fewer")
+        raise complain(unusable("Clip: planes"), f"more than {_MOST_PLANES} planes", "fewer")
     result = []
     for plane in found:
         if isinstance(plane, str | bytes) or not isinstance(plane, Sequence) or len(plane) != 2:
-            raise complain("Clip: planes cannot be used", shown(plane), wanted)
+            raise complain(unusable("Clip: planes"), shown(plane), wanted)
         normal, offset = plane
         what = "Clip: a plane's normal"
         advice = "divide it, and the plane's offset with it, by its length"
@@ -62,9 +62,7 @@ class Clip:
         planes = _planes(self.planes)
         for normal, offset in planes:
             if not any(normal) or not all(map(math.isfinite, (*normal, offset))):
-                raise complain(
-                    "Clip: planes cannot be used", shown((normal, offset)), "a finite normal of a length above 0"
-                )
+                raise complain(unusable("Clip: planes"), shown((normal, offset)), "a finite normal of a length above 0")
         object.__setattr__(self, "planes", planes)
         box = None if self.box is None else _corners(self.box)
         object.__setattr__(self, "box", box)
@@ -76,21 +74,21 @@ def _parts(value: Iterable[object], most: int, what: str, wanted: str) -> list[o
     try:
         return list(islice(value, most))
     except TypeError:
-        raise complain(f"{what} cannot be used", shown(value), wanted) from None
+        raise complain(unusable(what), shown(value), wanted) from None
 
 
 def _corners(box: object) -> tuple[Triple, Triple]:
     wanted = "two corners ((x0, y0, z0), (x1, y1, z1)), the lower one first"
     if isinstance(box, str | bytes) or not isinstance(box, Iterable):
-        raise complain("Clip: box cannot be used", shown(box), wanted)
+        raise complain(unusable("Clip: box"), shown(box), wanted)
     corners = _parts(box, 3, "Clip: box", wanted)
     if len(corners) != 2:
-        raise complain("Clip: box cannot be used", shown(box), wanted)
+        raise complain(unusable("Clip: box"), shown(box), wanted)
     lower, upper = triple("Clip: box", corners[0]), triple("Clip: box", corners[1])
     if not all(
         math.isfinite(low) and math.isfinite(high) and low <= high for low, high in zip(lower, upper, strict=True)
     ):
-        raise complain("Clip: box cannot be used", shown((lower, upper)), wanted)
+        raise complain(unusable("Clip: box"), shown((lower, upper)), wanted)
     return lower, upper
 
 
@@ -131,7 +129,7 @@ class DepthCue:
             )
         _share("DepthCue: strength", self.strength)
         if not all(map(math.isfinite, shade)):
-            raise complain("DepthCue: color cannot be used", shown(shade), "three finite numbers")
+            raise complain(unusable("DepthCue: color"), shown(shade), "three finite numbers")
         native = _sheetsplat.DepthCue(start=self.start, end=self.end, color=shade, strength=self.strength)
         object.__setattr__(self, "native", native)
 
@@ -162,7 +160,7 @@ class AmbientOcclusion:
         for name in ("radius", "strength"):
             object.__setattr__(self, name, number(f"AmbientOcclusion: {name}", getattr(self, name)))
         if not 0.0 < self.radius < math.inf:
-            raise complain("AmbientOcclusion: radius cannot be used", f"{self.radius:g}", "a finite length above 0")
+            raise complain(unusable("AmbientOcclusion: radius"), f"{self.radius:g}", "a finite length above 0")
         _share("AmbientOcclusion: strength", self.strength)
         native = _sheetsplat.AmbientOcclusion(radius=self.radius, strength=self.strength)
         object.__setattr__(self, "native", native)
@@ -170,4 +168,4 @@ class AmbientOcclusion:
 
 def _share(what: str, value: float) -> None:
     if not 0.0 <= value <= 1.0:
-        raise complain(f"{what} cannot be used", f"{value:g}", "a number from 0 to 1")
+        raise complain(unusable(what), f"{value:g}", "a number from 0 to 1")

@@ -6,8 +6,9 @@ about. Messages refer to options by name, so that Python and the command line sp
 
 from __future__ import annotations
 
+import functools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 __all__ = [
@@ -22,7 +23,9 @@ __all__ = [
     "Words",
     "complain",
     "option_ref",
+    "option_refs",
     "spelled_in_python",
+    "unusable",
 ]
 
 # Characters of a text within a message; the longest list of names that belongs into one is shorter.
@@ -88,6 +91,13 @@ class Words:
 def option_ref(name: str, value: str = "") -> Words:
     """Return a piece of a message that refers to an option: ``"pass " + option_ref("nan", "skip")``."""
     return Words((OptionRef(name, value),))
+
+
+def option_refs(names: Iterable[str]) -> Words:
+    """Return references to several options, with commas between them."""
+    return functools.reduce(
+        lambda words, name: words + ", " + option_ref(name) if words else option_ref(name), names, Words()
+    )
 
 
 @dataclass(frozen=True)
@@ -196,6 +206,12 @@ def complain(
         The class of the error.
     """
     return kind(_bounded(what), _bounded(found), _bounded(wanted), _bounded(advice), option)
+
+
+def unusable(what: str) -> Words:
+    """Return "`what` cannot be used", where `what` is an owner and one of its options: "Renderer: threads"."""
+    owner, colon, option = what.rpartition(": ")
+    return owner + colon + (option_ref(option) if option.isidentifier() else Words.of(option)) + " cannot be used"
 
 
 def _only_option(words: Words) -> str | None:

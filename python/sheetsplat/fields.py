@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import Bounds, Triple, Vector, choice, number, numbers, optional_number, shown, triple, truth
 from sheetsplat._prefilter import Coefficients, require_kernel, solve
-from sheetsplat.errors import complain
+from sheetsplat.errors import Words, complain, option_ref, unusable
 
 Normalization = Literal["none", "lattice", "threshold"]
 Lattice = Literal["cartesian", "bcc"]
@@ -255,12 +255,12 @@ class RegularField(Field):
 
     def _prefiltered(self, samples: NDArray[Any]) -> Coefficients:
         """Return coefficients that interpolate; InvalidInput where something else is asked for at the same time."""
-        failed = "RegularField: prefilter=True cannot be used"
+        failed = "RegularField: " + option_ref("prefilter", "true") + " cannot be used"
         if self._normalization == "threshold":
             raise complain(
                 failed,
-                'normalization="threshold", a mean that passes through no sample',
-                'normalization="none", which prefilter=True sets',
+                option_ref("normalization", "threshold") + ", a mean that passes through no sample",
+                option_ref("normalization", "none") + ", which " + option_ref("prefilter", "true") + " sets",
                 "leave out one or the other",
             )
         kind, spacing, origin = samples.dtype, self._spacing, self._origin
@@ -285,9 +285,10 @@ class RegularField(Field):
                     skips = self._nan == "skip" and np.isnan(layer[j, i])
                     raise complain(
                         failed,
-                        f"{layer[j, i]} at sample ({i}, {j}, {k})" + (', which nan="skip" leaves out' if skips else ""),
+                        f"{layer[j, i]} at sample ({i}, {j}, {k})"
+                        + (", which " + option_ref("nan", "skip") + " leaves out" if skips else ""),
                         "finite numbers, since each coefficient depends on the samples all around it",
-                        "fill such samples before, or leave prefilter=True out",
+                        "fill such samples before, or leave out " + option_ref("prefilter"),
                     )
         # The samples, the coefficients, and the field's own copy of them.
         kept = samples.itemsize + 2 * max(samples.itemsize, 4)
@@ -387,15 +388,17 @@ def _rows(what: str, array: object, wanted: str, *shapes: tuple[int, ...]) -> ND
     if found.ndim == 1 and found.size == 0 and () not in shapes:
         return found.reshape(0, *shapes[0])
     if found.ndim == 0 or found.shape[1:] not in shapes:
-        then = ""
+        then: str | Words = ""
         if what == "rotations" and found.ndim == 1:
-            then = "give the values by their name, values=..."
-        raise complain(f"EllipsoidField: {what} cannot be used", f"an array of shape {found.shape}", wanted, then)
+            then = "pass the values by name, " + option_ref("values", "...")
+        raise complain(unusable(f"EllipsoidField: {what}"), f"an array of shape {found.shape}", wanted, then)
     return found
 
 
 def _no_rows(what: str) -> Exception:
-    return complain(f"EllipsoidField: {what} cannot be used", "None", "one number a kernel", f"pass {what}=...")
+    return complain(
+        unusable(f"EllipsoidField: {what}"), "None", "one number for each kernel", "pass " + option_ref(what, "...")
+    )
 
 
 def _same_length(count: int, **arrays: NDArray[Any] | None) -> None:
@@ -405,7 +408,7 @@ def _same_length(count: int, **arrays: NDArray[Any] | None) -> None:
                 "EllipsoidField: the arrays do not fit together",
                 f"{count} centers and {len(array)} {name}",
                 "as many of each",
-                "give one entry a kernel",
+                "give one entry for each kernel",
             )
 
 
@@ -856,7 +859,9 @@ def _axes_of(
             "EllipsoidField: a covariance cannot be used",
             f"the matrix of kernel {n}, whose smallest variance is {least:g}",
             "positive definite matrices",
-            "pass min_scale, which gives flat kernels a thickness" if is_flat else "drop that kernel or mend it",
+            "pass " + option_ref("min_scale", "...") + ", which gives flat kernels a thickness"
+            if is_flat
+            else "remove or correct that kernel",
         )
     return np.where(variances <= rounding, 0.0, variances), axes
 
@@ -878,7 +883,7 @@ def _lengths_of(
             "EllipsoidField: a kernel has no thickness",
             f"a semi-axis of length 0 of kernel {n}",
             "semi-axes above 0",
-            "pass min_scale, which raises short semi-axes to it",
+            "pass " + option_ref("min_scale", "...") + ", to which shorter semi-axes are raised",
         )
     unit /= np.where(missing, 1.0, norms)[:, np.newaxis, :]
     cosines = np.abs(unit.transpose(0, 2, 1) @ unit) * (1.0 - np.eye(3))

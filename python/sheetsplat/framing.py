@@ -11,7 +11,7 @@ from sheetsplat._checks import Bounds, Triple, Vector, number, triple
 from sheetsplat._checks import direction as axis_or_vector
 from sheetsplat.camera import Camera, bounds_of
 from sheetsplat.effects import DepthCue
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import Field
 from sheetsplat.options.camera import AZIMUTH, ELEVATION, CameraOptions, Projection
 from sheetsplat.options.core import check_names, filled
@@ -57,7 +57,7 @@ def compose_camera(thing: object, size: tuple[int, int], **options: Unpack[Camer
         return _framing_all(thing, size, **given)
     middle = np.asarray(triple("render: target", target))
     if not np.all(np.isfinite(middle)):
-        raise complain("render: target cannot be used", f"{tuple(middle.tolist())}", "three finite numbers")
+        raise complain(unusable("render: target"), f"{tuple(middle.tolist())}", "three finite numbers")
     camera = _framing_all(thing, size, **given)
     eye = middle + (np.asarray(camera.eye) - np.asarray(camera.target))
     if camera.kind == "perspective":
@@ -106,7 +106,7 @@ def _framing_all(
     view, upward = _view(direction, up, azimuth, elevation)
     nearer = number("render: zoom", zoom)
     if not (math.isfinite(nearer) and nearer > 0):
-        raise complain("render: zoom cannot be used", f"{nearer:g}", "a finite number above 0")
+        raise complain(unusable("render: zoom"), f"{nearer:g}", "a finite number above 0")
     width, height = size
     reach = number("render: margin", margin)
     box = _Box(bounds)

@@ -8,7 +8,7 @@ from typing import Literal
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Vector, choice, measurable, shown, strength, strengths, triple, truth
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class Light:
         choice("Light: space", self.space, ("eye", "world"))
         for name, three in (("direction", self.direction), ("color", self.color)):
             if not all(map(math.isfinite, three)):
-                raise complain(f"Light: {name} cannot be used", shown(three), "three finite numbers")
+                raise complain(unusable(f"Light: {name}"), shown(three), "three finite numbers")
         if not any(self.direction):
-            raise complain("Light: direction cannot be used", "(0, 0, 0)", "a direction towards the light")
+            raise complain(unusable("Light: direction"), "(0, 0, 0)", "a direction towards the light")
         native = _sheetsplat.Light(
             direction=triple("Light: direction", self.direction),
             color=triple("Light: color", self.color),

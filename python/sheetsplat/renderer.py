@@ -11,7 +11,7 @@ from typing import Any, Unpack
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, instance, names, number, shown, whole
 from sheetsplat.camera import Camera
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.look import empty
 from sheetsplat.options.core import checked, definitions, documented
@@ -181,7 +181,7 @@ class Renderer:
 
         count = whole("Renderer: repeats", repeats)
         if count < 1:
-            raise complain("Renderer: repeats cannot be used", str(count), "a whole number of at least 1")
+            raise complain(unusable("Renderer: repeats"), str(count), "a whole number of at least 1")
         wanted = self._checked_outputs(scene, camera, outputs, None)
         pixels = image_size(size)
         plan = self.plan(scene, camera, size, outputs)
@@ -314,7 +314,7 @@ class Renderer:
         instance("Renderer: scene", scene, Scene)
         instance("Renderer: camera", camera, Camera)
         if progress is not None and not callable(progress):
-            raise complain("Renderer: progress cannot be used", shown(progress), "a function of one number, or None")
+            raise complain(unusable("Renderer: progress"), shown(progress), "a function of one number, or None")
         return _outputs(outputs)
 
     def _finished(self, native: _sheetsplat.Image, scene: Scene, camera: Camera, began: float) -> Image:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import choice, number, truth
 from sheetsplat._prefilter import require_kernel, unit_radius
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_ref, unusable
 from sheetsplat.fields import Lattice, Normalization
 
 Floats = NDArray[np.float64]
@@ -88,12 +88,12 @@ def lattice_ripple(
     least = number(f"{what}: w0", w0)
     for name, value, most in (("radius", size, _WIDEST), ("falloff", k, 700.0), ("w0", least, 1e300)):
         if not 0.0 < value <= most:
-            raise complain(f"{what}: {name} cannot be used", f"{value:g}", f"a number above 0, at most {most:g}")
+            raise complain(unusable(f"{what}: {name}"), f"{value:g}", f"a number above 0, at most {most:g}")
     if truth(f"{what}: prefilter", prefilter):
         if way == "threshold":
             raise complain(
                 f"{what}: these options cannot be used together",
-                'prefilter=True and normalization="threshold"',
+                option_ref("prefilter", "true") + " and " + option_ref("normalization", "threshold"),
                 "one of them",
             )
         require_kernel(size, k, lattice)
@@ -135,7 +135,7 @@ def _ripple(radius: float, falloff: float, lattice: Lattice, way: str, w0: float
             "lattice_ripple: the kernels leave holes",
             f"radius {radius:g}",
             "kernels that reach everywhere between the samples",
-            "use a larger radius",
+            "use a larger " + option_ref("radius"),
         )
     if way == "threshold":
         divides = weight > w0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple, image_size, instance, whole
 from sheetsplat.camera import Camera
-from sheetsplat.errors import Cancelled, Error, Unsupported, complain
+from sheetsplat.errors import Cancelled, Error, Unsupported, complain, unusable
 from sheetsplat.io.pictures import check_folder, whole_file
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
@@ -55,7 +55,7 @@ def window(camera: Camera, size: tuple[int, int], at: tuple[int, int], extent: t
         raise complain(
             "a part of a picture cannot be drawn by itself",
             "a perspective camera",
-            "an orthographic one, whose parts are pictures of orthographic cameras too",
+            "an orthographic one",
             "draw the whole picture at once, with backend cpu where it is large",
             kind=Unsupported,
         )
@@ -125,7 +125,7 @@ def render_tiles(
     width, height = image_size(size)
     edge = whole("render_tiles: tile", tile, "a whole number of at least 1")
     if edge < 1:
-        raise complain("render_tiles: tile cannot be used", str(edge), "a whole number of at least 1")
+        raise complain(unusable("render_tiles: tile"), str(edge), "a whole number of at least 1")
     target = Path(path)
     if target.suffix.lower() != ".npy":
         raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npy")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import STRONGEST, color, number, shown, strength
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 
 Floats = NDArray[np.float64]
 # A name of the cmap package, names of colours, a table (N, 3 or 4), or a function of numbers in [0, 1] that gives such
@@ -29,7 +29,7 @@ def _table(values: Any, what: str, wanted: str) -> Floats:
         scale = 255.0 if table.dtype == np.uint8 else 1.0
         return np.asarray(table, dtype=np.float64) / scale
     except (TypeError, ValueError):
-        raise complain(f"{what} cannot be used", shown(values), wanted) from None
+        raise complain(unusable(what), shown(values), wanted) from None
 
 
 def _colors(cmap: Colormap) -> Floats:
@@ -46,7 +46,7 @@ def _colors(cmap: Colormap) -> Floats:
         except (ValueError, TypeError, KeyError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise complain(
-                "the colormap cannot be used",
+                unusable("cmap"),
                 f"{cmap!r} ({reason})",
                 "a name of the cmap package",
                 'try "viridis" or "gray"',
@@ -54,13 +54,11 @@ def _colors(cmap: Colormap) -> Floats:
     elif callable(cmap):
         rows = _table(cmap(np.linspace(0.0, 1.0, _COLORS)), "the colormap's result", wanted)
     else:
-        rows = _table(cmap, "the colormap", wanted)
+        rows = _table(cmap, "cmap", wanted)
     if rows.ndim != 2 or rows.shape[1] not in (3, 4) or len(rows) < 1:
-        raise complain("the colormap cannot be used", f"an array of shape {rows.shape}", wanted)
+        raise complain(unusable("cmap"), f"an array of shape {rows.shape}", wanted)
     if not np.all((rows >= 0) & (rows <= 1)):
-        raise complain(
-            "the colormap cannot be used", "numbers outside [0, 1]", wanted, "divide tables of 8 bits by 255"
-        )
+        raise complain(unusable("cmap"), "numbers outside [0, 1]", wanted, "divide tables of 8 bits by 255")
     if len(rows) == 1:
         rows = np.repeat(rows, 2, axis=0)
     if rows.shape[1] == 3:
@@ -71,18 +69,18 @@ def _colors(cmap: Colormap) -> Floats:
 def _opacities(opacity: Opacity, low: float, high: float) -> Floats:
     """Return rows value, opacity; values may repeat (a step) but never fall."""
     wanted = "a number in [0, 1], a sequence of them (spread evenly over clim), or pairs (value, opacity)"
-    table = _table(opacity, "the opacity", wanted)
+    table = _table(opacity, "opacity", wanted)
     if table.ndim == 0:
         table = np.array([[low, float(table)], [high, float(table)]])
     elif table.ndim == 1 and len(table) >= 1:
         spread = np.repeat(table, 2) if len(table) == 1 else table
         table = np.column_stack([np.linspace(low, high, len(spread)), spread])
     elif table.ndim != 2 or table.shape[1] != 2 or not len(table):
-        raise complain("the opacity cannot be used", f"an array of shape {table.shape}", wanted)
+        raise complain(unusable("opacity"), f"an array of shape {table.shape}", wanted)
     if not np.all(np.isfinite(table)) or not np.all((table[:, 1] >= 0) & (table[:, 1] <= 1)):
-        raise complain("the opacity cannot be used", shown(opacity), wanted)
+        raise complain(unusable("opacity"), shown(opacity), wanted)
     if np.any(np.diff(table[:, 0]) < 0):
-        raise complain("the opacity cannot be used", "values that fall", "pairs in the order of their values")
+        raise complain(unusable("opacity"), "values that decrease", "pairs sorted by value")
     return table
 
 
@@ -161,10 +159,10 @@ class TransferFunction:
         """
         limits = list(clim) if not isinstance(clim, str) and hasattr(clim, "__iter__") else []
         if len(limits) != 2:
-            raise complain("clim cannot be used", shown(clim), "two numbers, the lower one first")
+            raise complain(unusable("clim"), shown(clim), "two numbers, the lower one first")
         low, high = number("clim", limits[0]), number("clim", limits[1])
         if not (np.isfinite(low) and np.isfinite(high) and low < high):
-            raise complain("clim cannot be used", f"({low:g}, {high:g})", "two finite numbers, the lower one first")
+            raise complain(unusable("clim"), f"({low:g}, {high:g})", "two finite numbers, the lower one first")
         colors = _colors(cmap)
         color_at = np.linspace(low, high, len(colors))
         opacities = _opacities(opacity, low, high)

@@ -132,7 +132,7 @@ def test_particles(tmp_path):
         file["PartType0/SmoothingLength"] = np.full(50, 0.7)
     assert picture(tmp_path, path, "--support", "2").max() > 0
     result = run("render", path, "--particles", "PartType1", "-o", tmp_path / "a.png", *REFERENCE, code=1)
-    assert "give --neighbors 32" in result.output
+    assert "pass --neighbors 32" in result.output
     assert picture(tmp_path, path, "--particles", "PartType1", "--neighbors", "8").max() > 0
 
 
@@ -145,7 +145,7 @@ def test_coverage_is_written(tmp_path, table):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("--scalar", "cold"), "choose one with --scalar"),
+        (("--scalar", "cold"), "pass --scalar"),
         (("--radius", "2"), "radius for scattered data"),
         (("--grid", "nowhere.bin"), "nowhere.bin"),
         (("--particles", "PartType0"), "only for HDF5"),

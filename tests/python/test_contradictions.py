@@ -114,15 +114,15 @@ def test_gradients_forced_on_in_scalar_modes(backend: str) -> None:
 @pytest.mark.parametrize(
     ("backend", "settings", "parts"),
     [
-        pytest.param("gl", {"precision": "float64"}, ("float64", "backend gl", "backend cpu"), marks=pytest.mark.gl),
-        ("cpu", {"precision": "float16"}, ("float16", "backend cpu", "backend gl")),
-        ("cpu", {"precision": "uint8"}, ("uint8", "backend cpu", "backend gl")),
-        ("reference", {"precision": "float32"}, ("float32", "backend reference", "backend gl")),
-        ("cpu", {"packing": "paper"}, ("packing paper", "backend cpu", "backend gl")),
-        ("cpu", {"tagging": "depth_equal"}, ("tagging depth_equal", "backend cpu", "backend gl")),
-        ("cpu", {"tagging": "off"}, ("tagging off", "backend cpu", "backend gl")),
-        ("cpu", {"effects": {"fine_gradient": True}}, ("fine_gradient", "backend cpu", "backend gl")),
-        ("cpu", {"effects": {"opacity_buffer": True}}, ("opacity_buffer", "backend cpu", "backend gl")),
+        pytest.param("gl", {"precision": "float64"}, ("float64", "backend gl", 'backend="cpu"'), marks=pytest.mark.gl),
+        ("cpu", {"precision": "float16"}, ("float16", "backend cpu", 'backend="gl"')),
+        ("cpu", {"precision": "uint8"}, ("uint8", "backend cpu", 'backend="gl"')),
+        ("reference", {"precision": "float32"}, ("float32", "backend reference", 'backend="gl"')),
+        ("cpu", {"packing": "paper"}, ("packing paper", "backend cpu", 'backend="gl"')),
+        ("cpu", {"tagging": "depth_equal"}, ("tagging depth_equal", "backend cpu", 'backend="gl"')),
+        ("cpu", {"tagging": "off"}, ("tagging off", "backend cpu", 'backend="gl"')),
+        ("cpu", {"effects": {"fine_gradient": True}}, ("fine_gradient", "backend cpu", 'backend="gl"')),
+        ("cpu", {"effects": {"opacity_buffer": True}}, ("opacity_buffer", "backend cpu", 'backend="gl"')),
     ],
 )
 def test_settings_that_a_backend_does_not_have(backend: str, settings: dict[str, Any], parts: tuple[str, ...]) -> None:
@@ -130,6 +130,7 @@ def test_settings_that_a_backend_does_not_have(backend: str, settings: dict[str,
     with pytest.raises(ss.Unsupported) as caught:
         plan_of(scene_of(), backend, **settings)
     expect_parts(str(caught.value), parts)
+    assert caught.value.option == next(iter(settings))
 
 
 @pytest.mark.gl

@@ -155,7 +155,7 @@ def test_cancellation_takes_float64_and_says_so() -> None:
 def test_beyond_float64_there_is_the_reference_alone() -> None:
     """Where float64 sums lose the bound as well, a clear error names it."""
     scene, camera = cancelling(1e17)
-    with pytest.raises(ss.Unsupported, match="backend reference"):
+    with pytest.raises(ss.Unsupported, match='backend="reference"'):
         ss.Renderer("cpu").render(scene, camera, size=SIZE)
 
 

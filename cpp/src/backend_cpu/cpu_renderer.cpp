@@ -286,8 +286,8 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
 }
 
 [[noreturn]] void out_of_memory() {
-    throw OutOfMemory(Complaint{"the picture cannot be made", "memory that ran out while it was drawn",
-                                "room for its kernels and tiles", "make the picture or the field smaller"});
+    throw OutOfMemory(Complaint{"the picture cannot be drawn", "not enough memory", "memory for its kernels and tiles",
+                                "make the picture or the field smaller"});
 }
 
 /// Leaves a task of a picture that has failed elsewhere: that error is the one that counts.

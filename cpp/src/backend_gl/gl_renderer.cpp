@@ -220,7 +220,7 @@ void GlRenderer::render(const Job& job, Image& image) {
     gl::check_errors(gl, "drawing a picture");
     const std::vector<std::string> complaints = state_->context->take_debug_errors();
     if (!complaints.empty()) {
-        throw Error(Complaint{"the picture cannot be trusted", "a report of the OpenGL driver: " + complaints.front(),
+        throw Error(Complaint{"the picture may be wrong", "a report of the OpenGL driver: " + complaints.front(),
                               "none", "report this with the output of `sheetsplat devices`"});
     }
     image.stats["seconds_draw"] += seconds_since(started) - read_seconds;

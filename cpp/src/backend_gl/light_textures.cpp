@@ -38,11 +38,11 @@ void LightTextures::upload(const LightVolumes& volumes, bool shadows, bool occlu
         elements += volume_of(volume).values.size();
     }
     if (elements > static_cast<std::size_t>(largest)) {
-        throw Unsupported(
-            Complaint{"shadows and ambient occlusion cannot be drawn with backend gl",
-                      std::to_string(elements) + " elements of what dims light",
-                      "at most " + std::to_string(largest) + ", which a buffer texture of this device holds",
-                      "use a larger slice_spacing or fewer lights, or backend cpu"});
+        throw Unsupported(Complaint{
+            "shadows and ambient occlusion cannot be drawn with backend gl",
+            std::to_string(elements) + " opacities along rays to lights",
+            "at most " + std::to_string(largest) + ", which a buffer texture of this device holds",
+            "use a larger " + option_ref("slice_spacing") + ", fewer lights, or " + option_ref("backend", "cpu")});
     }
     auto* to = static_cast<float*>(buffer_.map(elements * sizeof(float)));
     for (const auto& volume : wanted) {

@@ -83,19 +83,19 @@ std::vector<double> by_opacity(const Image& image, double error) {
     return result;
 }
 
-[[noreturn]] void refuse(const std::string& found, const std::string& wanted, const std::string& next) {
-    throw InvalidInput(Complaint{"the error of this picture cannot be estimated", found, wanted, next});
+[[noreturn]] void refuse(const std::string& found, const std::string& wanted, const std::string& advice) {
+    throw InvalidInput(Complaint{"the error of this picture cannot be estimated", found, wanted, advice});
 }
 
 void check_origin(const Image& image, const Scene& scene) {
     if (!image.plan) {
-        refuse("a picture without a plan", "one that a renderer drew", "render it");
+        refuse("a picture without a plan", "one that a renderer drew", "render the scene");
     }
     const auto stage = image.stats.find("stage");
     const auto stages = image.stats.find("stages");
     if (stage != image.stats.end() && stages != image.stats.end() && stage->second < stages->second) {
         refuse("a coarse stage of a picture", "the last stage, or a picture that was rendered at once",
-               "look at its stats: estimated_rmse is its distance from the last stage");
+               "use its stats: estimated_rmse is its distance from the last stage");
     }
     const double spacing = scene.slice_distance();
     if (std::abs(image.plan->slice_spacing - spacing) > same * spacing) {

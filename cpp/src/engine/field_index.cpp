@@ -56,7 +56,8 @@ std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
     const Vec3 axes = field.semi_axes_world();
     const bool spheres = axes.x == axes.y && axes.y == axes.z;
     require_memory(checked_product(field.size(), spheres ? 40 : 56, "a lattice's kernels, one by one"),
-                   "a lattice's kernels, one by one", "drop the filter, or use a smaller volume");
+                   "a lattice's kernels, one by one",
+                   "leave out " + option_ref("filter") + ", or use a smaller volume");
     arrays.centers.reserve(field.size());
     arrays.values.reserve(field.size());
     for (std::size_t k = 0; k < nk; ++k) {

@@ -362,8 +362,9 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
             ++used;
         }
     } catch (const std::bad_alloc&) {
-        throw OutOfMemory(Complaint{"shadows or ambient occlusion cannot be drawn", "memory that ran out",
-                                    "room for what light finds on its way", "leave them out"});
+        throw OutOfMemory(Complaint{"shadows or ambient occlusion cannot be drawn", "not enough memory",
+                                    "memory for the opacity along rays to lights",
+                                    "leave out " + option_ref("shadows") + " and " + option_ref("ambient_occlusion")});
     }
     tidy(scene, used);
     std::size_t bytes = 0;

@@ -228,8 +228,8 @@ Stages::Stages(Renderer& renderer, const Scene& scene, const Camera& camera, Siz
                        0.0}) {
     if (!(first_seconds > 0.0)) {
         throw InvalidInput(Complaint{"the picture cannot be made in stages",
-                                     "first_seconds = " + std::to_string(first_seconds), "more than 0",
-                                     "leave it out for 0.05"});
+                                     option_ref("first_seconds", std::to_string(first_seconds)), "more than 0",
+                                     "leave it out for 0.05", "first_seconds"});
     }
     if (const Chosen* chosen = renderer.state_->choose({scene, camera, size, outputs, {}})) {
         state_->scene = with_settings(scene, chosen->choice.settings);
@@ -244,8 +244,8 @@ bool Stages::done() const { return state_->next >= state_->steps.size(); }
 
 Image Stages::next(const Progress& progress) {
     if (done()) {
-        throw InvalidInput(Complaint{"there is no further stage", "all of them were made", "done() to be asked before",
-                                     "begin new stages"});
+        throw InvalidInput(Complaint{"there is no further stage", "all of them were made",
+                                     "a call of done() before next()", "begin new stages"});
     }
     State& state = *state_;
     const bool last = state.next + 1 == state.steps.size();

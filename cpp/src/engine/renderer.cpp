@@ -10,6 +10,7 @@
 #include "backend_gl/gl_renderer.hpp"
 #include "base/memory.hpp"
 #include "base/poll.hpp"
+#include "base/unusable.hpp"
 #include "renderer_state.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -35,7 +36,7 @@ Backend requested_backend(Backend option) {
         }
     }
     throw InvalidInput(Complaint{"the backend cannot be chosen", std::string("SHEETSPLAT_BACKEND=") + name,
-                                 "auto, gl, cpu or reference", "correct or unset the variable"});
+                                 "auto, gl, cpu or reference", "correct the environment variable, or unset it"});
 }
 
 constexpr int most_threads = 1024;
@@ -43,9 +44,8 @@ constexpr int most_threads = 1024;
 void check_options(const RendererOptions& options) {
     if (options.threads < 0 || options.threads > most_threads) {
         throw InvalidInput(
-            Complaint{"the renderer cannot be made", std::to_string(options.threads) + " threads",
-                      "1 to " + std::to_string(most_threads) + ", or 0 for as many as the process may run on",
-                      "correct threads"});
+            Complaint{unusable("Renderer", "threads"), std::to_string(options.threads),
+                      "1 to " + std::to_string(most_threads) + ", or 0 for as many as the process may run on"});
     }
     check_goals(options);
 }
@@ -55,7 +55,7 @@ void check_size(Size size) {
         throw InvalidInput(
             Complaint{"the picture cannot be made",
                       "a size of " + std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels",
-                      "at least 1 x 1", "pass size=(width, height)"});
+                      "at least 1 x 1", "correct " + option_ref("size"), "size"});
     }
 }
 
@@ -71,11 +71,11 @@ void check_picture_memory(Size size, const Outputs& outputs) {
 
 bool is_scalar(const Scene& scene) { return scene.mode == Mode::xray || scene.mode == Mode::mip; }
 
-void check_finite(const std::vector<float>& sums, const char* next) {
+void check_finite(const std::vector<float>& sums, const char* advice) {
     for (const float value : sums) {
         if (!std::isfinite(value)) {
-            throw Unsupported(Complaint{"the picture cannot be shown in float32", "sums beyond 3.4e38",
-                                        "numbers that float32 holds", next});
+            throw Unsupported(Complaint{"the picture cannot be represented in float32", "sums beyond 3.4e38",
+                                        "numbers that float32 can represent", advice});
         }
     }
 }
@@ -122,6 +122,9 @@ void put_background(std::vector<float>& rgba, const Vec3& background) {
     }
 }
 
+/// What failed and why, without advice.
+Words reason_of(const Complaint& complaint) { return Complaint{complaint.what, complaint.found}.words(); }
+
 } // namespace
 
 Renderer::State::State(const RendererOptions& options) : options_(options) {}
@@ -130,14 +133,14 @@ Renderer::State::~State() = default;
 int Renderer::State::threads() const { return options_.threads > 0 ? options_.threads : backend_cpu::usable_threads(); }
 
 backend_gl::GlRenderer* Renderer::State::gl(bool needed) {
-    if (!sheets_ && (needed || why_no_gl_.empty())) {
+    if (!sheets_ && (needed || !why_no_gl_)) {
         try {
             sheets_ = std::make_unique<backend_gl::GlRenderer>(options_.device);
         } catch (const DeviceUnavailable& error) {
             if (needed) {
                 throw;
             }
-            why_no_gl_ = error.what();
+            why_no_gl_ = error.complaint();
         }
     }
     return sheets_.get();
@@ -165,7 +168,7 @@ std::vector<Backend> Renderer::State::candidates() {
 
 std::string Renderer::State::why_first() const {
     if (!sheets_) {
-        return "no OpenGL here: " + why_no_gl_;
+        return "no OpenGL here: " + reason_of(*why_no_gl_).text();
     }
     if (options_.device.has_value()) {
         return "a device was named";
@@ -187,7 +190,7 @@ DrawPlan Renderer::State::plan_on(Backend backend, const Request& request, const
 
 DrawPlan Renderer::State::choose_plan(const Request& request, const ViewFacts& view) {
     const std::vector<Backend> tried = candidates();
-    Words reasons;
+    Words reasons, refusals; // short ones for the plan, whole ones for an error
     const bool automatic = requested_backend(options_.backend) == Backend::automatic;
     for (const Backend backend : tried) {
         try {
@@ -200,12 +203,13 @@ DrawPlan Renderer::State::choose_plan(const Request& request, const ViewFacts& v
             if (!automatic) {
                 throw;
             }
-            reasons += (reasons.empty() ? "backend " : "; backend ") + std::string(to_string(backend)) + ": ";
-            reasons += error.complaint().words();
+            const std::string name = (reasons.empty() ? "backend " : "; backend ") + std::string(to_string(backend));
+            reasons += name + ": " + reason_of(error.complaint());
+            refusals += name + ": " + error.complaint().words();
         }
     }
     throw Unsupported(Complaint{"no backend can draw this scene within its error bound",
-                                reasons + (why_no_gl_.empty() ? "" : "; no OpenGL: " + why_no_gl_)});
+                                refusals + (why_no_gl_ ? "; no OpenGL: " + why_no_gl_->words() : Words())});
 }
 
 Prepared Renderer::State::prepare(const Request& request) {

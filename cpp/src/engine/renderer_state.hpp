@@ -3,6 +3,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "light_volumes.hpp"
 #include "plan/make_plan.hpp"
 #include "settings_choice.hpp"
+#include "sheetsplat/error.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "view_facts.hpp"
 
@@ -85,7 +87,7 @@ struct Renderer::State {
 
     RendererOptions options_;
     std::unique_ptr<backend_gl::GlRenderer> sheets_;
-    std::string why_no_gl_;
+    std::optional<Complaint> why_no_gl_;
     std::unique_ptr<backend_cpu::CpuRenderer> processor_;
     FieldFacts facts_;
     FieldIndex index_;

@@ -9,6 +9,7 @@
 
 #include <glm/geometric.hpp>
 
+#include "base/unusable.hpp"
 #include "coarse_view.hpp"
 #include "error_estimate.hpp"
 #include "renderer_state.hpp"
@@ -130,20 +131,21 @@ void check_goals(const RendererOptions& options) {
     if (options.max_error) {
         const double error = *options.max_error;
         if (!(error > 0.0) || !std::isfinite(error)) {
-            throw InvalidInput(Complaint{"the renderer cannot be made", "max_error = " + short_number(error),
-                                         "a finite root mean square error above 0", "leave it out, or pass 1e-3"});
+            throw InvalidInput(Complaint{unusable("Renderer", "max_error"), short_number(error),
+                                         "a finite root mean square error above 0",
+                                         "leave it out, or pass " + option_ref("max_error", "1e-3")});
         }
         if (error < least_max_error) {
             throw InvalidInput(
-                Complaint{"the renderer cannot be made", "max_error = " + short_number(error),
-                          "at least " + short_number(least_max_error) + ", what pictures in float32 can resolve",
-                          "ask for a larger error"});
+                Complaint{unusable("Renderer", "max_error"), short_number(error),
+                          "at least " + short_number(least_max_error) + ", the resolution of pictures in float32",
+                          "allow a larger error"});
         }
     }
     if (options.max_seconds && (!(*options.max_seconds > 0.0) || !std::isfinite(*options.max_seconds))) {
-        throw InvalidInput(Complaint{"the renderer cannot be made",
-                                     "max_seconds = " + short_number(*options.max_seconds),
-                                     "a finite number of seconds above 0", "leave it out, or pass 0.1"});
+        throw InvalidInput(Complaint{unusable("Renderer", "max_seconds"), short_number(*options.max_seconds),
+                                     "a finite number of seconds above 0",
+                                     "leave it out, or pass " + option_ref("max_seconds", "0.1")});
     }
 }
 
@@ -277,7 +279,8 @@ class Renderer::State::Pilots : public Judge {
             causes += causes.empty() ? "ambient occlusion" : " and ambient occlusion";
         }
         return {error, "the error expected of " + causes + " from volumes",
-                "ask for a larger error, leave out " + causes + ", or use backend=\"reference\", which has no volumes"};
+                "allow a larger " + option_ref("max_error") + ", leave out " + causes + ", or use " +
+                    option_ref("backend", "reference") + ", which computes them from the kernels"};
     }
 
     /// What the renderer's own numbers differ by from float64; 0 where that cannot be had.

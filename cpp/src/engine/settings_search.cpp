@@ -72,20 +72,21 @@ class Search {
         best_.seconds = std::numeric_limits<double>::infinity();
         const Judge::Floor floor = judge_.floor();
         if (floor.error > aim_) {
-            throw Unsupported(Complaint{"max_error is out of reach",
-                                        floor.cause + " = " + short_number(floor.error) + " alone, whatever is chosen",
-                                        "max_error = " + short_number(most) + ", a little less for safety",
-                                        floor.way_out});
+            throw Unsupported(Complaint{option_ref("max_error") + " cannot be reached",
+                                        floor.cause + " = " + short_number(floor.error) + " alone, with any settings",
+                                        option_ref("max_error", short_number(most)) + ", less a margin for safety",
+                                        floor.advice});
         }
         Settings start = start_;
         const double stopped = start.opacity_stop < 1.0 ? judge_.stop_error(start) : 0.0;
         if (freedom_.stop && stopped > 0.0) {
             start.opacity_stop = stop_within(stop_share * aim_, start, stopped);
         } else if (stopped > most) {
-            throw InvalidInput(Complaint{"max_error cannot be kept with this opacity_stop",
-                                         "opacity_stop = " + short_number(start.opacity_stop) +
-                                             ", which alone leaves " + short_number(stopped),
-                                         "max_error = " + short_number(most), "leave opacity_stop at its default"});
+            throw InvalidInput(
+                Complaint{option_ref("max_error") + " cannot be kept with this " + option_ref("opacity_stop"),
+                          option_ref("opacity_stop", short_number(start.opacity_stop)) +
+                              ", which alone causes an error of " + short_number(stopped),
+                          option_ref("max_error", short_number(most)), "leave out " + option_ref("opacity_stop")});
         }
         for (const Settings& kind : kinds(start, freedom_)) {
             look(kind);
@@ -278,13 +279,16 @@ class Search {
         const std::string reached = "errors down to " + short_number(least_) + ", by " + kind_of(least_at_) +
                                     " of slices " + short_number(least_at_.slice_spacing) + " apart";
         if (!freedom_.spacing) {
-            throw InvalidInput(Complaint{"max_error cannot be kept with this slice_spacing",
-                                         "slice_spacing = " + short_number(start_.slice_spacing) + ", with " + reached,
-                                         "max_error = " + short_number(most) + ", a little less for safety",
-                                         "leave slice_spacing out, or ask for a larger error"});
+            throw InvalidInput(Complaint{
+                option_ref("max_error") + " cannot be kept with this " + option_ref("slice_spacing"),
+                option_ref("slice_spacing", short_number(start_.slice_spacing)) + ", with " + reached,
+                option_ref("max_error", short_number(most)) + ", less a margin for safety",
+                "leave out " + option_ref("slice_spacing") + ", or allow a larger " + option_ref("max_error")});
         }
-        throw Unsupported(Complaint{"max_error is out of reach", reached, "max_error = " + short_number(most),
-                                    "ask for a larger error; precision=\"float64\" may help where slices are many"});
+        throw Unsupported(Complaint{option_ref("max_error") + " cannot be reached", reached,
+                                    option_ref("max_error", short_number(most)),
+                                    "allow a larger " + option_ref("max_error") + "; " +
+                                        option_ref("precision", "float64") + " may help where slices are many"});
     }
 
     const Settings start_;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "sheetsplat/error.hpp"
 #include "sheetsplat/image.hpp"
 
 namespace sheetsplat {
@@ -43,7 +44,7 @@ class Judge {
     struct Floor {
         double error = 0.0;
         std::string cause;
-        std::string way_out;
+        Words advice;
     };
     virtual Floor floor() { return {}; }
 };

@@ -9,6 +9,7 @@
 
 #include "base/checks.hpp"
 #include "base/memory.hpp"
+#include "base/unusable.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/field.hpp"
 
@@ -27,10 +28,11 @@ constexpr double slices_of_diagonal = 2048.0;
 
 std::string kernel(std::size_t i) { return " of kernel " + text_of_count(i); }
 
-void require_positive(double value, const char* name, const char* next) {
+constexpr const char* owner = "EllipsoidField";
+
+void require_positive(double value, const char* name, const char* advice) {
     if (!(value > 0.0) || !is_finite(value)) {
-        throw InvalidInput(Complaint{std::string("EllipsoidField: ") + name + " cannot be used", text_of(value),
-                                     "a finite number above 0", next});
+        throw InvalidInput(Complaint{unusable(owner, name), text_of(value), "a finite number above 0", advice});
     }
 }
 
@@ -38,7 +40,7 @@ void check_length(std::size_t found, std::size_t kernels, const char* name) {
     if (found != kernels) {
         throw InvalidInput(Complaint{"EllipsoidField: the arrays do not fit together",
                                      text_of_count(kernels) + " centers and " + text_of_count(found) + " " + name,
-                                     "as many of each", "give one entry a kernel"});
+                                     "as many of each", "give one entry for each kernel"});
     }
 }
 
@@ -48,29 +50,30 @@ void check_centers(const std::vector<Vec3>& centers) {
         if (!is_finite(at) || std::max({std::abs(at.x), std::abs(at.y), std::abs(at.z)}) > largest_length) {
             throw InvalidInput(
                 Complaint{"EllipsoidField: a center cannot be used", text_of(centers[i]) + ", the center" + kernel(i),
-                          "three finite numbers of at most 1e100", "drop that kernel or mend its place"});
+                          "three finite numbers of at most 1e100", "remove that kernel or correct its position"});
         }
     }
 }
 
 double checked_scale(double scale, std::size_t i, const std::optional<double>& least) {
     if (!is_finite(scale) || scale > largest_length) {
-        throw InvalidInput(Complaint{"EllipsoidField: a scale cannot be used",
-                                     text_of(scale) + ", a semi-axis" + kernel(i),
-                                     "a finite number above 0, at most 1e100", "drop that kernel or mend its scale"});
+        throw InvalidInput(
+            Complaint{"EllipsoidField: a scale cannot be used", text_of(scale) + ", a semi-axis" + kernel(i),
+                      "a finite number above 0, at most 1e100", "remove that kernel or correct its scale"});
     }
     // A negative length is a mistake in the data, which a lower limit must not hide.
     if (scale < 0.0 || (scale == 0.0 && !least)) {
         throw InvalidInput(Complaint{"EllipsoidField: a kernel has no thickness",
                                      text_of(scale) + ", a semi-axis" + kernel(i), "semi-axes above 0",
-                                     scale < 0.0 ? "a semi-axis is a length: drop its sign"
-                                                 : "pass min_scale, which raises short semi-axes to it"});
+                                     scale < 0.0 ? "a semi-axis is a length: remove its sign"
+                                                 : "pass " + option_ref("min_scale", "...") +
+                                                       ", to which shorter semi-axes are raised"});
     }
     const double used = least ? std::max(scale, *least) : scale;
     if (used < smallest_length) {
         throw InvalidInput(Complaint{"EllipsoidField: a kernel is too thin",
                                      text_of(scale) + ", a semi-axis" + kernel(i), "semi-axes of at least 1e-100",
-                                     "use a smaller unit of length, or min_scale"});
+                                     "use a smaller unit of length, or pass " + option_ref("min_scale", "...")});
     }
     return used;
 }
@@ -95,9 +98,9 @@ std::array<double, 2> check_values(const std::vector<double>& values) {
     std::array<double, 2> range{values.front(), values.front()};
     for (std::size_t i = 0; i < values.size(); ++i) {
         if (!(std::abs(values[i]) <= largest_number)) {
-            throw InvalidInput(Complaint{"EllipsoidField: a value cannot be used",
-                                         text_of(values[i]) + ", the value" + kernel(i),
-                                         "a finite number of at most 1e300", "drop that kernel or mend its value"});
+            throw InvalidInput(
+                Complaint{"EllipsoidField: a value cannot be used", text_of(values[i]) + ", the value" + kernel(i),
+                          "a finite number of at most 1e300", "remove that kernel or correct its value"});
         }
         range = {std::min(range[0], values[i]), std::max(range[1], values[i])};
     }
@@ -119,7 +122,8 @@ std::array<double, 2> check_weights(const std::vector<double>& weights) {
     }
     if (range[1] == 0.0) {
         throw InvalidInput(Complaint{"EllipsoidField: the weights cannot be used", "weights that are all 0",
-                                     "at least one above 0", "leave weights out for a weight of 1 each"});
+                                     "at least one above 0",
+                                     "leave out " + option_ref("weights") + " for a weight of 1 each"});
     }
     return range;
 }
@@ -130,7 +134,7 @@ void check_masses(const std::vector<double>& values, const std::vector<double>& 
             throw InvalidInput(Complaint{"EllipsoidField: a weight cannot be used",
                                          text_of(weights[i]) + " times the value " + text_of(values[i]) + kernel(i),
                                          "a product of at most 1e300",
-                                         "divide all weights by the largest, and w0 with them"});
+                                         "divide all weights, and " + option_ref("w0") + ", by the largest weight"});
         }
     }
 }
@@ -142,17 +146,17 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
     kernel_.falloff = options.falloff;
     normalization_ = options.normalization;
     w0_ = options.w0;
-    require_positive(options.falloff, "falloff", "8 is the papers'");
+    require_positive(options.falloff, "falloff", "the papers use 8");
     if (options.normalization == Normalization::threshold) {
-        require_positive(options.w0, "w0 of normalization=\"threshold\"", "1 is the papers'");
+        require_positive(options.w0, "w0", "the papers use 1");
     } else if (!is_finite(options.w0)) {
-        throw InvalidInput(Complaint{"EllipsoidField: w0 cannot be used", text_of(options.w0), "a finite number", ""});
+        throw InvalidInput(Complaint{unusable(owner, "w0"), text_of(options.w0), "a finite number"});
     }
     if (options.min_scale) {
         require_positive(*options.min_scale, "min_scale", "give a length in world units, or leave it out");
         if (*options.min_scale > largest_length) {
-            throw InvalidInput(Complaint{"EllipsoidField: min_scale cannot be used", text_of(*options.min_scale),
-                                         "at most 1e100", "give a length in world units"});
+            throw InvalidInput(Complaint{unusable(owner, "min_scale"), text_of(*options.min_scale), "at most 1e100",
+                                         "give a length in world units"});
         }
     }
     if (options.cell_volume) {
@@ -227,22 +231,24 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
     slice_spacing_ = std::max(0.5 * median, glm::length(centres_world_.extent()) / slices_of_diagonal);
 
     if (options.normalization == Normalization::lattice) {
+        const Words failed = "EllipsoidField: " + option_ref("normalization", "lattice") + " cannot be used";
+        const Words threshold = option_ref("normalization", "threshold");
         if (!options.cell_volume) {
-            throw InvalidInput(Complaint{"EllipsoidField: normalization=\"lattice\" cannot be used", "no cell_volume",
+            throw InvalidInput(Complaint{failed, "no " + option_ref("cell_volume"),
                                          "the volume that one kernel stands for",
-                                         "pass cell_volume, or use normalization=\"threshold\""});
+                                         "pass " + option_ref("cell_volume", "...") + ", or use " + threshold});
         }
         if (largest_volume - least_volume > equal_volumes * largest_volume) {
-            throw InvalidInput(Complaint{"EllipsoidField: normalization=\"lattice\" cannot be used",
+            throw InvalidInput(Complaint{failed,
                                          "kernels whose semi-axes' products lie between " + text_of(least_volume) +
                                              " and " + text_of(largest_volume),
-                                         "kernels of one volume, as on a lattice", "use normalization=\"threshold\""});
+                                         "kernels of one volume, as on a lattice", "use " + threshold});
         }
         lattice_constant_ = kernel_.unit_mass() * largest_volume / *options.cell_volume;
         if (!(lattice_constant_ > 0.0) || !is_finite(lattice_constant_)) {
-            throw InvalidInput(Complaint{"EllipsoidField: normalization=\"lattice\" cannot be used",
-                                         "a kernel's mass of " + text_of(lattice_constant_) + " cells",
-                                         "a finite number above 0", "give cell_volume in the world's units, cubed"});
+            throw InvalidInput(Complaint{failed, "a kernel's mass of " + text_of(lattice_constant_) + " cells",
+                                         "a finite number above 0",
+                                         "give " + option_ref("cell_volume") + " in the world's units, cubed"});
         }
     }
 }

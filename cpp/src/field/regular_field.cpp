@@ -9,6 +9,7 @@
 #include <glm/geometric.hpp>
 
 #include "base/checks.hpp"
+#include "base/unusable.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/field.hpp"
 
@@ -22,10 +23,11 @@ std::string text_of_shape(const std::array<std::size_t, 3>& shape) {
     return "(" + text_of_count(shape[0]) + ", " + text_of_count(shape[1]) + ", " + text_of_count(shape[2]) + ")";
 }
 
+constexpr const char* owner = "RegularField";
+
 void require_positive(double value, const char* name) {
     if (!(value > 0.0) || !is_finite(value)) {
-        throw InvalidInput(Complaint{std::string("RegularField: ") + name + " cannot be used", text_of(value),
-                                     "a finite number above 0", ""});
+        throw InvalidInput(Complaint{unusable(owner, name), text_of(value), "a finite number above 0"});
     }
 }
 
@@ -33,21 +35,21 @@ void check_options(const RegularFieldOptions& options) {
     const bool bcc = options.lattice == Lattice::bcc;
     const bool positive = options.spacing.x > 0.0 && (bcc || (options.spacing.y > 0.0 && options.spacing.z > 0.0));
     if (!positive || !is_finite(options.spacing.x) || (!bcc && !is_finite(options.spacing))) {
-        throw InvalidInput(Complaint{"RegularField: spacing cannot be used", text_of(options.spacing),
+        throw InvalidInput(Complaint{unusable(owner, "spacing"), text_of(options.spacing),
                                      bcc ? "a finite first number above 0, the edge of the BCC lattice's cubes"
                                          : "three finite numbers above 0",
                                      "give the distance of neighbouring samples along x, y and z in world units"});
     }
     if (!is_finite(options.origin)) {
-        throw InvalidInput(Complaint{"RegularField: origin cannot be used", text_of(options.origin),
-                                     "three finite numbers", "give the world position of sample (0, 0, 0)"});
+        throw InvalidInput(Complaint{unusable(owner, "origin"), text_of(options.origin), "three finite numbers",
+                                     "give the world position of sample (0, 0, 0)"});
     }
     require_positive(options.radius, "radius");
     require_positive(options.falloff, "falloff");
     if (options.normalization == Normalization::threshold) {
-        require_positive(options.w0, "w0 of normalization=\"threshold\"");
+        require_positive(options.w0, "w0");
     } else if (!is_finite(options.w0)) {
-        throw InvalidInput(Complaint{"RegularField: w0 cannot be used", text_of(options.w0), "a finite number", ""});
+        throw InvalidInput(Complaint{unusable(owner, "w0"), text_of(options.w0), "a finite number"});
     }
 }
 
@@ -155,8 +157,9 @@ double along(const RegularFieldOptions& options, int axis, std::size_t steps_alo
                                  text_of(value) + " at sample (" + text_of_count(n % ni) + ", " +
                                      text_of_count(n / ni % nj) + ", " + text_of_count(n / ni / nj) + ")",
                                  "finite numbers",
-                                 skip_helps ? "pass nan=\"skip\" to leave such samples out"
-                                            : "replace it, or make it NaN and pass nan=\"skip\" to leave it out"});
+                                 skip_helps ? "pass " + option_ref("nan", "skip") + " to leave such samples out"
+                                            : "replace it, or make it NaN and pass " + option_ref("nan", "skip") +
+                                                  " to leave it out"});
 }
 
 /// Refuses what the policy does not allow; else range, extent and number of the samples that are not NaN.
@@ -223,7 +226,7 @@ void check_positions(const RegularFieldOptions& options, const Extent& extent, c
         const double low = options.origin[axis];
         const double high = along(options, axis, last);
         const std::string failed = std::string("RegularField: the samples' positions along ") +
-                                   names[static_cast<std::size_t>(axis)] + " are no usable numbers";
+                                   names[static_cast<std::size_t>(axis)] + " cannot be used";
         const std::string found = "origin " + text_of(options.origin[axis]) + ", spacing " +
                                   text_of(options.lattice == Lattice::bcc ? options.spacing.x : options.spacing[axis]);
         // The diagonal of the box of all supports is a sum of squares.
@@ -243,8 +246,9 @@ void check_positions(const RegularFieldOptions& options, const Extent& extent, c
             }
         }
         if (!distinct) {
-            throw InvalidInput(Complaint{failed, found + ": neighbouring samples fall on one float64 number",
-                                         "positions that differ", "move the origin nearer to 0 or check the spacing"});
+            throw InvalidInput(
+                Complaint{failed, found + ": neighbouring samples fall on one float64 number", "positions that differ",
+                          "move " + option_ref("origin") + " nearer to 0, or check " + option_ref("spacing")});
         }
     }
 }
@@ -259,10 +263,11 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
     normalization_ = options_.normalization;
     w0_ = options_.w0;
     if (!std::isnormal(kernel_.gain()) || !std::isnormal(lattice_constant())) {
-        throw InvalidInput(Complaint{"RegularField: radius and falloff leave no kernel that float64 can hold",
-                                     "radius " + text_of(options_.radius) + ", falloff " + text_of(options_.falloff),
-                                     "a radius of a few sample distances and a falloff between 1 and 20",
-                                     "leave them at radius 2, falloff 5"});
+        throw InvalidInput(Complaint{
+            "RegularField: radius and falloff give a kernel that float64 cannot hold",
+            option_ref("radius", text_of(options_.radius)) + " and " + option_ref("falloff", text_of(options_.falloff)),
+            "a radius of a few sample distances and a falloff between 1 and 20",
+            "use the default, " + option_ref("radius", "2") + " and " + option_ref("falloff", "5")});
     }
     Extent extent = full_extent(shape_, options_.lattice);
     check_positions(options_, extent, semi_axes_world());

@@ -58,10 +58,10 @@ std::optional<int> chosen_device(const ContextOptions& options, const std::strin
     const bool by_device = platform == "auto" || platform == "egl";
     if (options.egl_device.has_value()) {
         if (!by_device) {
-            throw InvalidInput(Complaint{"an EGL device was asked for on a platform that has none",
+            throw InvalidInput(Complaint{"an EGL device cannot be chosen on this platform",
                                          "device " + std::to_string(*options.egl_device) + ", platform " + platform,
                                          "platform auto or egl together with a device",
-                                         "leave the device out, or unset SHEETSPLAT_GL"});
+                                         "leave out " + option_ref("device") + ", or unset SHEETSPLAT_GL", "device"});
         }
         return options.egl_device;
     }
@@ -73,8 +73,9 @@ std::optional<int> chosen_device(const ContextOptions& options, const std::strin
     const char* end = variable.data() + variable.size();
     const auto [rest, error] = std::from_chars(variable.data(), end, number);
     if (error != std::errc() || rest != end || number < 0) {
-        throw InvalidInput(Complaint{"SHEETSPLAT_EGL_DEVICE is no device number", "\"" + variable + "\"",
-                                     "a whole number from 0 on", "unset it, or set it to the number of an EGL device"});
+        throw InvalidInput(Complaint{"SHEETSPLAT_EGL_DEVICE is not the number of a device", "\"" + variable + "\"",
+                                     "a whole number of at least 0",
+                                     "unset it, or set it to the number of an EGL device"});
     }
     return number;
 }
@@ -97,7 +98,7 @@ std::vector<std::size_t> preferred_order(const std::vector<EglDevice>& devices) 
         listed += (i == 0 ? "" : ", ") + std::to_string(i) + " (" + devices[i].name + ")";
     }
     throw InvalidInput(Complaint{"there is no EGL device with this number", std::to_string(wanted), "one of " + listed,
-                                 "choose one of these, or leave the choice open"});
+                                 "choose one of these, or leave out " + option_ref("device"), "device"});
 }
 
 // Calls attempt(Made) for every try until it returns true.
@@ -150,7 +151,8 @@ void refuse_forked_child() {
         throw DeviceUnavailable(Complaint{"no OpenGL context can be used here", forked_story,
                                           "the process that used OpenGL first",
                                           "start processes by spawn instead of fork "
-                                          "(multiprocessing.get_context(\"spawn\")), or use backend reference"});
+                                          "(multiprocessing.get_context(\"spawn\")), or use " +
+                                              option_ref("backend", "cpu")});
     }
 }
 
@@ -184,10 +186,11 @@ std::unique_ptr<Context> Context::create(const ContextOptions& options) {
         }
     }
     throw DeviceUnavailable(
-        Complaint{"no OpenGL context could be made", "these tries failed:" + stories,
+        Complaint{"no OpenGL context could be made", "these attempts failed:" + stories,
                   "OpenGL 3.3 core by an EGL device, EGL surfaceless or OSMesa",
                   "install a driver (on Debian or Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri), or "
-                  "use a backend that needs no OpenGL"});
+                  "use " +
+                      option_ref("backend", "cpu")});
 }
 
 std::vector<Attempt> Context::survey() {

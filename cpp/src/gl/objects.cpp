@@ -181,7 +181,7 @@ Texture::Texture(const Api& gl, GLenum internal_format, int width, int height)
         throw InvalidInput(Complaint{"a texture needs a size", in_pixels(width, height), "at least 1 x 1", ""});
     }
     if (width > largest || height > largest) {
-        throw Unsupported(Complaint{"a texture is larger than this device has them", in_pixels(width, height),
+        throw Unsupported(Complaint{"a texture is larger than this device supports", in_pixels(width, height),
                                     "at most " + in_pixels(largest, largest), "render smaller tiles"});
     }
     check_errors(gl, "before a texture was made");

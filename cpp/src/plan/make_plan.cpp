@@ -149,7 +149,8 @@ void plan_light(const Scene& scene, const ViewFacts& view, Backend backend, cons
                                    true);
     if (plan.gradient && scalar) {
         throw InvalidInput(Complaint{"the effects cannot be forced", "gradient on in a scalar mode",
-                                     "mode composite or isosurface", "drop gradient from effects="});
+                                     option_ref("mode", "composite") + " or " + option_ref("mode", "isosurface"),
+                                     "leave the effect gradient out of " + option_ref("effects"), "effects"});
     }
     plan.lit = lit && plan.gradient;
     plan.gradient_opacity = plan.gradient_opacity && plan.gradient;
@@ -298,7 +299,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                                              : "asked for: it widens kernels by a pixel and a slice distance"
                   : scene.filter == Filter::ewa ? "asked for, but every kernel is so large that it would change nothing"
                   : unresolved
-                      ? "not asked for, though " + small + ": filter=\"ewa\" would keep their mass"
+                      ? "not asked for, though " + small + ": the filter ewa would keep their mass"
                       : "not asked for, and no kernel is smaller than a pixel or thinner than a slice distance");
     bool lattices = false;
     bool spheres = false;
@@ -368,10 +369,10 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     if (backend == Backend::reference) {
         plan.precision = Precision::float64;
         if (options.precision != Precision::automatic && options.precision != Precision::float64) {
-            throw Unsupported(
-                Complaint{"the plan cannot be made",
-                          std::string("precision ") + to_string(options.precision) + " with backend reference",
-                          "float64 or auto", "choose backend gl for lower precision"});
+            throw Unsupported(Complaint{
+                "the plan cannot be made",
+                std::string("precision ") + to_string(options.precision) + " with backend reference", "float64 or auto",
+                "use " + option_ref("backend", "gl") + " for lower precision", "precision"});
         }
         summary.precision = plan.precision;
         summary.packing = Packing::wide;

@@ -74,26 +74,29 @@ void refuse_ways_of_gl(const RendererOptions& options) {
     for (const char* name : of_gl) {
         const auto found = options.effects.find(name);
         if (found != options.effects.end() && found->second) {
-            throw Unsupported(
-                Complaint{"the plan cannot be made", std::string("effect ") + name + " forced on with backend cpu",
-                          "no way of drawing that only backend gl has", "choose backend gl, or drop it from effects="});
+            throw Unsupported(Complaint{
+                "the plan cannot be made", std::string("effect ") + name + " forced on with backend cpu",
+                "effects that backend cpu has",
+                "use " + option_ref("backend", "gl") + ", or leave the effect out of " + option_ref("effects"),
+                "effects"});
         }
     }
     if (options.tagging != Tagging::automatic && options.tagging != Tagging::tiles) {
-        throw Unsupported(Complaint{"the plan cannot be made",
-                                    std::string("tagging ") + to_string(options.tagging) + " with backend cpu",
-                                    "auto or tiles, the one way in which it skips empty space",
-                                    "choose backend gl, or leave tagging to the plan"});
+        throw Unsupported(Complaint{
+            "the plan cannot be made", std::string("tagging ") + to_string(options.tagging) + " with backend cpu",
+            "auto or tiles, the one way in which it skips empty space",
+            "use " + option_ref("backend", "gl") + ", or leave out " + option_ref("tagging"), "tagging"});
     }
     if (options.packing == Packing::paper) {
         throw Unsupported(Complaint{"the plan cannot be made", "packing paper with backend cpu",
                                     "auto or wide: slices are not packed into colour channels",
-                                    "choose backend gl, or leave packing to the plan"});
+                                    "use " + option_ref("backend", "gl") + ", or leave out " + option_ref("packing"),
+                                    "packing"});
     }
     if (options.precision == Precision::float16 || options.precision == Precision::uint8) {
-        throw Unsupported(Complaint{"the plan cannot be made",
-                                    std::string("precision ") + to_string(options.precision) + " with backend cpu",
-                                    "auto, float32 or float64", "choose backend gl for lower precision"});
+        throw Unsupported(Complaint{
+            "the plan cannot be made", std::string("precision ") + to_string(options.precision) + " with backend cpu",
+            "auto, float32 or float64", "use " + option_ref("backend", "gl") + " for lower precision", "precision"});
     }
 }
 
@@ -203,9 +206,10 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
 }
 
 void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
-    const auto refuse = [](const std::string& found, const std::string& wanted, const std::string& next) {
+    const auto refuse = [](const Words& found, const Words& wanted, const Words& advice) {
         throw Unsupported(Complaint{"the scene cannot be drawn within its error bound with backend cpu", found, wanted,
-                                    next + ", use backend reference, or pass allow_inexact=True"});
+                                    advice + ", use " + option_ref("backend", "reference") + ", or pass " +
+                                        option_ref("allow_inexact", "true")});
     };
     if (view.kernels == 0 || view.slices == 0) {
         return;
@@ -217,30 +221,30 @@ void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const Draw
     }
     if (view.smallest_falloff < smallest_float64_falloff) {
         refuse("a falloff of " + number(view.smallest_falloff) + ", whose differences float64 cannot resolve",
-               "at least " + number(smallest_float64_falloff), "use a larger falloff");
+               "at least " + number(smallest_float64_falloff), "use a larger " + option_ref("falloff"));
     }
     if (plan.empty_test && steepest_falloff(scene) > steepest_float64) {
         refuse("a falloff of " + number(steepest_falloff(scene)) + " where empty points differ from those of 0",
                "at most " + number(steepest_float64) + " where opacity at 0 is above 0",
-               "use a smaller falloff, or an opacity of 0 at 0");
+               "use a smaller " + option_ref("falloff") + ", or an opacity of 0 at 0");
     }
     const double nearest = std::min(view.smallest_pixel, view.slice_spacing);
     if (plan.gradient && !plan.analytic_gradient && view.reference_length > largest_float64_magnification * nearest) {
         refuse("a pixel or a slice distance of " + number(nearest) + " beside a reference length of " +
                    number(view.reference_length) + ", whose gradients float64 loses",
                "at least " + number(1.0 / largest_float64_magnification) + " times that where it is lit",
-               "give a reference_length, or leave out the lights");
+               "pass " + option_ref("reference_length", "...") + ", or leave out the lights");
     }
     if (plan.gradient_opacity) {
         const double least = least_faded(scene, view, sums, float64_epsilon);
         if (least > *scene.gradient_opacity) {
-            refuse("gradient_opacity " + number(*scene.gradient_opacity) + ", which rounding reaches",
-                   "at least " + number(least), "use a larger gradient_opacity");
+            refuse(option_ref("gradient_opacity", number(*scene.gradient_opacity)) + ", which rounding reaches",
+                   "at least " + number(least), "use a larger " + option_ref("gradient_opacity"));
         }
     }
     if (sums.least_scale < least_divisor) {
         refuse("a w0 and weights below " + number(least_divisor), "a w0 or weights of at least that",
-               "scale the weights and w0 by one factor");
+               "scale the weights and " + option_ref("w0") + " by one factor");
     }
     if (sums.sum > largest_float64_sum) {
         refuse("sums of weights, or of weighted values over what is resolved, of up to " + number(sums.sum),
@@ -324,9 +328,11 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
         effects.refuse_dropped();
         refuse_beyond_float64(scene, view, plan, sums);
         if (kept && !why.empty()) {
-            throw Unsupported(Complaint{"the picture cannot be made within its error bound with precision float32", why,
-                                        "precision auto or float64",
-                                        "leave precision to the plan, or pass allow_inexact=True"});
+            throw Unsupported(
+                Complaint{"the picture cannot be made within its error bound with precision float32", why,
+                          option_ref("precision", "float64"),
+                          "leave out " + option_ref("precision") + ", or pass " + option_ref("allow_inexact", "true"),
+                          "precision"});
         }
     }
 

@@ -112,10 +112,11 @@ Tagging choose_tagging(const RendererOptions& options, const Capabilities& capab
                                            : Tagging::tiles;
     case Tagging::depth_bounds:
         if (!capabilities.depth_bounds) {
-            throw Unsupported(
-                Complaint{"the plan cannot be made",
-                          "tagging depth_bounds on " + capabilities.renderer + ", which lacks GL_EXT_depth_bounds_test",
-                          "a device that has it", "use tagging auto, tiles, depth_equal or off"});
+            throw Unsupported(Complaint{
+                "the plan cannot be made",
+                "tagging depth_bounds on " + capabilities.renderer + ", which lacks GL_EXT_depth_bounds_test",
+                "a device that has it",
+                "use another " + option_ref("tagging") + ", for example " + option_ref("tagging", "tiles"), "tagging"});
         }
         return options.tagging;
     default:
@@ -146,21 +147,26 @@ void check_crowds(const ViewFacts& view, const DrawPlan& plan, bool lit_quotient
                (plan.fine_gradient ? fine_alike_factor : 1.0);
     }
     most = std::max(most, least_alike);
-    const char* next = lit_quotient
-                           ? "make one kernel of them, of their weights' sum and the mean of their values, leave "
-                             "out the lights, use backend reference, or pass allow_inexact=True"
-                           : "make one kernel of them, use backend reference, or pass allow_inexact=True";
+    const Words advice =
+        lit_quotient ? "make one kernel of them, of their weights' sum and the mean of their values, leave "
+                       "out the lights, use " +
+                           option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")
+                     : "make one kernel of them, use " + option_ref("backend", "reference") + ", or pass " +
+                           option_ref("allow_inexact", "true");
     const char* failed = "the picture cannot be made within its error bound in 32-bit sheets";
     if (view.most_alike > most) {
         throw Unsupported(Complaint{failed, "about " + number(view.most_alike) + " ellipsoids of one size at one place",
                                     "at most " + number(std::floor(most)) + (lit_quotient ? " where they are lit" : ""),
-                                    next});
+                                    advice});
     }
     if (lit_quotient && view.densest_overlap * times > densest_lit) {
         throw Unsupported(Complaint{failed, "about " + number(view.densest_overlap) + " ellipsoids at a point",
                                     "at most " + number(densest_lit / times) + " where they are lit",
-                                    "use fewer or smaller ellipsoids, leave out the lights, use backend reference, or "
-                                    "pass allow_inexact=True"});
+                                    "use fewer or smaller ellipsoids, leave out the lights, use " +
+                                        option_ref("backend", "reference") +
+                                        ", or "
+                                        "pass " +
+                                        option_ref("allow_inexact", "true")});
     }
 }
 
@@ -239,11 +245,11 @@ void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts
         const double by_axis = most_of(widest_by_semi_axis) / (ell / axis) / (ell / axis);
         most = std::min(most, std::max(by_axis, widest_isosurface_of_derivatives / std::max(1.0, ratio)));
     }
-    const char* way_out = plan.analytic_gradient
-                              ? "leave out gradient=\"analytic\", use a larger w0, backend cpu, or pass "
-                                "allow_inexact=True"
-                              : "use a larger w0, gradient=\"analytic\", backend cpu, or pass "
-                                "allow_inexact=True";
+    const Words way_out =
+        (plan.analytic_gradient
+             ? "leave out " + option_ref("gradient", "analytic") + ", use a larger " + option_ref("w0")
+             : "use a larger " + option_ref("w0") + " or " + option_ref("gradient", "analytic")) +
+        Words(", use " + option_ref("backend", "cpu") + ", or pass " + option_ref("allow_inexact", "true"));
     if (facts.weight_range > most) {
         throw Unsupported(Complaint{failed,
                                     "weights of up to " + number(facts.weight_range) +
@@ -255,13 +261,13 @@ void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts
     const double magnified = std::max(1.0, ratio) * seen / change;
     const double most_magnified = magnified_quotients / std::sqrt(std::max(1.0, view.densest_overlap));
     if (plan.fine_gradient && !isosurface && magnified > most_magnified) {
-        throw Unsupported(Complaint{failed,
-                                    "quotients of sums that are lit where a reference length is " + number(magnified) +
-                                        " pixels or semi-axes",
-                                    "at most " + number(std::floor(most_magnified)) + " with about " +
-                                        number(view.densest_overlap) + " ellipsoids at a point",
-                                    "use gradient=\"analytic\", a smaller reference_length, backend cpu, or pass "
-                                    "allow_inexact=True"});
+        throw Unsupported(Complaint{
+            failed,
+            "quotients of sums that are lit where a reference length is " + number(magnified) + " pixels or semi-axes",
+            "at most " + number(std::floor(most_magnified)) + " with about " + number(view.densest_overlap) +
+                " ellipsoids at a point",
+            "use " + option_ref("gradient", "analytic") + ", a smaller " + option_ref("reference_length") + " or " +
+                option_ref("backend", "cpu") + ", or pass " + option_ref("allow_inexact", "true")});
     }
 }
 
@@ -287,7 +293,8 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "an expected error of " + number(expected) + ", and of " + number(worst) +
                           " where colours are steepest: up to " + number(crowd) + " kernels at a point",
                       "at most " + number(float16_bound) + " and " + number(float16_worst),
-                      "use precision float32, or pass allow_inexact=True"});
+                      "use " + option_ref("precision", "float32") + ", or pass " + option_ref("allow_inexact", "true"),
+                      "precision"});
     }
     const double largest_sum = plan.precision == Precision::float16 ? largest_float16 : largest_float32;
     if (sum > largest_sum || lost) {
@@ -296,7 +303,8 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       lost ? "a w0 and weights below " + number(least_divisor)
                            : "sums of weights, or of weighted values over what is resolved, of up to " + number(sum),
                       lost ? "a w0 or weights of at least that" : "at most " + number(largest_sum),
-                      "scale the weights and w0 by one factor, use backend reference, or pass allow_inexact=True"});
+                      "scale the weights and " + option_ref("w0") + " by one factor, use " +
+                          option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")});
     }
     // Errors of single slices partly cancel along a ray; what a steep ramp adds, it adds at few pixels.
     const double picture = 0.25 * sums * std::min(steepness, 4.0);
@@ -307,12 +315,13 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     const bool too_far = lit_quotient && lit_ratio > largest_lit_ratio;
     const double most_times = 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0);
     if (plan.precision == Precision::float32 && (picture > float32_bound || too_far)) {
-        throw Unsupported(
-            Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
-                      "values up to " + number(largest) + " where " + number(resolved) + " is resolved",
-                      "values of at most " + number(too_far ? std::min(largest_lit_ratio, most_times) : most_times) +
-                          " times that",
-                      "subtract an offset from the values, use backend reference, or pass allow_inexact=True"});
+        throw Unsupported(Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
+                                    "values up to " + number(largest) + " where " + number(resolved) + " is resolved",
+                                    "values of at most " +
+                                        number(too_far ? std::min(largest_lit_ratio, most_times) : most_times) +
+                                        " times that",
+                                    "subtract an offset from the values, use " + option_ref("backend", "reference") +
+                                        ", or pass " + option_ref("allow_inexact", "true")});
     }
     if (plan.gradient_opacity) {
         const double nearest = std::min(view.smallest_pixel, view.slice_spacing);
@@ -321,10 +330,12 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                              (differences ? std::max(1.0, view.reference_length / nearest) : 1.0);
         if (*scene.gradient_opacity * view.reference_length < least * plan.value_unit) {
             throw Unsupported(Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
-                                        "gradient_opacity " + number(*scene.gradient_opacity) +
+                                        option_ref("gradient_opacity", number(*scene.gradient_opacity)) +
                                             ", near which gradients are lost to rounding",
                                         "at least " + number(least * plan.value_unit / view.reference_length),
-                                        "use a larger one, backend reference, or pass allow_inexact=True"});
+                                        "use a larger one, use " + option_ref("backend", "reference") + ", or pass " +
+                                            option_ref("allow_inexact", "true"),
+                                        "gradient_opacity"});
         }
     }
     if (lit_quotient) {
@@ -341,7 +352,8 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "slabs of " + number(view.slice_spacing) +
                           ", in which float32 loses the place of ellipsoids that are so much thinner",
                       "slabs of at most " + number(thick_slab) + " times the half-depth of ellipsoids that show",
-                      "use a smaller slice_spacing, filter=\"ewa\", backend reference, or pass allow_inexact=True"});
+                      "use a smaller " + option_ref("slice_spacing") + ", " + option_ref("filter", "ewa") + " or " +
+                          option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")});
     }
 }
 
@@ -364,7 +376,7 @@ std::string unfit_for_comparison(const Scene& scene, const ViewFacts& view, cons
         return "effect fine_gradient, whose differences they do not draw";
     }
     if (plan.analytic_gradient) {
-        return "gradient=\"analytic\", whose derivatives they do not draw";
+        return "analytic gradients, whose derivatives they do not draw";
     }
     const std::string tiny =
         view.smallest_px < least_plain_px && !options.allow_inexact
@@ -446,10 +458,13 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
     if (plan.fine_gradient && !plan.own_sheets.empty()) {
         throw Unsupported(Complaint{
             "the scene cannot be drawn with backend gl",
-            "a lit close-up of several fields of which one has normalization threshold, whose pixels or slices "
-            "are closer than an eighth of the reference length",
-            "such a close-up of one field, or of fields with normalization none or lattice",
-            "use gradient=\"analytic\", a larger slice_spacing, a smaller reference_length, or backend reference"});
+            "a lit close-up of several fields, one with " + option_ref("normalization", "threshold") +
+                ", whose pixels or slices are closer "
+                "than an eighth of the reference length",
+            "such a close-up of one field, or of fields with " + option_ref("normalization", "none") + " or " +
+                option_ref("normalization", "lattice"),
+            "use " + option_ref("gradient", "analytic") + ", a larger " + option_ref("slice_spacing") + ", a smaller " +
+                option_ref("reference_length") + ", or " + option_ref("backend", "reference")});
     }
     // Differences of values and of weights of two sheets at once would take more texture units than every device has.
     const bool crowded = plan.fine_gradient && plan.threshold;
@@ -459,14 +474,15 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
             "the plan cannot be made",
             "packing wide for a close-up of a field with normalization threshold, which needs 21 texture units of " +
                 std::to_string(capabilities.max_texture_units),
-            "packing auto or paper", "leave packing to the plan"});
+            option_ref("packing", "auto") + " or " + option_ref("packing", "paper"),
+            "leave out " + option_ref("packing"), "packing"});
     }
     plan.tagging = choose_tagging(options, capabilities);
     plan.precision = options.precision == Precision::automatic ? Precision::float32 : options.precision;
     if (plan.precision == Precision::float64) {
-        throw Unsupported(Complaint{"the plan cannot be made",
-                                    "precision float64 with backend gl, whose targets blend 32 bits at most",
-                                    "auto, uint8, float16 or float32", "choose backend cpu for float64"});
+        throw Unsupported(Complaint{
+            "the plan cannot be made", "precision float64 with backend gl, whose targets blend 32 bits at most",
+            "auto, uint8, float16 or float32", "use " + option_ref("backend", "cpu") + " for float64", "precision"});
     }
     plan.culling = effects.decide("culling", true, "kernels that cannot matter are not drawn");
     // Depth tests slow a rasteriser in software more than they save where little becomes opaque: there it must happen
@@ -490,9 +506,9 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                           calls.stops && !outputs.coverage;
     plan.opacity_buffer = plan.opacity_buffer || (plan.opacity_buffer_average && !outputs.coverage);
     if (plan.opacity_buffer_average && !options.allow_inexact) {
-        throw Unsupported(Complaint{"the plan cannot be made",
-                                    "opacity_buffer_average, which drops kernels that still show", "exact culling",
-                                    "use opacity_buffer, or pass allow_inexact=True"});
+        throw Unsupported(Complaint{
+            "the plan cannot be made", "opacity_buffer_average, which drops kernels that still show", "exact culling",
+            "use the effect opacity_buffer, or pass " + option_ref("allow_inexact", "true"), "effects"});
     }
     const bool sprites = projection == Projection::orthographic &&
                          2.0 * view.largest_splat_px + 1.0 <= static_cast<double>(capabilities.max_point_size);
@@ -523,7 +539,7 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                 plan.paper_slicing ? "ellipsoids in orthographic view, point-sampled, unfiltered, packing paper"
                                    : "one field of ellipsoids in orthographic view, point-sampled, unfiltered, "
                                      "packing wide",
-                "drop it from effects="});
+                "leave it out of " + option_ref("effects"), "effects"});
         }
     }
     if (plan.gather && tagging_by_depth(plan.tagging)) {
@@ -557,18 +573,19 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
         plan.precise_aspect = least_precise_aspect;
     }
     if (slender && !exact_places && view.largest_aspect > largest_plain_aspect && !options.allow_inexact) {
-        throw Unsupported(
-            Complaint{"the scene cannot be drawn within its error bound",
-                      "ellipsoids of 1:" + number(view.largest_aspect) + " on OpenGL " + capabilities.version,
-                      "OpenGL 4.0 for places in float64, or at most 1:" + number(largest_plain_aspect),
-                      "pass min_scale to the field, or use backend reference"});
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn within its error bound",
+            "ellipsoids of 1:" + number(view.largest_aspect) + " on OpenGL " + capabilities.version,
+            "OpenGL 4.0 for places in float64, or at most 1:" + number(largest_plain_aspect),
+            "pass " + option_ref("min_scale", "...") + " to the field, or use " + option_ref("backend", "reference")});
     }
     if (tiny && !exact_places && view.smallest_px < smallest_plain_px && !options.allow_inexact) {
         throw Unsupported(
             Complaint{"the scene cannot be drawn within its error bound",
                       "ellipsoids of " + number(view.smallest_px) + " pixels on OpenGL " + capabilities.version,
                       "OpenGL 4.0 for places in float64, or at least " + number(smallest_plain_px),
-                      "pass min_scale to the field, use filter=\"ewa\", or backend reference"});
+                      "pass " + option_ref("min_scale", "...") + " to the field, use " + option_ref("filter", "ewa") +
+                          ", or use " + option_ref("backend", "reference")});
     }
     const bool can_reside = !compared && view.ellipsoids && !plan.filter && !tiny && capabilities.at_least(4, 1) &&
                             view.largest_aspect <= largest_resident_aspect &&
@@ -590,7 +607,8 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
     plan.resident_sections = effects.decide("resident_sections", can_reside && !capabilities.software, why_resident);
     if (plan.resident_sections && !can_reside) {
         throw Unsupported(Complaint{"the plan cannot be made", "resident_sections forced on: " + why_resident,
-                                    "ellipsoids that the device can slice", "leave it to the plan"});
+                                    "ellipsoids that the device can slice", "leave it out of " + option_ref("effects"),
+                                    "effects"});
     }
     plan.bare_fill = effects.decide("bare_fill", false, "a figure for benchmarks: not asked for");
     if (plan.bare_fill && !options.allow_inexact) {
@@ -654,21 +672,21 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
     if (scene.lights.size() > most_lights) {
         throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
                                     std::to_string(scene.lights.size()) + " lights", "at most 64",
-                                    "use fewer lights, or backend reference"});
+                                    "use fewer lights, or " + option_ref("backend", "reference")});
     }
     if (plan.shadows && scene.lights.size() > most_shadowing_lights) {
-        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
-                                    std::to_string(scene.lights.size()) + " lights with shadows",
-                                    "at most " + std::to_string(most_shadowing_lights),
-                                    "use fewer lights, leave out shadows, or use backend reference"});
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn with backend gl", std::to_string(scene.lights.size()) + " lights with shadows",
+            "at most " + std::to_string(most_shadowing_lights),
+            "use fewer lights, leave out " + option_ref("shadows") + ", or use " + option_ref("backend", "reference")});
     }
     if ((plan.shadows || plan.ambient_occlusion) && capabilities.max_buffer_texels < least_buffer_texels) {
         throw Unsupported(
             Complaint{"the scene cannot be drawn with backend gl",
                       "shadows or ambient occlusion on a device whose buffer textures hold " +
                           std::to_string(capabilities.max_buffer_texels) + " texels",
-                      "at least " + std::to_string(least_buffer_texels) + ", for what light finds on its way",
-                      "use backend cpu"});
+                      "at least " + std::to_string(least_buffer_texels) + ", for the opacity along rays to lights",
+                      "use " + option_ref("backend", "cpu")});
     }
     if (!options.allow_inexact) {
         effects.refuse_dropped();
@@ -679,28 +697,29 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                                     "ellipsoids of " + number(view.largest_px) + " pixels" +
                                         (deep ? " at a distance of one unit of length" : ""),
                                     "at most " + number(deep ? largest_deep_px : largest_splat_px),
-                                    deep ? "use a larger unit of length, or backend reference"
-                                         : "magnify less, or use backend reference"});
+                                    deep ? "use a larger unit of length, or " + option_ref("backend", "reference")
+                                         : "magnify less, or use " + option_ref("backend", "reference")});
     }
     if (view.largest_splat_px > largest_splat_px && !options.allow_inexact) {
-        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
-                                    "kernels of " + number(view.largest_splat_px) + " pixels",
-                                    "at most " + number(largest_splat_px), "magnify less, or use backend reference"});
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn with backend gl", "kernels of " + number(view.largest_splat_px) + " pixels",
+            "at most " + number(largest_splat_px), "magnify less, or use " + option_ref("backend", "reference")});
     }
     const double place_error = std::max(view.size.width, view.size.height) * float32_epsilon;
     if (view.slices > 0 && view.largest_splat_px > 0.0 && place_error > largest_place_error * view.largest_splat_px &&
         !options.allow_inexact) {
         throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
                                     "kernels of " + number(view.largest_splat_px) +
-                                        " pixels, whose places float32 knows to " + number(place_error),
-                                    "places known to " + number(largest_place_error) + " of a radius",
-                                    "come closer, or use backend reference"});
+                                        " pixels, whose positions float32 resolves to " + number(place_error),
+                                    "positions resolved to " + number(largest_place_error) + " of a radius",
+                                    "move the camera closer, or use " + option_ref("backend", "reference")});
     }
     if (view.smallest_falloff < smallest_falloff && !options.allow_inexact) {
         throw Unsupported(
             Complaint{"the scene cannot be drawn with backend gl",
                       "a falloff of " + number(view.smallest_falloff) + ", whose differences float32 cannot resolve",
-                      "at least " + number(smallest_falloff), "use a larger falloff, or backend reference"});
+                      "at least " + number(smallest_falloff),
+                      "use a larger " + option_ref("falloff") + ", or " + option_ref("backend", "reference")});
     }
     const std::string wide = why_float32(scene, view, capabilities, plan);
     if (options.precision == Precision::automatic && wide.empty()) {

@@ -16,7 +16,7 @@ namespace sheetsplat::reference {
 namespace {
 
 constexpr std::size_t most_cells_along = 64;
-const char* const next_step = "Leave shadows and ambient occlusion out, or render fewer kernels.";
+const char* const advice = "leave out shadows and ambient occlusion, or use fewer kernels";
 
 // The box around a kernel's support, wide enough for any rounding: the kernel's own end decides.
 Box box_around(const EyeKernel& kernel) {
@@ -33,10 +33,10 @@ PointSums::PointSums(const Field& field, const Scene& scene, const Camera& camer
     : profile_(field.kernel().falloff), normaliser_(field, radius_factor) {
     const std::string what = "the reference's grid of kernels";
     if (field.size() > 0xFFFFFFFFULL) {
-        throw OutOfMemory(Complaint{"Shadows and ambient occlusion do not fit",
-                                    text_of_count(field.size()) + " kernels", "at most 2^32", next_step});
+        throw OutOfMemory(Complaint{"shadows and ambient occlusion cannot be drawn",
+                                    text_of_count(field.size()) + " kernels", "at most 2^32", advice});
     }
-    require_memory(checked_product(field.size(), sizeof(EyeKernel), what), what, next_step);
+    require_memory(checked_product(field.size(), sizeof(EyeKernel), what), what, advice);
     const EyeKernels seen(field, scene, camera, screen, radius_factor);
     kernels_.reserve(field.size());
     seen.for_each([&](std::uint64_t, const EyeKernel& kernel) {
@@ -56,7 +56,7 @@ PointSums::PointSums(const Field& field, const Scene& scene, const Camera& camer
     for (std::size_t cell = 0; cell < cells; ++cell) {
         offsets_[cell + 1] += offsets_[cell];
     }
-    require_memory(checked_product(offsets_.back(), sizeof(std::uint32_t), what), what, next_step);
+    require_memory(checked_product(offsets_.back(), sizeof(std::uint32_t), what), what, advice);
     members_.resize(offsets_.back());
     std::vector<std::uint64_t> next(offsets_.begin(), offsets_.end() - 1);
     for (std::size_t number = 0; number < kernels_.size(); ++number) {

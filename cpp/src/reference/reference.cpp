@@ -22,9 +22,9 @@ constexpr std::size_t sheets_in_window = 4;
 
 void check_size(Size size) {
     if (size.width < 1 || size.height < 1) {
-        throw InvalidInput(Complaint{"The picture cannot have this size",
+        throw InvalidInput(Complaint{"the picture cannot be drawn",
                                      std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels",
-                                     "at least 1 x 1", "Give the size as (width, height)."});
+                                     "at least 1 x 1", "correct " + option_ref("size"), "size"});
     }
 }
 
@@ -50,7 +50,7 @@ void check_memory(Size size, const Scene& scene, const Request& request, std::si
     const std::uint64_t scratch = 2 * (sizeof(double) + (slopes ? sizeof(Vec3) : 0));
     const std::string what = "the reference's sheets and picture";
     require_memory(checked_product(pixels, sheets_in_window * a_sheet + scratch + pictures * a_picture, what), what,
-                   "Ask for a smaller picture.");
+                   "make the picture smaller");
 }
 
 bool opaque_at_zero(const Scene& scene, const std::vector<Nudge>& nudges) {

@@ -33,11 +33,12 @@ DepthRange support_depths(const Scene& scene, const Camera& camera, const Screen
 }
 
 [[noreturn]] void too_many(double slices, double depth, double spacing) {
-    std::ostringstream found, next;
+    std::ostringstream found, least;
     found << slices << " slices, " << spacing << " apart over " << depth << " world units of depth";
-    next << "Ask for a slice_spacing of at least " << depth / static_cast<double>(most_slices) << ".";
-    throw InvalidInput(Complaint{"The scene cannot be cut into slices", found.str(),
-                                 "at most " + std::to_string(most_slices) + " slices", next.str()});
+    least << depth / static_cast<double>(most_slices);
+    throw InvalidInput(Complaint{"the scene cannot be sliced", found.str(),
+                                 "at most " + std::to_string(most_slices) + " slices",
+                                 "pass " + option_ref("slice_spacing", least.str()) + " or more", "slice_spacing"});
 }
 
 } // namespace

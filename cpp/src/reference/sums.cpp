@@ -36,11 +36,11 @@ void require_finite_sums(const Field& field) {
     const double most = weight * static_cast<double>(field.size());
     const double largest = most * std::max(std::abs(values[0]), std::abs(values[1]));
     if (!is_finite(most) || !is_finite(largest)) {
-        throw InvalidInput(Complaint{"The field's sums cannot be held",
+        throw InvalidInput(Complaint{"the field cannot be summed",
                                      text_of_count(field.size()) + " kernels of values between " + text_of(values[0]) +
                                          " and " + text_of(values[1]) + ", weights up to " + text_of(weight),
                                      "sums of values times weights below 1e308",
-                                     "Divide the values or the weights by a common factor."});
+                                     "divide the values or the weights by a common factor"});
     }
 }
 
@@ -111,7 +111,7 @@ void FieldSums::sort_kernels() {
     const std::string what = "the reference's list of slices";
     const auto slices = static_cast<std::uint64_t>(slices_.count);
     require_memory(checked_product(slices + 1, sizeof(std::uint64_t) + sizeof(std::int64_t), what), what,
-                   "Ask for a larger slice_spacing.");
+                   "use a larger " + option_ref("slice_spacing"));
     offsets_.assign(slices + 1, 0);
     // How many more are held at each slice than at the one before it.
     std::vector<std::int64_t> changes(slices + 1, 0);
@@ -137,7 +137,7 @@ void FieldSums::sort_kernels() {
     const std::string kernels = "the reference's list of kernels";
     require_memory(checked_product(drawn, sizeof(std::uint64_t), kernels) +
                        checked_product(static_cast<std::uint64_t>(most_held), sizeof(Held), kernels),
-                   kernels, "Render fewer kernels, or with another backend.");
+                   kernels, "use fewer kernels, or another " + option_ref("backend"));
     held_.reserve(static_cast<std::size_t>(most_held));
     kernels_.resize(drawn);
     std::vector<std::uint64_t> next(offsets_.begin(), offsets_.end() - 1);

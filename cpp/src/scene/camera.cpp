@@ -8,6 +8,7 @@
 #include <glm/geometric.hpp>
 
 #include "base/checks.hpp"
+#include "base/unusable.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -24,6 +25,8 @@ double largest_component(const Vec3& v) { return std::max({std::abs(v.x), std::a
 /// Unit vector; v must not be 0. Scaled first, since squares overflow or vanish long before the vector does.
 Vec3 unit(const Vec3& v) { return glm::normalize(v / largest_component(v)); }
 
+constexpr const char* owner = "Camera";
+
 struct Axes {
     Vec3 right, up, back;
 };
@@ -31,7 +34,7 @@ struct Axes {
 Axes axes_of(const Vec3& back, const Vec3& up, const Vec3& up_given) {
     const Vec3 across = glm::cross(up, back);
     if (!(glm::length(across) > parallel)) {
-        throw InvalidInput(Complaint{"Camera: up cannot be used",
+        throw InvalidInput(Complaint{unusable(owner, "up"),
                                      "up " + text_of(up_given) + " along the view direction " + text_of(-back),
                                      "a direction that is not along the view", "give another up"});
     }
@@ -43,16 +46,14 @@ Axes axes_of(const Vec3& back, const Vec3& up, const Vec3& up_given) {
 
 void require_finite(const Vec3& v, const char* name) {
     if (!is_finite(v)) {
-        throw InvalidInput(
-            Complaint{std::string("Camera: ") + name + " cannot be used", text_of(v), "three finite numbers", ""});
+        throw InvalidInput(Complaint{unusable(owner, name), text_of(v), "three finite numbers"});
     }
 }
 
 void require_up(const Vec3& up) {
     require_finite(up, "up");
     if (largest_component(up) == 0.0) {
-        throw InvalidInput(
-            Complaint{"Camera: up cannot be used", text_of(up), "a direction", "give for example (0, 1, 0)"});
+        throw InvalidInput(Complaint{unusable(owner, "up"), text_of(up), "a direction", "give for example (0, 1, 0)"});
     }
 }
 
@@ -76,7 +77,7 @@ Axes look_at(const Vec3& eye, const Vec3& target, const Vec3& up) {
 void require_height(double height) {
     if (!(height > 0.0) || !is_finite(height)) {
         throw InvalidInput(
-            Complaint{"Camera: height cannot be used", text_of(height), "a finite number of world units above 0", ""});
+            Complaint{unusable(owner, "height"), text_of(height), "a finite number of world units above 0"});
     }
 }
 
@@ -85,13 +86,13 @@ double half_tangent(double fov_y) { return std::tan(0.5 * fov_y * pi / 180.0); }
 void require_fov(double fov_y) {
     if (!(fov_y > 0.0 && fov_y < 180.0) || !std::isnormal(half_tangent(fov_y))) {
         throw InvalidInput(
-            Complaint{"Camera: fov_y cannot be used", text_of(fov_y), "an angle in degrees above 0 and below 180", ""});
+            Complaint{unusable(owner, "fov_y"), text_of(fov_y), "an angle in degrees above 0 and below 180"});
     }
 }
 
 void require_near(double near) {
     if (!(near > 0.0) || !is_finite(near)) {
-        throw InvalidInput(Complaint{"Camera: near cannot be used", text_of(near), "a finite depth above 0", ""});
+        throw InvalidInput(Complaint{unusable(owner, "near"), text_of(near), "a finite depth above 0"});
     }
 }
 
@@ -145,11 +146,11 @@ Camera Camera::fit(const Box& box_world, const Vec3& direction, const Vec3& up, 
     require_finite(direction, "direction");
     if (largest_component(direction) == 0.0) {
         throw InvalidInput(
-            Complaint{"Camera: direction cannot be used", text_of(direction), "a direction to look along", ""});
+            Complaint{unusable(owner, "direction"), text_of(direction), "a direction other than (0, 0, 0)"});
     }
     require_up(up);
     if (!(margin > 0.0) || !is_finite(margin)) {
-        throw InvalidInput(Complaint{"Camera: margin cannot be used", text_of(margin), "a finite number above 0",
+        throw InvalidInput(Complaint{unusable(owner, "margin"), text_of(margin), "a finite number above 0",
                                      "1.05 leaves a small border"});
     }
     // The axes come from the direction as it was given: the difference of eye and target has lost digits where the box

@@ -25,106 +25,112 @@ const char* name_of(Mode mode) {
     return "unknown";
 }
 
-void require(bool holds, const char* failed, const std::string& found, const char* wanted, const char* next = "") {
+void require(bool holds, const Words& failed, const Words& found, const Words& wanted, const Words& advice = {}) {
     if (!holds) {
-        throw InvalidInput(Complaint{std::string("Scene: ") + failed, found, wanted, next});
+        throw InvalidInput(Complaint{"Scene: " + failed, found, wanted, advice});
     }
 }
 
 void require_fields(const std::vector<std::shared_ptr<const Field>>& fields) {
-    require(!fields.empty(), "there is nothing to show", "no field", "at least one field");
+    require(!fields.empty(), "there is nothing to draw", "no field", "at least one field");
     for (std::size_t n = 0; n < fields.size(); ++n) {
         require(fields[n] != nullptr, "a field cannot be used", "nothing in place of field " + text_of_count(n),
                 "a field");
     }
 }
 
-void require_length(const std::optional<double>& length, const char* failed) {
+Words cannot_use(const char* option) { return option_ref(option) + " cannot be used"; }
+
+void require_length(const std::optional<double>& length, const char* option) {
     if (length) {
-        require(*length > 0.0 && is_finite(*length), failed, text_of(*length), "a finite number of world units above 0",
-                "leave it out to use the fields' own sample distance");
+        require(*length > 0.0 && is_finite(*length), cannot_use(option), text_of(*length),
+                "a finite number of world units above 0", "leave it out to use the fields' own sample distance");
     }
 }
 
 void check_light(const Light& light, std::size_t n) {
     const std::string name = " of light " + text_of_count(n);
-    require(is_finite(light.direction) && light.direction != Vec3(0.0), "a light cannot be used",
+    require(is_finite(light.direction) && light.direction != Vec3(0.0), cannot_use("lights"),
             "direction " + text_of(light.direction) + name,
             "a finite direction other than (0, 0, 0), towards the light");
-    require(is_finite(light.color), "a light cannot be used", "colour " + text_of(light.color) + name,
+    require(is_finite(light.color), cannot_use("lights"), "colour " + text_of(light.color) + name,
             "three finite numbers");
 }
 
 void check_material(const Material& material) {
     const auto finite = [](double value, const char* name) {
-        require(is_finite(value), "the material cannot be used", std::string(name) + " " + text_of(value),
-                "a finite number");
+        require(is_finite(value), cannot_use("material"), std::string(name) + " " + text_of(value), "a finite number");
     };
     finite(material.ambient, "ambient");
     finite(material.diffuse, "diffuse");
     finite(material.specular, "specular");
     finite(material.shininess, "shininess");
-    require(material.shininess >= 0.0, "the material cannot be used", "shininess " + text_of(material.shininess),
-            "0 or more");
+    require(material.shininess >= 0.0, cannot_use("material"), "shininess " + text_of(material.shininess), "0 or more");
 }
 
 void check_clip(const Clip& clip) {
     for (std::size_t n = 0; n < clip.planes.size(); ++n) {
         const Clip::Plane& plane = clip.planes[n];
         const std::string name = " of plane " + text_of_count(n);
-        require(is_finite(plane.normal) && plane.normal != Vec3(0.0), "clip cannot be used",
+        require(is_finite(plane.normal) && plane.normal != Vec3(0.0), cannot_use("clip"),
                 "normal " + text_of(plane.normal) + name, "a finite normal other than (0, 0, 0)");
-        require(is_finite(plane.offset), "clip cannot be used", "offset " + text_of(plane.offset) + name,
+        require(is_finite(plane.offset), cannot_use("clip"), "offset " + text_of(plane.offset) + name,
                 "a finite number");
     }
     if (clip.box) {
         const Box& box = *clip.box;
         const bool right = is_finite(box.lower) && is_finite(box.upper) && box.lower.x <= box.upper.x &&
                            box.lower.y <= box.upper.y && box.lower.z <= box.upper.z;
-        require(right, "clip cannot be used", "a box from " + text_of(box.lower) + " to " + text_of(box.upper),
+        require(right, cannot_use("clip"), "a box from " + text_of(box.lower) + " to " + text_of(box.upper),
                 "two finite corners, the lower one first");
     }
 }
 
 void check_depth_cue(const DepthCue& cue) {
-    require(is_finite(cue.start) && is_finite(cue.end) && cue.start < cue.end, "depth_cue cannot be used",
+    require(is_finite(cue.start) && is_finite(cue.end) && cue.start < cue.end, cannot_use("depth_cue"),
             "depths from " + text_of(cue.start) + " to " + text_of(cue.end), "two finite depths, the nearer one first");
-    require(is_finite(cue.color), "depth_cue cannot be used", "colour " + text_of(cue.color), "three finite numbers");
-    require(cue.strength >= 0.0 && cue.strength <= 1.0, "depth_cue cannot be used", "strength " + text_of(cue.strength),
+    require(is_finite(cue.color), cannot_use("depth_cue"), "colour " + text_of(cue.color), "three finite numbers");
+    require(cue.strength >= 0.0 && cue.strength <= 1.0, cannot_use("depth_cue"), "strength " + text_of(cue.strength),
             "a number from 0 to 1");
 }
 
 void check_occlusion(const AmbientOcclusion& occlusion) {
-    require(occlusion.radius > 0.0 && is_finite(occlusion.radius), "ambient_occlusion cannot be used",
+    require(occlusion.radius > 0.0 && is_finite(occlusion.radius), cannot_use("ambient_occlusion"),
             "radius " + text_of(occlusion.radius), "a finite number of world units above 0");
-    require(occlusion.strength >= 0.0 && occlusion.strength <= 1.0, "ambient_occlusion cannot be used",
+    require(occlusion.strength >= 0.0 && occlusion.strength <= 1.0, cannot_use("ambient_occlusion"),
             "strength " + text_of(occlusion.strength), "a number from 0 to 1");
 }
 
+constexpr const char* together = "two options cannot be used together";
+
 // Effects that a mode cannot have, and pairs that contradict each other.
 void check_effects(const Scene& scene) {
-    const char* const together = "two options do not go together";
-    const std::string in_mode = std::string(" with mode=\"") + name_of(scene.mode) + "\"";
+    const Words in_mode = " with " + option_ref("mode", name_of(scene.mode));
+    const Words composite = option_ref("mode", "composite");
     const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
-    const std::string opacity =
-        scene.gradient_opacity ? "gradient_opacity=" + text_of(*scene.gradient_opacity) : std::string();
-    const auto need_colors = [&](bool on, const std::string& name) {
+    const Words opacity =
+        option_ref("gradient_opacity", scene.gradient_opacity ? text_of(*scene.gradient_opacity) : std::string());
+    const auto need_colors = [&](bool on, const Words& name) {
         require(!(on && scalar), together, name + in_mode,
-                "a picture of colours, which mode=\"composite\" and mode=\"isosurface\" make",
+                "a picture of colours, which " + composite + " and " + option_ref("mode", "isosurface") + " make",
                 "leave it out or use another mode");
     };
     require(!scene.gradient_opacity || scene.mode == Mode::composite, together, opacity + in_mode,
-            "gradient_opacity only in mode=\"composite\", where opacities count",
-            "leave gradient_opacity out or use mode=\"composite\"");
-    need_colors(scene.depth_cue.has_value(), "depth_cue");
-    need_colors(scene.shadows, "shadows=true");
-    need_colors(scene.ambient_occlusion.has_value(), "ambient_occlusion");
-    require(!scene.second_order || scene.preintegration, together, "second_order=true with preintegration=false",
-            "second order only with pre-integration", "turn preintegration on");
-    require(!scene.shadows || !scene.gradient_opacity, together, "shadows=true with " + opacity,
-            "one of them: what lies between a point and its light is seen without gradients", "leave one out");
-    require(!scene.ambient_occlusion || !scene.gradient_opacity, together, "ambient_occlusion with " + opacity,
-            "one of them: what lies around a point is seen without gradients", "leave one out");
+            option_ref("gradient_opacity") + " only in " + composite + ", where opacities count",
+            "leave out " + option_ref("gradient_opacity") + " or use " + composite);
+    need_colors(scene.depth_cue.has_value(), option_ref("depth_cue"));
+    need_colors(scene.shadows, option_ref("shadows", "true"));
+    need_colors(scene.ambient_occlusion.has_value(), option_ref("ambient_occlusion"));
+    require(!scene.second_order || scene.preintegration, together, "second_order without pre-integration",
+            "second order only with pre-integration", "pass " + option_ref("preintegration", "true"));
+    require(!scene.shadows || !scene.gradient_opacity, together, option_ref("shadows", "true") + " with " + opacity,
+            "one of them: shadows are computed without gradients", "leave one out");
+    require(!scene.ambient_occlusion || !scene.gradient_opacity, together,
+            option_ref("ambient_occlusion") + " with " + opacity,
+            "one of them: ambient occlusion is computed without gradients", "leave one out");
+    require(!scene.preintegration || scene.mode == Mode::composite, together,
+            option_ref("preintegration", "true") + in_mode, option_ref("preintegration") + " only in " + composite,
+            "leave out " + option_ref("preintegration") + " or use " + composite);
 }
 
 } // namespace
@@ -169,25 +175,25 @@ Box Scene::centres_world() const {
 
 void Scene::validate() const {
     require_fields(fields);
-    require_length(slice_spacing, "slice_spacing cannot be used");
-    require_length(reference_length, "reference_length cannot be used");
-    require(mode != Mode::isosurface || iso_value.has_value(), "mode=\"isosurface\" does not know which surface",
-            "no iso_value", "a finite iso_value", "pass iso_value");
+    require_length(slice_spacing, "slice_spacing");
+    require_length(reference_length, "reference_length");
+    require(mode != Mode::isosurface || iso_value.has_value(), option_ref("mode", "isosurface") + " needs a value",
+            "no " + option_ref("iso_value"), "the value of the surface", "pass " + option_ref("iso_value", "..."));
     if (iso_value) {
-        require(is_finite(*iso_value), "iso_value cannot be used", text_of(*iso_value), "a finite number");
+        require(is_finite(*iso_value), cannot_use("iso_value"), text_of(*iso_value), "a finite number");
     }
     for (std::size_t n = 0; n < lights.size(); ++n) {
         check_light(lights[n], n);
     }
     check_material(material);
-    require(opacity_stop > 0.0 && opacity_stop <= 1.0, "opacity_stop cannot be used", text_of(opacity_stop),
+    require(opacity_stop > 0.0 && opacity_stop <= 1.0, cannot_use("opacity_stop"), text_of(opacity_stop),
             "a number above 0 and not above 1", "1 never stops early");
     if (background) {
-        require(is_finite(*background), "background cannot be used", text_of(*background), "three finite numbers");
+        require(is_finite(*background), cannot_use("background"), text_of(*background), "three finite numbers");
     }
     check_clip(clip);
     if (gradient_opacity) {
-        require(*gradient_opacity > 0.0 && is_finite(*gradient_opacity), "gradient_opacity cannot be used",
+        require(*gradient_opacity > 0.0 && is_finite(*gradient_opacity), cannot_use("gradient_opacity"),
                 text_of(*gradient_opacity), "a finite gradient above 0, scalar per world unit");
     }
     if (depth_cue) {
@@ -197,9 +203,6 @@ void Scene::validate() const {
         check_occlusion(*ambient_occlusion);
     }
     check_effects(*this);
-    require(!preintegration || mode == Mode::composite, "two options do not go together",
-            std::string("preintegration=true with mode=\"") + name_of(mode) + "\"",
-            "preintegration only in mode=\"composite\"", "turn preintegration off or use mode=\"composite\"");
 }
 
 } // namespace sheetsplat

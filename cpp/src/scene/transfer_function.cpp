@@ -31,31 +31,32 @@ bool shows(const std::vector<TransferPoint>& points, std::size_t n) {
 
 TransferFunction::TransferFunction(std::vector<TransferPoint> points) : points_(std::move(points)) {
     if (points_.empty()) {
-        throw InvalidInput(Complaint{"TransferFunction: there is nothing to look values up in", "no points",
-                                     "at least one point", "give points (value, r, g, b, opacity)"});
+        throw InvalidInput(Complaint{"TransferFunction: the points cannot be used", "no points", "at least one point",
+                                     "give points (value, r, g, b, opacity)"});
     }
     for (std::size_t n = 0; n < points_.size(); ++n) {
         const TransferPoint& p = points_[n];
         if (!is_finite(p.value) || !is_finite(p.color) || !is_finite(p.opacity)) {
             throw InvalidInput(
-                Complaint{"TransferFunction: a point cannot be used", text_of_point(n, p), "finite numbers", ""});
+                Complaint{"TransferFunction: a point cannot be used", text_of_point(n, p), "finite numbers"});
         }
         if (p.opacity < 0.0 || p.opacity > 1.0) {
-            throw InvalidInput(
-                Complaint{"TransferFunction: a point cannot be used", text_of_point(n, p), "an opacity from 0 to 1",
-                          "opacity is per reference length: set reference_length to make the volume denser"});
+            throw InvalidInput(Complaint{"TransferFunction: a point cannot be used", text_of_point(n, p),
+                                         "an opacity from 0 to 1",
+                                         "opacity is per reference length: change " + option_ref("reference_length") +
+                                             " to make the volume denser"});
         }
         if (n > 0 && p.value < points_[n - 1].value) {
             throw InvalidInput(Complaint{"TransferFunction: the points are not sorted",
                                          "value " + text_of(p.value) + " of point " + text_of_count(n) +
                                              " after value " + text_of(points_[n - 1].value),
-                                         "values that do not fall", "sort the points by value"});
+                                         "values that do not decrease", "sort the points by value"});
         }
     }
     if (!is_finite(v_max() - v_min())) {
         throw InvalidInput(Complaint{"TransferFunction: the points cannot be used",
                                      "values from " + text_of(v_min()) + " to " + text_of(v_max()),
-                                     "a range that is a finite number", ""});
+                                     "values whose difference is a finite number", "choose another unit"});
     }
 }
 

@@ -36,7 +36,7 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reac
         throw InvalidInput(
             Complaint{"the picture cannot be made",
                       "a size of " + std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels",
-                      "at least 1 x 1", "pass size=(width, height)"});
+                      "at least 1 x 1", "correct " + option_ref("size"), "size"});
     }
     Frame frame;
     frame.projection = camera.projection();
@@ -86,9 +86,10 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reac
         throw InvalidInput(
             Complaint{"the scene cannot be sliced",
                       "a slice spacing of " + text_of(spacing) + " for a depth of " + text_of(farthest - nearest),
-                      "at most 10,000,000 slices", "pass a slice_spacing of at least " + text_of(enough)});
+                      "at most 10,000,000 slices", "pass " + option_ref("slice_spacing", text_of(enough)) + " or more",
+                      "slice_spacing"});
     }
-    // Where an eye is so far away that its depths cannot tell slices apart, every sum would be garbage.
+    // Where an eye is so far away that its depths cannot tell slices apart, no sum would be right.
     const double largest_depth = std::max(std::abs(nearest), std::abs(farthest));
     const double resolution = largest_depth * std::numeric_limits<double>::epsilon();
     if (resolution > 1e-6 * std::min(spacing, farthest - nearest)) {

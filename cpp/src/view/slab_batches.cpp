@@ -93,7 +93,7 @@ SlabBatches SlabBatches::of(const FieldView& view, const VisibleRuns& runs, cons
     }
     const auto batches = static_cast<std::size_t>((frame.slices + layout.stride - 1) / layout.stride);
     require_memory(static_cast<std::uint64_t>(batches + 1) * sizeof(std::size_t), "the batches of a view",
-                   "use a larger slice_spacing");
+                   "use a larger " + option_ref("slice_spacing"));
     result.offset_.assign(batches + 1, 0);
     const std::int64_t again = layout.covered / layout.stride;
     // The divisions by stride and covered are shifts in the usual layouts: spelled out for the compiler, which cannot
@@ -111,7 +111,7 @@ SlabBatches SlabBatches::of(const FieldView& view, const VisibleRuns& runs, cons
         result.offset_[batch + 1] += result.offset_[batch];
     }
     require_memory(result.offset_.back() * sizeof(std::uint32_t), "the kernels of a view, sorted by depth",
-                   "use a larger slice_spacing, or a transfer function that shows less");
+                   "use a larger " + option_ref("slice_spacing") + ", or a transfer function that shows less");
     result.entries_.resize(result.offset_.back());
     std::vector<std::size_t> next(result.offset_.begin(), result.offset_.end() - 1);
     for_each_span(view, runs, frame, sampling, wider, [&](std::uint32_t sample, std::int64_t first, std::int64_t last) {

@@ -78,6 +78,8 @@ class Setting:
         Of a constant field: root mean square and maximum, relative.
     is_truth
         It is the field from which the errors of lattices are measured.
+    series
+        The line of the plot to which it belongs: the settings of one series differ in one number.
     """
 
     knob: str
@@ -92,12 +94,12 @@ class Setting:
     reason: str = ""
     ripple: tuple[float, float] | None = None
     is_truth: bool = False
+    series: str = ""
 
     def gradient(self, base: Base) -> str:
         """Return the kind of gradients with which it is drawn."""
-        named = self.name.split(",")[0] if self.knob == "gradient" else ""
         now: str = base.scene.options["gradient"]
-        return named if named in ("sheets", "analytic") else now
+        return self.series if self.knob == "gradient" and self.series else now
 
 
 def calls_for_gradients(scene: Scene) -> bool:

@@ -58,6 +58,7 @@ def lattice(base: Base) -> Iterator[Setting]:
         lambda: base.scene,
         truth=INTERPOLATED,
         current=True,
+        series=one.lattice,
         ripple=ripple_of(one),
     )
     if one.lattice != "cartesian":
@@ -72,6 +73,7 @@ def lattice(base: Base) -> Iterator[Setting]:
             f"resample_to_bcc(field, a={edge:g} × the edge of equal quality)",
             lambda edge=edge: base.replace(field=_resampled(one, edge)),  # type: ignore[misc]
             truth=INTERPOLATED,
+            series="bcc",
             ripple=_ripple("bcc", one.radius, one.falloff, _way(one), one.w0),
         )
 
@@ -116,6 +118,7 @@ def kernel(base: Base) -> Iterator[Setting]:
                 call_text("RegularField", options),
                 lambda options=options: base.replace(field=regular(one, **options)),  # type: ignore[misc]
                 truth=INTERPOLATED,
+                series="by weights" if way == "threshold" else "",
                 current=(radius, falloff, way) == now,
                 ripple=_ripple(one.lattice, radius, falloff, way, float(options.get("w0", one.w0))),
             )
@@ -139,6 +142,7 @@ def prefilter(base: Base) -> Iterator[Setting]:
         lambda: base.scene,
         truth=INTERPOLATED,
         current=True,
+        series="" if now is None or now in KERNELS else "prefiltered",
         ripple=ripple_of(one),
     )
     for radius, falloff in KERNELS:
@@ -154,6 +158,7 @@ def prefilter(base: Base) -> Iterator[Setting]:
             ),
             truth=INTERPOLATED,
             ripple=_ripple(one.lattice, radius, falloff, "prefilter"),
+            series="prefiltered",
             is_truth=(radius, falloff) == BEST_KERNEL,
         )
 

@@ -30,7 +30,7 @@ from sheetsplat.accuracy.lattice_sweeps import BEST_KERNEL, interpolating
 from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow, TruthText, front
 from sheetsplat.accuracy.sweeps import sweep
 from sheetsplat.camera import Camera
-from sheetsplat.errors import Cancelled, Error, complain
+from sheetsplat.errors import Cancelled, Error, complain, option_refs, unusable
 from sheetsplat.image import Image
 from sheetsplat.options.renderer import Backend, Progress
 from sheetsplat.renderer import Renderer
@@ -68,13 +68,13 @@ def measure_accuracy(
         raise complain(_FAILED, "no knobs", f"at least one of: {', '.join(KNOBS)}")
     count = whole("accuracy: repeats", repeats)
     if not 1 <= count <= _MOST_REPEATS:
-        raise complain("accuracy: repeats cannot be used", str(count), f"a whole number from 1 to {_MOST_REPEATS}")
+        raise complain(unusable("accuracy: repeats"), str(count), f"a whole number from 1 to {_MOST_REPEATS}")
     budget = number("accuracy: reference_seconds", reference_seconds)
     if not (math.isfinite(budget) and budget >= 0.0):
-        raise complain("accuracy: reference_seconds cannot be used", f"{budget:g}", "seconds, at least 0")
+        raise complain(unusable("accuracy: reference_seconds"), f"{budget:g}", "seconds, at least 0")
     choice("accuracy: clock", clock, CLOCKS)
     if progress is not None and not callable(progress):
-        raise complain("accuracy: progress cannot be used", shown(progress), "a function of one number, or None")
+        raise complain(unusable("accuracy: progress"), shown(progress), "a function of one number, or None")
     pixels = image_size(size)
     base = _base(scene, camera, pixels, backend, settings)
     return _Session(base, count, budget, clock, progress).run(wanted, _given_truth(truth, base))
@@ -86,7 +86,7 @@ def _base(scene: Scene, camera: Camera, size: tuple[int, int], backend: Backend,
     if goals:
         raise complain(
             _FAILED,
-            ", ".join(goals),
+            option_refs(goals),
             "fixed settings",
             "leave it out: it chooses the settings that are varied here",
         )
@@ -102,13 +102,13 @@ def _given_truth(truth: Image | ArrayLike | None, base: Base) -> measure.Truth |
     try:
         values = np.asarray(truth, dtype=np.float64)
     except (TypeError, ValueError):
-        raise complain("accuracy: truth cannot be used", shown(truth), "a picture") from None
+        raise complain(unusable("accuracy: truth"), shown(truth), "a picture") from None
     expected: tuple[int, ...] = (base.size[1], base.size[0])
     if base.scene.mode not in ("xray", "mip"):
         expected += (4,)
     if values.shape != expected or not np.isfinite(values).all():
         found = f"shape {values.shape}" if values.shape != expected else "numbers that are not finite"
-        raise complain("accuracy: truth cannot be used", found, f"finite numbers, shape {expected}")
+        raise complain(unusable("accuracy: truth"), found, f"finite numbers, shape {expected}")
     return measure.Truth(values, math.nan, math.nan, "the picture that was given")
 
 
@@ -236,7 +236,7 @@ class _Session:
 
     def _measured(self, setting: Setting) -> AccuracyRow:
         named: dict[str, Any] = {"knob": setting.knob, "setting": setting.name, "how": setting.how}
-        named |= {"current": setting.current, "truth": setting.truth}
+        named |= {"current": setting.current, "truth": setting.truth, "series": setting.series}
         named["is_truth"] = setting.is_truth and setting.truth == INTERPOLATED
         if setting.ripple is not None:
             named |= {"ripple_rms": setting.ripple[0], "ripple_maximum": setting.ripple[1]}
@@ -332,7 +332,7 @@ def _notes(rows: tuple[AccuracyRow, ...], clock: str) -> tuple[str, ...]:
     lattices = [row for row in rows if row.knob == "lattice" and row.measured]
     here = next((row for row in lattices if row.current), None)
     others = sorted((row for row in lattices if not row.current), key=lambda row: row.rmse)
-    if here is not None and others and here.setting.startswith("Cartesian"):
+    if here is not None and others:  # none is measured for a BCC lattice
         equal = _at_error(others, here.rmse, clock)
         if equal is None:
             side = "less" if others[-1].rmse < here.rmse else "more"

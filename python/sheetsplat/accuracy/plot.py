@@ -12,7 +12,7 @@ import numpy as np
 
 from sheetsplat.accuracy.knobs import INTERPOLATED, KNOBS
 from sheetsplat.errors import Unsupported, complain
-from sheetsplat.io.pictures import check_folder, whole_files
+from sheetsplat.io.pictures import check_folder, whole_file
 
 if TYPE_CHECKING:
     from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow
@@ -123,7 +123,7 @@ def draw(report: AccuracyReport, path: Path) -> None:
         va="center",
     )
     kind = path.suffix.lower().removeprefix(".")
-    with whole_files([path]) as (made,):
+    with whole_file(path) as made:
         if kind != "png":
             figure.savefig(made, format=kind)
             return
@@ -219,12 +219,7 @@ def _runs(there: Sequence[tuple[AccuracyRow, float, float]]) -> list[list[tuple[
     """Return the points of each line: settings that differ in one number; classes and backends have one each."""
     found: dict[str, list[tuple[float, float]]] = {}
     for row, time, error in there:
-        name = row.setting.split(", ")[0] if row.knob in ("classification", "gradient") else ""
-        if row.knob in ("lattice", "kernel", "prefilter"):
-            name = ("BCC" if row.setting.startswith("BCC") else "") + ("by weights" if "weights" in row.setting else "")
-            name += "pre" if "prefiltered" in row.setting else ""
-        if row.knob == "precision":
-            name = row.backend
+        name = row.backend if row.knob == "precision" else row.series
         if row.knob == "table_size" and row.current:
             continue
         found.setdefault(name, []).append((time, error))

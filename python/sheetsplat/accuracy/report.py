@@ -66,6 +66,8 @@ class AccuracyRow:
     is_truth
         The errors of other rows are measured from this setting, drawn in float64: its own error is only that of the
         number format, and it is left out of the front and the plot.
+    series
+        The line of the plot to which it belongs: the settings of one series differ in one number.
     """
 
     knob: str
@@ -94,6 +96,7 @@ class AccuracyRow:
     kernels_drawn: int = 0
     pareto: bool = False
     is_truth: bool = False
+    series: str = ""
 
     @property
     def measured(self) -> bool:

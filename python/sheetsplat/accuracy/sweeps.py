@@ -68,7 +68,9 @@ def _classification(base: Base) -> Iterator[Setting]:
     now = {name: given[name] for name in ("sampling", "preintegration")}
     known = {name: changes for name, changes in _CLASSES.items() if changes == now}
     names = list(known) or ["as given"]
-    yield Setting("classification", names[0], call_text("Scene", now), lambda: base.scene, current=True)
+    yield Setting(
+        "classification", names[0], call_text("Scene", now), lambda: base.scene, current=True, series=names[0]
+    )
     for name, changes in _CLASSES.items():
         if name in known:
             continue
@@ -84,6 +86,7 @@ def _classification(base: Base) -> Iterator[Setting]:
                 name if factor == 1.0 else f"{name}, {_times(factor)}",
                 call_text("Scene", changes if factor == 1.0 else options),
                 lambda options=options: base.replace(**options),  # type: ignore[misc]
+                series=name,
             )
 
 
@@ -95,7 +98,7 @@ def _gradient(base: Base) -> Iterator[Setting]:
         yield Setting("gradient", "sheets, analytic", reason=reason)
         return
     now = base.scene.options["gradient"]
-    yield Setting("gradient", now, f"Scene(gradient={now!r})", lambda: base.scene, current=True)
+    yield Setting("gradient", now, f"Scene(gradient={now!r})", lambda: base.scene, current=True, series=now)
     other = "analytic" if now == "sheets" else "sheets"
     for factor in _SPACINGS[1:-1]:
         options: dict[str, Any] = {"gradient": other}
@@ -106,6 +109,7 @@ def _gradient(base: Base) -> Iterator[Setting]:
             other if factor == 1.0 else f"{other}, {_times(factor)}",
             call_text("Scene", options),
             lambda options=options: base.replace(**options),  # type: ignore[misc]
+            series=other,
         )
 
 

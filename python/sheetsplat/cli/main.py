@@ -53,9 +53,7 @@ class _Group(click.Group):
         try:
             return super().invoke(ctx)
         except Error as error:
-            from sheetsplat.cli.options import for_command_line
-
-            text = for_command_line(message(error, self.get_command(ctx, ctx.invoked_subcommand or "")))
+            text = message(error, self.get_command(ctx, ctx.invoked_subcommand or ""))
             # Only the plan knows which effects there are; a wrong name is wrong usage all the same.
             if isinstance(error, InvalidInput) and error.option == "effects":
                 raise click.UsageError(text, ctx) from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import logging
-import re
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -141,35 +140,3 @@ def check_mode(options: dict[str, Any], outputs: tuple[str, ...] = ()) -> None:
     if ignored:
         names = ", ".join(flag_of(name) for name in ignored)
         logging.getLogger("sheetsplat").warning("--mode %s does not use %s", mode, names)
-
-
-def for_command_line(message: str) -> str:
-    """Return the message of an error with the names of options in place of those of Python's arguments."""
-    for pattern, option in _WORDS:
-        message = re.sub(pattern, option, message)
-    return message
-
-
-_WORDS = (
-    (r"pass allow_inexact=True", "give --allow-inexact"),
-    (r"max_(error|seconds)\b", r"--max-\1"),
-    (r"leave slice_spacing out", "leave out --slice-spacing"),
-    (r'use backend="(\w+)"', r"use --backend \1"),
-    (r'precision="(\w+)"', r"--precision \1"),
-    (r"leave opacity_stop at its default", "leave out --opacity-stop"),
-    (r"correct effects=", "correct --effect NAME=on|off"),
-    (r"from effects=", "from --effect"),
-    (r'pass nan="skip"', "give --nan skip"),
-    (r'which nan="skip" leaves out', "which --nan skip leaves out"),
-    (r'normalization="(\w+)"', r"--normalization \1"),
-    (r"prefilter=True", "--prefilter"),
-    (r"give name=\.\.\. to choose", "give --name NAME to choose"),
-    (r"pass min_scale(=\w+)?", "give --min-scale"),
-    (r"use fit\.nearest", "give --neighbors 32"),
-    (r" \w+=\.\.\. \(on the command line (--[\w -]+)\)", r" \1"),
-    (r" \w+=[\w.]+ \(on the command line (--[\w -]+)\)", r" \1"),
-    (r"pass iso_value", "give --iso"),
-    (r'preintegration=true with mode="(\w+)"', r"--preintegration with --mode \1"),
-    (r'preintegration only in mode="composite"', "--preintegration only in --mode composite"),
-    (r'turn preintegration off or use mode="composite"', "leave out --preintegration or use --mode composite"),
-)

@@ -66,9 +66,11 @@ def command(
     with progress_bar(file.name, quiet=quiet) as progress:
         image = renderer.render(scene, camera, size=size, outputs=tuple(extra), progress=progress)
     with pictures.whole_files([output, *extra.values()]) as (made, *others):
-        image.save(made)
-        for name, path in zip(extra, others, strict=True):
-            pictures.save_channel(getattr(image, name), path)
+        with pictures.naming(output):
+            image.save(made)
+        for (name, path), beside in zip(extra.items(), others, strict=True):
+            with pictures.naming(path):
+                pictures.save_channel(getattr(image, name), beside)
     seconds = time.perf_counter() - began
     if as_json:
         written = {"output": str(output)}

@@ -101,7 +101,7 @@ def vortex(n: int = 128, *, resolution: int | None = None, time: float = 7.0, ca
         Whether the result is kept in the user's cache folder and taken from there.
     """
     if n < 8:
-        raise complain("the data set vortex cannot be made", f"n = {n}", "at least 8 samples an axis")
+        raise complain("the data set vortex cannot be made", f"n = {n}", "at least 8 samples along each axis")
     resolution = _resolution(resolution, n)
 
     def compute() -> NDArray[np.float32]:
@@ -216,7 +216,7 @@ def jet(
         Whether the result is kept in the user's cache folder and taken from there.
     """
     if n < 8:
-        raise complain("the data set jet cannot be made", f"n = {n}", "at least 8 samples an axis")
+        raise complain("the data set jet cannot be made", f"n = {n}", "at least 8 samples along each axis")
     resolution = _resolution(resolution, n)
 
     def compute() -> NDArray[np.uint8]:

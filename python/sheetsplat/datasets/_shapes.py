@@ -65,7 +65,7 @@ def marschner_lobb(
         Type of the samples, float32 unless given.
     """
     if n < 2:
-        raise complain("the data set marschner_lobb cannot be made", f"n = {n}", "at least 2 samples an axis")
+        raise complain("the data set marschner_lobb cannot be made", f"n = {n}", "at least 2 samples along each axis")
     spacing = 2.0 / (n - 1)
     if lattice == "cartesian":
         x = np.linspace(-1.0, 1.0, n)
@@ -112,7 +112,7 @@ def noisy_ball(n: int = 128, seed: int = 2005) -> Dataset:
         Seed of the noise.
     """
     if n < 1:
-        raise complain("the data set noisy_ball cannot be made", f"n = {n}", "at least 1 sample an axis")
+        raise complain("the data set noisy_ball cannot be made", f"n = {n}", "at least 1 sample along each axis")
     # A ball of this radius holds 480,000 of 128^3 samples.
     radius = n * float(np.cbrt(480_000 / 128**3 * 3.0 / (4.0 * np.pi)))
     squares = (np.arange(n) - 0.5 * (n - 1)) ** 2
@@ -148,7 +148,7 @@ def tubes(n: int = 128, seed: int = 2005) -> Dataset:
         Seed of the branching.
     """
     if n < 16:
-        raise complain("the data set tubes cannot be made", f"n = {n}", "at least 16 samples an axis")
+        raise complain("the data set tubes cannot be made", f"n = {n}", "at least 16 samples along each axis")
     nearness = np.full((n, n, n), np.inf, np.float32)
     for start, end, radius in _branches(seed):
         _add_capsule(nearness, start, end, radius)

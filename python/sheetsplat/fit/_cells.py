@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import shown
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 
 from ._kernels import Floats, Numbers
 
@@ -22,7 +22,7 @@ _HEXAHEDRON = ((1, 3, 4), (0, 2, 5), (1, 3, 6), (0, 2, 7), (0, 5, 7), (1, 4, 6),
 CORNERS: Mapping[int, tuple[tuple[int, ...], ...]] = {4: _TETRA, 5: _PYRAMID, 6: _WEDGE, 8: _HEXAHEDRON}
 _NAMES = {"tetra": 4, "pyramid": 5, "wedge": 6, "hexahedron": 8}
 _WANTED = "arrays (M, 4) of tetrahedra, (M, 5) of pyramids, (M, 6) of wedges or (M, 8) of hexahedra"
-_FAILED = "fit.delaunay: cells cannot be used"
+_FAILED = unusable("fit.delaunay: cells")
 
 
 def grid_cells(shape: tuple[int, int, int]) -> Numbers:

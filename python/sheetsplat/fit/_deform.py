@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat._checks import shown, triple
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_ref, unusable
 
 from ._kernels import Floats, Kernels, quaternions, require_kernels
 from ._points import count_of, numbers
@@ -38,10 +38,10 @@ def _box(box: object, what: str) -> tuple[Floats, Floats]:
     except TypeError:
         given = []
     if isinstance(box, str) or len(given) != 2:
-        raise complain(f"{what}: box cannot be used", shown(box), "two corners, ((x0, y0, z0), (x1, y1, z1))")
+        raise complain(unusable(f"{what}: box"), shown(box), "two corners, ((x0, y0, z0), (x1, y1, z1))")
     lower, upper = (np.array(triple(f"{what}: box", corner)) for corner in given)
     if not (np.isfinite(lower).all() and np.isfinite(upper).all() and (lower < upper).all()):
-        raise complain(f"{what}: box cannot be used", shown(box), "a lower and an upper corner with room between them")
+        raise complain(unusable(f"{what}: box"), shown(box), "a lower and an upper corner with room between them")
     return lower, upper
 
 
@@ -64,7 +64,7 @@ def control_lattice(box: object, shape: Sequence[int], *, degree: int | None = N
     except TypeError:
         given = []
     if len(given) != 3:
-        raise complain(f"{what}: shape cannot be used", shown(shape), "three whole numbers")
+        raise complain(unusable(f"{what}: shape"), shown(shape), "three whole numbers")
     counts = [count_of(what, "shape", one, 2, _MOST) for one in given]
     lines = []
     for count, one, low, high in zip(counts, _degrees(counts, degree), lower, upper, strict=True):
@@ -114,16 +114,16 @@ def free_form_deformation(
     control = numbers(_WHAT, control_points, "control_points").astype(np.float64)
     if control.ndim != 4 or control.shape[3] != 3 or not all(2 <= size <= _MOST for size in control.shape[:3]):
         raise complain(
-            f"{_WHAT}: control_points cannot be used",
+            unusable(f"{_WHAT}: control_points"),
             f"an array of shape {control.shape}",
             f"shape (l, m, n, 3), each of the first three from 2 to {_MOST}",
             "start from fit.control_lattice(box, shape)",
         )
     if not np.isfinite(control).all():
         first = tuple(int(part) for part in np.argwhere(~np.isfinite(control))[0])
-        raise complain(f"{_WHAT}: control_points cannot be used", f"{control[first]:g} at {first}", "finite numbers")
+        raise complain(unusable(f"{_WHAT}: control_points"), f"{control[first]:g} at {first}", "finite numbers")
     if not len(kernels):
-        raise complain(f"{_WHAT}: kernels cannot be used", "no kernel", "at least one")
+        raise complain(unusable(f"{_WHAT}: kernels"), "no kernel", "at least one")
     if box is None:
         lower, upper = kernels.centers.min(axis=0), kernels.centers.max(axis=0)
         # Kernels in a plane span no box of their own.
@@ -140,7 +140,7 @@ def free_form_deformation(
             f"{_WHAT}: the box cannot be used",
             f"{int(outside.sum())} centres outside it, the first at ({place})",
             "a box around all centres",
-            "leave box out for theirs",
+            "leave out " + option_ref("box") + " for theirs",
         )
     unit = np.clip(unit, 0.0, 1.0)
     splines = []
@@ -163,9 +163,9 @@ def free_form_deformation(
         first_fold = int(np.argmax(folded))
         place = ", ".join(f"{part:g}" for part in kernels.centers[first_fold])
         raise complain(
-            f"{_WHAT}: control_points cannot be used",
+            unusable(f"{_WHAT}: control_points"),
             f"a map that folds space over at {int(folded.sum())} centres, the first at ({place})",
-            "a map that keeps left and right",
+            "a map that keeps the orientation",
             "move control points by less than their distance",
         )
     axes, scales, _ = np.linalg.svd(jacobian @ kernels.shapes())

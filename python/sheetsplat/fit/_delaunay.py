@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_ref, unusable
 
 from ._cells import Neighbourhoods, cell_blocks, grid_cells
 from ._kernels import Floats, Kernels, Numbers, profile, quaternions, spans
@@ -45,7 +45,7 @@ def _tetrahedra(points: Floats) -> tuple[Numbers, Numbers, Numbers]:
             f"{_WHAT}: the points cannot be joined",
             told[0] if told else "an error of Qhull",
             "points that fill a volume",
-            "pass the mesh's own cells or shape, or use fit.nearest",
+            "pass the mesh's own cells or shape, or use the nearest neighbours, " + option_ref("fit", "nearest"),
         ) from None
     return (
         found.simplices.astype(np.int64),
@@ -210,16 +210,16 @@ def _grid(points: ArrayLike, values: ArrayLike, shape: object) -> tuple[Any, Any
     if shape is None:
         return array, data, None
     if isinstance(shape, str | bytes) or not isinstance(shape, Sequence | np.ndarray) or len(shape) != 3:
-        raise complain(f"{_WHAT}: shape cannot be used", shown(shape), "three whole numbers, (nk, nj, ni)")
+        raise complain(unusable(f"{_WHAT}: shape"), shown(shape), "three whole numbers, (nk, nj, ni)")
     if not all(isinstance(part, int | np.integer) and not isinstance(part, bool) for part in shape):
-        raise complain(f"{_WHAT}: shape cannot be used", shown(shape), "three whole numbers, (nk, nj, ni)")
+        raise complain(unusable(f"{_WHAT}: shape"), shown(shape), "three whole numbers, (nk, nj, ni)")
     nk, nj, ni = (int(part) for part in shape)
     if min(nk, nj, ni) < 2:
         raise complain(
-            f"{_WHAT}: shape cannot be used",
+            unusable(f"{_WHAT}: shape"),
             f"({nk}, {nj}, {ni})",
             "at least 2 points along each of k, j, i",
-            "a grid of one layer has no volume; use fit.nearest for it",
+            "a grid of one layer has no volume; use the nearest neighbours, " + option_ref("fit", "nearest"),
         )
     if nk * nj * ni != len(array):
         raise complain(
@@ -236,7 +236,7 @@ def _used(mask: ArrayLike | None, count: int) -> NDArray[np.bool_] | None:
     given = np.asarray(mask).reshape(-1)
     if given.dtype.kind not in "biu" or len(given) != count:
         raise complain(
-            f"{_WHAT}: mask cannot be used",
+            unusable(f"{_WHAT}: mask"),
             f"{len(given)} entries of type {given.dtype}",
             f"{count} entries, True (or not 0) for points that count",
         )
@@ -336,7 +336,7 @@ def delaunay(
         raise complain(f"{_WHAT}: the mesh cannot be used", "both cells and shape", "one of them")
     if given.ndim != 2:
         raise complain(
-            f"{_WHAT}: points cannot be used",
+            unusable(f"{_WHAT}: points"),
             f"an array of shape {given.shape}",
             "an array of shape (N, 3), or (nk, nj, ni, 3) of a structured grid",
         )
@@ -364,7 +364,7 @@ def delaunay(
             f"{_WHAT}: the points cannot be used",
             f"{len(place.points)} different places of {count} points",
             f"at least {_FEWEST}",
-            "use fit.nearest for so few, or give the ellipsoids yourself",
+            "use the nearest neighbours, " + option_ref("fit", "nearest") + ", or pass the ellipsoids themselves",
         )
     require_volume(_WHAT, place.points)
     if blocks is not None:
@@ -417,7 +417,7 @@ def _fit(
             f"{int(alone.sum())} points all of whose neighbours are at their own place, the first at "
             f"({', '.join(f'{part:g}' for part in first)})",
             "cells that have a volume",
-            "leave cells out for the Delaunay neighbours",
+            "leave out " + option_ref("cells") + " for the Delaunay neighbours",
         )
     # A flat neighbourhood has no thickness of its own; a kernel must have one.
     limits = overlap * farthest

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import Error, complain
+from sheetsplat.errors import Error, complain, unusable
 
 from ._kernels import Floats, Numbers, spans
 from ._points import merge, numbers, places
@@ -111,19 +111,19 @@ def _triangles(what: str, given: ArrayLike, count: int) -> Numbers:
     array = numbers(what, given, "triangles")
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
         raise complain(
-            f"{what}: triangles cannot be used",
+            unusable(f"{what}: triangles"),
             f"an array of {array.dtype} of shape {array.shape}",
             "whole numbers of vertices, shape (T, 3)",
             "split polygons into triangles",
         )
     if not len(array):
-        raise complain(f"{what}: triangles cannot be used", "no triangle", "a closed surface")
+        raise complain(unusable(f"{what}: triangles"), "no triangle", "a closed surface")
     result = array.astype(np.int64)
     wrong = ((result < 0) | (result >= count)).any(axis=1)
     if wrong.any():
         first = int(np.argmax(wrong))
         raise complain(
-            f"{what}: triangles cannot be used",
+            unusable(f"{what}: triangles"),
             f"triangle {first} of the vertices {shown(result[first].tolist())}",
             f"numbers of the {count} vertices, from 0",
         )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sheetsplat import _memory
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_ref
 
 from ._kernels import Floats, Kernels
 from ._points import count_of, merge, places, positive, scalars
@@ -72,8 +72,10 @@ def nearest(
         raise complain(
             f"{_WHAT}: the points cannot be used",
             f"{len(place.points)} different places of {len(at)} points",
-            f"more than neighbors = {count}",
-            "lower neighbors" if len(place.points) > 1 else "a single point needs a radius of your own",
+            "more than " + option_ref("neighbors") + f" = {count}",
+            "use fewer " + option_ref("neighbors")
+            if len(place.points) > 1
+            else "make an EllipsoidField of the single point",
         )
     _memory.require(len(place.points) * (16 * (count + 1) + 200), f"the neighbours of {len(place.points)} points")
     middle = place.points.mean(axis=0)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import number, shown, whole
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_ref, unusable
 
 from ._kernels import Floats, Numbers
 
@@ -25,13 +25,13 @@ def numbers(what: str, given: ArrayLike, name: str) -> NDArray[Any]:
         array = np.asarray(given)
     except (TypeError, ValueError) as error:
         found = f"{type(given).__name__}: {error}"
-        raise complain(f"{what}: {name} cannot be used", found, "an array of numbers") from None
+        raise complain(unusable(f"{what}: {name}"), found, "an array of numbers") from None
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
         raise complain(
-            f"{what}: {name} cannot be used", "masked entries", "numbers throughout", "drop the points that have none"
+            unusable(f"{what}: {name}"), "masked entries", "numbers throughout", "drop the points that have none"
         )
     if array.dtype.kind not in "biuf":
-        raise complain(f"{what}: {name} cannot be used", f"values of type {array.dtype}", "an array of real numbers")
+        raise complain(unusable(f"{what}: {name}"), f"values of type {array.dtype}", "an array of real numbers")
     return array
 
 
@@ -39,18 +39,18 @@ def places(what: str, given: ArrayLike, name: str = "points") -> Floats:
     """Return positions, (N, 3) float64, or InvalidInput that names the first one that cannot be used."""
     array = numbers(what, given, name)
     if array.ndim != 2 or array.shape[1] != 3:
-        raise complain(f"{what}: {name} cannot be used", f"an array of shape {array.shape}", "an array of shape (N, 3)")
+        raise complain(unusable(f"{what}: {name}"), f"an array of shape {array.shape}", "an array of shape (N, 3)")
     _memory.require(24 * len(array), f"{len(array)} {name}")
     result = np.ascontiguousarray(array, dtype=np.float64)
     wrong = ~(np.abs(result) <= _FARTHEST).all(axis=1)
     if wrong.any():
         first = int(np.argmax(wrong))
         raise complain(
-            f"{what}: {name} cannot be used",
+            unusable(f"{what}: {name}"),
             f"({', '.join(f'{part:g}' for part in result[first])}), entry {first} "
             f"(and {int(wrong.sum()) - 1} more like it)",
             f"finite numbers of at most {_FARTHEST:g}",
-            "drop these entries or mend them",
+            "remove these entries or correct them",
         )
     return result
 
@@ -67,10 +67,10 @@ def scalars(what: str, given: ArrayLike, name: str, count: int) -> Floats:
     if wrong.any():
         first = int(np.argmax(wrong))
         raise complain(
-            f"{what}: {name} cannot be used",
+            unusable(f"{what}: {name}"),
             f"{result[first]:g}, entry {first} (and {int(wrong.sum()) - 1} more that are not finite)",
             "finite numbers",
-            "drop these points or mend them",
+            "remove these points or correct them",
         )
     return result
 
@@ -79,7 +79,7 @@ def positive(what: str, name: str, given: object, least: float = 0.0) -> float:
     """Return a finite number above `least`, or InvalidInput."""
     value = number(f"{what}: {name}", given)
     if not (math.isfinite(value) and value > least):
-        raise complain(f"{what}: {name} cannot be used", f"{value:g}", f"a finite number above {least:g}")
+        raise complain(unusable(f"{what}: {name}"), f"{value:g}", f"a finite number above {least:g}")
     return value
 
 
@@ -87,7 +87,7 @@ def count_of(what: str, name: str, given: object, least: int, most: int) -> int:
     """Return a whole number from `least` to `most`, or InvalidInput."""
     value = whole(f"{what}: {name}", given)
     if not least <= value <= most:
-        raise complain(f"{what}: {name} cannot be used", shown(value), f"a whole number from {least} to {most}")
+        raise complain(unusable(f"{what}: {name}"), shown(value), f"a whole number from {least} to {most}")
     return value
 
 
@@ -159,5 +159,5 @@ def require_volume(what: str, points: Floats) -> None:
             f"{len(points)} points {kind}: they extend over {', '.join(f'{part:.3g}' for part in spread)} along their "
             "own axes",
             "points that fill a volume",
-            "put copies of them beside the plane, or use fit.nearest",
+            "put copies of them beside the plane, or use the nearest neighbours, " + option_ref("fit", "nearest"),
         )

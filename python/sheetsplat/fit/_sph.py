@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sheetsplat._checks import choice
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 
 from ._kernels import Floats, Kernels, profile
 from ._points import places, positive, scalars
@@ -198,9 +198,9 @@ def sph(
         mass = scalars(_WHAT, masses, "masses", count)
         if (mass < 0.0).any():
             first = int(np.argmax(mass < 0.0))
-            raise complain(f"{_WHAT}: masses cannot be used", f"{mass[first]:g}, entry {first}", "at least 0")
+            raise complain(unusable(f"{_WHAT}: masses"), f"{mass[first]:g}, entry {first}", "at least 0")
         if not mass.any():
-            raise complain(f"{_WHAT}: masses cannot be used", "masses that are all 0", "at least one above 0")
+            raise complain(unusable(f"{_WHAT}: masses"), "masses that are all 0", "at least one above 0")
         density = _above(scalars(_WHAT, densities, "densities", count), "densities")
         with np.errstate(all="ignore"):
             weights = chosen.amplitude * mass / density / scaled**3
@@ -229,9 +229,9 @@ def _above(given: Floats, name: str) -> Floats:
     if wrong.any():
         first = int(np.argmax(wrong))
         raise complain(
-            f"{_WHAT}: {name} cannot be used",
+            unusable(f"{_WHAT}: {name}"),
             f"{given[first]:g}, entry {first} (and {int(wrong.sum()) - 1} more like it)",
             "numbers above 0",
-            "drop these particles or mend them",
+            "remove these particles or correct them",
         )
     return given

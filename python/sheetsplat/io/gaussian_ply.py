@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import shown
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_ref
 from sheetsplat.io.scattered import Floats, Scattered, finite_points, finite_values, listed, require_rows, unreadable
 from sheetsplat.io.source import _DAMAGED, Source, checked_shape
 
@@ -190,14 +190,20 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     if "opacity" in known:
         known.insert(0, known.pop(known.index("opacity")))
     if scalar is None and "opacity" not in known:
-        raise unreadable(path, "vertices without opacity", "it, or the name of another scalar", "give scalar=NAME")
+        raise unreadable(
+            path,
+            "vertices without opacity",
+            "opacity, or the name of another scalar",
+            "pass " + option_ref("scalar", "..."),
+        )
     name = scalar if scalar is not None else "opacity"
     if name not in known:
         raise complain(
             f"the scalar {name!r} cannot be taken from {path}",
             f"these: {listed(known)}",
             "one of them",
-            "choose one with scalar=... (on the command line --scalar)",
+            "pass " + option_ref("scalar", "..."),
+            option="scalar",
         )
     points = np.stack([vertices[part].astype(np.float64) for part in _PLACE], axis=1)
     finite_points(path, points)

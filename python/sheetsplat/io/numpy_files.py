@@ -14,7 +14,7 @@ import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
-from sheetsplat.errors import Error, complain
+from sheetsplat.errors import Error, complain, option_ref
 from sheetsplat.io.source import _DAMAGED, Payload, Source, checked_shape
 from sheetsplat.io.volume import Volume
 
@@ -164,6 +164,7 @@ def _only_volume(source: Source, archive: zipfile.ZipFile, entries: dict[str, zi
             f"{source.path} cannot be read",
             f"{len(found)} arrays with three axes" + (f": {', '.join(sorted(found))}" if found else ""),
             "one, or the name of one",
-            "give name=... to choose" if found else "",
+            "pass " + option_ref("name", "...") + " to choose one" if found else "",
+            option="name" if found else None,
         )
     return found[0]

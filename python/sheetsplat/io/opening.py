@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sheetsplat import _memory
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.io.scattered import Scattered, field_of, logarithm, read_scattered
 from sheetsplat.io.volume import SCATTERED, Volume, find_format, read_volume
@@ -28,9 +28,10 @@ def _refuse(path: str | os.PathLike[str], options: Mapping[str, Any], names: tup
     if wrong:
         raise complain(
             f"{path} cannot be opened with these options",
-            f"{', '.join(wrong)} for {what}",
-            "only options that mean something there",
+            option_refs(wrong) + f" for {what}",
+            "only options that its format uses",
             "leave them out",
+            option=wrong[0] if len(wrong) == 1 else None,
         )
 
 
@@ -48,7 +49,9 @@ def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> str:
         if found != "vti":
             _refuse(path, options, ("scalar",), f"a volume of format {found}")
         elif "scalar" in options and "name" in options:
-            raise complain(f"{path} cannot be opened with these options", "scalar and name", "one of them")
+            raise complain(
+                f"{path} cannot be opened with these options", option_refs(("scalar", "name")), "one of them"
+            )
     return found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,17 +43,14 @@ def check_folder(path: Path) -> None:
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a path beside `path` to write to; it becomes `path` at the end, and nothing is left after an error."""
+    made = path.with_name(f".{path.stem}-{secrets.token_hex(8)}{path.suffix}")
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-        os.close(handle)
+        # The umask applies, as to any new file; tempfile's files are for their owner alone.
+        os.close(os.open(made, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:
         raise _unwritable(path, error) from None
-    made = Path(name)
     try:
         yield made
-        mask = os.umask(0)
-        os.umask(mask)
-        made.chmod(0o666 & ~mask)
         made.replace(path)
     except OSError as error:
         raise _unwritable(path, error) from None
@@ -66,14 +63,18 @@ def whole_file(path: Path) -> Iterator[Path]:
 def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
     """Give a path beside each of `paths`; all of them appear at the end, and none after an error."""
     with contextlib.ExitStack() as stack:
-        made = [stack.enter_context(whole_file(path)) for path in paths]
-        try:
-            yield made
-        except Error as error:
-            text = str(error)
-            for beside, path in zip(made, paths, strict=True):
-                text = text.replace(str(beside), str(path))
-            raise type(error)(text) from None
+        yield [stack.enter_context(whole_file(path)) for path in paths]
+
+
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Have errors name `path`, where what is written is a file beside it."""
+    try:
+        yield
+    except Error as error:
+        parts = error.complaint
+        found = parts.found or parts.what
+        raise complain(f"{path} cannot be written", found, parts.wanted, parts.advice, kind=type(error)) from None
 
 
 def _unwritable(path: Path, error: OSError) -> Error:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_ref
 from sheetsplat.io.scattered import Floats, Scattered, finite_points, finite_values, listed, require_rows, unreadable
 from sheetsplat.io.source import Source
 
@@ -141,8 +141,8 @@ def _find(source: Source, kind: str) -> tuple[list[Layout], int]:
         f"{size} bytes" + (" or more" if size > max(layout.size for layout in layouts) else ""),
         f"the size that a PLOT3D {kind} of its header has: "
         + "; ".join(f"{layout.size} bytes ({layout})" for layout in choices),
-        "the file is cut off, or it is no such file"
-        + ("" if kind == "grid" else "; the grid itself is given as grid=... (on the command line --grid)"),
+        "check that the file is complete, and of this kind"
+        + ("" if kind == "grid" else "; pass the grid itself as " + option_ref("grid", "...")),
     )
 
 
@@ -217,7 +217,7 @@ def _read_solution(source: Source, blocks: tuple[Shape, ...]) -> tuple[Layout, F
             source.path,
             f"a solution of {', '.join(map(_sides, layouts[0].blocks[:8]))} points",
             f"{', '.join(map(_sides, blocks[:8]))}, as the grid has",
-            "give the grid that belongs to this solution",
+            "pass the grid that belongs to this solution as " + option_ref("grid", "..."),
         )
     layout = same[0]
     count = sum(map(math.prod, blocks))
@@ -309,7 +309,8 @@ def read(source: Source, grid: Path, scalar: str | None = None) -> Scattered:
             f"the scalar {name!r} cannot be taken from {source.path}",
             f"these: {listed(tuple(SCALARS))}",
             "one of them",
-            "choose one with scalar=... (on the command line --scalar)",
+            "pass " + option_ref("scalar", "..."),
+            option="scalar",
         )
     with Source(grid) as other:
         layout, points, shown = _read_grid(other)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_ref
 from sheetsplat.io.source import Source, checked_shape
 from sheetsplat.io.volume import Volume
 
@@ -20,19 +20,25 @@ def read(source: Source, shape: tuple[int, int, int] | None, dtype: np.dtype[Any
             f"{source.path} cannot be read",
             f"raw samples without their {missing}",
             "both, for a file without a header",
-            "on the command line: --shape X,Y,Z --dtype uint8; in Python: shape=(nk, nj, ni), dtype=...; for a PLOT3D "
-            "solution give its grid: --grid FILE, grid=...",
+            "pass "
+            + option_ref("shape", "...")
+            + " and "
+            + option_ref("dtype", "...")
+            + "; for a PLOT3D solution, pass "
+            + option_ref("grid", "..."),
         )
     sizes = checked_shape(source.path, shape, "shape")
     if len(sizes) != 3:
-        raise complain(f"{source.path} cannot be read", f"a shape of {len(sizes)} numbers", "three numbers")
+        raise complain(
+            f"{source.path} cannot be read", f"a shape of {len(sizes)} numbers", "three numbers", option="shape"
+        )
     if offset < 0:
-        raise complain(f"{source.path} cannot be read", f"offset {offset}", "at least 0 bytes")
+        raise complain(f"{source.path} cannot be read", f"an offset of {offset}", "at least 0 bytes", option="offset")
     count = math.prod(sizes)
     payload = source.payload("raw")
     payload.expect(
         f"{count * dtype.itemsize} bytes, {' x '.join(map(str, sizes[::-1]))} samples of {dtype}",
-        "check shape= and dtype= (on the command line --shape and --dtype), or fetch the whole file",
+        "check " + option_ref("shape") + " and " + option_ref("dtype") + ", or fetch the whole file",
     )
     payload.skip(offset)
     values = payload.array(dtype, count)
@@ -42,7 +48,11 @@ def read(source: Source, shape: tuple[int, int, int] | None, dtype: np.dtype[Any
             f"{source.path} cannot be read",
             f"{more} after the first {offset} bytes" if offset else f"{more} in the file",
             f"{count * dtype.itemsize} bytes, {' x '.join(map(str, sizes[::-1]))} samples of {dtype}",
-            "check shape= and dtype= (on the command line --shape and --dtype); for a file with a header give "
-            "its length as offset= (--offset)",
+            "check "
+            + option_ref("shape")
+            + " and "
+            + option_ref("dtype")
+            + "; for a file with a header, pass its length as "
+            + option_ref("offset", "..."),
         )
     return Volume(values.reshape(sizes), format="raw")

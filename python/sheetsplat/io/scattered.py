@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import choice, number
-from sheetsplat.errors import Error, complain
+from sheetsplat.errors import Error, Words, complain, option_ref
 from sheetsplat.io.source import Source
 
 if TYPE_CHECKING:
@@ -96,9 +96,9 @@ class Scattered:
         return any(part is not None for part in (self.supports, self.deviations, self.scales))
 
 
-def unreadable(path: Path, found: str, wanted: str, then: str = "") -> Error:
+def unreadable(path: Path, found: str, wanted: str, advice: str | Words = "") -> Error:
     """Return the InvalidInput for a file whose content is not right."""
-    return complain(f"{path} cannot be read", found, wanted, then)
+    return complain(f"{path} cannot be read", found, wanted, advice)
 
 
 def listed(names: Sequence[str]) -> str:
@@ -176,7 +176,8 @@ def choose_scalar(
         f"the scalar {wanted!r} cannot be taken from {path}",
         f"these: {listed(scalar_names(widths))}",
         "one of them",
-        "choose one with scalar=... (on the command line --scalar)",
+        "pass " + option_ref("scalar", "..."),
+        option="scalar",
     )
 
 
@@ -218,7 +219,8 @@ def logarithm(values: Floats, what: str, floor: bool | float) -> Floats:
                 f"the logarithm of {what} cannot be taken",
                 f"{int(wrong.sum())} of {values.size} values that are not above 0{smallest}",
                 "values above 0",
-                "give a floor, to which all smaller values are raised: log=FLOOR (on the command line --log-floor)",
+                "pass " + option_ref("log", "...") + ", a floor to which all smaller values are raised",
+                option="log",
             )
         base = float(values.min())
     else:
@@ -353,7 +355,9 @@ def field_of(
         assert data.supports is not None
         if k is not None:
             wanted = "that of the Gaussian that is closest to their kernel"
-            raise complain("falloff cannot be used", f"{k:g} for SPH particles", wanted, "leave it out")
+            raise complain(
+                option_ref("falloff") + " cannot be used", f"{k:g} for SPH particles", wanted, "leave it out"
+            )
         both = data.masses is not None and data.densities is not None
         kernels = fits.sph(
             data.points,
@@ -390,6 +394,6 @@ def _way(data: Scattered, fit: str | None, neighbors: int | None) -> str:
             "the particles cannot be made kernels",
             f"no smoothing lengths beside {listed(data.scalars)}",
             "a dataset SmoothingLength, or a number of neighbours to take the sizes from",
-            "give neighbors=32 (on the command line --neighbors 32), which makes spheres by the nearest neighbours",
+            "pass " + option_ref("neighbors", "32") + ", which makes spheres by the nearest neighbours",
         )
     return "delaunay"

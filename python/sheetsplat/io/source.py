@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import Error, complain
+from sheetsplat.errors import Error, Words, complain
 
 # One byte of deflate stands for at most 1032 (RFC 1951: a match of 258 bytes in two bits); the rest is for short files.
 _DEFLATE = 1032
@@ -180,11 +180,11 @@ class Payload:
         self._source, self._stream, self._bound, self._exact = source, stream, bound, exact
         self._more = False
         self._wanted = ""
-        self._then = "the file is cut off or its header is wrong; fetch it again"
+        self._advice: str | Words = "the file is cut off or its header is wrong; fetch it again"
 
-    def expect(self, wanted: str, then: str) -> None:
+    def expect(self, wanted: str, advice: str | Words) -> None:
         """Set what an error says for a file that is too short, where it is not its header that says how long it is."""
-        self._wanted, self._then = wanted, then
+        self._wanted, self._advice = wanted, advice
 
     def skip(self, count: int) -> None:
         """Leave out unpacked bytes."""
@@ -205,7 +205,7 @@ class Payload:
             f"{self._source.path} cannot be read",
             f"{'at most ' if about else ''}{found} bytes of {what}",
             self._wanted or f"{wanted} bytes, as the header says",
-            self._then,
+            self._advice,
         )
 
     def array(self, dtype: np.dtype[Any], count: int) -> NDArray[Any]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import Error, Unsupported, complain
+from sheetsplat.errors import Error, Unsupported, complain, option_ref
 from sheetsplat.io.scattered import (
     Floats,
     Scattered,
@@ -233,7 +233,7 @@ def read(
                     path,
                     f"no group {shown(name)}, but {listed(groups) or 'nothing'}",
                     "particles in a group PartType0, or the name of another one",
-                    "choose one with particles=... (on the command line --particles)",
+                    "pass " + option_ref("particles", "..."),
                 )
             return _read_group(path, file, _Group(h5py, path, file[name], name), name, scalar, support)
     except (Error, MemoryError):

@@ -154,7 +154,7 @@ def save_npz(field: EllipsoidField, path: str | os.PathLike[str]) -> None:
         "cell_volume": field.cell_volume,
     }
     pictures.check_folder(target)
-    with pictures.whole_files([target]) as (made,), Path(made).open("wb") as stream:
+    with pictures.whole_file(target) as made, made.open("wb") as stream:
         np.savez(stream, allow_pickle=False, **{name: part for name, part in arrays.items() if part is not None})
 
 

@@ -374,9 +374,9 @@ class _Reader:
     def _read(self, one: _Array, stream: _Bytes, size: int) -> bytes:
         try:
             data = stream.read(size)
+        except Error:
+            raise
         except (binascii.Error, ValueError) as error:
-            if type(error).__module__.startswith("sheetsplat"):
-                raise
             raise self._fail(f"damaged base64 in the array {shown(one.name)} ({error})", "base64") from None
         if len(data) < size:
             raise self._cut(one, size - len(data))

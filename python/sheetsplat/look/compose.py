@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Unpack
 
 from sheetsplat._checks import number
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_refs
 from sheetsplat.fields import EllipsoidField, Field
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
@@ -72,7 +72,7 @@ def _transfer_function(
         if clash:
             raise complain(
                 "render: these options cannot be used together",
-                ", ".join(["transfer_function", *clash]),
+                option_refs(["transfer_function", *clash]),
                 "either a transfer function, or cmap, opacity and clim",
             )
         return given, None

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Literal, TypedDict, get_args
 
 from sheetsplat._checks import choice, number, shown, truth, whole
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 from sheetsplat.options.checks import one_of, optional
 from sheetsplat.options.core import CommandLine, Option
 from sheetsplat.options.values import Real, Special, Whole
@@ -25,7 +25,7 @@ def _effects(what: str, effects: object) -> dict[str, bool]:
     if effects is None:
         return {}
     if not isinstance(effects, Mapping) or not all(isinstance(name, str) for name in effects):
-        raise complain(f"{what} cannot be used", shown(effects), "{name: True or False}")
+        raise complain(unusable(what), shown(effects), "{name: True or False}")
     owner = what.partition(":")[0]
     return {name: truth(f"{owner}: the effect {shown(name)}", on) for name, on in effects.items()}
 
@@ -34,14 +34,14 @@ def _count(what: str, value: object) -> int | None:
     """Return a number of at least 1; 0 stands for None, the limit of the device."""
     result = 0 if value is None else whole(what, value)
     if result < 0:
-        raise complain(f"{what} cannot be used", str(result), "a whole number of at least 1", "leave it out")
+        raise complain(unusable(what), str(result), "a whole number of at least 1", "leave it out")
     return result or None
 
 
 def _goal(what: str, value: object) -> float:
     result = number(what, value)
     if not result > 0:
-        raise complain(f"{what} cannot be used", str(result), "a number above 0", "leave it out")
+        raise complain(unusable(what), str(result), "a number above 0", "leave it out")
     return result
 
 
@@ -49,7 +49,7 @@ def _threads(what: str, threads: object) -> int:
     wanted = f"a whole number from 1 to {MOST_THREADS}, or None for as many as the process may run on"
     result = whole(what, threads, wanted)
     if not 1 <= result <= MOST_THREADS:
-        raise complain(f"{what} cannot be used", str(result), wanted)
+        raise complain(unusable(what), str(result), wanted)
     return result
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypedDict, get_args
 
 from sheetsplat._checks import Vector, color, instance, number, optional_number, shown, truth
 from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 from sheetsplat.light import Light, Material
 from sheetsplat.options.checks import instance_of, one_of, optional, or_default
 from sheetsplat.options.core import COLORED, COMPOSITE, CommandLine, Mode, Option
@@ -26,10 +26,10 @@ def _lights(what: str, lights: object) -> tuple[Light, ...]:
     if isinstance(lights, Light):
         return (lights,)
     if not isinstance(lights, Iterable):
-        raise complain(f"{what} cannot be used", shown(lights), "a sequence of lights; () for none")
+        raise complain(unusable(what), shown(lights), "a sequence of lights; () for none")
     found = tuple(itertools.islice(lights, _MOST_LIGHTS + 1))
     if len(found) > _MOST_LIGHTS:
-        raise complain(f"{what} cannot be used", f"more than {_MOST_LIGHTS} lights", "fewer")
+        raise complain(unusable(what), f"more than {_MOST_LIGHTS} lights", "fewer")
     for light in found:
         instance(what, light, Light)
     return found
@@ -38,7 +38,7 @@ def _lights(what: str, lights: object) -> tuple[Light, ...]:
 def _preintegration(what: str, value: object) -> Preintegration:
     if isinstance(value, str):
         if value != "second_order":
-            raise complain(f"{what} cannot be used", shown(value), 'True, False or "second_order"')
+            raise complain(unusable(what), shown(value), 'True, False or "second_order"')
         return "second_order"
     return truth(what, value)
 

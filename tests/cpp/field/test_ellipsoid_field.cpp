@@ -223,7 +223,7 @@ TEST(EllipsoidField, lattice_constant_is_the_mass_over_the_cell) {
     arrays.scales[1].x = 6.0 * (1.0 + 5e-7);
     EXPECT_NO_THROW(EllipsoidField(arrays, options));
     arrays.scales[1].x = 6.0 * (1.0 + 2e-6);
-    expect_parts(refused(arrays, options), {"normalization=\"lattice\"", "one volume"});
+    expect_parts(refused(arrays, options), {"normalization = lattice", "one volume"});
     options.cell_volume.reset();
     expect_parts(refused(spheres(2), options), {"no cell_volume"});
 }
@@ -275,7 +275,7 @@ TEST(EllipsoidFieldChecks, semi_axes_quaternions_and_weights) {
     arrays.radii[2] = -1e-3;
     EllipsoidFieldOptions options;
     options.min_scale = 1.0;
-    expect_parts(refused(arrays, options), {"kernel 2", "-0.001", "drop its sign"});
+    expect_parts(refused(arrays, options), {"kernel 2", "-0.001", "remove its sign"});
     arrays.radii[2] = 9e-101;
     expect_parts(refused(arrays), {"too thin", "kernel 2", "1e-100"});
     arrays.radii[2] = 1.1e100;

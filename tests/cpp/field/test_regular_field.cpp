@@ -220,7 +220,7 @@ TYPED_TEST(OddSamples, are_refused_with_their_index) {
                                                 : "found -infinity",
                                 "(" + std::to_string(i) + ", " + std::to_string(j) + ", " + std::to_string(k) + ")",
                                 "wanted finite numbers"});
-            EXPECT_EQ(text.find("pass nan=\"skip\" to leave such samples out") != std::string::npos, std::isnan(odd))
+            EXPECT_EQ(text.find("pass nan = skip to leave such samples out") != std::string::npos, std::isnan(odd))
                 << text;
         }
     }
@@ -331,7 +331,7 @@ TEST(RegularFieldChecks, numbers_of_the_options) {
         options = {};
         options.normalization = Normalization::threshold;
         options.w0 = bad;
-        expect_parts(refused_options(options), {"w0 of normalization=\"threshold\" cannot be used"});
+        expect_parts(refused_options(options), {"w0 cannot be used"});
     }
     RegularFieldOptions options;
     options.origin.y = nan;
@@ -349,12 +349,12 @@ TEST(RegularFieldChecks, numbers_of_the_options) {
 TEST(RegularFieldChecks, kernels_that_float64_cannot_hold) {
     RegularFieldOptions options;
     options.falloff = 1e-320;
-    expect_parts(refused_options(options), {"radius and falloff", "falloff 1e-320"});
+    expect_parts(refused_options(options), {"radius and falloff", "falloff = 1e-320"});
     options = {};
     options.radius = 1e-200;
-    expect_parts(refused_options(options), {"radius and falloff", "radius 1e-200"});
+    expect_parts(refused_options(options), {"radius and falloff", "radius = 1e-200"});
     options.radius = 1e200;
-    expect_parts(refused_options(options), {"radius and falloff", "radius 1e+200"});
+    expect_parts(refused_options(options), {"radius and falloff", "radius = 1e+200"});
 }
 
 TEST(RegularFieldChecks, positions_must_be_finite_and_differ) {

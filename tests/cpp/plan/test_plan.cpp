@@ -249,7 +249,7 @@ TEST(PlanOfEllipsoids, SaysWhatTheFilterIsFor) {
     view.largest_filtering = 4.0;
     plan = plan_of(scene, {}, {}, view);
     EXPECT_FALSE(plan.filter) << "only where it is asked for";
-    expect_parts(reason_of(plan, "ewa_filter"), {"not asked for, though 123456 kernels are smaller", "filter=\"ewa\""});
+    expect_parts(reason_of(plan, "ewa_filter"), {"not asked for, though 123456 kernels are smaller", "the filter ewa"});
     view.unresolved = 1;
     expect_parts(reason_of(plan_of(scene, {}, {}, view), "ewa_filter"), {"1 kernel is smaller"});
 

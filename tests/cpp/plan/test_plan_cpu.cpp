@@ -133,7 +133,7 @@ TEST(PlanOfCpu, RefusesWaysOfDrawingOnGl) {
         options.effects = {{name, true}};
         const std::string text = refusal(lit_scene(), facts(), options);
         EXPECT_NE(text.find(name), std::string::npos) << name << ": " << text;
-        EXPECT_NE(text.find("backend gl"), std::string::npos) << text;
+        EXPECT_NE(text.find("backend = gl"), std::string::npos) << text;
         options.effects = {{name, false}};
         EXPECT_EQ(refusal(lit_scene(), facts(), options), "") << name << " off says nothing";
     }

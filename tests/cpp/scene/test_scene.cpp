@@ -138,13 +138,13 @@ TEST(Scene, effects_that_contradict_name_both_sides) {
     const std::function<void(Scene&)> occlusion = [](Scene& s) { s.ambient_occlusion = AmbientOcclusion{}; };
     const std::function<void(Scene&)> opacity = [](Scene& s) { s.gradient_opacity = 2.0; };
     for (const Mode mode : {Mode::xray, Mode::mip}) {
-        const char* const name = mode == Mode::xray ? "mode=\"xray\"" : "mode=\"mip\"";
+        const char* const name = mode == Mode::xray ? "mode = xray" : "mode = mip";
         expect_parts(in_mode(mode, cue), {"depth_cue", name});
-        expect_parts(in_mode(mode, shadows), {"shadows=true", name});
+        expect_parts(in_mode(mode, shadows), {"shadows = true", name});
         expect_parts(in_mode(mode, occlusion), {"ambient_occlusion", name});
-        expect_parts(in_mode(mode, opacity), {"gradient_opacity=2", name});
+        expect_parts(in_mode(mode, opacity), {"gradient_opacity = 2", name});
     }
-    expect_parts(in_mode(Mode::isosurface, opacity), {"gradient_opacity=2", "mode=\"isosurface\""});
+    expect_parts(in_mode(Mode::isosurface, opacity), {"gradient_opacity = 2", "mode = isosurface"});
     for (const auto& change : {cue, shadows, occlusion}) {
         accepted([&](Scene& s) {
             s.mode = Mode::isosurface;
@@ -158,13 +158,14 @@ TEST(Scene, effects_that_contradict_name_both_sides) {
                      shadows(s);
                      opacity(s);
                  }),
-                 {"shadows=true", "gradient_opacity=2"});
+                 {"shadows = true", "gradient_opacity = 2"});
     expect_parts(refused([&](Scene& s) {
                      occlusion(s);
                      opacity(s);
                  }),
-                 {"ambient_occlusion", "gradient_opacity=2"});
-    expect_parts(refused([](Scene& s) { s.second_order = true; }), {"second_order=true", "preintegration=false"});
+                 {"ambient_occlusion", "gradient_opacity = 2"});
+    expect_parts(refused([](Scene& s) { s.second_order = true; }),
+                 {"second_order without pre-integration", "pass preintegration = true"});
     accepted([](Scene& s) { s.second_order = s.preintegration = true; });
     // Effects that change nothing are no mistake.
     accepted([](Scene& s) {
@@ -174,7 +175,7 @@ TEST(Scene, effects_that_contradict_name_both_sides) {
 }
 
 TEST(Scene, needs_fields) {
-    expect_parts(refused([](Scene& s) { s.fields.clear(); }), {"nothing to show", "at least one field"});
+    expect_parts(refused([](Scene& s) { s.fields.clear(); }), {"nothing to draw", "at least one field"});
     expect_parts(refused([](Scene& s) { s.fields.push_back(nullptr); }), {"field 1"});
     Scene scene = good();
     scene.fields.clear();
@@ -192,7 +193,7 @@ TEST(Scene, lengths_are_finite_and_above_0) {
 }
 
 TEST(Scene, an_isosurface_needs_its_value) {
-    expect_parts(refused([](Scene& s) { s.mode = Mode::isosurface; }), {"mode=\"isosurface\"", "no iso_value"});
+    expect_parts(refused([](Scene& s) { s.mode = Mode::isosurface; }), {"mode = isosurface", "no iso_value"});
     for (const double bad : {nan, infinity, -infinity}) {
         expect_parts(refused([=](Scene& s) {
                          s.mode = Mode::isosurface;
@@ -250,8 +251,8 @@ TEST(Scene, preintegration_belongs_to_composite) {
                          s.iso_value = 0.5;
                          s.preintegration = true;
                      }),
-                     {std::string("preintegration=true with mode=\"") + name + "\"",
-                      "wanted preintegration only in mode=\"composite\""});
+                     {std::string("preintegration = true with mode = ") + name,
+                      "wanted preintegration only in mode = composite"});
     }
     accepted([](Scene& s) { s.preintegration = true; });
 }

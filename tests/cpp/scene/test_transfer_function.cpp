@@ -228,7 +228,7 @@ TEST(TransferFunction, refuses_what_has_no_meaning) {
     expect_parts(refused({point(0.0, nan)}), {"opacity NaN"});
     expect_parts(refused({point(infinity, 0.0)}), {"value infinity"});
     expect_parts(refused({{0.0, {0.0, nan, 0.0}, 0.0}}), {"colour (0, NaN, 0)"});
-    expect_parts(refused({point(-1.7e308, 0.0), point(1.7e308, 0.0)}), {"range"});
+    expect_parts(refused({point(-1.7e308, 0.0), point(1.7e308, 0.0)}), {"difference"});
 }
 
 } // namespace

@@ -16,17 +16,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat._checks import shown
 from sheetsplat.errors import complain
-
-if TYPE_CHECKING:
-    from sheetsplat import RegularField
-    from sheetsplat.datasets import Dataset
+from sheetsplat.fields import RegularField
 
 Vector = tuple[float, float, float]
 
@@ -37,6 +34,20 @@ _DEGREES = {"quintic": 5, "cubic": 3, "linear": 1, "nearest": 0}
 _ROLL_OFF = 0.12
 # Values made at once, in bytes of float32.
 _CHUNK_BYTES = 16 << 20
+
+
+@runtime_checkable
+class LatticeSamples(Protocol):
+    """Samples that know where they are: a field or a data set. Attributes as those of `sheetsplat.RegularField`."""
+
+    @property
+    def values(self) -> NDArray[Any]: ...  # noqa: D102
+    @property
+    def spacing(self) -> Vector: ...  # noqa: D102
+    @property
+    def origin(self) -> Vector: ...  # noqa: D102
+    @property
+    def lattice(self) -> str: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -155,14 +166,12 @@ class BccVolume:
 
     def field(self, **options: Any) -> RegularField:
         """Return the volume as a field of kernels; `options` are those of :class:`sheetsplat.RegularField`."""
-        import sheetsplat
-
         arguments: dict[str, Any] = {"spacing": self.spacing, "origin": self.origin, "lattice": "bcc"}
-        return sheetsplat.RegularField(self.values, **{**arguments, **options})
+        return RegularField(self.values, **{**arguments, **options})
 
 
 def resample_to_bcc(
-    values: ArrayLike | RegularField | Dataset,
+    values: ArrayLike | LatticeSamples,
     spacing: Sequence[float] | None = None,
     origin: Sequence[float] | None = None,
     *,
@@ -200,13 +209,12 @@ def resample_to_bcc(
         With ``field()`` for drawing.
     """
     failed = "the volume cannot be resampled to a BCC lattice"
-    lattice_name = getattr(values, "lattice", None)
-    if lattice_name is not None:
-        if lattice_name != "cartesian":
-            raise complain(failed, f"a volume on the lattice {shown(lattice_name)}", "one on a Cartesian lattice")
-        spacing = getattr(values, "spacing", None) if spacing is None else spacing
-        origin = getattr(values, "origin", None) if origin is None else origin
-        values = cast(Any, values).values
+    if isinstance(values, LatticeSamples):
+        if values.lattice != "cartesian":
+            raise complain(failed, f"a volume on the lattice {shown(values.lattice)}", "one on a Cartesian lattice")
+        spacing = values.spacing if spacing is None else spacing
+        origin = values.origin if origin is None else origin
+        values = values.values
     spacing = (1.0, 1.0, 1.0) if spacing is None else spacing
     origin = (0.0, 0.0, 0.0) if origin is None else origin
     samples = np.asarray(values)

@@ -80,7 +80,7 @@ def test_winding_on_a_grid_is_that_by_solid_angles(name: str) -> None:
         "boxes": joined(rotated(box(), 2), rotated(box((3, 0, 0), (4, 2, 1)), 3)),
         "hollow": joined(rotated(box((-2, -2, -2), (2, 2, 2)), 4), turned(rotated(ball(8), 5))),
         "overlap": joined(rotated(box(), 6), rotated(box((0.3, 0.2, 0.1), (1.5, 1.4, 1.6)), 6)),
-        "train": datasets._solids.train_mesh(),
+        "train": datasets._train.train_mesh(),
     }[name]
     closed = close("the mesh", *mesh)
     lower, upper = mesh[0].min(axis=0), mesh[0].max(axis=0)
@@ -515,15 +515,15 @@ def test_the_toy_train() -> None:
     assert (upper - lower)[0] > 4 * (upper - lower)[1] > 4
     assert straight.scales.ndim == 1 and lower[1] > 0
     at = lower + (upper - lower) * np.random.default_rng(11).random((1500, 3))
-    mesh = datasets._solids.train_mesh()
+    mesh = datasets._train.train_mesh()
     share = np.mean(fit.winding_numbers(at, *mesh) > 0.5) * np.prod(upper - lower)
     assert straight.report["cell_volume"] == pytest.approx(share, rel=0.12)
     assert made.scene().mode == "composite"
 
 
 def test_every_part_of_the_train_is_closed_and_looks_outward() -> None:
-    solids = datasets._solids
-    parts = [*solids._locomotive(0), *solids._tender(0), *solids._coach(0), *solids._wagon(0)]
+    train = datasets._train
+    parts = [*train._locomotive(0), *train._tender(0), *train._coach(0), *train._wagon(0)]
     assert len(parts) > 100
     for part in parts:
         closed = close("the part", *part)

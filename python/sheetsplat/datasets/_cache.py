@@ -1,7 +1,7 @@
-"""Results that took seconds are kept as .npy files in the user's cache folder.
+"""Cache of computed data sets: .npy files in the user's cache folder.
 
-A file is the plain .npy format with a BLAKE2b digest of its bytes behind the data, which NumPy's reader does not look
-at. A file that is cut short, changed or of the wrong shape or type is thrown away and computed again.
+A file is in the .npy format, followed by a BLAKE2b digest of its bytes, which NumPy's reader ignores. A file that is
+truncated, changed or of the wrong shape or type is discarded and computed again.
 """
 
 from __future__ import annotations
@@ -23,12 +23,14 @@ _DIGEST = 32
 
 
 def cache_folder() -> Path:
-    """Where computed data sets are kept: ``$XDG_CACHE_HOME/sheetsplat``, else ``~/.cache/sheetsplat``.
+    """Return the folder of computed data sets: ``$XDG_CACHE_HOME/sheetsplat``, else the platform's cache folder.
 
-    As the XDG rules want it, a relative ``XDG_CACHE_HOME`` is ignored.
+    On Linux the latter is ``~/.cache/sheetsplat``. A relative ``XDG_CACHE_HOME`` is ignored, as the XDG specification
+    requires.
     """
-    base = os.environ.get("XDG_CACHE_HOME", "")
-    return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "sheetsplat"
+    import platformdirs
+
+    return platformdirs.user_cache_path("sheetsplat", appauthor=False)
 
 
 def cache_path(name: str, version: int, parameters: Mapping[str, Any]) -> Path:
@@ -40,7 +42,7 @@ def cache_path(name: str, version: int, parameters: Mapping[str, Any]) -> Path:
 def _read(path: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any] | None:
     expected = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
     try:
-        # The size is looked at before anything is read: a file of another size is none of ours.
+        # The size is checked before the file is read.
         if not expected < path.stat().st_size < expected + 4096:
             _log.warning("the cached data set %s has the wrong size; it is computed again", path)
             return None
@@ -52,7 +54,7 @@ def _read(path: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[A
         values: NDArray[Any] = np.load(io.BytesIO(body), allow_pickle=False)
     except FileNotFoundError:
         return None
-    except Exception as error:  # NumPy's reader lets errors of every kind through for a header that makes no sense
+    except Exception as error:  # NumPy's reader raises errors of many classes for damaged headers
         _log.warning("the cached data set %s cannot be read (%s); it is computed again", path, error)
         return None
     if values.shape != shape or values.dtype != dtype:

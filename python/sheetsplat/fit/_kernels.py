@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat.errors import complain
-
-if TYPE_CHECKING:
-    from sheetsplat import EllipsoidField
+from sheetsplat.fields import EllipsoidField
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -108,15 +106,13 @@ class Kernels:
 
     def field(self, **options: Any) -> EllipsoidField:
         """Return the field of these kernels; `options` are those of :class:`sheetsplat.EllipsoidField` and win."""
-        import sheetsplat
-
         arguments: dict[str, Any] = {
             "weights": self.weights,
             "normalization": self.normalization,
             "w0": self.w0,
             "falloff": self.falloff,
         }
-        return sheetsplat.EllipsoidField(
+        return EllipsoidField(
             self.centers, self.scales, self.rotations, self.values, **{**arguments, **options}
         )
 

@@ -29,7 +29,7 @@ from bench.measure import (
 from bench.pictures import keep
 from bench.report import Goal, Options, Report, Row, columns, environment
 from sheetsplat import datasets, fit
-from sheetsplat.io.scattered import read_scattered
+from sheetsplat.io import read_scattered
 
 # Factor of the solids' suggested opacities, which would hide the interior.
 _THINNER = 0.1

@@ -17,7 +17,7 @@ import pytest
 
 import sheetsplat as ss
 from sheetsplat.io import read_scattered, read_volume
-from sheetsplat.io.scattered import logarithm
+from sheetsplat.io.kernels import logarithm
 from sheetsplat.io.sph_hdf5 import _cubic_spline
 
 h5py = pytest.importorskip("h5py")

@@ -112,9 +112,7 @@ class Kernels:
             "w0": self.w0,
             "falloff": self.falloff,
         }
-        return EllipsoidField(
-            self.centers, self.scales, self.rotations, self.values, **{**arguments, **options}
-        )
+        return EllipsoidField(self.centers, self.scales, self.rotations, self.values, **{**arguments, **options})
 
     def shapes(self) -> Floats:
         """Return the shape matrices M = R S, (N, 3, 3): the unit ball becomes a kernel's support."""

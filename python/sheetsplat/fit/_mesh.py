@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import Error, complain, unusable
+from sheetsplat.errors import complain, unusable
 
 from ._kernels import Floats, Numbers, spans
 from ._points import merge, numbers, places
@@ -56,24 +56,12 @@ def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
         length = source.length(limit + 1)
         _memory.require(length * _PARSED, f"the mesh of {name}")
         source.seek(0)
-        try:
-            content = source.stream.read()
-        except (OSError, EOFError, ValueError) as error:
-            raise source.damaged(error) from None
-    try:
-        mesh: Any = trimesh.load_mesh(
-            io.BytesIO(content), file_type=kind, resolver=None, process=False, skip_materials=True
-        )
+        content = io.BytesIO(source.stream.read())
+        mesh: Any = trimesh.load_mesh(content, file_type=kind, resolver=None, process=False, skip_materials=True)
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
         triangles = np.asarray(mesh.faces, dtype=np.int64)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
             raise ValueError(f"vertices of shape {vertices.shape}, faces of shape {triangles.shape}")
-    except Error:
-        raise
-    except Exception as error:  # damaged files make the reader raise errors of every kind
-        raise complain(
-            f"{name} cannot be read as a mesh", f"{type(error).__name__}: {error}", "a whole .obj or .ply file"
-        ) from None
     if not len(triangles):
         raise complain(f"{name} cannot be read as a mesh", f"{len(vertices)} vertices and no face", "triangles")
     return vertices, triangles

@@ -1,12 +1,14 @@
 """Readers of volumes and scattered data, and writers of pictures.
 
-Files are not trusted: nothing is unpickled, sizes are judged before memory is taken, and what is unpacked is bounded by
-what the header says.
+Files are not trusted: nothing is unpickled, sizes are checked before memory is taken, and what is unpacked is bounded
+by what the header says. `formats` lists the formats; `opening` reads files of any of them.
 """
 
-from sheetsplat.io.scattered import Scattered, field_of, read_scattered
+from sheetsplat.io.formats import SCATTERED, find_format
+from sheetsplat.io.kernels import field_of
+from sheetsplat.io.opening import read_scattered, read_volume
+from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.tables import save_npz
-from sheetsplat.io.volume import SCATTERED, Volume, find_format, read_volume
 
 __all__ = [
     "SCATTERED",

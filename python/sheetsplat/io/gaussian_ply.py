@@ -3,6 +3,8 @@
 Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering": a vertex is a Gaussian with the
 centre x, y, z, the logarithms of its standard deviations scale_0 … 2, the quaternion rot_0 … 3 (w, x, y, z, of any
 length), the logit of its opacity, and coefficients of spherical harmonics, of which f_dc_0 … 2 are the mean colour.
+
+Read here and not by plyfile, which takes the memory that a header claims before it looks at the size of the file.
 """
 
 from __future__ import annotations
@@ -16,9 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import shown
-from sheetsplat.errors import complain, option_ref
-from sheetsplat.io.scattered import Floats, Scattered, finite_points, finite_values, listed, require_rows, unreadable
-from sheetsplat.io.source import _DAMAGED, Source, checked_shape
+from sheetsplat.errors import option_ref
+from sheetsplat.io.checks import checked_shape, finite_points, finite_values, listed, require_rows, unreadable
+from sheetsplat.io.records import Floats, Scattered
+from sheetsplat.io.scalars import unknown_scalar
+from sheetsplat.io.source import Source
 
 _HEADER_LIMIT = 1 << 16
 _TYPES = {
@@ -124,21 +128,14 @@ def _text(source: Source, dtype: np.dtype[Any], count: int, skipped: int) -> NDA
         raise unreadable(source.path, f"at most {source.at_most()} characters of vertices", f"{count} vertices")
     rows = np.empty((count, columns))
     longest = _LONGEST_WORD * max(1, columns)
-    try:
-        for _ in range(skipped):
-            if not source.stream.readline(longest):
-                break
-        for row in range(count):
-            words = source.stream.readline(longest).split()
-            if len(words) != columns:
-                raise unreadable(source.path, f"{len(words)} numbers in vertex {row}", f"{columns}, as the header says")
-            rows[row] = words
-    except _DAMAGED as error:
-        raise source.damaged(error) from None
-    except ValueError as error:
-        if "cannot be read" in str(error):
-            raise
-        raise unreadable(source.path, f"text that is no number ({error})", "numbers") from None
+    for _ in range(skipped):
+        if not source.stream.readline(longest):
+            break
+    for row in range(count):
+        words = source.stream.readline(longest).split()
+        if len(words) != columns:
+            raise unreadable(source.path, f"{len(words)} numbers in vertex {row}", f"{columns}, as the header says")
+        rows[row] = words
     vertices = np.empty(count, dtype)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
@@ -198,13 +195,7 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         )
     name = scalar if scalar is not None else "opacity"
     if name not in known:
-        raise complain(
-            f"the scalar {name!r} cannot be taken from {path}",
-            f"these: {listed(known)}",
-            "one of them",
-            "pass " + option_ref("scalar", "..."),
-            option="scalar",
-        )
+        raise unknown_scalar(path, name, known)
     points = np.stack([vertices[part].astype(np.float64) for part in _PLACE], axis=1)
     finite_points(path, points)
     with np.errstate(over="ignore"):

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from sheetsplat._checks import Triple
-from sheetsplat.errors import Error, complain
-from sheetsplat.io.source import Source, beside, checked_shape
-from sheetsplat.io.volume import Volume
+from sheetsplat.io.checks import beside, checked_shape, unreadable
+from sheetsplat.io.records import Volume
+from sheetsplat.io.source import Source
 
 _HEADER_LIMIT = 1 << 16
 _TYPES = {
@@ -30,10 +30,6 @@ _TYPES = {
 }
 
 
-def _fail(path: Path, found: str, wanted: str, then: str = "") -> Error:
-    return complain(f"{path} cannot be read", found, wanted, then)
-
-
 def _header(source: Source) -> tuple[dict[str, str], int]:
     """Return the header's fields, ending with ElementDataFile, and its length in bytes."""
     head = source.head(_HEADER_LIMIT)
@@ -48,11 +44,11 @@ def _header(source: Source) -> tuple[dict[str, str], int]:
             continue
         name, equals, value = line.partition("=")
         if not equals:
-            raise _fail(source.path, f"the line {line[:60]!r}", "a MetaImage header of lines name = value")
+            raise unreadable(source.path, f"the line {line[:60]!r}", "a MetaImage header of lines name = value")
         fields[name.strip()] = value.strip()
         if name.strip() == "ElementDataFile":
             return fields, min(position, len(head))
-    raise _fail(source.path, "a header without ElementDataFile", "a MetaImage header that ends with it")
+    raise unreadable(source.path, "a header without ElementDataFile", "a MetaImage header that ends with it")
 
 
 def _numbers(path: Path, fields: dict[str, str], names: tuple[str, ...], default: list[float]) -> list[float]:
@@ -63,7 +59,7 @@ def _numbers(path: Path, fields: dict[str, str], names: tuple[str, ...], default
             except ValueError:
                 numbers = []
             if len(numbers) != len(default) or not all(map(math.isfinite, numbers)):
-                raise _fail(path, f"{name} = {fields[name][:60]}", f"{len(default)} finite numbers")
+                raise unreadable(path, f"{name} = {fields[name][:60]}", f"{len(default)} finite numbers")
             return numbers
     return default
 
@@ -72,7 +68,7 @@ def _truth(path: Path, fields: dict[str, str], names: tuple[str, ...]) -> bool:
     for name in names:
         if name in fields:
             if fields[name].lower() not in ("true", "false", "1", "0"):
-                raise _fail(path, f"{name} = {fields[name][:60]}", "True or False")
+                raise unreadable(path, f"{name} = {fields[name][:60]}", "True or False")
             return fields[name].lower() in ("true", "1")
     return False
 
@@ -80,7 +76,7 @@ def _truth(path: Path, fields: dict[str, str], names: tuple[str, ...]) -> bool:
 def _dtype(path: Path, fields: dict[str, str]) -> np.dtype[Any]:
     name = fields.get("ElementType", "")
     if name not in _TYPES:
-        raise _fail(path, f"ElementType = {name or '(none)'}", "one of: " + ", ".join(_TYPES))
+        raise unreadable(path, f"ElementType = {name or '(none)'}", "one of: " + ", ".join(_TYPES))
     big = _truth(path, fields, ("BinaryDataByteOrderMSB", "ElementByteOrderMSB"))
     return np.dtype(_TYPES[name]).newbyteorder(">" if big else "<")
 
@@ -91,15 +87,19 @@ def _three(numbers: list[float]) -> Triple:
 
 def _check_supported(path: Path, fields: dict[str, str]) -> None:
     if fields.get("NDims") != "3":
-        raise _fail(path, f"NDims = {fields.get('NDims', '(none)')}", "3")
+        raise unreadable(path, f"NDims = {fields.get('NDims', '(none)')}", "3")
     if fields.get("ElementNumberOfChannels", "1") != "1":
-        raise _fail(path, f"ElementNumberOfChannels = {fields['ElementNumberOfChannels']}", "1", "choose one channel")
+        raise unreadable(
+            path, f"ElementNumberOfChannels = {fields['ElementNumberOfChannels']}", "1", "choose one channel"
+        )
     if not _truth(path, dict({"BinaryData": "True"}, **fields), ("BinaryData",)):
-        raise _fail(path, "BinaryData = False", "binary samples", "convert the file to binary samples")
+        raise unreadable(path, "BinaryData = False", "binary samples", "convert the file to binary samples")
     identity = [1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0]
     matrix = _numbers(path, fields, ("TransformMatrix", "Rotation", "Orientation"), identity)
     if matrix != identity:
-        raise _fail(path, f"TransformMatrix = {matrix}", "the identity", "resample the volume to the axes of the world")
+        raise unreadable(
+            path, f"TransformMatrix = {matrix}", "the identity", "resample the volume to the axes of the world"
+        )
 
 
 def read(source: Source) -> Volume:
@@ -109,11 +109,11 @@ def read(source: Source) -> Volume:
     _check_supported(path, fields)
     sizes = checked_shape(path, fields.get("DimSize", "").split(), "DimSize")
     if len(sizes) != 3:
-        raise _fail(path, f"DimSize of {len(sizes)} numbers", "three numbers")
+        raise unreadable(path, f"DimSize of {len(sizes)} numbers", "three numbers")
     dtype = _dtype(path, fields)
     spacing = _numbers(path, fields, ("ElementSpacing", "ElementSize"), [1.0, 1.0, 1.0])
     if any(part == 0 for part in spacing):
-        raise _fail(path, f"ElementSpacing = {spacing}", "numbers other than 0")
+        raise unreadable(path, f"ElementSpacing = {spacing}", "numbers other than 0")
     origin = _numbers(path, fields, ("Offset", "Position", "Origin"), [0.0, 0.0, 0.0])
     packed = _truth(path, fields, ("CompressedData",))
     try:
@@ -121,14 +121,14 @@ def read(source: Source) -> Volume:
     except ValueError:
         skip = -2
     if skip < -1:
-        raise _fail(path, f"HeaderSize = {fields['HeaderSize'][:60]}", "a number of bytes, or -1")
+        raise unreadable(path, f"HeaderSize = {fields['HeaderSize'][:60]}", "a number of bytes, or -1")
 
     name = fields["ElementDataFile"]
     count = math.prod(sizes)
     if name.upper() == "LOCAL":
         values = _samples(source, length, dtype, count, packed=packed, skip=max(0, skip))
     elif name.upper().startswith("LIST") or "%" in name:
-        raise _fail(path, f"ElementDataFile = {name}", "one data file", "join the files into one")
+        raise unreadable(path, f"ElementDataFile = {name}", "one data file", "join the files into one")
     else:
         with Source(beside(path, name)) as samples:
             values = _samples(samples, 0, dtype, count, packed=packed, skip=skip)
@@ -138,7 +138,7 @@ def read(source: Source) -> Volume:
 def _samples(source: Source, start: int, dtype: np.dtype[Any], count: int, *, packed: bool, skip: int) -> Any:
     if skip == -1:
         if packed or source.packed:
-            raise _fail(source.path, "HeaderSize = -1 for packed samples", "a number of bytes")
+            raise unreadable(source.path, "HeaderSize = -1 for packed samples", "a number of bytes")
         start, skip = max(0, source.path.stat().st_size - count * dtype.itemsize), 0
     source.seek(start)
     payload = source.payload("zlib" if packed else "raw")

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple, shown, triple
-from sheetsplat.errors import Error, complain
-from sheetsplat.io.source import Payload, Source, beside, checked_shape
-from sheetsplat.io.volume import Volume
+from sheetsplat.io.checks import beside, checked_shape, unreadable
+from sheetsplat.io.records import Volume
+from sheetsplat.io.source import Payload, Source
 
 # Longer headers than this are no headers.
 _HEADER_LIMIT = 1 << 20
@@ -45,10 +45,6 @@ _TYPES = {
 _TYPE_OF = {name: dtype for dtype, names in _TYPES.items() for name in names}
 
 
-def _fail(path: Path, found: str, wanted: str, then: str = "") -> Error:
-    return complain(f"{path} cannot be read", found, wanted, then)
-
-
 def _header(source: Source) -> tuple[dict[str, Any], int]:
     """Return the header's fields and its length in bytes."""
     import nrrd  # type: ignore[import-untyped]
@@ -67,18 +63,14 @@ def _header(source: Source) -> tuple[dict[str, Any], int]:
             break
     else:
         if length == _HEADER_LIMIT:
-            raise _fail(source.path, f"no end of the header in the first {_HEADER_LIMIT} bytes", "an NRRD header")
+            raise unreadable(source.path, f"no end of the header in the first {_HEADER_LIMIT} bytes", "an NRRD header")
     for line in lines:
         if re.match(rb"sizes:", line) and not re.fullmatch(rb"sizes:[0-9\s]*", line):
             found = f"a damaged NRRD header ({shown(line.decode('latin-1').strip())})"
-            raise _fail(source.path, found, "sizes that are positive whole numbers")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return dict(nrrd.read_header(lines)), length
-    except Exception as error:
-        # The library lets errors of many classes through where a header is damaged.
-        raise _fail(source.path, f"a damaged NRRD header ({error})", "an NRRD header") from None
+            raise unreadable(source.path, found, "sizes that are positive whole numbers")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return dict(nrrd.read_header(lines)), length
 
 
 def _field(header: dict[str, Any], *names: str) -> Any:
@@ -88,13 +80,13 @@ def _field(header: dict[str, Any], *names: str) -> Any:
 def _dtype(path: Path, header: dict[str, Any], encoding: str) -> np.dtype[Any]:
     name = str(_field(header, "type"))
     if name not in _TYPE_OF:
-        raise _fail(path, f"samples of type {name!r}", "one of: " + ", ".join(_TYPES))
+        raise unreadable(path, f"samples of type {name!r}", "one of: " + ", ".join(_TYPES))
     dtype = np.dtype(_TYPE_OF[name])
     if dtype.itemsize == 1 or encoding == "text":
         return dtype
     endian = str(_field(header, "endian")).lower()
     if endian not in ("little", "big"):
-        raise _fail(path, f"endian {endian!r}", '"little" or "big"')
+        raise unreadable(path, f"endian {endian!r}", '"little" or "big"')
     return dtype.newbyteorder("<" if endian == "little" else ">")
 
 
@@ -106,15 +98,17 @@ def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[N
     if _field(header, "space origin") is not None:
         origin = np.asarray(_field(header, "space origin"), dtype=np.float64)
         if origin.shape != (3,) or not np.all(np.isfinite(origin)):
-            raise _fail(path, f"space origin {shown(origin.tolist())}", "three finite numbers")
+            raise unreadable(path, f"space origin {shown(origin.tolist())}", "three finite numbers")
     if directions is not None:
         rows = np.asarray([np.full(3, np.nan) if row is None else row for row in directions], dtype=np.float64)
         wanted = "three directions along the axes of the world"
         if rows.shape != (3, 3) or not np.all(np.isfinite(rows)):
-            raise _fail(path, f"space directions {shown(rows.tolist())}", wanted)
+            raise unreadable(path, f"space directions {shown(rows.tolist())}", wanted)
         along = rows != 0
         if not (np.all(along.sum(axis=0) == 1) and np.all(along.sum(axis=1) == 1)):
-            raise _fail(path, f"space directions {shown(rows.tolist())}", wanted, "resample the volume to such axes")
+            raise unreadable(
+                path, f"space directions {shown(rows.tolist())}", wanted, "resample the volume to such axes"
+            )
         # Row a of `rows` is the step along the file's axis a, the fastest first.
         world = along.argmax(axis=1)
         steps = rows[np.arange(3), world]
@@ -131,7 +125,7 @@ def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[N
         # NaN stands for "not known" in this format.
         spacing = np.where(np.isnan(spacing), 1.0, spacing)
         if spacing.shape != (3,) or not np.all(np.isfinite(spacing)) or np.any(spacing == 0):
-            raise _fail(path, f"spacings {shown(spacing.tolist())}", "three numbers other than 0")
+            raise unreadable(path, f"spacings {shown(spacing.tolist())}", "three numbers other than 0")
         spacing = np.abs(spacing)
     return values, triple("spacing", spacing), triple("origin", origin)
 
@@ -139,20 +133,24 @@ def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[N
 def _skip_lines(payload_source: Source, count: int) -> None:
     for _ in range(count):
         if not payload_source.stream.readline(_HEADER_LIMIT):
-            raise _fail(payload_source.path, "fewer lines than the header skips", f"{count} lines before the samples")
+            raise unreadable(
+                payload_source.path, "fewer lines than the header skips", f"{count} lines before the samples"
+            )
 
 
 def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...], start: int) -> NDArray[Any]:
     encoding = _ENCODINGS.get(str(_field(header, "encoding")).lower())
     if encoding is None:
         found = shown(_field(header, "encoding"))
-        raise _fail(source.path, f"encoding {found}", "raw, gzip, bzip2 or ascii", "convert it with: unu save -e gzip")
+        raise unreadable(
+            source.path, f"encoding {found}", "raw, gzip, bzip2 or ascii", "convert it with: unu save -e gzip"
+        )
     dtype = _dtype(source.path, header, encoding)
     count = math.prod(sizes)
     line_skip = _field(header, "line skip", "lineskip") or 0
     byte_skip = _field(header, "byte skip", "byteskip") or 0
     if line_skip < 0 or byte_skip < -1 or (byte_skip == -1 and (encoding != "raw" or source.packed)):
-        raise _fail(source.path, f"line skip {line_skip}, byte skip {byte_skip}", "numbers that are not negative")
+        raise unreadable(source.path, f"line skip {line_skip}, byte skip {byte_skip}", "numbers that are not negative")
     source.seek(start)
     _skip_lines(source, line_skip)
     if byte_skip == -1:
@@ -171,17 +169,14 @@ def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...]
 def _read_text(source: Source, payload: Payload, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
     # A number and its separator take two characters at least; forty are more than any needs.
     if count * 2 - 1 > source.at_most():
-        raise _fail(source.path, f"at most {source.at_most()} characters of samples", f"{count} numbers")
+        raise unreadable(source.path, f"at most {source.at_most()} characters of samples", f"{count} numbers")
     words = payload.text(count * 40).split()
     if len(words) < count:
-        raise _fail(source.path, f"{len(words)} numbers", f"{count} numbers, as the header says")
-    try:
-        # A number that its type does not hold would only be warned of.
-        with warnings.catch_warnings(), np.errstate(over="raise", invalid="raise"):
-            warnings.simplefilter("ignore")
-            return np.array(words[:count]).astype(dtype)
-    except (ValueError, OverflowError, FloatingPointError) as error:
-        raise _fail(source.path, f"text that is no number ({error})", "numbers") from None
+        raise unreadable(source.path, f"{len(words)} numbers", f"{count} numbers, as the header says")
+    # NumPy would only warn of numbers that the type cannot hold.
+    with warnings.catch_warnings(), np.errstate(over="raise", invalid="raise"):
+        warnings.simplefilter("ignore")
+        return np.array(words[:count]).astype(dtype)
 
 
 def read(source: Source) -> Volume:
@@ -189,10 +184,10 @@ def read(source: Source) -> Volume:
     header, length = _header(source)
     for name in ("type", "dimension", "sizes", "encoding"):
         if name not in header:
-            raise _fail(source.path, f"a header without {name}", "an NRRD header")
+            raise unreadable(source.path, f"a header without {name}", "an NRRD header")
     sizes = checked_shape(source.path, header["sizes"], "sizes")
     if header["dimension"] != 3 or len(sizes) != 3:
-        raise _fail(
+        raise unreadable(
             source.path,
             f"{header['dimension']} axes, sizes {' x '.join(map(str, sizes))}",
             "three axes",
@@ -202,7 +197,7 @@ def read(source: Source) -> Volume:
     if data is None:
         flat = _read_samples(source, header, sizes, length)
     elif str(data).upper().startswith("LIST") or "%" in str(data):
-        raise _fail(source.path, f"several data files ({data})", "one", "join them with: unu save")
+        raise unreadable(source.path, f"several data files ({data})", "one", "join them with: unu save")
     else:
         with Source(beside(source.path, str(data))) as samples:
             # An encoding of gzip and a gzipped data file are one and the same packing here, not two.

@@ -1,11 +1,12 @@
-"""NumPy's .npy and .npz. Pickles are refused; headers are judged before memory is taken."""
+"""NumPy's .npy and .npz. Pickles are refused.
+
+NumPy reads the headers; the samples are read here, because numpy.load takes the memory that a header claims before it
+looks at the size of the file.
+"""
 
 from __future__ import annotations
 
-import lzma
 import math
-import struct
-import tokenize
 import warnings
 import zipfile
 from typing import Any, BinaryIO
@@ -14,41 +15,20 @@ import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
-from sheetsplat.errors import Error, complain, option_ref
-from sheetsplat.io.source import _DAMAGED, Payload, Source, checked_shape
-from sheetsplat.io.volume import Volume
+from sheetsplat.errors import complain, option_ref
+from sheetsplat.io.checks import checked_shape
+from sheetsplat.io.records import Volume
+from sheetsplat.io.source import Payload, Source
 
 _Header = tuple[tuple[int, ...], bool, np.dtype[Any]]
 # Of the deflate method; stored entries hold what they hold.
 _RATIO = 1032
-# What zipfile lets through for damaged archives, text of other codes in their names among it.
-DAMAGED_ARCHIVE = (
-    zipfile.BadZipFile,
-    NotImplementedError,
-    RuntimeError,
-    ValueError,
-    OverflowError,
-    struct.error,
-    lzma.LZMAError,
-    *_DAMAGED,
-)
 # Bytes of a text beside arrays.
 _LONGEST_TEXT = 1024
 
 
-def _header(source: Source, stream: BinaryIO) -> _Header:
+def _header(stream: BinaryIO) -> _Header:
     """Return shape, whether the first axis is the fastest, and the type, and leave the stream at the first value."""
-    try:
-        return _judged(stream)
-    except _DAMAGED as error:
-        raise source.damaged(error) from None
-    except (ValueError, SyntaxError, TypeError, KeyError, RecursionError, MemoryError, tokenize.TokenError) as error:
-        raise complain(
-            f"{source.path} cannot be read", f"a damaged .npy header ({error})", "an array of NumPy"
-        ) from None
-
-
-def _judged(stream: BinaryIO) -> _Header:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         version = npy_format.read_magic(stream)
@@ -85,31 +65,26 @@ def _array(source: Source, header: _Header, payload: Payload, file_format: str) 
 
 def read_npy(source: Source) -> Volume:
     """Read the array of a .npy file."""
-    header = _header(source, source.stream)
+    header = _header(source.stream)
     return _array(source, header, source.payload("raw"), "npy")
 
 
-def read_npz(source: Source, name: str | None) -> Volume:
+def read_npz(source: Source, name: str | None = None) -> Volume:
     """Read one array of a .npz file: `name`, else the only one with three axes."""
-    try:
-        with zipfile.ZipFile(source.stream) as archive:
-            entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
-            if name is None:
-                name = _only_volume(source, archive, entries)
-            if name not in entries:
-                raise complain(
-                    f"{source.path} cannot be read", f"no array {name!r}", "one of: " + ", ".join(sorted(entries)), ""
-                )
-            entry = entries[name]
-            with archive.open(entry) as stream:
-                header = _header(source, stream)  # type: ignore[arg-type]
-                bound = min(entry.file_size, entry.compress_size * _RATIO + 64)
-                payload = Payload(source, stream, bound, exact=False)  # type: ignore[arg-type]
-                return _array(source, header, payload, "npz")
-    except Error:
-        raise
-    except DAMAGED_ARCHIVE as error:
-        raise source.damaged(error) from None
+    with zipfile.ZipFile(source.stream) as archive:
+        entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
+        if name is None:
+            name = _only_volume(source, archive, entries)
+        if name not in entries:
+            raise complain(
+                f"{source.path} cannot be read", f"no array {name!r}", "one of: " + ", ".join(sorted(entries)), ""
+            )
+        entry = entries[name]
+        with archive.open(entry) as stream:
+            header = _header(stream)  # type: ignore[arg-type]
+            bound = min(entry.file_size, entry.compress_size * _RATIO + 64)
+            payload = Payload(source, stream, bound, exact=False)  # type: ignore[arg-type]
+            return _array(source, header, payload, "npz")
 
 
 def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
@@ -119,36 +94,31 @@ def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], 
     """
     arrays: dict[str, NDArray[Any]] = {}
     texts: dict[str, str] = {}
-    try:
-        source.seek(0)
-        with zipfile.ZipFile(source.stream) as archive:
-            entries = archive.infolist()
-            if len(entries) > most:
-                raise complain(f"{source.path} cannot be read", f"{len(entries)} entries", f"at most {most}")
-            for entry in entries:
-                with archive.open(entry) as stream:
-                    shape, first_fastest, dtype = _header(source, stream)  # type: ignore[arg-type]
-                    name = entry.filename.removesuffix(".npy")
-                    text = dtype.kind == "U" and shape == () and dtype.itemsize <= _LONGEST_TEXT
-                    if not text and (dtype.hasobject or dtype.kind not in "biuf"):
-                        raise complain(
-                            f"{source.path} cannot be read",
-                            f"an array {name!r} of {'Python objects' if dtype.hasobject else dtype}",
-                            "integers, booleans or real floating-point numbers",
-                        )
-                    bound = min(entry.file_size, entry.compress_size * _RATIO + 64)
-                    payload = Payload(source, stream, bound, exact=False)  # type: ignore[arg-type]
-                    # Arrays without an entry are none to reserve memory for.
-                    sizes = tuple(shape) if 0 in shape else checked_shape(source.path, shape, f"shape of {name}")
-                    values = payload.array(dtype, math.prod(sizes))
-                    if text:
-                        texts[name] = str(values[0])
-                    else:
-                        arrays[name] = values.reshape(sizes, order="F" if first_fastest else "C")
-    except Error:
-        raise
-    except DAMAGED_ARCHIVE as error:
-        raise source.damaged(error) from None
+    source.seek(0)
+    with zipfile.ZipFile(source.stream) as archive:
+        entries = archive.infolist()
+        if len(entries) > most:
+            raise complain(f"{source.path} cannot be read", f"{len(entries)} entries", f"at most {most}")
+        for entry in entries:
+            with archive.open(entry) as stream:
+                shape, first_fastest, dtype = _header(stream)  # type: ignore[arg-type]
+                name = entry.filename.removesuffix(".npy")
+                text = dtype.kind == "U" and shape == () and dtype.itemsize <= _LONGEST_TEXT
+                if not text and (dtype.hasobject or dtype.kind not in "biuf"):
+                    raise complain(
+                        f"{source.path} cannot be read",
+                        f"an array {name!r} of {'Python objects' if dtype.hasobject else dtype}",
+                        "integers, booleans or real floating-point numbers",
+                    )
+                bound = min(entry.file_size, entry.compress_size * _RATIO + 64)
+                payload = Payload(source, stream, bound, exact=False)  # type: ignore[arg-type]
+                # Empty arrays take no memory.
+                sizes = tuple(shape) if 0 in shape else checked_shape(source.path, shape, f"shape of {name}")
+                values = payload.array(dtype, math.prod(sizes))
+                if text:
+                    texts[name] = str(values[0])
+                else:
+                    arrays[name] = values.reshape(sizes, order="F" if first_fastest else "C")
     return arrays, texts
 
 
@@ -157,7 +127,7 @@ def _only_volume(source: Source, archive: zipfile.ZipFile, entries: dict[str, zi
     for name, entry in entries.items():
         if entry.filename.endswith(".npy"):
             with archive.open(entry) as stream:
-                if len(_header(source, stream)[0]) == 3:  # type: ignore[arg-type]
+                if len(_header(stream)[0]) == 3:  # type: ignore[arg-type]
                     found.append(name)
     if len(found) != 1:
         raise complain(

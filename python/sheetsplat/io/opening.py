@@ -1,26 +1,139 @@
-"""Fields of files: regular volumes and scattered data, each with the options that belong to it."""
+"""Files to fields: dispatch to the readers, and the options that belong to each format."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from sheetsplat import _memory
-from sheetsplat.errors import complain, option_refs
+from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
-from sheetsplat.io.scattered import Scattered, field_of, logarithm, read_scattered
-from sheetsplat.io.volume import SCATTERED, Volume, find_format, read_volume
+from sheetsplat.io.checks import unreadable
+from sheetsplat.io.formats import SCATTERED, find_format, format_named, format_of
+from sheetsplat.io.kernels import field_of, logarithm
+from sheetsplat.io.records import Scattered, Volume
+from sheetsplat.io.source import Source
 
-# Options by what they make sense for; what is in none of these is for both.
+# Options by what they apply to; those in neither apply to both.
 REGULAR = ("shape", "dtype", "offset", "name", "spacing", "origin", "lattice", "radius", "prefilter", "nan")
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
 _POINTS = ("grid", "scalar", "particles", "support")
 _ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale")
 _SAMPLES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
 _READING = ("shape", "dtype", "offset", "name")
+
+
+def read_volume(
+    path: str | os.PathLike[str],
+    *,
+    shape: tuple[int, int, int] | None = None,
+    dtype: DTypeLike | None = None,
+    offset: int = 0,
+    name: str | None = None,
+) -> Volume:
+    """Read a volume; the format is found by content, then by suffix, and a gzipped file is unpacked on the way.
+
+    Parameters
+    ----------
+    path
+        .npy, .npz, NRRD (attached or detached data), MetaImage (.mhd, .mha), VTK's .vti or raw samples.
+    shape, dtype
+        For raw samples: (nk, nj, ni), the order of the array, and their type, with its byte order (">i2").
+    offset
+        For raw samples: bytes before the first one.
+    name
+        For .npz: the array to take, where the file has several with three axes. For .vti: the array, one column of one
+        (NAME_x), or the length of a vector; the file's own scalars unless given.
+
+    Raises
+    ------
+    InvalidInput
+        For files that are damaged, whose size is not that of their header, or that hold no real volume with three axes.
+    OutOfMemory
+        Where the samples do not fit.
+    Error
+        Where the file cannot be read.
+    """
+    given: dict[str, Any] = {"shape": shape, "dtype": dtype, "offset": offset or None, "name": name}
+    options = {key: value for key, value in given.items() if value is not None}
+    with Source(Path(path)) as source:
+        found = format_of(source, raw_options="shape" in options or "dtype" in options)
+        if found.scattered:
+            raise complain(
+                f"{path} cannot be read as a volume",
+                f"scattered data ({found.name})",
+                "a regular volume",
+                "open it with sheetsplat.open, which makes ellipsoids of it",
+            )
+        failed = f"{path} cannot be read with these options"
+        if found.name != "raw" and options.keys() & {"shape", "dtype", "offset"}:
+            raise complain(
+                failed,
+                option_refs(("shape", "dtype", "offset")) + f" for a file of format {found.name}",
+                "them only for raw samples; this file says itself what it holds",
+            )
+        if name is not None and "name" not in found.options:
+            raise complain(
+                failed, option_ref("name") + " for a single array", "it only for .npz and .vti", option="name"
+            )
+        volume: Volume = found.read(source, **options)
+        return volume
+
+
+def read_scattered(
+    path: str | os.PathLike[str],
+    *,
+    grid: str | os.PathLike[str] | None = None,
+    scalar: str | None = None,
+    particles: str | None = None,
+    support: float | None = None,
+) -> Scattered:
+    """Read scattered data; the format is found by content, then by suffix, and a gzipped file is unpacked on the way.
+
+    Parameters
+    ----------
+    path
+        A PLOT3D solution, where `grid` is given; VTK's .vtu or .vtp, HDF5 with particles, .ply of 3D Gaussian
+        Splatting, .csv, or .npz with an array centers.
+    grid
+        The PLOT3D grid of the solution.
+    scalar
+        What is shown: a name that the format has; see the readers.
+    particles
+        For HDF5: the group, PartType0 unless given.
+    support
+        For HDF5: radius of the kernels' supports in smoothing lengths; found by the densities unless given.
+
+    Raises
+    ------
+    InvalidInput
+        For files that are damaged or hold something else, and options that do not belong to their format.
+    OutOfMemory
+        Where the numbers do not fit.
+    Error
+        Where a file cannot be read.
+    """
+    found = format_named(find_format(path, raw_options=False, name=None, grid=grid is not None))
+    if not found.scattered:
+        raise unreadable(Path(path), f"a file of format {found.name}", "scattered data: " + ", ".join(SCATTERED))
+    given = {"grid": grid, "scalar": scalar, "particles": particles, "support": support}
+    options = {name: value for name, value in given.items() if value is not None}
+    for name in options.keys() - set(found.options):
+        raise complain(
+            f"{path} cannot be read with these options",
+            option_ref(name) + f" for a file of format {found.name}",
+            "it only for HDF5",
+            option=name,
+        )
+    # Numbers that are not finite are found and named after reading.
+    with Source(Path(path)) as source, np.errstate(all="ignore"):
+        data: Scattered = found.read(source, **options)
+        return data
 
 
 def _refuse(path: str | os.PathLike[str], options: Mapping[str, Any], names: tuple[str, ...], what: str) -> None:
@@ -37,11 +150,9 @@ def _refuse(path: str | os.PathLike[str], options: Mapping[str, Any], names: tup
 
 def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> str:
     """Return a file's format, "plot3d" where a grid is given; InvalidInput for options that do not belong to it."""
-    if options.get("grid") is not None:
-        found = "plot3d"
-    else:
-        raw = any(name in options for name in ("shape", "dtype"))
-        found = find_format(path, raw_options=raw, name=options.get("name"))
+    raw = any(name in options for name in ("shape", "dtype"))
+    grid = options.get("grid") is not None
+    found = find_format(path, raw_options=raw, name=options.get("name"), grid=grid)
     if found in SCATTERED:
         _refuse(path, options, REGULAR, f"scattered data ({found})")
     else:
@@ -82,7 +193,7 @@ def open_scattered(path: str | os.PathLike[str], options: Mapping[str, Any]) -> 
 
 
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
-    """Return the field of a file; `options` are those of `sheetsplat.open` that somebody gave."""
+    """Return the field of a file; `options` are those of `sheetsplat.open` that the caller gave."""
     if kind_of(path, options) in SCATTERED:
         return open_scattered(path, options)[1]
     volume = read_regular(path, options)

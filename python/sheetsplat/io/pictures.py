@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.errors import Error, OutOfMemory, complain
+from sheetsplat.errors import Error, complain
+from sheetsplat.io.source import guarded
 
 if TYPE_CHECKING:
     from sheetsplat.image import Image
@@ -159,21 +160,8 @@ def read_picture(path: Path) -> Floats:
         raise complain(f"{path} cannot be read as a picture", f"the suffix {suffix!r}", "one of: " + ", ".join(readers))
     if not path.is_file():
         raise complain(f"{path} cannot be read", "no such file", "a picture")
-    try:
+    with guarded(path):
         array = readers[suffix](path)
-    except Error:
-        raise
-    except MemoryError:
-        raise complain(
-            f"there is not enough memory to read {path}",
-            "a picture that is too large, or damaged so that it says it is",
-            "one that fits",
-            kind=OutOfMemory,
-        ) from None
-    except Exception as error:
-        # Each of the libraries has errors of its own for damaged files.
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise complain(f"{path} cannot be read as a picture", f"damaged data ({reason})", f"a {suffix} file") from None
     if array.ndim == 3 and array.shape[2] == 3:
         array = np.concatenate([array, np.ones_like(array[..., :1])], axis=2)
     if array.size == 0 or not (array.ndim == 2 or (array.ndim == 3 and array.shape[2] == 4)):

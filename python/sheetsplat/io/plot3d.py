@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import complain, option_ref
-from sheetsplat.io.scattered import Floats, Scattered, finite_points, finite_values, listed, require_rows, unreadable
+from sheetsplat.io.checks import finite_points, finite_values, require_rows, unreadable
+from sheetsplat.io.records import Floats, Scattered
+from sheetsplat.io.scalars import unknown_scalar
 from sheetsplat.io.source import Source
 
 # More blocks or longer sides than these are taken for the wrong byte order.
@@ -285,7 +288,7 @@ SCALARS: dict[str, tuple[str, Callable[[Floats], Floats]]] = {
 }
 
 
-def read(source: Source, grid: Path, scalar: str | None = None) -> Scattered:
+def read(source: Source, grid: str | os.PathLike[str], scalar: str | None = None) -> Scattered:
     """Read a solution and its grid.
 
     Parameters
@@ -305,14 +308,8 @@ def read(source: Source, grid: Path, scalar: str | None = None) -> Scattered:
     """
     name = "density" if scalar is None else scalar
     if name not in SCALARS:
-        raise complain(
-            f"the scalar {name!r} cannot be taken from {source.path}",
-            f"these: {listed(tuple(SCALARS))}",
-            "one of them",
-            "pass " + option_ref("scalar", "..."),
-            option="scalar",
-        )
-    with Source(grid) as other:
+        raise unknown_scalar(source.path, name, tuple(SCALARS))
+    with Source(Path(grid)) as other:
         layout, points, shown = _read_grid(other)
     written, flow, conditions, surplus = _read_solution(source, layout.blocks)
     details = {
@@ -328,7 +325,7 @@ def read(source: Source, grid: Path, scalar: str | None = None) -> Scattered:
     if not shown.all():
         points, flow = points[shown], flow[:, shown]
         details["blanked"] = f"{int((~shown).sum())} points with iblank 0 are left out"
-    finite_points(grid, points)
+    finite_points(Path(grid), points)
     with np.errstate(all="ignore"):
         values = np.ascontiguousarray(SCALARS[name][1](flow))
     why = ""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import bz2
+import contextlib
 import gzip
 import io
-import math
-import operator
 import os
 import stat
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, cast
@@ -19,13 +19,37 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import Error, Words, complain
+from sheetsplat.errors import Error, OutOfMemory, Words, complain
 
 # One byte of deflate stands for at most 1032 (RFC 1951: a match of 258 bytes in two bits); the rest is for short files.
 _DEFLATE = 1032
 _DEFLATE_SLACK = 4096
 _CHUNK = 1 << 22
-_DAMAGED = (OSError, EOFError, zlib.error)
+
+
+@contextlib.contextmanager
+def guarded(path: Path) -> Iterator[None]:
+    """Turn what parsers and libraries raise for damaged files into InvalidInput: the one guard of all readers.
+
+    Errors of this package pass, and so does AssertionError, which is never the file's fault; MemoryError becomes
+    OutOfMemory.
+    """
+    try:
+        yield
+    except (Error, AssertionError):
+        raise
+    except MemoryError as error:
+        raise complain(
+            f"there is not enough memory to read {path}",
+            "contents that are too large, or damaged so that they claim to be",
+            "contents that fit",
+            kind=OutOfMemory,
+        ) from error
+    except Exception as error:
+        reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
+        raise complain(
+            f"{path} cannot be read", f"damaged or cut-off data ({reason[0]})", "a whole file", "fetch it again"
+        ) from error
 
 
 class _ZlibStream(io.RawIOBase):
@@ -69,7 +93,7 @@ def _regular(path: Path) -> BinaryIO:
 
 
 class Source:
-    """A file that is read from its beginning, unpacked on the way where it is gzipped.
+    """A file that is read from its beginning, unpacked on the way where it is gzipped. A context that is `guarded`.
 
     Parameters
     ----------
@@ -81,7 +105,7 @@ class Source:
     Error
         Where it cannot be read.
     InvalidInput
-        Where its packing is damaged (on reading).
+        Where it is damaged (on leaving the context).
     """
 
     def __init__(self, path: Path) -> None:
@@ -92,68 +116,54 @@ class Source:
             self._file.seek(0)
             size = os.fstat(self._file.fileno()).st_size
         except OSError as error:
-            kind = Error if not isinstance(error, FileNotFoundError) else None
-            reason = error.strerror or str(error)
-            if kind is None:
+            if isinstance(error, FileNotFoundError):
                 raise complain(f"{path} cannot be read", "no such file", "", "check the path") from None
-            raise complain(f"{path} cannot be read", reason, kind=Error) from None
+            raise complain(f"{path} cannot be read", error.strerror or str(error), kind=Error) from None
         self.packed = packed
         self._stream: BinaryIO = cast(BinaryIO, gzip.GzipFile(mode="rb", fileobj=self._file)) if packed else self._file
         self._end = size * _DEFLATE + _DEFLATE_SLACK if packed else size
+        self._context = contextlib.ExitStack()
 
     def __enter__(self) -> Source:
         """Return itself."""
+        self._context.enter_context(guarded(self.path))
+        self._context.callback(self._file.close)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file."""
-        self._file.close()
+        """Close the file, and turn what a parser raised into InvalidInput."""
+        self._context.__exit__(kind, error, trace)
 
     @property
     def stream(self) -> BinaryIO:
         """The unpacked bytes, seekable."""
         return self._stream
 
-    def damaged(self, error: Exception) -> Error:
-        """Return the error to raise for bytes that cannot be unpacked or read."""
-        return complain(
-            f"{self.path} cannot be read", f"damaged or cut-off data ({error})", "a whole file", "fetch it again"
-        )
-
     def head(self, count: int) -> bytes:
         """Return the first bytes without moving on."""
-        try:
-            self._stream.seek(0)
-            head = self._stream.read(count)
-            self._stream.seek(0)
-        except _DAMAGED as error:
-            raise self.damaged(error) from None
+        self._stream.seek(0)
+        head = self._stream.read(count)
+        self._stream.seek(0)
         return head
 
     def seek(self, position: int) -> None:
         """Go to a byte, counted from the beginning of the unpacked file."""
-        try:
-            self._stream.seek(position)
-        except _DAMAGED as error:
-            raise self.damaged(error) from None
+        self._stream.seek(position)
 
     def length(self, limit: int) -> int:
         """Return how many unpacked bytes there are, or `limit` where there are more; nothing of them is kept."""
         if not self.packed:
             return min(limit, self._end)
         count = 0
-        try:
-            self._stream.seek(0)
-            while count < limit:
-                piece = self._stream.read(min(_CHUNK, limit - count))
-                if not piece:
-                    break
-                count += len(piece)
-            self._stream.seek(0)
-        except _DAMAGED as error:
-            raise self.damaged(error) from None
+        self._stream.seek(0)
+        while count < limit:
+            piece = self._stream.read(min(_CHUNK, limit - count))
+            if not piece:
+                break
+            count += len(piece)
+        self._stream.seek(0)
         return count
 
     def at_most(self) -> int:
@@ -189,14 +199,11 @@ class Payload:
     def skip(self, count: int) -> None:
         """Leave out unpacked bytes."""
         left = count
-        try:
-            while left > 0:
-                piece = self._stream.read(min(left, _CHUNK))
-                if not piece:
-                    raise self._short(count, count - left, "bytes before the samples")
-                left -= len(piece)
-        except _DAMAGED as error:
-            raise self._source.damaged(error) from None
+        while left > 0:
+            piece = self._stream.read(min(left, _CHUNK))
+            if not piece:
+                raise self._short(count, count - left, "bytes before the samples")
+            left -= len(piece)
         if self._bound is not None:
             self._bound = max(0, self._bound - count)
 
@@ -214,63 +221,23 @@ class Payload:
         if self._bound is not None and needed > self._bound:
             raise self._short(needed, self._bound, "samples", about=not self._exact)
         _memory.require(needed, f"the samples of {self._source.path}")
-        try:
-            values = np.empty(count, dtype)
-        except MemoryError:
-            _memory.require(2**63, f"the samples of {self._source.path}")
-            raise
+        values = np.empty(count, dtype)
         view = memoryview(values.view(np.uint8).data) if count else memoryview(b"")
         filled = 0
-        try:
-            while filled < needed:
-                piece = self._stream.read(min(_CHUNK, needed - filled))
-                if not piece:
-                    raise self._short(needed, filled, "samples")
-                view[filled : filled + len(piece)] = piece
-                filled += len(piece)
-            # At the end of a packed stream its checksum is compared.
-            self._more = bool(self._stream.read(1))
-        except _DAMAGED as error:
-            raise self._source.damaged(error) from None
+        while filled < needed:
+            piece = self._stream.read(min(_CHUNK, needed - filled))
+            if not piece:
+                raise self._short(needed, filled, "samples")
+            view[filled : filled + len(piece)] = piece
+            filled += len(piece)
+        # At the end of a packed stream its checksum is compared.
+        self._more = bool(self._stream.read(1))
         return values
 
     def text(self, limit: int) -> bytes:
         """Return the rest, at most `limit` bytes."""
-        try:
-            return self._stream.read(limit)
-        except _DAMAGED as error:
-            raise self._source.damaged(error) from None
+        return self._stream.read(limit)
 
     def surplus(self) -> bool:
         """Return True where a byte is left after the samples that were read."""
         return self._more
-
-
-def checked_shape(path: Path, sizes: object, what: str) -> tuple[int, ...]:
-    """Return `sizes` as positive ints whose product fits 63 bits, or InvalidInput."""
-    wanted = "positive whole numbers whose product fits 63 bits"
-    try:
-        # Texts are words of a header; anything else that is not whole is refused, not rounded.
-        shape = tuple(
-            int(part) if isinstance(part, str) else operator.index(part)
-            for part in sizes  # type: ignore[attr-defined]
-        )
-    except (TypeError, ValueError, OverflowError):
-        raise complain(f"{path} cannot be read", f"{what} {shown(sizes)}", wanted) from None
-    if any(part < 1 for part in shape) or math.prod(shape) >= 2**59:
-        raise complain(f"{path} cannot be read", f"{what} {shown(shape)}", wanted)
-    return shape
-
-
-def beside(header: Path, name: str) -> Path:
-    """Return the path of a data file that a header names. InvalidInput unless it is in the header's folder."""
-    folder = header.resolve().parent
-    path = (folder / name).resolve() if name and "\0" not in name else folder
-    if Path(name).is_absolute() or path == folder or folder not in path.parents:
-        raise complain(
-            f"{header} cannot be read",
-            f"a data file {name!r}",
-            "the name of a file in the header's own folder",
-            "put both files into one folder and name the data file without a path",
-        )
-    return path

@@ -13,27 +13,18 @@ import struct
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import h5py  # type: ignore[import-untyped, unused-ignore]
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import Error, Unsupported, complain, option_ref
-from sheetsplat.io.scattered import (
-    Floats,
-    Scattered,
-    choose_scalar,
-    column_of,
-    finite_points,
-    finite_values,
-    listed,
-    require_rows,
-    scalar_names,
-    unreadable,
-)
+from sheetsplat.errors import option_ref
+from sheetsplat.io.checks import finite_points, finite_values, listed, require_rows, unreadable
+from sheetsplat.io.records import Floats, Scattered
+from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
 
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _DEFAULT = "PartType0"
 _PLACE = ("Coordinates", "Position", "Positions")
 _SMOOTHING = ("SmoothingLength", "SmoothingLengths", "Hsml")
@@ -49,16 +40,6 @@ _PROBES = 64
 _AGREEMENT = 0.1
 
 _log = logging.getLogger("sheetsplat")
-
-
-def _module() -> Any:
-    try:
-        import h5py  # type: ignore[import-untyped, unused-ignore]
-    except ImportError:
-        raise complain(
-            "HDF5 files cannot be read", "no module h5py", "h5py 3.8 or newer", "pip install h5py", kind=Unsupported
-        ) from None
-    return h5py
 
 
 def _end_of_file(source: Source) -> int:
@@ -91,8 +72,8 @@ def _seekable(source: Source) -> Path | BinaryIO:
 class _Group:
     """One group of particles."""
 
-    def __init__(self, h5py: Any, path: Path, group: Any, name: str) -> None:
-        self._h5py, self._path, self._group, self._name = h5py, path, group, name
+    def __init__(self, path: Path, group: Any, name: str) -> None:
+        self._path, self._group, self._name = path, group, name
         self._datasets: dict[str, Any] = {}
         names = list(group)
         if len(names) > _MOST_DATASETS:
@@ -217,30 +198,21 @@ def read(
     ------
     InvalidInput
         For damaged files, missing groups or datasets, and datasets of other lengths or larger than what is stored.
-    Unsupported
-        Without the module h5py.
     """
-    h5py = _module()
     path = source.path
     name = _DEFAULT if particles is None else particles
     opened = _seekable(source)
-    try:
-        with h5py.File(opened, "r") as file:
-            groups = [one for one in file if isinstance(file.get(one, getclass=True), type) and one != "Header"]
-            link = file.get(name, getlink=True) if name in groups else None
-            if link is None or isinstance(link, h5py.ExternalLink) or not isinstance(file[name], h5py.Group):
-                raise unreadable(
-                    path,
-                    f"no group {shown(name)}, but {listed(groups) or 'nothing'}",
-                    "particles in a group PartType0, or the name of another one",
-                    "pass " + option_ref("particles", "..."),
-                )
-            return _read_group(path, file, _Group(h5py, path, file[name], name), name, scalar, support)
-    except (Error, MemoryError):
-        raise
-    except Exception as error:
-        # The library lets errors of many classes through where a file is damaged.
-        raise source.damaged(error) from None
+    with h5py.File(opened, "r") as file:
+        groups = [one for one in file if isinstance(file.get(one, getclass=True), type) and one != "Header"]
+        link = file.get(name, getlink=True) if name in groups else None
+        if link is None or isinstance(link, h5py.ExternalLink) or not isinstance(file[name], h5py.Group):
+            raise unreadable(
+                path,
+                f"no group {shown(name)}, but {listed(groups) or 'nothing'}",
+                "particles in a group PartType0, or the name of another one",
+                "pass " + option_ref("particles", "..."),
+            )
+        return _read_group(path, file, _Group(path, file[name], name), name, scalar, support)
 
 
 def _read_group(

@@ -8,28 +8,20 @@ import warnings
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
+from sheetsplat._checks import instance
 from sheetsplat.errors import complain
-from sheetsplat.io import numpy_files
-from sheetsplat.io.scattered import (
-    Floats,
-    Scattered,
-    choose_scalar,
-    column_of,
-    finite_points,
-    finite_values,
-    scalar_names,
-    unreadable,
-)
-from sheetsplat.io.source import _DAMAGED, Source
-
-if TYPE_CHECKING:
-    from sheetsplat.fields import EllipsoidField
+from sheetsplat.fields import EllipsoidField
+from sheetsplat.io import numpy_files, pictures
+from sheetsplat.io.checks import finite_points, finite_values, unreadable
+from sheetsplat.io.records import Floats, Scattered
+from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
+from sheetsplat.io.source import Source
 
 _OWN = ("centers", "scales", "radii", "rotations", "weights")
 _NUMBERS = ("w0", "falloff", "cell_volume")
@@ -40,14 +32,9 @@ _LONGEST_HEADER = 1 << 16
 
 def holds_ellipsoids(source: Source) -> bool:
     """Return True for an .npz with an array "centers"."""
-    try:
-        source.seek(0)
-        with zipfile.ZipFile(source.stream) as archive:
-            return "centers.npy" in archive.namelist()
-    except numpy_files.DAMAGED_ARCHIVE:
-        return False
-    finally:
-        source.seek(0)
+    source.seek(0)
+    with zipfile.ZipFile(source.stream) as archive:
+        return "centers.npy" in archive.namelist()
 
 
 def read_npz(source: Source, scalar: str | None = None) -> Scattered:
@@ -134,10 +121,6 @@ def save_npz(field: EllipsoidField, path: str | os.PathLike[str]) -> None:
     Error
         Where the file cannot be written.
     """
-    from sheetsplat._checks import instance
-    from sheetsplat.fields import EllipsoidField
-    from sheetsplat.io import pictures
-
     instance("save_npz: the field", field, EllipsoidField)
     target = Path(path)
     if target.suffix.lower() != ".npz":
@@ -176,11 +159,8 @@ _COLUMNS = {
 
 def _lines(source: Source) -> tuple[list[str], str]:
     """Return the names of the columns and what parts them, and leave the stream at the first row."""
-    try:
-        source.seek(0)
-        first = source.stream.readline(_LONGEST_HEADER)
-    except _DAMAGED as error:
-        raise source.damaged(error) from None
+    source.seek(0)
+    first = source.stream.readline(_LONGEST_HEADER)
     text = first.decode("utf-8-sig", "replace").strip().lstrip("#").strip()
     if len(first) >= _LONGEST_HEADER or not text:
         found = "no line of names" if not text else "a first line without end"
@@ -198,10 +178,7 @@ def _rows(source: Source, part: str, columns: int) -> Floats:
     rest = b""
     row = 0
     while True:
-        try:
-            piece = source.stream.read(_CHUNK)
-        except _DAMAGED as error:
-            raise source.damaged(error) from None
+        piece = source.stream.read(_CHUNK)
         # Numbers, and texts of them while they are parsed.
         _memory.require(8 * len(piece) + 8 * columns * row, f"the rows of {source.path}")
         whole, cut, rest = (rest + piece).rpartition(b"\n") if piece else (rest, b"", b"")

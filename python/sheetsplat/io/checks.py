@@ -1,0 +1,90 @@
+"""Checks that readers share: names, sizes and numbers of files that are not trusted."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sheetsplat import _memory
+from sheetsplat._checks import shown
+from sheetsplat.errors import Error, Words, complain
+from sheetsplat.io.records import Floats
+
+_MOST_NAMES = 60
+
+
+def unreadable(path: Path, found: str, wanted: str, advice: str | Words = "") -> Error:
+    """Return the InvalidInput for a file whose content is not right."""
+    return complain(f"{path} cannot be read", found, wanted, advice)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names for a message, not too many of them."""
+    text = ", ".join(names[:_MOST_NAMES])
+    return text + (f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else "")
+
+
+def require_rows(path: Path, count: int, columns: int = 8) -> None:
+    """Raise OutOfMemory unless `count` rows of that many float64 fit."""
+    _memory.require(count * columns * 8, f"{count} points of {path}")
+
+
+def finite_points(path: Path, points: Floats) -> Floats:
+    """Return the points, or InvalidInput that names the first one that is not finite."""
+    wrong = ~np.isfinite(points).all(axis=1)
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        where = ", ".join(f"{part:g}" for part in points[first])
+        raise unreadable(
+            path, f"{int(wrong.sum())} positions that are not finite, the first at {first}: ({where})", "finite numbers"
+        )
+    return points
+
+
+def finite_values(path: Path, scalar: str, values: Floats, why: str = "", advice: str | Words = "") -> Floats:
+    """Return the values, or InvalidInput that names the first one that is not finite."""
+    wrong = ~np.isfinite(values)
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        found = f"{int(wrong.sum())} of {values.size} values not finite, the first at {first}: {values[first]:g}"
+        raise complain(
+            f"the scalar {scalar!r} of {path} cannot be used",
+            found + (f" ({why})" if why else ""),
+            "finite numbers",
+            advice or "choose another scalar",
+        )
+    return values
+
+
+def checked_shape(path: Path, sizes: object, what: str) -> tuple[int, ...]:
+    """Return `sizes` as positive ints whose product fits 63 bits, or InvalidInput."""
+    wanted = "positive whole numbers whose product fits 63 bits"
+    try:
+        # Texts are words of a header; anything else that is not whole is refused, not rounded.
+        shape = tuple(
+            int(part) if isinstance(part, str) else operator.index(part)
+            for part in sizes  # type: ignore[attr-defined]
+        )
+    except (TypeError, ValueError, OverflowError):
+        raise complain(f"{path} cannot be read", f"{what} {shown(sizes)}", wanted) from None
+    if any(part < 1 for part in shape) or math.prod(shape) >= 2**59:
+        raise complain(f"{path} cannot be read", f"{what} {shown(shape)}", wanted)
+    return shape
+
+
+def beside(header: Path, name: str) -> Path:
+    """Return the path of a data file that a header names. InvalidInput unless it is in the header's folder."""
+    folder = header.resolve().parent
+    path = (folder / name).resolve() if name and "\0" not in name else folder
+    if Path(name).is_absolute() or path == folder or folder not in path.parents:
+        raise complain(
+            f"{header} cannot be read",
+            f"a data file {name!r}",
+            "the name of a file in the header's own folder",
+            "put both files into one folder and name the data file without a path",
+        )
+    return path

@@ -1,0 +1,98 @@
+"""What files hold: regular volumes and scattered data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat._checks import Triple
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Volume:
+    """What a file holds.
+
+    Attributes
+    ----------
+    values
+        Array of shape (nk, nj, ni).
+    spacing, origin
+        World units along x, y, z.
+    format
+        Name of the file format.
+    details
+        What else the header says, as texts.
+    """
+
+    values: NDArray[Any]
+    spacing: Triple = (1.0, 1.0, 1.0)
+    origin: Triple = (0.0, 0.0, 0.0)
+    format: str = ""
+    details: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Scattered:
+    """What a file of scattered data holds. Rows of all arrays belong together; N is their number.
+
+    Attributes
+    ----------
+    points
+        World positions, (N, 3).
+    values
+        The scalar that was chosen, (N,); finite.
+    scalar
+        Its name.
+    scalars
+        Names that could have been chosen.
+    format
+        Name of the file format.
+    cells
+        Of a mesh over the points, where there is one: arrays of point numbers, (M, 4) tetrahedra, (M, 5) pyramids,
+        (M, 6) wedges or (M, 8) hexahedra in the order of VTK.
+    supports
+        Radii of the supports of SPH kernels, (N,), world units.
+    masses, densities
+        Of SPH particles, (N,); their quotient is a particle's volume.
+    deviations
+        Standard deviations of Gaussians along their own axes, (N, 3), world units.
+    scales
+        Semi-axes of supports, (N, 3) or (N,), world units.
+    rotations
+        Quaternions w, x, y, z of kernels, (N, 4).
+    weights
+        Of kernels, (N,).
+    normalization, w0, falloff, cell_volume
+        What the file says, or what suits its format; None: the field's own default.
+    details
+        What else there is to tell, as texts.
+    """
+
+    points: Floats
+    values: Floats
+    scalar: str
+    format: str
+    scalars: tuple[str, ...] = ()
+    cells: tuple[NDArray[np.int64], ...] | None = None
+    supports: Floats | None = None
+    masses: Floats | None = None
+    densities: Floats | None = None
+    deviations: Floats | None = None
+    scales: Floats | None = None
+    rotations: Floats | None = None
+    weights: Floats | None = None
+    normalization: str | None = None
+    w0: float | None = None
+    falloff: float | None = None
+    cell_volume: float | None = None
+    details: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def has_kernels(self) -> bool:
+        """True where the file itself says how large its kernels are."""
+        return any(part is not None for part in (self.supports, self.deviations, self.scales))

@@ -1,0 +1,81 @@
+"""Which scalar of a file is shown: one of its arrays, one column of an array, or the length of its rows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat.errors import Error, complain, option_ref
+from sheetsplat.io.checks import listed, unreadable
+from sheetsplat.io.records import Floats
+
+_PART = re.compile(r"(.+)_([xyz]|\d{1,3})")
+# Columns of one array that have names: what a header says about their number is not trusted.
+_MOST_COLUMNS = 1000
+
+
+def unknown_scalar(path: Path, wanted: str, known: Sequence[str]) -> Error:
+    """Return the InvalidInput for a scalar that a file does not have."""
+    return complain(
+        f"the scalar {wanted!r} cannot be taken from {path}",
+        f"these: {listed(known)}",
+        "one of them",
+        "pass " + option_ref("scalar", "..."),
+        option="scalar",
+    )
+
+
+def choose_scalar(
+    path: Path, wanted: str | None, preferred: Sequence[str], widths: Mapping[str, int]
+) -> tuple[str, str, int | None]:
+    """Return the name of a scalar, the array that it is made of, and the column; None: the length of its rows.
+
+    Parameters
+    ----------
+    path
+        For messages.
+    wanted
+        What the user asks for: an array, or one column of one, NAME_x, NAME_y, NAME_z or NAME_0, NAME_1 …
+    preferred
+        Arrays to take in this order where nobody asks; after them the first with one column, then the first.
+    widths
+        Columns of every array.
+    """
+    if not widths:
+        raise unreadable(path, "no array of numbers that belongs to the points", "one, to be shown")
+    if wanted is None:
+        single = [name for name, width in widths.items() if width == 1]
+        wanted = next((name for name in (*preferred, *single, *widths) if name in widths), "")
+    if wanted in widths:
+        return wanted, wanted, 0 if widths[wanted] == 1 else None
+    match = _PART.fullmatch(wanted)
+    if match is not None and widths.get(match[1], 1) > 1:
+        column = "xyz".index(match[2]) if match[2] in "xyz" else int(match[2])
+        if column < widths[match[1]]:
+            return wanted, match[1], column
+    raise unknown_scalar(path, wanted, scalar_names(widths))
+
+
+def scalar_names(widths: Mapping[str, int]) -> tuple[str, ...]:
+    """Return every name that `choose_scalar` takes; an array of several columns stands for the length of its rows."""
+    names: list[str] = []
+    for name, width in widths.items():
+        names.append(name)
+        if 1 < width <= 3:
+            names += [f"{name}_{axis}" for axis in "xyz"[:width]]
+        elif width > 3:
+            names += [f"{name}_{column}" for column in range(min(width, _MOST_COLUMNS))]
+    return tuple(names)
+
+
+def column_of(rows: NDArray[Any], column: int | None) -> Floats:
+    """Return one column of rows as float64, or their lengths where the column is None."""
+    if column is None:
+        return np.asarray(np.sqrt(np.square(rows, dtype=np.float64).sum(axis=1)))
+    picked = rows if rows.ndim == 1 else rows[:, column]
+    return picked.astype(np.float64)

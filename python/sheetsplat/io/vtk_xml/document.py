@@ -1,0 +1,207 @@
+"""The XML of VTK's files: what each DataArray, Piece and the file itself declare.
+
+The XML may declare neither entities nor a document type; the number of elements and the text kept are bounded.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+import numpy as np
+
+from sheetsplat import _memory
+from sheetsplat._checks import shown
+from sheetsplat.io.checks import unreadable
+from sheetsplat.io.source import Source
+
+KINDS = {"UnstructuredGrid": "vtu", "PolyData": "vtp", "ImageData": "vti"}
+_CHUNK = 1 << 20
+_APPENDED = b"<AppendedData"
+_MOST_ELEMENTS = 100_000
+# Elements around a DataArray: VTKFile, the kind, Piece, and PointData or the like.
+_ARRAY_DEPTH = 4
+
+
+@dataclass
+class DataArray:
+    """A DataArray: what its element says, and its text where that is where the numbers are."""
+
+    name: str
+    type: str
+    components: int
+    format: str
+    offset: int
+    tuples: int | None
+    text: list[bytes] = field(default_factory=list)
+    length: int = 0
+
+
+@dataclass
+class Piece:
+    """A Piece: its attributes, and its arrays by the element that they stand in."""
+
+    attributes: dict[str, str]
+    arrays: dict[str, list[DataArray]] = field(default_factory=dict)
+    chosen: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class Document:
+    """A file: its kind, how its numbers are written, and its pieces; `start` is the first byte of appended data."""
+
+    kind: str
+    order: str
+    header: np.dtype[Any]
+    compressor: str
+    attributes: dict[str, str]
+    pieces: list[Piece]
+    appended: str = ""
+    start: int = 0
+
+
+class _Parser:
+    """Turns the XML before the appended data into a document."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._parser = expat.ParserCreate()
+        self._parser.buffer_text = True
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._text
+        self._parser.StartDoctypeDeclHandler = self._refuse
+        self._parser.EntityDeclHandler = self._refuse
+        self._stack: list[str] = []
+        self._elements = 0
+        self._array: DataArray | None = None
+        self._taken = 0
+        self.document: Document | None = None
+
+    def feed(self, data: bytes, last: bool = False) -> None:
+        """Parse more of the file."""
+        self._parser.Parse(data, last)
+
+    def _refuse(self, *_: Any) -> None:
+        raise unreadable(self._path, "a document type or an entity of its own", "the plain XML of VTK's files")
+
+    def _start(self, name: str, attributes: dict[str, str]) -> None:
+        self._elements += 1
+        if self._elements > _MOST_ELEMENTS:
+            raise unreadable(self._path, f"more than {_MOST_ELEMENTS} elements", "fewer")
+        depth = len(self._stack)
+        if depth == 0:
+            self._root(name, attributes)
+        document = self.document
+        assert document is not None
+        if depth == 1 and name == document.kind:
+            document.attributes = dict(attributes)
+        elif depth == 2 and name == "Piece" and self._stack[1] == document.kind:
+            document.pieces.append(Piece(dict(attributes)))
+        elif depth == 3 and self._stack[2] == "Piece" and document.pieces:
+            document.pieces[-1].arrays.setdefault(name, [])
+            for role in ("Scalars", "Vectors"):
+                if role in attributes:
+                    document.pieces[-1].chosen.setdefault(f"{name} {role}", attributes[role])
+        elif depth == _ARRAY_DEPTH and name == "DataArray" and document.pieces and self._stack[2] == "Piece":
+            self._array = self._new_array(attributes)
+            document.pieces[-1].arrays[self._stack[3]].append(self._array)
+        self._stack.append(name)
+
+    def _root(self, name: str, attributes: dict[str, str]) -> None:
+        kind = attributes.get("type", "")
+        if name != "VTKFile" or kind not in KINDS:
+            found = f"<{shown(name)[1:-1]}>" if name != "VTKFile" else f"a VTK file of type {shown(kind)}"
+            then = "save it as one file of one of these types"
+            raise unreadable(self._path, found, "a VTK file of type " + ", ".join(KINDS), then)
+        orders = {"LittleEndian": "<", "BigEndian": ">"}
+        order = attributes.get("byte_order", "LittleEndian")
+        widths = {"UInt32": "u4", "UInt64": "u8"}
+        width = attributes.get("header_type", "UInt32")
+        if order not in orders or width not in widths:
+            raise unreadable(
+                self._path,
+                f"byte_order {shown(order)}, header_type {shown(width)}",
+                "LittleEndian or BigEndian, UInt32 or UInt64",
+            )
+        self.document = Document(
+            kind, orders[order], np.dtype(orders[order] + widths[width]), attributes.get("compressor", ""), {}, []
+        )
+
+    def _new_array(self, attributes: dict[str, str]) -> DataArray:
+        def whole(name: str, default: int) -> int:
+            text = attributes.get(name, "")
+            if not text:
+                return default
+            if not (text.isascii() and text.isdigit() and len(text) < 19):
+                raise unreadable(self._path, f"{name} = {shown(text)} of a DataArray", "a number that is not negative")
+            return int(text)
+
+        kind = attributes.get("format", "ascii")
+        if kind not in ("ascii", "binary", "appended"):
+            raise unreadable(self._path, f"format {shown(kind)} of a DataArray", "ascii, binary or appended")
+        name = attributes.get("Name", "")
+        components = max(1, whole("NumberOfComponents", 1))
+        tuples = whole("NumberOfTuples", 0) if "NumberOfTuples" in attributes else None
+        return DataArray(name, attributes.get("type", ""), components, kind, whole("offset", 0), tuples)
+
+    def _end(self, _: str) -> None:
+        self._stack.pop()
+        if len(self._stack) == _ARRAY_DEPTH:
+            self._array = None
+
+    def _text(self, text: str) -> None:
+        # VTK writes information keys with texts of their own into arrays.
+        if self._array is None or self._array.format == "appended" or len(self._stack) > _ARRAY_DEPTH + 1:
+            return
+        data = text.encode("ascii", "replace")
+        self._array.text.append(data)
+        self._array.length += len(data)
+        self._taken += len(data)
+        if self._taken > 16 * _CHUNK:
+            # The texts are kept until their arrays are made.
+            _memory.require(4 * self._array.length, f"the text of {self._path}")
+            self._taken = 0
+
+
+def parse_document(source: Source) -> Document:
+    """Return the document, up to the first byte of the appended data, of which nothing is read."""
+    parser = _Parser(source.path)
+    before = b""
+    fed = 0
+    source.seek(0)
+    while True:
+        piece = source.stream.read(_CHUNK)
+        window = before + piece
+        at = window.find(_APPENDED)
+        if at >= 0:
+            window += source.stream.read(4096)
+            parser.feed(window[:at])
+            document = _checked(source, parser.document)
+            return _with_appended(source, document, window[at:], fed + at)
+        if not piece:
+            parser.feed(window, last=True)
+            return _checked(source, parser.document)
+        keep = min(len(window), len(_APPENDED) - 1)
+        before = window[len(window) - keep :]
+        parser.feed(window[: len(window) - keep])
+        fed += len(window) - keep
+
+
+def _checked(source: Source, document: Document | None) -> Document:
+    if document is None or not document.pieces:
+        raise unreadable(source.path, "no Piece", "a VTK file with a Piece of data")
+    return document
+
+
+def _with_appended(source: Source, document: Document, text: bytes, start: int) -> Document:
+    close = text.find(b">")
+    mark = text.find(b"_", close + 1)
+    element = text[:close]
+    encoding = "base64" if b'"base64"' in element or b"'base64'" in element else "raw"
+    if close < 0 or mark < 0 or text[close + 1 : mark].strip():
+        raise unreadable(source.path, "appended data without their first character _", "AppendedData of VTK")
+    document.appended, document.start = encoding, start + mark + 1
+    return document

@@ -88,3 +88,28 @@ def gl_renderer() -> Iterator[ss.Renderer]:
 def cpu_renderer() -> Iterator[ss.Renderer]:
     """Return a renderer by the processor's vector instructions."""
     yield ss.Renderer("cpu")
+
+
+def random_rotations(rng, count):
+    """Return rotation matrices, of determinant 1."""
+    matrices = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
+    return matrices * np.linalg.det(matrices)[:, np.newaxis, np.newaxis]
+
+
+@pytest.fixture
+def soup(rng):
+    """Return centres, semi-axes, rotation matrices, values and weights of 40 ellipsoids."""
+    n = 40
+    return (
+        rng.normal(size=(n, 3)),
+        rng.uniform(0.1, 1.5, (n, 3)),
+        random_rotations(rng, n),
+        rng.normal(size=n),
+        rng.uniform(0.2, 2.0, n),
+    )
+
+
+@pytest.fixture
+def block():
+    """Return the positions of 9 x 9 x 9 samples, 1 apart."""
+    return np.mgrid[0:9, 0:9, 0:9].reshape(3, -1).T.astype(float)

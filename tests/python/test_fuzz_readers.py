@@ -26,8 +26,8 @@ import h5py
 import numpy as np
 import OpenEXR
 import pytest
+import scattered_files as scattered
 import test_io
-import test_io_scattered as scattered
 from hypothesis import HealthCheck, Phase, given, note, settings
 from hypothesis import strategies as st
 from PIL import Image as PillowImage

@@ -1,4 +1,4 @@
-"""Solids filled with kernels, bent by a lattice of control points: stand-ins for the subdivision volumes of [NM06]."""
+"""Solids filled with kernels and deformed by control points, in place of the subdivision volumes of [NM06]."""
 
 from __future__ import annotations
 
@@ -184,12 +184,7 @@ def monster(kernels: int = 91_000, *, deformed: bool = True) -> SolidDataset:
 
     Needs ``mesh_spot.obj`` in the folder that ``SHEETSPLAT_DATA`` names.
 
-    Parameters
-    ----------
-    kernels
-        About how many.
-    deformed
-        Whether a lattice of control points bends it; spheres become ellipsoids by that.
+    Parameters as for `chess_piece`.
     """
     return _made(
         "monster",
@@ -208,12 +203,7 @@ def toy_car(kernels: int = 173_000, *, deformed: bool = True) -> SolidDataset:
 
     Needs ``mesh_toy_cannon.obj`` in the folder that ``SHEETSPLAT_DATA`` names.
 
-    Parameters
-    ----------
-    kernels
-        About how many.
-    deformed
-        Whether a lattice of control points bends it; spheres become ellipsoids by that.
+    Parameters as for `chess_piece`.
     """
     return _made(
         "toy_car",
@@ -230,12 +220,7 @@ def toy_car(kernels: int = 173_000, *, deformed: bool = True) -> SolidDataset:
 def toy_train(kernels: int = 199_000, *, deformed: bool = True) -> SolidDataset:
     """Return a toy train of boxes, cylinders and cones filled with kernels, on a bend.
 
-    Parameters
-    ----------
-    kernels
-        About how many.
-    deformed
-        Whether a lattice of control points bends it; spheres become ellipsoids by that.
+    Parameters as for `chess_piece`.
     """
     return _made(
         "toy_train",

@@ -11,6 +11,7 @@
 #include "convert.hpp"
 #include "ellipsoid_arrays.hpp"
 #include "ellipsoid_points.hpp"
+#include "ghost_points.hpp"
 #include "registrars.hpp"
 #include "sheetsplat/field.hpp"
 

@@ -1,0 +1,17 @@
+"""Fields: sets of kernels whose weighted sums are the scalar that is shown. Conventions, section 2 (Fields)."""
+
+from sheetsplat.fields.base import Field, Normalization, as_fields, joined_bounds
+from sheetsplat.fields.ellipsoid import EllipsoidField
+from sheetsplat.fields.regular import Lattice, NanPolicy, RegularField, as_samples
+
+__all__ = [
+    "EllipsoidField",
+    "Field",
+    "Lattice",
+    "NanPolicy",
+    "Normalization",
+    "RegularField",
+    "as_fields",
+    "as_samples",
+    "joined_bounds",
+]

@@ -1,0 +1,415 @@
+"""Scattered Gaussians: kernels of any place, size and direction."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sheetsplat import _memory, _sheetsplat
+from sheetsplat._checks import choice, number, numbers, optional_number
+from sheetsplat.errors import Words, complain, option_ref, unusable
+from sheetsplat.fields.axes import axes_of_covariances, axes_of_frames
+from sheetsplat.fields.base import Field, Normalization
+
+_FEWER = "use fewer kernels at a time"
+
+
+def _rows(what: str, array: object, wanted: str, *shapes: tuple[int, ...]) -> NDArray[Any]:
+    """Return an array of N rows, each of one of these shapes; InvalidInput otherwise. N = 0 has any shape."""
+    found = numbers(f"EllipsoidField: {what}", array, wanted)
+    if found.ndim == 1 and found.size == 0 and () not in shapes:
+        return found.reshape(0, *shapes[0])
+    if found.ndim == 0 or found.shape[1:] not in shapes:
+        then: str | Words = ""
+        if what == "rotations" and found.ndim == 1:
+            then = "pass the values by name, " + option_ref("values", "...")
+        raise complain(unusable(f"EllipsoidField: {what}"), f"an array of shape {found.shape}", wanted, then)
+    return found
+
+
+def _no_rows(what: str) -> Exception:
+    return complain(
+        unusable(f"EllipsoidField: {what}"), "None", "one number for each kernel", "pass " + option_ref(what, "...")
+    )
+
+
+def _same_length(count: int, **arrays: NDArray[Any] | None) -> None:
+    for name, array in arrays.items():
+        if array is not None and len(array) != count:
+            raise complain(
+                "EllipsoidField: the arrays do not fit together",
+                f"{count} centers and {len(array)} {name}",
+                "as many of each",
+                "give one entry for each kernel",
+            )
+
+
+class KernelOptions(TypedDict, total=False):
+    """Keyword arguments of `EllipsoidField` that its constructors share."""
+
+    weights: ArrayLike | None
+    normalization: Normalization
+    w0: float
+    falloff: float
+    min_scale: float | None
+    cell_volume: float | None
+
+
+class EllipsoidField(Field):
+    """Scattered Gaussians of any place, size and direction ([NM06]). Immutable.
+
+    Kernel i is the ellipsoid around ``centers[i]`` whose semi-axes are ``scales[i]`` long and turned by
+    ``rotations[i]``; within it lies the profile (exp(−k r²) − exp(−k)) / (1 − exp(−k)), r the distance from the centre
+    in semi-axes, times ``weights[i]``, and times ``values[i]`` where values are summed. Conventions, section 2
+    (Fields).
+
+    All arrays are copied, anything that NumPy can read, and kept as float64: 40 bytes a kernel for spheres, 56 for
+    ellipsoids, 32 more where they are turned, 8 more with weights. A field may have no kernels at all; its picture is
+    empty. Two kernels may be at the same place.
+
+    Parameters
+    ----------
+    centers
+        (N, 3), world units.
+    scales
+        Semi-axes of the supports in world units, (N, 3) along each kernel's own axes, or (N,) for spheres. For a
+        Gaussian with the standard deviation σ that is sqrt(2 k) σ, 4 σ at the falloff 8.
+    rotations
+        (N, 4) unit quaternions w, x, y, z, or (N, 3, 3) matrices whose columns are the kernel's own axes in the world;
+        none is turned unless given. Quaternions within 1e-3 of unit length are normalised, and matrices within 1e-3 of
+        orthogonal ones brought to the nearest rotation. A reflection spans the ellipsoid of the rotation that is its
+        negative, and becomes that one. Spheres keep no rotations.
+    values
+        (N,), the scalars.
+    weights
+        (N,), at least 0 and not all 0; 1 unless given.
+    normalization
+        How sums become the scalar: "threshold" (D / max(w0, W), [NM06] eq. 20), "none" (D), or "lattice" (D/C) for
+        kernels of equal volume.
+    w0
+        Threshold of "threshold", > 0. Where less weight than this adds up, the scalar falls to 0.
+    falloff
+        k of the profile, > 0.
+    min_scale
+        World units; shorter semi-axes, 0 too, are raised to it.
+    cell_volume
+        For "lattice": the volume that one kernel stands for.
+
+    Raises
+    ------
+    InvalidInput
+        With the index of the first offending kernel: for numbers that are not finite, semi-axes that are not positive,
+        rotations that are none, negative weights. For arrays of other shapes or unequal length, and for options without
+        meaning.
+    OutOfMemory
+        Where the copies do not fit.
+    """
+
+    __slots__ = ("_cell_volume", "_ghosts", "_min_scale")
+    native: _sheetsplat.EllipsoidField
+
+    def __init__(
+        self,
+        centers: ArrayLike,
+        scales: ArrayLike,
+        rotations: ArrayLike | None = None,
+        values: ArrayLike | None = None,
+        *,
+        weights: ArrayLike | None = None,
+        normalization: Normalization = "threshold",
+        w0: float = 1.0,
+        falloff: float = 8.0,
+        min_scale: float | None = None,
+        cell_volume: float | None = None,
+    ) -> None:
+        self._normalization = choice("EllipsoidField: normalization", normalization, ("none", "lattice", "threshold"))
+        self._w0 = number("EllipsoidField: w0", w0)
+        self._falloff = number("EllipsoidField: falloff", falloff)
+        self._min_scale = optional_number("EllipsoidField: min_scale", min_scale)
+        self._cell_volume = optional_number("EllipsoidField: cell_volume", cell_volume)
+        self._ghosts = 0
+        if values is None:
+            raise _no_rows("values")
+        places = _rows("centers", centers, "(N, 3) world positions", (3,))
+        count = len(places)
+        if isinstance(scales, int | float) and not isinstance(scales, bool):
+            # One radius for all.
+            scales = np.full(len(places), float(scales))
+        sizes = _rows("scales", scales, "(N, 3) or (N,) semi-axes", (3,), ())
+        turns = None
+        if rotations is not None:
+            wanted = "(N, 4) quaternions w, x, y, z or (N, 3, 3) matrices"
+            turns = _rows("rotations", rotations, wanted, (4,), (3, 3))
+        heights = _rows("values", values, "(N,) numbers", ())
+        masses = None if weights is None else _rows("weights", weights, "(N,) numbers", ())
+        _same_length(count, scales=sizes, rotations=turns, values=heights, weights=masses)
+        # What is kept, and the smallest semi-axes for their median.
+        doubles = 5 + (3 if sizes.ndim == 2 else 1) + (4 if turns is not None else 0) + (1 if masses is not None else 0)
+        _memory.require(8 * doubles * count, f"a field of {count} ellipsoids", _FEWER)
+        self.native = _sheetsplat.EllipsoidField(
+            places,
+            sizes,
+            turns,
+            heights,
+            weights=masses,
+            normalization=self._normalization,
+            w0=self._w0,
+            falloff=self._falloff,
+            min_scale=self._min_scale,
+            cell_volume=self._cell_volume,
+        )
+
+    @classmethod
+    def from_covariances(
+        cls,
+        centers: ArrayLike,
+        covariances: ArrayLike,
+        values: ArrayLike,
+        **options: Unpack[KernelOptions],
+    ) -> EllipsoidField:
+        """Return a field of the Gaussians exp(−xᵀ C⁻¹ x / 2).
+
+        Each C is factored once, in float64, into axes and standard deviations; the semi-axes of the supports are
+        sqrt(2 k) standard deviations, 4 at the falloff 8, so that exp(−k r²) is exactly that Gaussian, cut off and
+        lowered where it is exp(−k). Axes thinner than some 1e-7 of a kernel's longest one are lost in a covariance;
+        frames, or scales and rotations, keep them.
+
+        Parameters
+        ----------
+        centers
+            (N, 3), world units.
+        covariances
+            (N, 3, 3), symmetric to within 1e-5 of their largest entry, and positive definite. What is flat, with a
+            variance that is 0 within rounding, needs `min_scale`.
+        values
+            (N,), the scalars.
+        weights, normalization, w0, falloff, cell_volume
+            As for `EllipsoidField`.
+        min_scale
+            As for `EllipsoidField`: of semi-axes, not of standard deviations.
+
+        Raises
+        ------
+        InvalidInput
+            With the index, for covariances that are not symmetric or not positive definite; as for `EllipsoidField`.
+        OutOfMemory
+            Where the copies do not fit.
+        """
+        k = number("EllipsoidField: falloff", options.get("falloff", 8.0))
+        given = _rows("covariances", covariances, "(N, 3, 3) covariances", (3, 3))
+        deviations, rotations = axes_of_covariances(given, flat=options.get("min_scale") is not None)
+        scales = deviations * math.sqrt(2.0 * max(k, 0.0))
+        return cls(centers, scales, rotations, values, **options)
+
+    @classmethod
+    def from_frames(
+        cls,
+        centers: ArrayLike,
+        frames: ArrayLike,
+        values: ArrayLike,
+        **options: Unpack[KernelOptions],
+    ) -> EllipsoidField:
+        """Return a field of ellipsoids whose semi-axes are given as vectors.
+
+        Parameters
+        ----------
+        centers
+            (N, 3), world units.
+        frames
+            (N, 3, 3); the columns of each matrix are the three semi-axes of the support, world units, at right angles
+            to each other (cosines of at most 1e-3; the nearest right angles are taken). The sign of a column does not
+            matter. A column of length 0 needs `min_scale`.
+        values
+            (N,), the scalars.
+        weights, normalization, w0, falloff, min_scale, cell_volume
+            As for `EllipsoidField`.
+
+        Raises
+        ------
+        InvalidInput
+            With the index, for semi-axes that are not at right angles; as for `EllipsoidField`.
+        OutOfMemory
+            Where the copies do not fit.
+        """
+        given = _rows("frames", frames, "(N, 3, 3) frames", (3, 3))
+        scales, rotations = axes_of_frames(given, flat=options.get("min_scale") is not None)
+        return cls(centers, scales, rotations, values, **options)
+
+    @property
+    def centers(self) -> NDArray[np.float64]:
+        """Centres, (N, 3), world units; read-only, no copy."""
+        return self.native.centers
+
+    @property
+    def scales(self) -> NDArray[np.float64]:
+        """Semi-axes of the supports, world units: (N,) for spheres, else (N, 3); read-only, no copy."""
+        return self.native.scales
+
+    @property
+    def rotations(self) -> NDArray[np.float64] | None:
+        """Unit quaternions w, x, y, z, (N, 4), or None where no kernel is turned; a read-only copy."""
+        return self.native.rotations
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The scalars, (N,); read-only, no copy."""
+        return self.native.values
+
+    @property
+    def weights(self) -> NDArray[np.float64] | None:
+        """The weights, (N,), or None where each is 1; read-only, no copy."""
+        return self.native.weights
+
+    @property
+    def min_scale(self) -> float | None:
+        """What shorter semi-axes were raised to, world units, or None."""
+        return self._min_scale
+
+    @property
+    def cell_volume(self) -> float | None:
+        """For normalisation "lattice": the volume that one kernel stands for, or None."""
+        return self._cell_volume
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether the kernels were given as spheres."""
+        return self.native.isotropic
+
+    @property
+    def scale_range(self) -> tuple[float, float]:
+        """Smallest and largest semi-axis, world units; 0, 0 without kernels."""
+        low, high = self.native.scale_range
+        return low, high
+
+    @property
+    def weight_range(self) -> tuple[float, float]:
+        """Smallest and largest weight; 1, 1 without kernels."""
+        low, high = self.native.weight_range
+        return low, high
+
+    @property
+    def ghosts(self) -> int:
+        """Number of ghost points, the last ones of the kernels."""
+        return self._ghosts
+
+    def at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the field's scalar at points (M, 3) in the world, shape (M,); 0 where no kernel reaches.
+
+        Raises
+        ------
+        InvalidInput
+            For anything but M times three finite numbers.
+        """
+        sums = self._sums_at(points)
+        divisor: Any = 1.0
+        if self._normalization == "lattice":
+            divisor = self.native.lattice_constant
+        elif self._normalization == "threshold":
+            divisor = np.maximum(self._w0, sums[:, 1])
+        found: NDArray[np.float64] = sums[:, 0] / divisor
+        return found
+
+    def weight_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the sum W of weights at points (M, 3) in the world, shape (M,): where it is small the data are thin.
+
+        Raises
+        ------
+        InvalidInput
+            For anything but M times three finite numbers.
+        """
+        found: NDArray[np.float64] = self._sums_at(points)[:, 1]
+        return found
+
+    def _sums_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        places = _rows("points", points, "(M, 3) world positions", (3,))
+        # The points and the tree that finds them.
+        _memory.require(96 * len(places), f"{len(places)} points", "ask for fewer points at a time")
+        if not np.isfinite(places).all():
+            n = int(np.flatnonzero(~np.isfinite(places).all(axis=1))[0])
+            raise complain("EllipsoidField: a point cannot be used", f"{places[n]}, point {n}", "three finite numbers")
+        return self.native.sums_at(places)
+
+    def with_ghost_points(self, *, distance: float = 1.0, weight: float = 1.0) -> EllipsoidField:
+        """Return the field with ghost points around it: kernels of value 0 that end the data softly ([NM06] §4.1).
+
+        At the border of scattered data the weights thin out, and D / W, which stays as high as the outermost values,
+        ends abruptly. (With the threshold w0 = 1 it falls as soon as W does, and ghost points change little; they are
+        for small w0.) Ghost points carry the weights on, so that the scalar falls to 0 within one support.
+
+        Around each kernel 14 places are tried, along its semi-axes and the diagonals between them. A place becomes a
+        ghost of that kernel's own shape, however flat or turned that is, unless a support reaches the place, or the
+        ghost would reach the centre of a kernel: so the scalar at every centre stays what it was, and there are no
+        ghosts in the inside of well covered data. Of places closer together than half of a kernel's smallest semi-axis
+        one is kept; there are never more than 14 ghosts a kernel. Kernels of weight 0 have none.
+
+        The ghosts are ordinary kernels, the last `ghosts` of the new field, and count for its bounds and for its
+        default slice distance. Without normalisation "threshold" they do not change the scalar, only where the field
+        is empty.
+
+        Parameters
+        ----------
+        distance
+            From a kernel's centre to its ghost's, in the kernel's semi-axes: 1, where the support ends, to 2, where
+            the two supports just touch.
+        weight
+            Of each ghost, > 0. Take the mean weight of the data where that is far from 1.
+
+        Raises
+        ------
+        InvalidInput
+            For a distance or a weight without meaning, and for a field that has ghost points.
+        OutOfMemory
+            Where the ghosts do not fit.
+        """
+        away = number("EllipsoidField: distance of ghost points", distance)
+        mass = number("EllipsoidField: weight of ghost points", weight)
+        if not 1.0 <= away <= 2.0:
+            raise complain("EllipsoidField: the distance of ghost points cannot be used", f"{away:g}", "from 1 to 2")
+        if not 0.0 < mass <= 1e300:
+            raise complain(
+                "EllipsoidField: the weight of ghost points cannot be used", f"{mass:g}", "a finite number above 0"
+            )
+        if self._ghosts:
+            raise complain(
+                "EllipsoidField: ghost points cannot be added",
+                f"a field with {self._ghosts} of them",
+                "a field without",
+                "call with_ghost_points on the field of the data alone",
+            )
+        # The tree of the centres.
+        _memory.require(96 * self.size, f"the ghost points of {self.size} kernels", _FEWER)
+        owners, places = self.native.ghost_points(away, (_memory.available() - 96 * self.size) // 256)
+        count = len(owners)
+        kept = 8 * sum(array[:1].size for array in (self.centers, self.scales, self.values)) + 48
+        _memory.require(2 * kept * (self.size + count), f"a field with {count} ghost points", _FEWER)
+        rotations, weights = self.rotations, self.weights
+        if weights is None and mass != 1.0:
+            weights = np.ones(self.size)
+        field = EllipsoidField(
+            np.concatenate((self.centers, places)),
+            np.concatenate((self.scales, self.scales[owners])),
+            None if rotations is None else np.concatenate((rotations, rotations[owners])),
+            np.concatenate((self.values, np.zeros(count))),
+            weights=None if weights is None else np.concatenate((weights, np.full(count, mass))),
+            normalization=self._normalization,  # type: ignore[arg-type]
+            w0=self._w0,
+            falloff=self._falloff,
+            cell_volume=self._cell_volume,
+        )
+        field._min_scale = self._min_scale
+        field._ghosts = count
+        return field
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        low, high = self.value_range
+        thin, long = self.scale_range
+        kinds = "spheres" if self.isotropic else "ellipsoids"
+        ghosts = f", {self._ghosts} of them ghost points" if self._ghosts else ""
+        return (
+            f"EllipsoidField({self.size} {kinds}{ghosts}, semi-axes {thin:g} to {long:g}, values {low:g} to {high:g}, "
+            f"normalization {self._normalization!r})"
+        )

@@ -1,0 +1,310 @@
+"""Regular volumes: kernels at the samples of a Cartesian or a body-centred cubic lattice."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sheetsplat import _memory, _sheetsplat
+from sheetsplat._checks import Triple, Vector, choice, number, triple, truth
+from sheetsplat._prefilter import Coefficients, require_kernel, solve
+from sheetsplat.errors import complain, option_ref
+from sheetsplat.fields.base import Field, Normalization
+
+Lattice = Literal["cartesian", "bcc"]
+NanPolicy = Literal["error", "skip"]
+
+_KEPT = ("uint8", "int16", "uint16", "float32", "float64")
+_FAILED = "RegularField: the samples cannot be used"
+
+
+def _narrow_integers(values: NDArray[Any]) -> np.dtype[Any]:
+    """Return the smallest kept type that holds all of these integers exactly."""
+    if values.size == 0:
+        return np.dtype(np.float64)
+    low, high = int(values.min()), int(values.max())
+    for name in ("uint8", "int16", "uint16"):
+        info = np.iinfo(name)
+        if info.min <= low and high <= info.max:
+            return np.dtype(name)
+    largest = max(-low, high)
+    if largest <= 2**24:
+        return np.dtype(np.float32)
+    if largest <= 2**53:
+        return np.dtype(np.float64)
+    raise complain(
+        _FAILED,
+        f"integers up to {largest}",
+        f"at most {2**53}, what float64 holds exactly",
+        "scale the values, or convert them with values.astype(float) where the loss does not matter",
+    )
+
+
+def _kept_type(values: NDArray[Any]) -> np.dtype[Any]:
+    """Return the type in which the samples are kept; no value changes by it."""
+    native = values.dtype.newbyteorder("=")
+    if native.name in _KEPT:
+        return native
+    if native.kind == "b":
+        return np.dtype(np.uint8)
+    if native.kind in "iu":
+        return _narrow_integers(values)
+    if native == np.float16:
+        return np.dtype(np.float32)
+    if native.kind == "f":
+        with np.errstate(over="ignore"):
+            shorter = values.astype(np.float64)
+        if not np.array_equal(shorter, values, equal_nan=True):
+            raise complain(
+                _FAILED, f"{native.name} values that float64 cannot hold", "at most float64", "use values.astype(float)"
+            )
+        return np.dtype(np.float64)
+    raise complain(_FAILED, f"values of type {native}", "integers, booleans or real floating-point numbers")
+
+
+def as_samples(values: ArrayLike) -> NDArray[Any]:
+    """Return `values` as a contiguous array [k, j, i] of a type that fields keep, without loss.
+
+    Masked entries become NaN. Raises InvalidInput for other types and for anything but three axes, OutOfMemory where a
+    copy would not fit.
+    """
+    if isinstance(values, np.ma.MaskedArray):
+        if np.ma.is_masked(values):
+            wide = np.float32 if values.dtype.itemsize <= 2 else np.float64
+            array: NDArray[Any] = np.ma.filled(values.astype(wide), np.nan)
+        else:
+            array = values.data
+    else:
+        try:
+            array = np.asarray(values)
+        except (ValueError, TypeError) as error:
+            raise complain(
+                _FAILED, f"{type(values).__name__}: {error}", "an array of numbers with three axes"
+            ) from None
+    if array.ndim != 3:
+        raise complain(
+            _FAILED,
+            f"{array.ndim} axes, shape {array.shape}",
+            "three axes, values[k, j, i]",
+            "choose one channel or one time step" if array.ndim > 3 else "reshape it to (nk, nj, ni)",
+        )
+    if array.dtype.kind not in "biuf":
+        raise complain(_FAILED, f"values of type {array.dtype}", "integers, booleans or real floating-point numbers")
+    # The copy that the field keeps, and one more where the type, the byte order or the layout changes on the way.
+    _memory.require(array.size * array.dtype.itemsize, f"a copy of the samples, {' x '.join(map(str, array.shape))}")
+    return np.require(array, dtype=_kept_type(array), requirements=("C", "A"))
+
+
+class RegularField(Field):
+    """A Cartesian or body-centred cubic volume. Immutable.
+
+    Sample (i, j, k) of ``values[k, j, i]`` is a kernel at ``origin + (i dx, j dy, k dz)`` (Cartesian) or at
+    ``origin + ((i + (k mod 2)/2) a, (j + (k mod 2)/2) a, k a/2)`` (BCC). Conventions, section 2 (Fields).
+
+    Parameters
+    ----------
+    values
+        Array of shape (nk, nj, ni), anything that NumPy can read. uint8, int16, uint16, float32 and float64 are kept as
+        they are; other real types are converted to one of these without loss; masked entries count as NaN.
+    spacing
+        World units between samples along x, y, z; for ``lattice="bcc"`` its first entry is the edge a.
+    origin
+        World position of sample (0, 0, 0).
+    lattice
+        "cartesian" or "bcc".
+    radius
+        Radius of a kernel's support in sample distances (BCC: of a/√2); unequal spacing: per axis.
+    falloff
+        k of the kernel (exp(−k r²) − exp(−k)) / (1 − exp(−k)).
+    normalization
+        How sums become the scalar: "none" (D), "lattice" (D/C) or "threshold" (D / max(w0, W)).
+    w0
+        Threshold of "threshold", > 0.
+    prefilter
+        Give the kernels coefficients in place of the samples, so that their sum passes through every sample;
+        `normalization` becomes "none" then. Beyond the volume there are no kernels, as always. Costs a copy of the
+        samples in float32 or float64, and while it is found about 60 bytes a sample. The kernel must be narrow enough
+        to tell samples apart: (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are, and the middle one is the best.
+    nan
+        What a NaN sample is: "error", or "skip" for "no sample there".
+
+    Raises
+    ------
+    InvalidInput
+        For empty arrays, other than three axes, other than real numbers, NaN (unless skipped), infinities, and for
+        spacing, radius, falloff or w0 that are not positive; with `prefilter` for normalisation "threshold", for any
+        NaN, and for kernels whose sums lose the samples.
+    OutOfMemory
+        Where the copy of the samples does not fit, or what `prefilter` needs.
+    """
+
+    __slots__ = ("_condition", "_lattice", "_nan", "_origin", "_radius", "_residual", "_samples", "_spacing")
+    native: _sheetsplat.RegularField
+    _condition: float | None
+    _residual: float | None
+    _samples: NDArray[Any] | None
+
+    def __init__(
+        self,
+        values: ArrayLike,
+        *,
+        spacing: Vector = (1.0, 1.0, 1.0),
+        origin: Vector = (0.0, 0.0, 0.0),
+        lattice: Lattice = "cartesian",
+        radius: float = 2.0,
+        falloff: float = 5.0,
+        normalization: Normalization = "lattice",
+        w0: float = 1.0,
+        prefilter: bool = False,
+        nan: NanPolicy = "error",
+    ) -> None:
+        self._spacing = triple("RegularField: spacing", spacing)
+        self._origin = triple("RegularField: origin", origin)
+        self._lattice = choice("RegularField: lattice", lattice, ("cartesian", "bcc"))
+        self._radius = number("RegularField: radius", radius)
+        self._falloff = number("RegularField: falloff", falloff)
+        self._normalization = choice("RegularField: normalization", normalization, ("none", "lattice", "threshold"))
+        self._w0 = number("RegularField: w0", w0)
+        self._nan = choice("RegularField: nan", nan, ("error", "skip"))
+        samples = as_samples(values)
+        self._residual = self._condition = self._samples = None
+        if truth("RegularField: prefilter", prefilter):
+            found = self._prefiltered(samples)
+            self._normalization = "none"
+            self._residual, self._condition = found.residual, found.condition
+            # Whoever gave the array may write to it.
+            self._samples = samples.copy()
+            self._samples.flags.writeable = False
+            samples = found.values
+        self.native = _sheetsplat.RegularField(
+            samples,
+            spacing=self._spacing,
+            origin=self._origin,
+            lattice=self._lattice,
+            radius=self._radius,
+            falloff=self._falloff,
+            normalization=self._normalization,
+            w0=self._w0,
+            nan=self._nan,
+        )
+
+    def _prefiltered(self, samples: NDArray[Any]) -> Coefficients:
+        """Return coefficients that interpolate; InvalidInput where something else is asked for at the same time."""
+        failed = "RegularField: " + option_ref("prefilter", "true") + " cannot be used"
+        if self._normalization == "threshold":
+            raise complain(
+                failed,
+                option_ref("normalization", "threshold") + ", a mean that passes through no sample",
+                option_ref("normalization", "none") + ", which " + option_ref("prefilter", "true") + " sets",
+                "leave out one or the other",
+            )
+        kind, spacing, origin = samples.dtype, self._spacing, self._origin
+        # Kernel, place and emptiness are judged as ever, before anything is solved.
+        _sheetsplat.RegularField(
+            np.zeros((1, 1, 1) if samples.size else samples.shape, kind),
+            spacing=spacing,
+            origin=origin,
+            lattice=self._lattice,
+            radius=self._radius,
+            falloff=self._falloff,
+            normalization="none",
+            w0=self._w0,
+            nan=self._nan,
+        )
+        require_kernel(self._radius, self._falloff, self._lattice)
+        if kind.kind == "f":
+            for k, layer in enumerate(samples):
+                bad = ~np.isfinite(layer)
+                if bad.any():
+                    j, i = np.argwhere(bad)[0]
+                    skips = self._nan == "skip" and np.isnan(layer[j, i])
+                    raise complain(
+                        failed,
+                        f"{layer[j, i]} at sample ({i}, {j}, {k})"
+                        + (", which " + option_ref("nan", "skip") + " leaves out" if skips else ""),
+                        "finite numbers, since each coefficient depends on the samples all around it",
+                        "fill such samples before, or leave out " + option_ref("prefilter"),
+                    )
+        # The samples, the coefficients, and the field's own copy of them.
+        kept = samples.itemsize + 2 * max(samples.itemsize, 4)
+        _memory.require(samples.size * kept, f"the coefficients of {' x '.join(map(str, samples.shape))} samples")
+        return solve(samples, self._radius, self._falloff, self._lattice)
+
+    @property
+    def values(self) -> NDArray[Any]:
+        """The samples, shape (nk, nj, ni), in the type in which they are kept; read-only, no copy."""
+        return self.native.values if self._samples is None else self._samples
+
+    @property
+    def value_range(self) -> tuple[float, float]:
+        """Smallest and largest sample, which coefficients may exceed; 0, 0 without samples."""
+        if self._samples is None:
+            return super().value_range
+        return float(self._samples.min()), float(self._samples.max())
+
+    @property
+    def memory(self) -> int:
+        """Bytes that the field keeps."""
+        return super().memory + (0 if self._samples is None else self._samples.nbytes)
+
+    @property
+    def prefilter(self) -> bool:
+        """Whether the kernels' sum passes through the samples."""
+        return self._samples is not None
+
+    @property
+    def coefficients(self) -> NDArray[Any]:
+        """What the kernels are multiplied by, [k, j, i]: the samples unless prefiltered; read-only, no copy."""
+        return self.native.values
+
+    @property
+    def prefilter_residual(self) -> float | None:
+        """Largest distance of the sum from a sample, over the largest sample; None unless prefiltered."""
+        return self._residual
+
+    @property
+    def prefilter_condition(self) -> float | None:
+        """How many times errors may grow from samples to coefficients, at the most; None unless prefiltered."""
+        return self._condition
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Samples along k, j, i."""
+        nk, nj, ni = self.values.shape
+        return nk, nj, ni
+
+    @property
+    def spacing(self) -> Triple:
+        """World units between samples along x, y, z (BCC: the first is the edge a)."""
+        return self._spacing
+
+    @property
+    def origin(self) -> Triple:
+        """World position of sample (0, 0, 0)."""
+        return self._origin
+
+    @property
+    def lattice(self) -> str:
+        """Either "cartesian" or "bcc"."""
+        return self._lattice
+
+    @property
+    def radius(self) -> float:
+        """Radius of a kernel's support, in sample distances."""
+        return self._radius
+
+    @property
+    def nan(self) -> str:
+        """What a NaN sample is: "error" or "skip"."""
+        return self._nan
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        nk, nj, ni = self.shape
+        low, high = self.value_range
+        return (
+            f"RegularField({ni} x {nj} x {nk} {self.values.dtype.name}, {self._lattice}, "
+            f"spacing {self._spacing}, values {low:g} to {high:g}{', prefiltered' if self.prefilter else ''})"
+        )

@@ -174,7 +174,12 @@ class Image:
 
         if not isinstance(path, str | os.PathLike) or "\0" in os.fsdecode(path):
             raise complain("the picture cannot be saved", shown(path), "a path that ends with .png, .exr or .npy")
-        pictures.save(self, Path(os.fsdecode(path)))
+        target = Path(os.fsdecode(path))
+        if pictures.check_suffix(target) == ".png":
+            # The native writer makes the file whole or not at all by itself.
+            self.native.save_png(str(target))
+        else:
+            pictures.save_array(np.asarray(self), target)
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         """Return `rgba` or `scalar`, by the mode of the scene."""

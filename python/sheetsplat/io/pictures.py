@@ -7,16 +7,13 @@ import os
 import secrets
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import Error, complain
 from sheetsplat.io.source import guarded
-
-if TYPE_CHECKING:
-    from sheetsplat.image import Image
 
 Floats = NDArray[np.float32]
 _WRITTEN = (".png", ".exr", ".npy")
@@ -100,15 +97,6 @@ def save_array(array: Floats, path: Path) -> None:
             )
         except RuntimeError as error:
             raise complain(f"{path} cannot be written", str(error), kind=Error) from None
-
-
-def save(image: Image, path: Path) -> None:
-    """Write an image by the suffix of `path`: .png, .exr or .npy."""
-    if check_suffix(path) == ".png":
-        # The native writer makes the file whole or not at all by itself.
-        image.native.save_png(str(path))
-        return
-    save_array(np.asarray(image), path)
 
 
 def save_channel(channel: Floats, path: Path) -> None:

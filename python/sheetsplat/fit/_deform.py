@@ -13,7 +13,7 @@ from sheetsplat._checks import shown, triple
 from sheetsplat.errors import complain, option_ref, unusable
 
 from ._kernels import Floats, Kernels, quaternions, require_kernels
-from ._points import count_of, numbers
+from ._points import count_of, numbers, shown_place
 
 _WHAT = "fit.free_form_deformation"
 _MOST = 64
@@ -134,11 +134,9 @@ def free_form_deformation(
     unit = (kernels.centers - lower) / (upper - lower)
     outside = ((unit < -1e-12) | (unit > 1.0 + 1e-12)).any(axis=1)
     if outside.any():
-        first_out = int(np.argmax(outside))
-        place = ", ".join(f"{part:g}" for part in kernels.centers[first_out])
         raise complain(
             f"{_WHAT}: the box cannot be used",
-            f"{int(outside.sum())} centres outside it, the first at ({place})",
+            f"{int(outside.sum())} centres outside it, the first at {shown_place(kernels.centers[np.argmax(outside)])}",
             "a box around all centres",
             "leave out " + option_ref("box") + " for theirs",
         )
@@ -160,11 +158,10 @@ def free_form_deformation(
     size = np.linalg.det(jacobian)
     folded = ~(size > 0.0)
     if folded.any():
-        first_fold = int(np.argmax(folded))
-        place = ", ".join(f"{part:g}" for part in kernels.centers[first_fold])
         raise complain(
             unusable(f"{_WHAT}: control_points"),
-            f"a map that folds space over at {int(folded.sum())} centres, the first at ({place})",
+            f"a map that folds space over at {int(folded.sum())} centres, the first at "
+            + shown_place(kernels.centers[np.argmax(folded)]),
             "a map that keeps the orientation",
             "move control points by less than their distance",
         )

@@ -16,7 +16,7 @@ from sheetsplat.errors import complain, option_ref, unusable
 
 from ._cells import Neighbourhoods, cell_blocks, grid_cells
 from ._kernels import Floats, Kernels, Numbers, profile, quaternions, spans
-from ._points import Merged, merge, numbers, places, positive, require_volume, scalars
+from ._points import Merged, merge, numbers, places, positive, require_volume, scalars, shown_place
 
 _log = logging.getLogger("sheetsplat")
 _WHAT = "fit.delaunay"
@@ -415,7 +415,7 @@ def _fit(
         raise complain(
             f"{_WHAT}: the mesh cannot be used",
             f"{int(alone.sum())} points all of whose neighbours are at their own place, the first at "
-            f"({', '.join(f'{part:g}' for part in first)})",
+            + shown_place(first),
             "cells that have a volume",
             "leave out " + option_ref("cells") + " for the Delaunay neighbours",
         )

@@ -35,6 +35,24 @@ def numbers(what: str, given: ArrayLike, name: str) -> NDArray[Any]:
     return array
 
 
+def shown_place(place: Floats) -> str:
+    """Return a position for a message."""
+    return f"({', '.join(f'{part:g}' for part in place)})"
+
+
+def refuse_entries(what: str, name: str, entries: Floats, wrong: NDArray[np.bool_], wanted: str) -> None:
+    """Raise InvalidInput that names the first wrong entry of positions, (N, 3), or numbers, (N,), if there is one."""
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        found = shown_place(entries[first]) if entries.ndim == 2 else f"{entries[first]:g}"
+        raise complain(
+            unusable(f"{what}: {name}"),
+            f"{found}, entry {first} (and {int(wrong.sum()) - 1} more like it)",
+            wanted,
+            "remove these entries or correct them",
+        )
+
+
 def places(what: str, given: ArrayLike, name: str = "points") -> Floats:
     """Return positions, (N, 3) float64, or InvalidInput that names the first one that cannot be used."""
     array = numbers(what, given, name)
@@ -42,16 +60,8 @@ def places(what: str, given: ArrayLike, name: str = "points") -> Floats:
         raise complain(unusable(f"{what}: {name}"), f"an array of shape {array.shape}", "an array of shape (N, 3)")
     _memory.require(24 * len(array), f"{len(array)} {name}")
     result = np.ascontiguousarray(array, dtype=np.float64)
-    wrong = ~(np.abs(result) <= _FARTHEST).all(axis=1)
-    if wrong.any():
-        first = int(np.argmax(wrong))
-        raise complain(
-            unusable(f"{what}: {name}"),
-            f"({', '.join(f'{part:g}' for part in result[first])}), entry {first} "
-            f"(and {int(wrong.sum()) - 1} more like it)",
-            f"finite numbers of at most {_FARTHEST:g}",
-            "remove these entries or correct them",
-        )
+    wrong = np.asarray(~(np.abs(result) <= _FARTHEST).all(axis=1))
+    refuse_entries(what, name, result, wrong, f"finite numbers of at most {_FARTHEST:g}")
     return result
 
 
@@ -63,15 +73,7 @@ def scalars(what: str, given: ArrayLike, name: str, count: int) -> Floats:
             f"{what}: the arrays do not fit together", f"{count} points and {len(array)} {name}", "as many of each"
         )
     result = np.ascontiguousarray(array, dtype=np.float64)
-    wrong = ~np.isfinite(result)
-    if wrong.any():
-        first = int(np.argmax(wrong))
-        raise complain(
-            unusable(f"{what}: {name}"),
-            f"{result[first]:g}, entry {first} (and {int(wrong.sum()) - 1} more that are not finite)",
-            "finite numbers",
-            "remove these points or correct them",
-        )
+    refuse_entries(what, name, result, ~np.isfinite(result), "finite numbers")
     return result
 
 

@@ -14,7 +14,7 @@ from sheetsplat._checks import choice
 from sheetsplat.errors import complain, unusable
 
 from ._kernels import Floats, Kernels, profile
-from ._points import places, positive, scalars
+from ._points import places, positive, refuse_entries, scalars
 
 _WHAT = "fit.sph"
 
@@ -181,7 +181,8 @@ def sph(
     if not count:
         raise complain(f"{_WHAT}: the points cannot be used", "no particle", "at least one")
     data = scalars(_WHAT, values, "values", count)
-    lengths = _above(scalars(_WHAT, smoothing_lengths, "smoothing_lengths", count), "smoothing_lengths")
+    lengths = scalars(_WHAT, smoothing_lengths, "smoothing_lengths", count)
+    refuse_entries(_WHAT, "smoothing_lengths", lengths, ~(lengths > 0.0), "numbers above 0")
     reach = chosen.support if support is None else positive(_WHAT, "support", support)
     # h as the table means it.
     scaled = lengths * (reach / chosen.support)
@@ -196,12 +197,11 @@ def sph(
         )
     if masses is not None and densities is not None:
         mass = scalars(_WHAT, masses, "masses", count)
-        if (mass < 0.0).any():
-            first = int(np.argmax(mass < 0.0))
-            raise complain(unusable(f"{_WHAT}: masses"), f"{mass[first]:g}, entry {first}", "at least 0")
+        refuse_entries(_WHAT, "masses", mass, mass < 0.0, "numbers of at least 0")
         if not mass.any():
             raise complain(unusable(f"{_WHAT}: masses"), "masses that are all 0", "at least one above 0")
-        density = _above(scalars(_WHAT, densities, "densities", count), "densities")
+        density = scalars(_WHAT, densities, "densities", count)
+        refuse_entries(_WHAT, "densities", density, ~(density > 0.0), "numbers above 0")
         with np.errstate(all="ignore"):
             weights = chosen.amplitude * mass / density / scaled**3
         wrong = ~np.isfinite(weights)
@@ -222,16 +222,3 @@ def sph(
         falloff=chosen.falloff,
         report={"points": count, "kernel": chosen.name},
     )
-
-
-def _above(given: Floats, name: str) -> Floats:
-    wrong = ~(given > 0.0)
-    if wrong.any():
-        first = int(np.argmax(wrong))
-        raise complain(
-            unusable(f"{_WHAT}: {name}"),
-            f"{given[first]:g}, entry {first} (and {int(wrong.sum()) - 1} more like it)",
-            "numbers above 0",
-            "remove these particles or correct them",
-        )
-    return given

@@ -1,4 +1,4 @@
-"""How much memory may still be taken, so that sizes from files are judged before anything is allocated."""
+"""Available memory, by which sizes from files are checked before anything is allocated."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _process_available() -> int | None:
 
 
 def available() -> int:
-    """Return the bytes that this process may still take, by the machine and by the limits set on it."""
+    """Return the bytes that this process may still allocate, by the machine and the limits set on it."""
     known = [limit for limit in (_proc_available(), _group_available(), _process_available()) if limit is not None]
     return min(known, default=2**62)
 

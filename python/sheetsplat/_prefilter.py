@@ -3,7 +3,7 @@
 A lattice of samples f_n at x_n gets the coefficients c_n with sum_m c_m g(x_n - x_m) = f_n at every sample; beyond the
 box there is no kernel. The matrix of g(x_n - x_m) is a block of the infinite lattice's convolution, so its eigenvalues
 lie between the smallest and the largest value of that convolution's spectrum (Cauchy's interlacing theorem): where the
-spectrum is above 0 the coefficients exist, are the only ones, and lose no more digits than the spectrum's ratio says.
+spectrum is above 0 the coefficients exist, are unique, and lose no more digits than the ratio of the spectrum's ends.
 
 They are found by conjugate gradients. A product with the matrix is a convolution by Fourier transform with zeros around
 the volume; the preconditioner divides by the spectrum in the same way, which is exact but for a thin layer at the
@@ -28,24 +28,24 @@ from sheetsplat.errors import Error, complain, option_ref
 
 Floats = NDArray[np.float64]
 
-#: Kernels whose spectrum is wider than this are refused: sums in float32 would lose too many digits.
+#: Kernels of a larger condition number are refused: sums in float32 would lose too many digits.
 WORST_CONDITION = 2e3
-#: Largest distance of the kept coefficients' sum from a sample that is let through, of the largest sample.
+#: Largest accepted distance of the sums from a sample, relative to the largest sample.
 WORST_RESIDUAL = 1e-6
-# What is aimed at, of the largest sample, before the coefficients are rounded to the type in which they are kept.
+# Residual to reach, relative to the largest sample, before the coefficients are rounded to their type.
 _WANTED = {4: 2e-8, 8: 1e-12}
-# Radius of a support in sample distances: tables of a wider one would be large, and it is of no use.
+# Largest radius of a support in sample distances; wider kernels need large tables and are of no use.
 _WIDEST = 16.0
-# Of one solution in float32: what it leaves of the residual, and how many steps it may take.
+# One solution in float32: the reduction of the residual, and the most steps.
 _REDUCTION = 1e-4
 _STEPS = 200
 _ROUNDS = 8
-# Frequencies along an axis at which the spectrum is looked at, from 0 to the lattice's highest.
+# Frequencies along an axis at which the spectrum is evaluated, from 0 to the lattice's highest.
 _FREQUENCIES = 65
-# Bytes that are taken at the most while the coefficients are found, for each sample of the volume with its border: the
-# coefficients in float64 with a transform of theirs, or with what float32 steps need.
+# Most bytes for each sample of the volume with its border: the coefficients in float64, and their transform or the
+# arrays of the float32 steps.
 _BYTES = 60
-# What fields take, so that their sums stay finite.
+# The limit of fields, so that their sums stay finite.
 _LARGEST_SAMPLE = 1e300
 
 _FAILED = "RegularField: the samples cannot be prefiltered"
@@ -158,7 +158,7 @@ class _Convolution:
         self._workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
 
     def __call__(self, values: NDArray[Any], *, inverse: bool = False) -> NDArray[Any]:
-        """Return the sums at the samples, or what about gives these sums; in the type of `values`."""
+        """Return the sums at the samples, or approximate coefficients of these sums; in the type of `values`."""
         if not self._bcc:
             spectrum = self._forward(values)
             for k, depth in enumerate(self._depth):
@@ -212,7 +212,7 @@ def _dot(first: NDArray[Any], second: NDArray[Any]) -> float:
 
 
 def _descend(matrix: _Convolution, residual: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
-    """Return about the solution for a right-hand side, which is overwritten, and the steps taken."""
+    """Return an approximate solution for a right-hand side, which is overwritten, and the steps taken."""
     found = np.zeros_like(residual)
     enough = _REDUCTION**2 * _dot(residual, residual)
     nearer = matrix(residual, inverse=True)
@@ -326,7 +326,7 @@ def solve(samples: NDArray[Any], radius: float, falloff: float, lattice: str) ->
     matrix = _Convolution((nk, nj, ni), radius, falloff, lattice)
     found = _solve_as(np.float32, samples, largest, matrix, worst) if narrow else None
     if found is None or not found.residual <= WORST_RESIDUAL:
-        # In float32 only where the samples are rough and the kernel is nearly as bad as the worst one.
+        # Reached in float32 only for rough samples and kernels close to the worst condition number.
         found = _solve_as(np.float64, samples, largest, matrix, worst)
     _log.info("prefilter: %d steps, largest residual %.1e of the largest sample", found.steps, found.residual)
     if not found.residual <= WORST_RESIDUAL:

@@ -6,9 +6,8 @@ lattice of distance ``h`` there (Theussl, Moeller & Groeller 2001): a^3 / 2 = sq
 256^3 becomes 181 x 181 x 362 (x, y, z), as in Neophytou & Mueller 2005, table 1.
 
 Every layer of a BCC lattice is a square grid, so resampling is three products with small matrices, layer by layer.
-Before that, waves which the new lattice cannot hold are taken out in the cosine spectrum: its share of frequency space
-(a rhombic dodecahedron) cuts the corners off the old one's (a cube), and what is left there would come back as false,
-coarser waves.
+Before that, frequencies that the new lattice cannot represent are removed from the cosine spectrum: its pass band, a
+rhombic dodecahedron, cuts the corners off that of the old lattice, a cube; frequencies left there would alias.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ from sheetsplat.fields import RegularField
 
 Vector = tuple[float, float, float]
 
-#: How samples between the given ones are found; `resample_to_bcc` takes the first unless told otherwise.
+#: Interpolation methods; the first is the default of `resample_to_bcc`.
 METHODS = ("quintic", "cubic", "fourier", "linear", "nearest")
 _DEGREES = {"quintic": 5, "cubic": 3, "linear": 1, "nearest": 0}
-# Half the width of the edge of the pass band, as a share of it. Narrower rings, wider blurs.
+# Half the width of the edge of the pass band, relative to the band. Narrower edges ring, wider ones blur.
 _ROLL_OFF = 0.12
-# Values made at once, in bytes of float32.
+# Values computed at once, in bytes of float32.
 _CHUNK_BYTES = 16 << 20
 
 
@@ -199,7 +198,7 @@ def resample_to_bcc(
         ``"quintic"`` or ``"cubic"``: interpolating B-splines of that degree. ``"fourier"``: all waves of the volume,
         exact for what it can hold, but a sharp edge rings far. ``"linear"``; ``"nearest"`` (a means of comparison).
     band_limit
-        Take out what the new lattice cannot hold; not for ``"linear"`` and ``"nearest"``.
+        Remove the frequencies that the new lattice cannot represent; not for ``"linear"`` and ``"nearest"``.
     dtype
         Type of the result; that of `values` unless given. Whole numbers are rounded and kept within the type's range.
 
@@ -336,7 +335,7 @@ def _coefficients(
 
 
 def _pass_band(z: float, y: NDArray[np.float64], x: NDArray[np.float64], a: float) -> NDArray[np.float32]:
-    """1 inside the rhombic dodecahedron of waves that a BCC lattice holds, 0 outside, a smooth step at its faces.
+    """Return 1 inside the rhombic dodecahedron of a BCC lattice's frequencies, 0 outside, a smooth step at its faces.
 
     Its faces are |x| + |y| = 2 pi / a and likewise for the other pairs. All waves are at least 0.
     """

@@ -1,8 +1,8 @@
-"""How much a sum of kernels on a lattice ripples where the data do not: the weave that shows in lit close-ups.
+"""The ripple of sums of kernels on a lattice: how far they vary where the data are constant; visible in lit close-ups.
 
-A lattice of equal samples sums up to nearly the same everywhere, but not quite: between samples a little more or less
-than at them. The cures are wider kernels, division by the sum of weights (normalisation "threshold"), and coefficients
-that interpolate (`RegularField(..., prefilter=True)`); each leaves something else behind. Conventions, section 2.
+The sum over a lattice of equal samples is nearly constant, but differs slightly between the samples. Wider kernels,
+division by the sum of weights (normalisation "threshold") and interpolating coefficients
+(`RegularField(..., prefilter=True)`) reduce the ripple, each with another remainder. Conventions, section 2.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from sheetsplat.fields import Lattice, Normalization
 
 Floats = NDArray[np.float64]
 
-# Places along an edge of the part of a cell that symmetry leaves, both ends included.
+# Places along an edge of the irreducible part of a cell, both ends included.
 _PLACES = 21
-# Radius in sample distances; wider kernels hardly ripple, and have very many neighbours.
+# Largest radius in sample distances; wider kernels have negligible ripple and very many neighbours.
 _WIDEST = 8.0
 
 
 @dataclass(frozen=True)
 class Ripple:
-    """What is left of flat data and of a ramp.
+    """Deviations for constant data and for a ramp.
 
     Attributes
     ----------
     peak, rms
         Largest and root mean square difference from 1 where all samples are 1.
     slope
-        Root mean square length of the gradient there, per sample distance: what lights see as a weave.
+        Root mean square length of the gradient there, per sample distance: visible as a weave under lights.
     ramp
         Root mean square difference from 1 of the slope, along x, where samples rise by 1 a sample distance along x
-        from 0 in the cell that is looked at.
+        from 0 in the cell at the origin.
     """
 
     peak: float
@@ -79,7 +79,7 @@ def lattice_ripple(
     Raises
     ------
     InvalidInput
-        For parameters without meaning, kernels that leave holes between samples, and those that cannot be prefiltered.
+        For invalid parameters, kernels that leave holes between samples, and those that cannot be prefiltered.
     """
     what = "lattice_ripple"
     choice(f"{what}: lattice", lattice, ("cartesian", "bcc"))

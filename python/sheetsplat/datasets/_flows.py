@@ -14,7 +14,7 @@ from ._dataset import Dataset
 from ._spectral import Flow, Real, wave_numbers
 from .random_stream import Stream
 
-# Raised whenever a flow below is computed differently, so that results kept from before are not taken for it.
+# To be raised whenever a flow below is computed differently; cached results of other versions are not used.
 _VERSION = 1
 
 

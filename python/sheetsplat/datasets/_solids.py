@@ -163,9 +163,9 @@ def chess_piece(kernels: int = 84_000, *, deformed: bool = True) -> SolidDataset
     Parameters
     ----------
     kernels
-        About how many.
+        Approximate number.
     deformed
-        Whether a lattice of control points bends it; spheres become ellipsoids by that.
+        Whether it is deformed by control points, by which spheres become ellipsoids.
     """
     return _made(
         "chess_piece",

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 # Matrices that are factored in one go; 1 MB of each array.
 _BLOCK = 1 << 14
-# Relative to the largest entry: what rounding to float32 leaves is far below it, what is no covariance far above.
+# Relative to the largest entry: far above the rounding of float32, far below that of matrices which are no covariance.
 _SYMMETRY = 1e-5
 _POSITIVE = 1e-6
 _ORTHOGONAL = 1e-3
@@ -54,7 +54,7 @@ def _of_covariances(covariances: Floats, start: int, *, flat: bool) -> tuple[Flo
             "for semi-axes as columns use EllipsoidField.from_frames",
         )
     variances, axes = np.linalg.eigh(0.5 * (covariances + turned))
-    # What rounding makes of a 0 is no variance; what is farther below 0 never was one.
+    # A variance of 0 may be slightly negative by rounding.
     rounding = 4.0 * np.finfo(np.float64).eps * largest[:, np.newaxis]
     bad = ((variances < -_POSITIVE * largest[:, np.newaxis]) | ((variances <= rounding) & (not flat))).any(axis=1)
     if bad.any():
@@ -75,7 +75,7 @@ def _of_covariances(covariances: Floats, start: int, *, flat: bool) -> tuple[Flo
 def _of_frames(frames: Floats, start: int, *, flat: bool) -> tuple[Floats, Floats]:
     """Return the lengths of the columns (N, 3), and orthogonal matrices of their directions (N, 3, 3)."""
     _refuse_infinite("frame", frames, start)
-    # By each column's own largest entry, so that no square over- or underflows.
+    # Scaled by each column's largest entry, so that no square over- or underflows.
     largest = np.abs(frames).max(axis=1)
     unit = frames / np.where(largest > 0.0, largest, 1.0)[:, np.newaxis, :]
     norms = np.linalg.norm(unit, axis=1)
@@ -103,7 +103,7 @@ def _of_frames(frames: Floats, start: int, *, flat: bool) -> tuple[Floats, Float
         )
     some = missing.any(axis=1)
     if some.any():
-        # Directions that are missing are any that complete the others.
+        # Missing directions are chosen at right angles to the others.
         left, _, right = np.linalg.svd(unit[some])
         unit[some] = left @ right
     return lengths, unit

@@ -45,7 +45,7 @@ class Field:
 
     @property
     def size(self) -> int:
-        """Number of kernels; skipped samples are none."""
+        """Number of kernels, skipped samples excluded."""
         return self.native.size
 
     @property
@@ -66,7 +66,7 @@ class Field:
 
     @property
     def default_slice_spacing(self) -> float:
-        """Distance of slices that scenes take unless told otherwise, world units. Conventions, section 3."""
+        """Default distance of slices in scenes, world units. Conventions, section 3."""
         return self.native.default_slice_spacing
 
     @property
@@ -90,7 +90,7 @@ def as_fields(field: object, what: str) -> list[Field]:
 
 def joined_bounds(boxes: list[Bounds]) -> Bounds:
     """Return the smallest box around all boxes."""
-    # A field without a kernel has a box whose lower corner is the upper one.
+    # The box of a field without kernels has its corners exchanged.
     there = [box for box in boxes if all(low <= high for low, high in zip(*box, strict=True))] or boxes
     lower = np.min([box[0] for box in there], axis=0)
     upper = np.max([box[1] for box in there], axis=0)

@@ -102,8 +102,7 @@ class EllipsoidField(Field):
     ------
     InvalidInput
         With the index of the first offending kernel: for numbers that are not finite, semi-axes that are not positive,
-        rotations that are none, negative weights. For arrays of other shapes or unequal length, and for options without
-        meaning.
+        invalid rotations, negative weights. For arrays of other shapes or unequal length, and for invalid options.
     OutOfMemory
         Where the copies do not fit.
     """
@@ -146,7 +145,7 @@ class EllipsoidField(Field):
         heights = _rows("values", values, "(N,) numbers", ())
         masses = None if weights is None else _rows("weights", weights, "(N,) numbers", ())
         _same_length(count, scales=sizes, rotations=turns, values=heights, weights=masses)
-        # What is kept, and the smallest semi-axes for their median.
+        # The arrays that the field keeps, and the smallest semi-axes for their median.
         doubles = 5 + (3 if sizes.ndim == 2 else 1) + (4 if turns is not None else 0) + (1 if masses is not None else 0)
         _memory.require(8 * doubles * count, f"a field of {count} ellipsoids", _FEWER)
         self.native = _sheetsplat.EllipsoidField(
@@ -182,8 +181,8 @@ class EllipsoidField(Field):
         centers
             (N, 3), world units.
         covariances
-            (N, 3, 3), symmetric to within 1e-5 of their largest entry, and positive definite. What is flat, with a
-            variance that is 0 within rounding, needs `min_scale`.
+            (N, 3, 3), symmetric to within 1e-5 of their largest entry, and positive definite. Flat
+            ones, with a variance of 0 within rounding, need `min_scale`.
         values
             (N,), the scalars.
         weights, normalization, w0, falloff, cell_volume
@@ -313,7 +312,7 @@ class EllipsoidField(Field):
         return found
 
     def weight_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Return the sum W of weights at points (M, 3) in the world, shape (M,): where it is small the data are thin.
+        """Return the sum W of weights at points (M, 3) in the world, shape (M,): it is small where the data are sparse.
 
         Raises
         ------
@@ -360,7 +359,7 @@ class EllipsoidField(Field):
         Raises
         ------
         InvalidInput
-            For a distance or a weight without meaning, and for a field that has ghost points.
+            For an invalid distance or weight, and for a field that has ghost points.
         OutOfMemory
             Where the ghosts do not fit.
         """

@@ -92,7 +92,7 @@ def as_samples(values: ArrayLike) -> NDArray[Any]:
         )
     if array.dtype.kind not in "biuf":
         raise complain(_FAILED, f"values of type {array.dtype}", "integers, booleans or real floating-point numbers")
-    # The copy that the field keeps, and one more where the type, the byte order or the layout changes on the way.
+    # The copy that the field keeps; conversions of type, byte order or layout take another.
     _memory.require(array.size * array.dtype.itemsize, f"a copy of the samples, {' x '.join(map(str, array.shape))}")
     return np.require(array, dtype=_kept_type(array), requirements=("C", "A"))
 
@@ -124,9 +124,9 @@ class RegularField(Field):
         Threshold of "threshold", > 0.
     prefilter
         Give the kernels coefficients in place of the samples, so that their sum passes through every sample;
-        `normalization` becomes "none" then. Beyond the volume there are no kernels, as always. Costs a copy of the
-        samples in float32 or float64, and while it is found about 60 bytes a sample. The kernel must be narrow enough
-        to tell samples apart: (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are, and the middle one is the best.
+        `normalization` becomes "none" then. There are no kernels beyond the volume. Takes a copy of the samples in
+        float32 or float64, and about 60 bytes a sample while the coefficients are computed. The kernel must be narrow
+        enough to resolve the samples: (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is the best.
     nan
         What a NaN sample is: "error", or "skip" for "no sample there".
 
@@ -174,7 +174,7 @@ class RegularField(Field):
             found = self._prefiltered(samples)
             self._normalization = "none"
             self._residual, self._condition = found.residual, found.condition
-            # Whoever gave the array may write to it.
+            # The caller may write to the array.
             self._samples = samples.copy()
             self._samples.flags.writeable = False
             samples = found.values
@@ -191,7 +191,7 @@ class RegularField(Field):
         )
 
     def _prefiltered(self, samples: NDArray[Any]) -> Coefficients:
-        """Return coefficients that interpolate; InvalidInput where something else is asked for at the same time."""
+        """Return coefficients that interpolate; InvalidInput for options that exclude this."""
         failed = "RegularField: " + option_ref("prefilter", "true") + " cannot be used"
         if self._normalization == "threshold":
             raise complain(
@@ -201,7 +201,7 @@ class RegularField(Field):
                 "leave out one or the other",
             )
         kind, spacing, origin = samples.dtype, self._spacing, self._origin
-        # Kernel, place and emptiness are judged as ever, before anything is solved.
+        # The other arguments are checked before the equations are solved.
         _sheetsplat.RegularField(
             np.zeros((1, 1, 1) if samples.size else samples.shape, kind),
             spacing=spacing,
@@ -256,7 +256,7 @@ class RegularField(Field):
 
     @property
     def coefficients(self) -> NDArray[Any]:
-        """What the kernels are multiplied by, [k, j, i]: the samples unless prefiltered; read-only, no copy."""
+        """Factors of the kernels, [k, j, i]: the samples unless prefiltered; read-only, no copy."""
         return self.native.values
 
     @property
@@ -266,7 +266,7 @@ class RegularField(Field):
 
     @property
     def prefilter_condition(self) -> float | None:
-        """How many times errors may grow from samples to coefficients, at the most; None unless prefiltered."""
+        """Largest amplification of errors from samples to coefficients; None unless prefiltered."""
         return self._condition
 
     @property

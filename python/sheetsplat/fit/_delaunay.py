@@ -40,10 +40,10 @@ def _tetrahedra(points: Floats) -> tuple[Numbers, Numbers, Numbers]:
     try:
         found = Delaunay(points)
     except QhullError as error:
-        told = str(error).strip().splitlines()
+        lines = str(error).strip().splitlines()
         raise complain(
             f"{_WHAT}: the points cannot be joined",
-            told[0] if told else "an error of Qhull",
+            lines[0] if lines else "an error of Qhull",
             "points that fill a volume",
             "pass the mesh's own cells or shape, or use the nearest neighbours, " + option_ref("fit", "nearest"),
         ) from None
@@ -82,7 +82,7 @@ def _trimmed(points: Floats, cells: Numbers, beside: Numbers) -> NDArray[np.bool
     order = np.lexsort((radius, corner))
     starts = np.searchsorted(corner[order], np.arange(count + 1))
     there = starts[1:] > starts[:-1]
-    # Of the tetrahedra at a point of the hull most may be slivers, or span a gap; of the smallest eighth hardly any is.
+    # Most tetrahedra at a point of the hull may be slivers or span a gap, but few of the smallest eighth are.
     usual = np.full(count, np.inf)
     usual[there] = radius[order[(starts[:-1] + (starts[1:] - starts[:-1]) // 8)[there]]]
     large = radius[::4] > _TRIM * usual[cells].min(axis=1)
@@ -179,7 +179,7 @@ class _Cover:
                 self.thinnest = min(self.thinnest, float(total[~short].min()))
             if not short.any():
                 return
-            # Where nothing reaches, the wanted factor is unknown: small steps, so that none grows far past the need.
+            # Where no kernel reaches, the factor is unknown: small steps, so that kernels do not grow too large.
             factor = np.clip((lowest / np.maximum(total[short], 1e-9)) ** (1.0 / 3.0), 1.02, 1.15)
             growth = np.ones(len(self._points))
             for corner in range(block.shape[1]):
@@ -385,7 +385,7 @@ def _fit(
     trim: bool,
 ) -> Kernels:
     count = len(place.points)
-    # Sizes of any order of magnitude are measured from the middle, in units of the whole.
+    # Coordinates relative to the middle, in units of the extent, for sizes of any order of magnitude.
     middle = place.points.mean(axis=0)
     size = float(np.abs(place.points - middle).max())
     points = (place.points - middle) / size
@@ -406,7 +406,7 @@ def _fit(
     farthest = np.zeros(count)
     np.maximum.at(farthest, around.at, distance)
     scales = ratio * spread
-    # Qhull leaves out points that it cannot tell from another: they have the shape of that one.
+    # Points that Qhull merged with another get the shape of that one.
     axes[spare[:, 0]], scales[spare[:, 0]] = axes[spare[:, 1]], scales[spare[:, 1]]
     farthest[spare[:, 0]] = farthest[spare[:, 1]]
     alone = ~(farthest > 0.0)

@@ -1,4 +1,4 @@
-"""What every fit returns: kernels, before they become a field."""
+"""Kernels, the result of every fit, before they become a field."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sheetsplat.fields import EllipsoidField
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-# Pairs of a kernel and a point that are looked at together; some hundred bytes each.
+# Pairs of a kernel and a point that are evaluated together; some hundred bytes each.
 _PAIRS = 1 << 19
 
 
@@ -29,7 +29,7 @@ def profile(squared: Floats, falloff: float) -> Floats:
 def quaternions(frames: Floats) -> Floats:
     """Return unit quaternions w, x, y, z of orthonormal frames, (N, 3, 3), whose columns are axes.
 
-    An axis has no sign: frames that are mirrored have their third column turned round.
+    The sign of an axis does not matter: mirrored frames have their third column negated.
     """
     from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
@@ -51,7 +51,7 @@ def frames(rotations: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Kernels:
-    """Kernels with centres, shapes and values: what a fit found. All arrays are float64 and read-only.
+    """Kernels with centres, shapes and values. All arrays are float64 and read-only.
 
     :meth:`field` makes a :class:`sheetsplat.EllipsoidField` of them; :func:`sheetsplat.render` takes them as they are.
 
@@ -72,7 +72,7 @@ class Kernels:
     normalization, w0
         How sums become the scalar, as for :class:`sheetsplat.EllipsoidField`.
     report
-        What the fit has to tell: counts of merged points and the like; each fit lists its own.
+        Counts of merged points and similar numbers; each fit documents its own.
     """
 
     centers: Floats
@@ -101,11 +101,13 @@ class Kernels:
     def __repr__(self) -> str:
         """Return a short description."""
         kind = "spheres" if self.scales.ndim == 1 else "ellipsoids"
-        told = ", ".join(f"{name}={value:.4g}" for name, value in self.report.items() if isinstance(value, int | float))
-        return f"Kernels({len(self)} {kind}, falloff {self.falloff:.6g}{', ' if told else ''}{told})"
+        counts = ", ".join(
+            f"{name}={value:.4g}" for name, value in self.report.items() if isinstance(value, int | float)
+        )
+        return f"Kernels({len(self)} {kind}, falloff {self.falloff:.6g}{', ' if counts else ''}{counts})"
 
     def field(self, **options: Any) -> EllipsoidField:
-        """Return the field of these kernels; `options` are those of :class:`sheetsplat.EllipsoidField` and win."""
+        """Return the field of these kernels; `options` of :class:`sheetsplat.EllipsoidField` take precedence."""
         arguments: dict[str, Any] = {
             "weights": self.weights,
             "normalization": self.normalization,

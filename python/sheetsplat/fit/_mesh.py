@@ -19,16 +19,16 @@ from ._kernels import Floats, Numbers, spans
 from ._points import merge, numbers, places
 
 _CHUNK = 1 << 18
-# Corners of a shell at which it is looked up whether the shell lies inside others.
+# Corners of a shell at which is tested whether it lies inside others.
 _PROBES = 33
-# Parsed text takes up to this many times its own size.
+# Largest ratio of the memory of parsed text to its size.
 _PARSED = 40
 
 
 def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
     """Return the vertices, (V, 3), and the triangles, (T, 3), of a .obj or .ply file, also gzipped.
 
-    Read by the library trimesh; polygons become triangles, materials and textures are not looked at.
+    Read by the library trimesh; polygons become triangles, materials and textures are ignored.
 
     Raises
     ------
@@ -209,7 +209,7 @@ def _orientation(
     _, shell = np.unique(piece, return_inverse=True)
     shell = shell.reshape(-1)
     flipped = label[:count] != piece
-    # The side that most triangles say is outside stays so.
+    # The outside is the side that most triangles have there.
     votes = np.bincount(shell, np.where(flipped, 1.0, -1.0))
     return flipped ^ (votes > 0.0)[shell], shell
 
@@ -242,7 +242,7 @@ def _outward(vertices: Floats, triangles: Numbers, shell: Numbers) -> NDArray[np
 def winding_numbers(points: ArrayLike, vertices: ArrayLike, triangles: ArrayLike) -> Floats:
     """Return how often a closed surface goes around points, (N,): 1 inside, 0 outside; solid angles over 4 pi.
 
-    By the formula of van Oosterom & Strackee 1983; every triangle is looked at for every point.
+    By the formula of van Oosterom & Strackee 1983, for every pair of a triangle and a point.
     """
     at = np.asarray(points, dtype=np.float64)
     corners = np.asarray(vertices, dtype=np.float64)[np.asarray(triangles)]

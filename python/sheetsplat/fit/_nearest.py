@@ -26,8 +26,8 @@ def nearest(
 
     The radius is `overlap` times the local distance of points: the edge of the cube that one point has to itself where
     `neighbors` and the point itself fill a ball evenly whose root mean square radius is that of the neighbours.
-    Nothing tells a gap in the data from the next point, so that nothing guarantees a least weight sum; where cells are
-    thinner than long, :func:`delaunay` needs far fewer overlaps.
+    Gaps in the data cannot be detected, so that no least weight sum is guaranteed; where cells are anisotropic,
+    :func:`delaunay` needs far fewer overlaps.
 
     Measured with the defaults, at 20,000 random points between the data: on a cubic lattice W is 2.2 to 3.1, and linear
     fields are off by 0.012 of the points' distance times the gradient inside and 0.17 at the hull. Among random points
@@ -41,7 +41,7 @@ def nearest(
     values
         One a point.
     neighbors
-        How many, from 1 to 256.
+        Number of neighbours, from 1 to 256.
     overlap
         Radius in local distances.
     falloff

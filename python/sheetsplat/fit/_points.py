@@ -106,7 +106,7 @@ class Merged:
     number
         For each given point its place, (given,).
     merged
-        How many given points are gone.
+        How many given points were merged into others.
     """
 
     points: Floats
@@ -134,7 +134,7 @@ def merge(points: Floats, values: Floats) -> Merged:
     rank[np.argsort(first)] = np.arange(count)
     number = rank[group]
     kept = np.sort(first)
-    # Half of each sum, so that the largest numbers do not overflow.
+    # Shares are summed, so that the largest numbers do not overflow.
     share = 1.0 / np.bincount(number, minlength=count)
     mean = np.bincount(number, values * share[number], count)
     return Merged(points[kept], np.asarray(mean, dtype=np.float64), number, len(points) - count)

@@ -146,9 +146,9 @@ def solid(
         disagree with their neighbours are turned round, and so is a surface that encloses a negative volume; triangles
         without area do no harm.
     kernels
-        About how many spheres; 20,000 where `spacing` is not given either.
+        Approximate number of spheres; 20,000 where `spacing` is not given either.
     spacing
-        Edge of the smallest cells, world units, in the place of `kernels`.
+        Edge of the smallest cells, world units, instead of `kernels`.
     levels
         How many sizes of cells there may be, from 1 (all equal) to 8.
     values

@@ -18,12 +18,12 @@ _MOST_NAMES = 60
 
 
 def unreadable(path: Path, found: str, wanted: str, advice: str | Words = "") -> Error:
-    """Return the InvalidInput for a file whose content is not right."""
+    """Return the InvalidInput for a file with invalid content."""
     return complain(f"{path} cannot be read", found, wanted, advice)
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return names for a message, not too many of them."""
+    """Return names for a message, at most 60 of them."""
     text = ", ".join(names[:_MOST_NAMES])
     return text + (f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else "")
 
@@ -64,7 +64,7 @@ def checked_shape(path: Path, sizes: object, what: str) -> tuple[int, ...]:
     """Return `sizes` as positive ints whose product fits 63 bits, or InvalidInput."""
     wanted = "positive whole numbers whose product fits 63 bits"
     try:
-        # Texts are words of a header; anything else that is not whole is refused, not rounded.
+        # Strings are words of a header. Numbers that are not whole are refused, not rounded.
         shape = tuple(
             int(part) if isinstance(part, str) else operator.index(part)
             for part in sizes  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""3D Gaussian Splatting scenes in PLY files, as the original programs write them.
+"""3D Gaussian Splatting scenes in PLY files, as the reference implementation writes them.
 
 Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering": a vertex is a Gaussian with the
 centre x, y, z, the logarithms of its standard deviations scale_0 … 2, the quaternion rot_0 … 3 (w, x, y, z, of any
@@ -49,7 +49,7 @@ _TURN = ("rot_0", "rot_1", "rot_2", "rot_3")
 # Spherical harmonic of degree 0: colour = 1/2 + this times f_dc.
 _HARMONIC_0 = 0.28209479177387814
 _COLORS = {"red": "f_dc_0", "green": "f_dc_1", "blue": "f_dc_2"}
-# A number and what parts it from the next one in a text.
+# Most characters of a number and its separator.
 _LONGEST_WORD = 64
 
 

@@ -18,15 +18,15 @@ _log = logging.getLogger("sheetsplat")
 
 Fit = Literal["delaunay", "nearest"]
 FITS: tuple[Fit, ...] = ("delaunay", "nearest")
-# As EllipsoidField has it.
+# The default of EllipsoidField.
 _DEFAULT_FALLOFF = 8.0
 
 
 def logarithm(values: Floats, what: str, floor: bool | float) -> Floats:
     """Return decades above the smallest value, log10(v / smallest), or above `floor`, to which smaller ones are raised.
 
-    The smallest value becomes 0, because 0 is also what a field falls to where its kernels end: a logarithm below 0
-    would rise towards the border, and draw a shell around everything. InvalidInput for values of 0 and below without a
+    The smallest value becomes 0, because a field falls to 0 where its kernels end: a logarithm below 0 would rise
+    towards the border and draw a shell around the data. InvalidInput for values of 0 and below without a
     floor.
     """
     if not values.size:
@@ -69,7 +69,7 @@ def field_of(
     Parameters
     ----------
     data
-        What was read.
+        The data of a file.
     fit
         How points become ellipsoids: "delaunay" (by the neighbours in the mesh, or of the Delaunay tetrahedra), or
         "nearest" (spheres by the nearest neighbours). Unless given: the kernels that the file itself has, else the mesh
@@ -77,7 +77,7 @@ def field_of(
     neighbors
         Of "nearest".
     normalization, w0, falloff, min_scale
-        As for `EllipsoidField`; what the file says unless given.
+        As for `EllipsoidField`; from the file unless given.
     logarithmic
         Show log10 (`logarithm`): True, or a floor.
 

@@ -1,4 +1,7 @@
-"""NRRD files, attached and detached. pynrrd reads the header; the samples are read here, bounded by what it says."""
+"""NRRD files, attached and detached.
+
+pynrrd reads the header; the samples are read here, because pynrrd decompresses without a bound.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,9 @@ from sheetsplat.io.checks import beside, checked_shape, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Payload, Source
 
-# Longer headers than this are no headers.
+# Most bytes of a header.
 _HEADER_LIMIT = 1 << 20
-# Fields that are handed on as they are.
+# Fields that become details of the volume.
 _TOLD: tuple[str, ...] = ("content", "space", "encoding")
 _ENCODINGS = {
     "raw": "raw",
@@ -122,7 +125,7 @@ def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[N
             spacing[axis] = abs(step)
     elif _field(header, "spacings") is not None:
         spacing = np.asarray(_field(header, "spacings"), dtype=np.float64)
-        # NaN stands for "not known" in this format.
+        # NaN means "not known" in this format.
         spacing = np.where(np.isnan(spacing), 1.0, spacing)
         if spacing.shape != (3,) or not np.all(np.isfinite(spacing)) or np.any(spacing == 0):
             raise unreadable(path, f"spacings {shown(spacing.tolist())}", "three numbers other than 0")
@@ -167,7 +170,7 @@ def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...]
 
 
 def _read_text(source: Source, payload: Payload, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
-    # A number and its separator take two characters at least; forty are more than any needs.
+    # A number and its separator take from two to forty characters.
     if count * 2 - 1 > source.at_most():
         raise unreadable(source.path, f"at most {source.at_most()} characters of samples", f"{count} numbers")
     words = payload.text(count * 40).split()
@@ -200,7 +203,7 @@ def read(source: Source) -> Volume:
         raise unreadable(source.path, f"several data files ({data})", "one", "join them with: unu save")
     else:
         with Source(beside(source.path, str(data))) as samples:
-            # An encoding of gzip and a gzipped data file are one and the same packing here, not two.
+            # The encoding gzip and the suffix .gz of the data file mean the same compression.
             plain = dict(header, encoding="raw") if samples.packed and header["encoding"] in ("gzip", "gz") else header
             flat = _read_samples(samples, plain, sizes, 0)
     values, spacing, origin = _placed(source.path, header, flat.reshape(sizes[::-1]))

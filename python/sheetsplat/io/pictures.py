@@ -128,9 +128,9 @@ def save_difference(picture: Floats, reference: Floats, path: Path, scale: float
         return scale
     from PIL import Image as PillowImage
 
-    # What is not a number is as far away as can be.
+    # NaN counts as the largest difference.
     levels = np.rint(np.clip(np.nan_to_num(difference, nan=1.0), 0, 1) * 255).astype(np.uint8)
-    # Opacity differs as well; as it cannot be seen it is added to the colours.
+    # Differences of opacity, which cannot be seen, are shown in the colours.
     shown = levels if levels.ndim == 2 else np.maximum(levels[..., :3], levels[..., 3:])
     with whole_file(path) as made:
         PillowImage.fromarray(shown).save(made, format="PNG")

@@ -3,8 +3,9 @@
 A grid is a header of sizes, then per block x, y, z and perhaps IBLANK (int32); a solution the same header, then per
 block four numbers (free-stream Mach number, angle of attack, Reynolds number, time) and five arrays: density, three
 components of momentum, stagnation energy per volume. Each may be written as Fortran records, with the length of every
-record before and after it. Nothing in a file says which of these it is: what is right is what its size says, byte for
-byte. The numbers are taken as PLOT3D's users' manual (Walatka et al., NASA RP-1243) has them, free of dimensions.
+record before and after it. A file does not declare which of these it is: the layout is the one whose size is that of
+the file, to the byte. The numbers are dimensionless, as defined in PLOT3D's users' manual (Walatka
+et al., NASA RP-1243).
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import unknown_scalar
 from sheetsplat.io.source import Source
 
-# More blocks or longer sides than these are taken for the wrong byte order.
+# More blocks or longer sides than these indicate the wrong byte order.
 _MOST_BLOCKS = 4096
 _LONGEST = 1 << 24
-# Bytes at the end of a solution that belong to nothing, and are less than half of it; such files are in use.
+# Most unused bytes at the end of a solution, less than half of it; such files are in use.
 _SURPLUS = 4096
-# Magnitudes that no grid or solution has, but numbers of the wrong byte order have.
+# Magnitudes outside these indicate the wrong byte order.
 _TINY, _HUGE = 1e-30, 1e30
 
 GAMMA = 1.4
@@ -88,7 +89,7 @@ def _sides(shape: Shape) -> str:
 
 
 def _headers(head: bytes) -> Iterator[tuple[str, bool, bool, tuple[Shape, ...]]]:
-    """Give every reading of the first bytes that makes sense: order, records, several blocks, their sizes."""
+    """Yield every valid interpretation of the first bytes: byte order, records, several blocks, their sizes."""
     for order, records, several in itertools.product("<>", (False, True), (False, True)):
         numbers = np.frombuffer(head[: len(head) // 4 * 4], f"{order}i4")
         at, count = 0, 1
@@ -150,7 +151,7 @@ def _find(source: Source, kind: str) -> tuple[list[Layout], int]:
 
 
 def _check_order(path: Path, layout: Layout, numbers: NDArray[Any]) -> None:
-    """Raise InvalidInput where the numbers make sense in the other byte order only."""
+    """Raise InvalidInput where the numbers are plausible in the other byte order only."""
 
     def odd(array: NDArray[Any]) -> float:
         with np.errstate(all="ignore"):
@@ -212,7 +213,7 @@ def _read_grid(source: Source) -> tuple[Layout, Floats, NDArray[np.bool_]]:
 
 
 def _read_solution(source: Source, blocks: tuple[Shape, ...]) -> tuple[Layout, Floats, Floats, int]:
-    """Return the layout, the five arrays (5, N), the four numbers of each block, and bytes that belong to nothing."""
+    """Return the layout, the five arrays (5, N), the four numbers of each block, and the unused bytes."""
     layouts, size = _find(source, "solution")
     same = [layout for layout in layouts if layout.blocks == blocks]
     if not same:

@@ -26,7 +26,7 @@ class Volume:
     format
         Name of the file format.
     details
-        What else the header says, as texts.
+        Further entries of the header, as texts.
     """
 
     values: NDArray[Any]
@@ -68,9 +68,9 @@ class Scattered:
     weights
         Of kernels, (N,).
     normalization, w0, falloff, cell_volume
-        What the file says, or what suits its format; None: the field's own default.
+        From the file, or the default of its format; None: the field's own default.
     details
-        What else there is to tell, as texts.
+        Further information, as texts.
     """
 
     points: Floats
@@ -94,5 +94,5 @@ class Scattered:
 
     @property
     def has_kernels(self) -> bool:
-        """True where the file itself says how large its kernels are."""
+        """Whether the file itself has the sizes of its kernels."""
         return any(part is not None for part in (self.supports, self.deviations, self.scales))

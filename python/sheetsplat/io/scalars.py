@@ -15,7 +15,7 @@ from sheetsplat.io.checks import listed, unreadable
 from sheetsplat.io.records import Floats
 
 _PART = re.compile(r"(.+)_([xyz]|\d{1,3})")
-# Columns of one array that have names: what a header says about their number is not trusted.
+# Columns of one array that get names; the number in a header is not trusted.
 _MOST_COLUMNS = 1000
 
 
@@ -40,9 +40,9 @@ def choose_scalar(
     path
         For messages.
     wanted
-        What the user asks for: an array, or one column of one, NAME_x, NAME_y, NAME_z or NAME_0, NAME_1 …
+        The scalar that the user asks for: an array, or one column of one, NAME_x, NAME_y, NAME_z or NAME_0, NAME_1 …
     preferred
-        Arrays to take in this order where nobody asks; after them the first with one column, then the first.
+        Arrays to take in this order where `wanted` is None; after them the first with one column, then the first.
     widths
         Columns of every array.
     """
@@ -62,7 +62,7 @@ def choose_scalar(
 
 
 def scalar_names(widths: Mapping[str, int]) -> tuple[str, ...]:
-    """Return every name that `choose_scalar` takes; an array of several columns stands for the length of its rows."""
+    """Return every name that `choose_scalar` accepts; an array of several columns stands for the length of its rows."""
     names: list[str] = []
     for name, width in widths.items():
         names.append(name)

@@ -1,4 +1,4 @@
-"""Byte streams of files, plain or gzipped, that know how much they can possibly hold."""
+"""Byte streams of files, plain or gzipped, with a bound on the number of bytes they can hold."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def guarded(path: Path) -> Iterator[None]:
 
 
 class _ZlibStream(io.RawIOBase):
-    """A zlib stream inside another stream, unpacked a piece at a time."""
+    """A zlib stream inside another stream, decompressed a piece at a time."""
 
     def __init__(self, inner: BinaryIO) -> None:
         self._inner = inner
@@ -77,8 +77,8 @@ class _ZlibStream(io.RawIOBase):
 
 
 def _regular(path: Path) -> BinaryIO:
-    """Open a file that is no folder, pipe or device; these may have no end, or make whoever opens them wait."""
-    # Without O_NONBLOCK opening a pipe waits for somebody who writes to it.
+    """Open a regular file; InvalidInput for folders, pipes and devices, which may block or never end."""
+    # Without O_NONBLOCK, opening a pipe waits for a writer.
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
     try:
         handle = os.open(path, flags)
@@ -93,7 +93,7 @@ def _regular(path: Path) -> BinaryIO:
 
 
 class Source:
-    """A file that is read from its beginning, unpacked on the way where it is gzipped. A context that is `guarded`.
+    """A file read from its beginning, decompressed if it is gzipped. Its context is `guarded`.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class Source:
         self._stream.seek(position)
 
     def length(self, limit: int) -> int:
-        """Return how many unpacked bytes there are, or `limit` where there are more; nothing of them is kept."""
+        """Return the number of decompressed bytes, at most `limit`; none are kept."""
         if not self.packed:
             return min(limit, self._end)
         count = 0
@@ -167,7 +167,7 @@ class Source:
         return count
 
     def at_most(self) -> int:
-        """Return a bound on the bytes that are left: exact for plain files, what can be packed into it for others."""
+        """Return an upper bound on the bytes that are left, exact for plain files."""
         return max(0, self._end - self._stream.tell())
 
     def payload(self, encoding: str) -> Payload:
@@ -184,7 +184,7 @@ class Source:
 
 
 class Payload:
-    """The samples of a file: a stream, and how much it can possibly hold (None where that is not known)."""
+    """The samples of a file: a stream, and an upper bound on its length (None: not known)."""
 
     def __init__(self, source: Source, stream: BinaryIO, bound: int | None, *, exact: bool) -> None:
         self._source, self._stream, self._bound, self._exact = source, stream, bound, exact
@@ -193,11 +193,11 @@ class Payload:
         self._advice: str | Words = "the file is cut off or its header is wrong; fetch it again"
 
     def expect(self, wanted: str, advice: str | Words) -> None:
-        """Set what an error says for a file that is too short, where it is not its header that says how long it is."""
+        """Set the error message for a file that is too short, where no header declares its length."""
         self._wanted, self._advice = wanted, advice
 
     def skip(self, count: int) -> None:
-        """Leave out unpacked bytes."""
+        """Skip decompressed bytes."""
         left = count
         while left > 0:
             piece = self._stream.read(min(left, _CHUNK))

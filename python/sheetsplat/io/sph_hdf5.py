@@ -1,7 +1,7 @@
 """Particles of smoothed-particle hydrodynamics in HDF5 files with the layout of Gadget: groups PartType0 … PartType5.
 
-Also what Arepo, GIZMO and SWIFT write, whose names differ by a letter, and what is converted from other programs. A
-file may not reach for others: external links, external storage and virtual datasets are refused.
+Files of Arepo, GIZMO and SWIFT, whose names differ by a letter, can be read as well. Data in other files are refused:
+external links, external storage and virtual datasets.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ _SMOOTHING = ("SmoothingLength", "SmoothingLengths", "Hsml")
 _MASS = ("Masses", "Mass")
 _DENSITY = ("Density", "Densities")
 _MOST_DATASETS = 1000
-# Packed chunks stand for at most this many times their bytes (deflate); chunks that were never written stand for any.
+# Largest ratio of compression (deflate). Chunks that were never written have no bytes at all.
 _RATIO = 1032
-# Radius of the support in smoothing lengths: Gadget, Arepo and GIZMO; SWIFT (cubic spline); Gasoline and ChaNGa.
+# Radii of supports in smoothing lengths: Gadget, Arepo and GIZMO; SWIFT (cubic spline); Gasoline and ChaNGa.
 _SUPPORTS = (1.0, 1.825742, 2.0)
 _PROBES = 64
-# Two kernels of one width and different shape differ by less than this in the density that they give.
+# Kernels of equal width and different shape give densities that differ by less than this, relatively.
 _AGREEMENT = 0.1
 
 _log = logging.getLogger("sheetsplat")
@@ -104,7 +104,7 @@ class _Group:
         }
 
     def read(self, name: str) -> NDArray[Any]:
-        """Return a dataset, after its size was judged by what the file stores of it."""
+        """Return a dataset, after its size was checked against the bytes that the file stores of it."""
         one, what = self._datasets[name], f"{self._name}/{name}"
         if one.shape[0] != self.count:
             raise unreadable(
@@ -149,13 +149,13 @@ def _cubic_spline(share: Floats) -> Floats:
 def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Floats) -> tuple[float | None, float]:
     """Return the support's radius in smoothing lengths that explains the densities, and the error that is left.
 
-    Programs mean different things by a smoothing length: the radius of the kernel's support, or half of it. The right
-    one gives the densities that the file has: density_i = Σ_j m_j W(|x_i − x_j|; support_i), tried on a few particles
+    A smoothing length is the radius of the kernel's support in some programs and half of it in others. The right
+    factor gives the densities of the file: density_i = Σ_j m_j W(|x_i − x_j|; support_i), tried on a few particles
     with the cubic spline. The error is the median of |log(density / density of the file)|; None where none fits.
     """
     from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
-    # Kernels much larger than everything tell nothing, and overflow the tree's sums of squares.
+    # Kernels much larger than the data are of no use here, and overflow the tree's sums of squares.
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     usable = np.flatnonzero((lengths > 0) & (lengths < 10.0 * size) & (densities > 0) & (masses > 0))
     if usable.size < 2 or not 1e-100 < size < 1e100:
@@ -191,8 +191,8 @@ def read(
     particles
         The group; PartType0, the gas, unless given.
     support
-        Radius of the kernels' supports in smoothing lengths of the file. Unless given, what explains the densities of
-        the file (`find_support`), else 1, as Gadget has it.
+        Radius of the kernels' supports in smoothing lengths of the file. Unless given, the one that gives the densities
+        of the file (`find_support`), else 1, as in Gadget.
 
     Raises
     ------
@@ -236,7 +236,7 @@ def _read_group(
             details["support"] = (
                 f"{factor:g} smoothing lengths, which gives the densities of the file to {100 * error:.2g} %"
                 if found is not None
-                else "1 smoothing length, as Gadget has it; the densities of the file fit no known kernel"
+                else "1 smoothing length, as in Gadget; the densities of the file fit no known kernel"
             )
             _log.info("%s: the support of a kernel is %s", path, details["support"])
         lengths = lengths * factor

@@ -41,8 +41,8 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
     """Read ellipsoids: arrays centers (N, 3), scales (N, 3) or (N,), or radii (N,), values, rotations, weights.
 
     Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff and cell_volume and the text normalization
-    may stand beside them, as `save_npz` writes them. Without scales and radii it is bare points. Every other array of
-    N rows can be chosen as the scalar; "values" unless another is named.
+    may be in the file as well, as `save_npz` writes them. Without scales and radii the rows are points. Every other
+    array of N rows can be chosen as the scalar; "values" unless another is named.
 
     Raises
     ------
@@ -158,7 +158,7 @@ _COLUMNS = {
 
 
 def _lines(source: Source) -> tuple[list[str], str]:
-    """Return the names of the columns and what parts them, and leave the stream at the first row."""
+    """Return the names of the columns and their separator, and leave the stream at the first row."""
     source.seek(0)
     first = source.stream.readline(_LONGEST_HEADER)
     text = first.decode("utf-8-sig", "replace").strip().lstrip("#").strip()
@@ -179,7 +179,7 @@ def _rows(source: Source, part: str, columns: int) -> Floats:
     row = 0
     while True:
         piece = source.stream.read(_CHUNK)
-        # Numbers, and texts of them while they are parsed.
+        # The numbers, and their text while it is parsed.
         _memory.require(8 * len(piece) + 8 * columns * row, f"the rows of {source.path}")
         whole, cut, rest = (rest + piece).rpartition(b"\n") if piece else (rest, b"", b"")
         if len(rest) > _CHUNK:
@@ -202,7 +202,7 @@ def _numbers(source: Source, text: bytes, part: str, columns: int, row: int) -> 
                 io.BytesIO(text), delimiter=None if part == " " else part, comments="#", ndmin=2, encoding="utf-8"
             )
     except (ValueError, UnicodeDecodeError) as error:
-        # What the parser says of rows counts from the piece; the last sentence is advice about its own arguments.
+        # The parser counts rows from the beginning of the piece; its last sentence is about its own arguments.
         reason = str(error).split(";")[0]
         raise unreadable(
             source.path, f"a row after row {row} that is not of numbers ({reason})", f"{columns} numbers in every row"
@@ -218,7 +218,7 @@ def read_csv(source: Source, scalar: str | None = None) -> Scattered:
 
     Columns: x, y, z; radius, or sx, sy, sz (semi-axes of the support) with or without qw, qx, qy, qz (quaternion);
     weight; every other one can be chosen as the scalar, "value" unless another is named. Names may be of any case,
-    parted by commas, semicolons, tabs or blanks. Without sizes it is bare points.
+    separated by commas, semicolons, tabs or spaces. Without sizes the rows are points.
 
     Raises
     ------

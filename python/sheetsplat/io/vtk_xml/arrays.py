@@ -42,7 +42,7 @@ _DEFLATE = 1032
 
 
 class _Bytes:
-    """Bytes of one array in their order: raw, or base64 whose pieces are encoded each for itself."""
+    """Bytes of one array: raw, or base64 whose pieces are encoded separately."""
 
     def __init__(self, take: Callable[[int], bytes], *, encoded: bool) -> None:
         self._take, self._encoded = take, encoded
@@ -65,7 +65,7 @@ class _Bytes:
 
 
 class ArrayReader:
-    """Makes arrays of what a document says."""
+    """Reads the arrays of a document."""
 
     def __init__(self, source: Source, document: Document) -> None:
         self._source, self._document, self._path = source, document, source.path

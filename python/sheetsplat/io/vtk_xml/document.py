@@ -21,13 +21,13 @@ KINDS = {"UnstructuredGrid": "vtu", "PolyData": "vtp", "ImageData": "vti"}
 _CHUNK = 1 << 20
 _APPENDED = b"<AppendedData"
 _MOST_ELEMENTS = 100_000
-# Elements around a DataArray: VTKFile, the kind, Piece, and PointData or the like.
+# Elements around a DataArray: VTKFile, the kind, Piece, and PointData, CellData, Points or Cells.
 _ARRAY_DEPTH = 4
 
 
 @dataclass
 class DataArray:
-    """A DataArray: what its element says, and its text where that is where the numbers are."""
+    """A DataArray: the attributes of its element, and its text where that holds the numbers."""
 
     name: str
     type: str
@@ -63,7 +63,7 @@ class Document:
 
 
 class _Parser:
-    """Turns the XML before the appended data into a document."""
+    """Parser of the XML before the appended data."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

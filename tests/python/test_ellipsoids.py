@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-SMALL = {"size": (32, 32), "backend": "reference"}
-
-
 import numpy as np
 import pytest
 from conftest import random_rotations
 
 import sheetsplat as ss
 from sheetsplat.look.empty import why_empty
+
+SMALL = {"size": (32, 32), "backend": "reference"}
 
 
 def matrices_of(quaternions):

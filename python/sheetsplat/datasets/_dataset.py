@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.fields import EllipsoidField, RegularField
-from sheetsplat.scene import Light, Scene
+from sheetsplat.light import Light
+from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
 Vector = tuple[float, float, float]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 import zipfile
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 import numpy as np
 from numpy.lib import format as npy_format
@@ -18,16 +18,14 @@ from numpy.typing import NDArray
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.io.checks import checked_shape
 from sheetsplat.io.records import Volume
-from sheetsplat.io.source import Payload, Source
+from sheetsplat.io.source import DEFLATE_RATIO, Payload, Source
 
 _Header = tuple[tuple[int, ...], bool, np.dtype[Any]]
-# Of the deflate method; stored entries hold what they hold.
-_RATIO = 1032
 # Bytes of a text beside arrays.
 _LONGEST_TEXT = 1024
 
 
-def _header(stream: BinaryIO) -> _Header:
+def _header(stream: IO[bytes]) -> _Header:
     """Return shape, whether the first axis is the fastest, and the type, and leave the stream at the first value."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -69,6 +67,11 @@ def read_npy(source: Source) -> Volume:
     return _array(source, header, source.payload("raw"), "npy")
 
 
+def _payload(source: Source, entry: zipfile.ZipInfo, stream: IO[bytes]) -> Payload:
+    bound = min(entry.file_size, entry.compress_size * DEFLATE_RATIO + 64)
+    return Payload(source, stream, bound, exact=False)
+
+
 def read_npz(source: Source, name: str | None = None) -> Volume:
     """Read one array of a .npz file: `name`, else the only one with three axes."""
     with zipfile.ZipFile(source.stream) as archive:
@@ -81,10 +84,8 @@ def read_npz(source: Source, name: str | None = None) -> Volume:
             )
         entry = entries[name]
         with archive.open(entry) as stream:
-            header = _header(stream)  # type: ignore[arg-type]
-            bound = min(entry.file_size, entry.compress_size * _RATIO + 64)
-            payload = Payload(source, stream, bound, exact=False)  # type: ignore[arg-type]
-            return _array(source, header, payload, "npz")
+            header = _header(stream)
+            return _array(source, header, _payload(source, entry, stream), "npz")
 
 
 def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
@@ -101,7 +102,7 @@ def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], 
             raise complain(f"{source.path} cannot be read", f"{len(entries)} entries", f"at most {most}")
         for entry in entries:
             with archive.open(entry) as stream:
-                shape, first_fastest, dtype = _header(stream)  # type: ignore[arg-type]
+                shape, first_fastest, dtype = _header(stream)
                 name = entry.filename.removesuffix(".npy")
                 text = dtype.kind == "U" and shape == () and dtype.itemsize <= _LONGEST_TEXT
                 if not text and (dtype.hasobject or dtype.kind not in "biuf"):
@@ -110,11 +111,9 @@ def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], 
                         f"an array {name!r} of {'Python objects' if dtype.hasobject else dtype}",
                         "integers, booleans or real floating-point numbers",
                     )
-                bound = min(entry.file_size, entry.compress_size * _RATIO + 64)
-                payload = Payload(source, stream, bound, exact=False)  # type: ignore[arg-type]
                 # Empty arrays take no memory.
                 sizes = tuple(shape) if 0 in shape else checked_shape(source.path, shape, f"shape of {name}")
-                values = payload.array(dtype, math.prod(sizes))
+                values = _payload(source, entry, stream).array(dtype, math.prod(sizes))
                 if text:
                     texts[name] = str(values[0])
                 else:
@@ -127,7 +126,7 @@ def _only_volume(source: Source, archive: zipfile.ZipFile, entries: dict[str, zi
     for name, entry in entries.items():
         if entry.filename.endswith(".npy"):
             with archive.open(entry) as stream:
-                if len(_header(stream)[0]) == 3:  # type: ignore[arg-type]
+                if len(_header(stream)[0]) == 3:
                     found.append(name)
     if len(found) != 1:
         raise complain(

@@ -148,7 +148,7 @@ def read_picture(path: Path) -> Floats:
         raise complain(f"{path} cannot be read as a picture", f"the suffix {suffix!r}", "one of: " + ", ".join(readers))
     if not path.is_file():
         raise complain(f"{path} cannot be read", "no such file", "a picture")
-    with guarded(path):
+    with guarded(path, "a picture"):
         array = readers[suffix](path)
     if array.ndim == 3 and array.shape[2] == 3:
         array = np.concatenate([array, np.ones_like(array[..., :1])], axis=2)

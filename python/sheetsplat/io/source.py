@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, cast
+from typing import IO, Any, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,22 +21,21 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Error, OutOfMemory, Words, complain
 
-# One byte of deflate stands for at most 1032 (RFC 1951: a match of 258 bytes in two bits); the rest is for short files.
-_DEFLATE = 1032
+# Largest ratio of deflate's compression (RFC 1951: a match of 258 bytes in two bits); the slack is for short files.
+DEFLATE_RATIO = 1032
 _DEFLATE_SLACK = 4096
 _CHUNK = 1 << 22
 
 
 @contextlib.contextmanager
-def guarded(path: Path) -> Iterator[None]:
+def guarded(path: Path, kind: str = "") -> Iterator[None]:
     """Turn what parsers and libraries raise for damaged files into InvalidInput: the one guard of all readers.
 
-    Errors of this package pass, and so does AssertionError, which is never the file's fault; MemoryError becomes
-    OutOfMemory.
+    Errors of this package pass; MemoryError becomes OutOfMemory. Messages have the file and its `kind` ("a picture").
     """
     try:
         yield
-    except (Error, AssertionError):
+    except Error:
         raise
     except MemoryError as error:
         raise complain(
@@ -47,9 +46,8 @@ def guarded(path: Path) -> Iterator[None]:
         ) from error
     except Exception as error:
         reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
-        raise complain(
-            f"{path} cannot be read", f"damaged or cut-off data ({reason[0]})", "a whole file", "fetch it again"
-        ) from error
+        what = f"{path} cannot be read" + (f" as {kind}" if kind else "")
+        raise complain(what, f"damaged or cut-off data ({reason[0]})", "a whole file", "fetch it again") from error
 
 
 class _ZlibStream(io.RawIOBase):
@@ -121,7 +119,7 @@ class Source:
             raise complain(f"{path} cannot be read", error.strerror or str(error), kind=Error) from None
         self.packed = packed
         self._stream: BinaryIO = cast(BinaryIO, gzip.GzipFile(mode="rb", fileobj=self._file)) if packed else self._file
-        self._end = size * _DEFLATE + _DEFLATE_SLACK if packed else size
+        self._end = size * DEFLATE_RATIO + _DEFLATE_SLACK if packed else size
         self._context = contextlib.ExitStack()
 
     def __enter__(self) -> Source:
@@ -177,7 +175,7 @@ class Source:
             return Payload(self, self._stream, bound, exact=not self.packed)
         if encoding == "bzip2":
             return Payload(self, cast(BinaryIO, bz2.BZ2File(self._stream)), None, exact=False)
-        bound = bound * _DEFLATE + _DEFLATE_SLACK
+        bound = bound * DEFLATE_RATIO + _DEFLATE_SLACK
         if encoding == "gzip":
             return Payload(self, cast(BinaryIO, gzip.GzipFile(mode="rb", fileobj=self._stream)), bound, exact=False)
         return Payload(self, cast(BinaryIO, io.BufferedReader(_ZlibStream(self._stream))), bound, exact=False)
@@ -186,7 +184,7 @@ class Source:
 class Payload:
     """The samples of a file: a stream, and an upper bound on its length (None: not known)."""
 
-    def __init__(self, source: Source, stream: BinaryIO, bound: int | None, *, exact: bool) -> None:
+    def __init__(self, source: Source, stream: IO[bytes], bound: int | None, *, exact: bool) -> None:
         self._source, self._stream, self._bound, self._exact = source, stream, bound, exact
         self._more = False
         self._wanted = ""

@@ -23,7 +23,7 @@ from sheetsplat.errors import option_ref
 from sheetsplat.io.checks import finite_points, finite_values, listed, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
-from sheetsplat.io.source import Source
+from sheetsplat.io.source import DEFLATE_RATIO, Source
 
 _DEFAULT = "PartType0"
 _PLACE = ("Coordinates", "Position", "Positions")
@@ -31,8 +31,6 @@ _SMOOTHING = ("SmoothingLength", "SmoothingLengths", "Hsml")
 _MASS = ("Masses", "Mass")
 _DENSITY = ("Density", "Densities")
 _MOST_DATASETS = 1000
-# Largest ratio of compression (deflate). Chunks that were never written have no bytes at all.
-_RATIO = 1032
 # Radii of supports in smoothing lengths: Gadget, Arepo and GIZMO; SWIFT (cubic spline); Gasoline and ChaNGa.
 _SUPPORTS = (1.0, 1.825742, 2.0)
 _PROBES = 64
@@ -112,9 +110,10 @@ class _Group:
             )
         if one.is_virtual or one.external:
             raise unreadable(self._path, f"{what} in another file", "the numbers in this file", "copy them into it")
+        # Chunks that were never written have no bytes at all.
         needed = math.prod(one.shape) * one.dtype.itemsize
         stored = one.id.get_storage_size()
-        if needed > (stored if one.chunks is None else stored * _RATIO):
+        if needed > (stored if one.chunks is None else stored * DEFLATE_RATIO):
             raise unreadable(self._path, f"{stored} stored bytes of {what}", f"{needed} bytes, as its shape says")
         # What is read, and float64 of it.
         _memory.require(needed + math.prod(one.shape) * 8, f"{what} of {self._path}")

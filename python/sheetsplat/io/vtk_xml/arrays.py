@@ -19,7 +19,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Error, Unsupported, complain
 from sheetsplat.io.checks import unreadable
-from sheetsplat.io.source import Source
+from sheetsplat.io.source import DEFLATE_RATIO, Source
 from sheetsplat.io.vtk_xml.document import DataArray, Document
 
 TYPES = {
@@ -37,8 +37,6 @@ TYPES = {
 # Characters that one number takes as text, and what arrays have besides.
 _LONGEST_WORD = 64
 _SLACK = 1 << 16
-# One byte of deflate stands for at most this many.
-_DEFLATE = 1032
 
 
 class _Bytes:
@@ -154,7 +152,7 @@ class ArrayReader:
             if blocks * header.itemsize > bound:
                 raise self._cut(one, blocks * header.itemsize)
             size = 0 if blocks == 0 else (blocks - 1) * each + (last or each)
-            self._check_size(one, size, wanted, bound * _DEFLATE if wanted is None else None)
+            self._check_size(one, size, wanted, bound * DEFLATE_RATIO if wanted is None else None)
             lengths = numbers(blocks)
             if sum(lengths) > bound:
                 raise self._cut(one, sum(lengths))

@@ -41,10 +41,10 @@ def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
     """
     import trimesh
 
-    from sheetsplat.io.source import Source
+    from sheetsplat.io.source import Source, guarded
 
     name = Path(path)
-    with Source(name) as source:
+    with Source(name) as source, guarded(name, "a mesh"):
         head = source.head(4)
         bare = name.with_suffix("") if name.suffix.lower() == ".gz" else name
         kind = "ply" if head.startswith(b"ply") else "obj" if bare.suffix.lower() == ".obj" else ""

@@ -25,7 +25,8 @@ with atheris.instrument_imports(include=["sheetsplat"]):
     import sheetsplat.io.plot3d
     import sheetsplat.io.sph_hdf5
     import sheetsplat.io.tables
-    import sheetsplat.io.vtk_xml
+    import sheetsplat.io.vtk_xml.images
+    import sheetsplat.io.vtk_xml.meshes
 
 import test_fuzz_readers as fuzz
 

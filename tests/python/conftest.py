@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -47,6 +48,17 @@ def _skip_without_gl(request: pytest.FixtureRequest) -> None:
         reason = request.getfixturevalue("_gl_reason")
         if reason:
             pytest.skip(reason)
+
+
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """Make SIGINT raise KeyboardInterrupt, in this process and in those that it starts.
+
+    A process that a script starts in the background ignores SIGINT, and Python then leaves it ignored.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import pty
+import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -330,16 +332,17 @@ def test_a_bar_only_on_a_terminal(tmp_path, volume):
     assert process.returncode == 0 and out == b"" and b"\x1b[" in seen and b"ball.npy" in seen
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_leaves_nothing_half_written(tmp_path, volume):
-    import signal
-    import time
-
     command = [sys.executable, "-m", "sheetsplat", "render", str(volume), "-o", "a.png", "-v", "--size", "600x600"]
     command += ["--slice-spacing", "0.001", *BACKEND]
     with subprocess.Popen(command, stderr=subprocess.PIPE, cwd=tmp_path) as process:
-        time.sleep(2.5)
-        assert process.poll() is None
-        process.send_signal(signal.SIGINT)
-        process.wait(timeout=60)
+        try:
+            time.sleep(2.5)
+            assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            process.wait(timeout=20)
+        finally:
+            process.kill()
     assert process.returncode == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["ball.npy"]

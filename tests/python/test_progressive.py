@@ -83,6 +83,8 @@ def test_false_ends_a_stage_and_the_next_call_begins_it_anew(scene, camera):
     assert renderer.render(scene, camera, size=(20, 20)).rgba.any()
 
 
+@pytest.mark.timeout(60)
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_ends_a_stage(field, camera):
     scene = ss.Scene(field, POINTS, lights=(LIGHT,), slice_spacing=1e-4, reference_length=0.03)
     renderer = ss.Renderer("cpu", precision="float64", threads=1)

@@ -348,6 +348,8 @@ def test_a_renderer_refuses_to_render_in_its_own_callback(renderer, scene, camer
     assert renderer.render(scene, camera, size=(8, 8)).rgba.any()
 
 
+@pytest.mark.timeout(60)
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_stops_it(renderer, slow_scene, slow_camera):
     began = time.perf_counter()
     renderer.render(slow_scene, slow_camera, size=(60, 60))

@@ -19,19 +19,12 @@ import numpy as np
 import pytest
 import scattered_scenes as scattered
 from image_checks import FLOAT32_HARD, MOST_AMBIGUOUS
+from reference_pictures import by_reference, changed_pixels, off_by, within
 
 import sheetsplat as ss
-from sheetsplat import _sheetsplat
 
 SIZE = (30, 24)
 Parts = dict[str, Any]
-
-
-def off_by(actual: Any, expected: Any) -> tuple[float, float]:
-    """Return RMSE and P99.9 of section 8."""
-    one, other = np.ascontiguousarray(actual), np.ascontiguousarray(expected)
-    found = _sheetsplat.compare(one, other, 1 if one.ndim == 2 else 4)
-    return found["rmse"], found["p99_9"]
 
 
 def cloud(seed: int, count: int = 40, overlap: float = 2.0, aspect: float = 3.0, **options: Any) -> Parts:
@@ -43,34 +36,26 @@ def parts(field: Parts | list[Parts], camera: Parts | None = None, **options: An
     return scattered.parts(fields, camera, **{"size": SIZE, "slice_spacing": 1 / 6, **options})
 
 
-def by_reference(scene: Parts, **moves: float) -> ss.Image:
-    built, camera, size = scattered.build(ss, scene)
-    if moves:
-        nudged = scattered.nudged(scene, built.slice_spacing, built.reference_length, **moves)
-        built = scattered.build(ss, nudged)[0]
-    return ss.Renderer("reference").render(built, camera, size=size, outputs=("coverage", "depth"))
-
-
 def assert_right(scene: Parts, *, precision: str | None = None, may_jump: bool = False, **options: Any) -> ss.Image:
     """Hold a picture and its coverage against the reference; ambiguous pixels are left out where it may jump."""
     built, camera, size = scattered.build(ss, scene)
     image = ss.Renderer("cpu", **options).render(built, camera, size=size, outputs=("coverage", "depth"))
-    expected = by_reference(scene)
+    expected = by_reference(scene, ("coverage", "depth"))
     pixels = np.array(np.asarray(image))
     assert np.isfinite(pixels).all()
     assert precision is None or image.plan.precision == precision
     if may_jump:
         span = scene["transfer"][-1][0] - scene["transfer"][0][0]
         moves = [{"rho": 1e-5 * span}, {"rho": -1e-5 * span}, {"support": 1e-5}, {"support": -1e-5}]
-        jumping = np.zeros(size[::-1], bool)
-        for move in moves:
-            jumping |= np.abs(by_reference(scene, **move).rgba - expected.rgba).max(-1) > 1e-3
+        spacing, length = built.slice_spacing, built.reference_length
+        jumping = changed_pixels(expected.rgba, [scattered.nudged(scene, spacing, length, **move) for move in moves])
         assert jumping.sum() <= max(1, MOST_AMBIGUOUS * jumping.size)
         pixels[jumping] = np.asarray(expected)[jumping]
-    rmse, p99_9 = off_by(pixels, expected)
-    assert rmse <= FLOAT32_HARD[0] and p99_9 <= FLOAT32_HARD[1], (rmse, p99_9)
-    rmse, p99_9 = off_by(image.coverage, expected.coverage)
-    assert rmse <= FLOAT32_HARD[0] and p99_9 <= FLOAT32_HARD[1], ("coverage", rmse, p99_9)
+    for output, (found, wanted) in {
+        "image": (pixels, expected),
+        "coverage": (image.coverage, expected.coverage),
+    }.items():
+        assert within(off_by(found, wanted), FLOAT32_HARD), (output, off_by(found, wanted))
     return image
 
 
@@ -193,12 +178,12 @@ def test_the_unit_of_length_does_not_matter(unit: float, sampling: str) -> None:
         scene = parts(field, scattered.central(distance=distance), sampling=sampling, slice_spacing=unit / 6)
         built, camera, size = scattered.build(ss, scene)
         image = ss.Renderer("cpu").render(built, camera, size=size)
-        rmse, p99_9 = off_by(image, ss.Renderer("reference").render(built, camera, size=size))
-        assert rmse <= FLOAT32_HARD[0] and p99_9 <= FLOAT32_HARD[1], (rmse, p99_9)
+        found = off_by(image, by_reference(scene))
+        assert within(found, FLOAT32_HARD), found
     scene = parts(lattice, scattered.central(distance=4 * unit), sampling=sampling, slice_spacing=unit / 6)
     built, camera, size = scattered.build(ss, scene)
     image = ss.Renderer("cpu").render(built, camera, size=size)
-    assert off_by(image, ss.Renderer("reference").render(built, camera, size=size))[1] <= FLOAT32_HARD[1]
+    assert off_by(image, by_reference(scene))["p99_9"] <= FLOAT32_HARD[1]
 
 
 @pytest.mark.parametrize("mode", ["xray", "mip"])
@@ -362,6 +347,8 @@ def longs() -> dict[str, tuple[Any, Any, Any]]:
     }
 
 
+@pytest.mark.timeout(60)
+@pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize("name", ["pixels", "slices", "one slice"])
 def test_it_stops_at_once(name: str) -> None:
     """By Ctrl-C and by a callback, and draws again afterwards."""

@@ -17,20 +17,12 @@ import numpy as np
 import pytest
 import scattered_scenes as scattered
 from image_checks import FLOAT32, FLOAT32_HARD
+from reference_pictures import off_by, within
 
 import sheetsplat as ss
-from sheetsplat import _sheetsplat
 from sheetsplat.look import automatic
 
 SIZE = (30, 24)
-Image = ss.Image
-
-
-def off_by(actual: Image, expected: Image) -> tuple[float, float]:
-    """Return RMSE and P99.9 of section 8."""
-    one, other = np.ascontiguousarray(actual), np.ascontiguousarray(expected)
-    found = _sheetsplat.compare(one, other, 1 if one.ndim == 2 else 4)
-    return found["rmse"], found["p99_9"]
 
 
 def assert_like_reference(
@@ -40,8 +32,8 @@ def assert_like_reference(
     image = renderer.render(scene, camera, size=SIZE, **options)
     expected = ss.Renderer("reference").render(scene, camera, size=SIZE, **options)
     assert np.isfinite(np.asarray(image)).all()
-    rmse, p99_9 = off_by(image, expected)
-    assert rmse <= bounds[0] and p99_9 <= bounds[1], (rmse, p99_9)
+    found = off_by(image, expected)
+    assert within(found, bounds), found
 
 
 def camera_of(arguments: dict[str, Any]) -> ss.Camera:
@@ -369,8 +361,8 @@ def test_lit_needles_of_any_length(length_px: float, sampling: Any) -> None:
     scene = scene_of(field, sampling=sampling, slice_spacing=width / 3)
     camera = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=30)
     image = ss.Renderer("gl").render(scene, camera, size=(1000, 30))
-    rmse, p99_9 = off_by(image, ss.Renderer("reference").render(scene, camera, size=(1000, 30)))
-    assert rmse <= FLOAT32[0] and p99_9 <= FLOAT32[1], (rmse, p99_9)
+    found = off_by(image, ss.Renderer("reference").render(scene, camera, size=(1000, 30)))
+    assert within(found, FLOAT32), found
 
 
 @pytest.mark.gl
@@ -487,7 +479,7 @@ def test_the_reference_shades_values_of_any_unit(unit: float) -> None:
         points = [(value * factor, *rest) for value, *rest in scattered.GENTLE]
         scene = scene_of(field_of(10, values=values * factor, w0=0.5), points=points)
         pictures.append(ss.Renderer("reference").render(scene, camera_of(scattered.parallel()), size=SIZE))
-    assert off_by(*pictures)[0] < 1e-9
+    assert off_by(*pictures)["rmse"] < 1e-9
 
 
 @pytest.mark.gl

@@ -12,7 +12,6 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-import hard_cases as hard
 import numpy as np
 import oracle
 import pytest
@@ -21,8 +20,8 @@ from hypothesis import HealthCheck, Phase, event, given, note, settings
 from hypothesis import strategies as st
 from image_checks import FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS
 from numpy.typing import NDArray
+from reference_pictures import changed_pixels, may_jump, nudges, off_by, within
 from scattered_scenes import Parts
-from test_scattered_against_reference import jumps
 
 import sheetsplat as ss
 
@@ -337,21 +336,10 @@ CHANGES: list[Callable[[Parts, np.random.Generator], Parts]] = [as_it_is, reorde
 
 def ambiguous(made: Parts, here: NDArray[np.float32], spacing: float, length: float) -> NDArray[np.bool_]:
     """Return the pixels that jump under the nudges of section 9, and where cuts are moved by as little."""
-    found = np.zeros(made["size"][::-1], bool)
-    others: list[Parts] = []
-    if jumps(made):
-        span = made["transfer"][-1][0] - made["transfer"][0][0]
-        moves: list[dict[str, float]] = []
-        for sign in (-1, 1):
-            moves += [{"rho": sign * 1e-5 * span}, {"support": sign * 1e-5}]
-            if made["scene"]["opacity_stop"] < 1:
-                moves.append({"stop": sign * 1e-5})
-        others += [scattered.nudged(made, spacing, length, **move) for move in moves]
+    others = list(nudges(made, spacing, length)) if may_jump(made) else []
     if "planes" in made["effects"] or "box" in made["effects"]:
         others += [cut_elsewhere(made, by) for by in (-1e-5, 1e-5)]
-    for other in others:
-        found |= np.abs(by_reference(other).rgba - here).max(-1) > 1e-3
-    return found
+    return changed_pixels(here, others, by_reference)
 
 
 def far_off(actual: ss.Image, made: Parts, expected: ss.Image, bounds: tuple[float, float], scene: ss.Scene) -> str:
@@ -359,8 +347,8 @@ def far_off(actual: ss.Image, made: Parts, expected: ss.Image, bounds: tuple[flo
     pixels, wanted = np.array(np.asarray(actual)), np.asarray(expected)
     if not np.isfinite(pixels).all():
         return "not finite"
-    found = hard.distance(pixels, wanted)
-    if found["rmse"] <= bounds[0] and found["p99_9"] <= bounds[1]:
+    found = off_by(pixels, wanted)
+    if within(found, bounds):
         return ""
     if pixels.ndim == 3:
         jumping = ambiguous(made, expected.rgba, scene.slice_spacing, scene.reference_length)
@@ -369,8 +357,8 @@ def far_off(actual: ss.Image, made: Parts, expected: ss.Image, bounds: tuple[flo
             event("too much of the picture is ambiguous")
             return ""
         pixels[jumping] = wanted[jumping]
-        found = hard.distance(pixels, wanted)
-    return "" if found["rmse"] <= bounds[0] and found["p99_9"] <= bounds[1] else f"{found}, at most {bounds}"
+        found = off_by(pixels, wanted)
+    return "" if within(found, bounds) else f"{found}, at most {bounds}"
 
 
 def check(backend: str, made: Parts, change: Callable[[Parts, np.random.Generator], Parts], seed: int) -> None:
@@ -519,13 +507,16 @@ def test_harsh_scenes_are_right_or_refused(backend: str) -> None:
 
 
 def test_a_scene_that_is_a_little_wrong_is_seen() -> None:
-    """Negative control: of scenes whose opacities are off by a hundredth most that show anything fail."""
+    """Negative control: a scene that shows anything and whose opacities are off by a hundredth fails."""
     seen, missed = 0, 0
 
-    @FUZZ
+    # Few of the scenes are neither empty nor full: as many are drawn as it takes to see five.
+    @settings(FUZZ, max_examples=10 * FUZZ.max_examples)
     @given(made=scenes())
     def any_scene(made: Parts) -> None:
         nonlocal seen, missed
+        if seen == 5:
+            return
         made["scene"] |= {"mode": "composite", "opacity_stop": 1.0}
         made["scene"].pop("iso_value", None)
         dimmer = copy.deepcopy(made)
@@ -536,7 +527,7 @@ def test_a_scene_that_is_a_little_wrong_is_seen() -> None:
             return
         if one.rgba[..., 3].mean() > 0.05 and one.rgba[..., 3].mean() < 0.95:
             seen += 1
-            missed += hard.distance(one, other)["rmse"] <= FLOAT32_HARD[0]
+            missed += off_by(one, other)["rmse"] <= FLOAT32_HARD[0]
 
     any_scene()
-    assert seen >= 5 and missed == 0
+    assert seen == 5 and missed == 0

@@ -1,4 +1,4 @@
-"""Hard cases stay stable: each has the outcome that hard_cases.py writes down, on every backend."""
+"""Hard cases stay stable: each has the outcome that hard_cases writes down, on every backend."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from dataclasses import replace
 import hard_cases as hard
 import numpy as np
 import pytest
+from hard_cases.page import PAGE
 from image_checks import FLOAT32_HARD, log
+from reference_pictures import off_by, within
+from scattered_scenes import build
 
 import sheetsplat as ss
 
@@ -46,24 +49,24 @@ def test_the_written_promise(name: str, backend: str) -> None:
 def test_what_one_backend_refuses_auto_draws_with_another(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """And the plan says why."""
     monkeypatch.delenv("SHEETSPLAT_BACKEND", raising=False)
-    scene, camera, size = hard.build(ss, hard.scene_of(name))
+    scene, camera, size = build(ss, hard.scene_of(name))
     # A device that is named comes first, also where it is software.
     image = ss.Renderer("auto", device=0).render(scene, camera, size=size)
     assert image.plan.backend == "cpu" and "auto: backend gl: " in image.plan.device
-    found = hard.distance(image, hard.expected_of(name))
-    assert found["rmse"] <= FLOAT32_HARD[0] and found["p99_9"] <= FLOAT32_HARD[1], found
+    found = off_by(image, hard.expected_of(name))
+    assert within(found, FLOAT32_HARD), found
 
 
 @pytest.mark.gl
 @pytest.mark.parametrize("name", ["spot_10000_unlit", "window_300_unlit", "signs_10000"])
 def test_half_floats_beyond_their_bound_are_an_error_with_a_figure(name: str) -> None:
-    scene, camera, size = hard.build(ss, hard.scene_of(name))
+    scene, camera, size = build(ss, hard.scene_of(name))
     with pytest.raises(ss.Unsupported, match=r"error of [0-9.e+]+.*; wanted at most 0\.00196"):
         ss.Renderer("gl", precision="float16").render(scene, camera, size=size)
     inexact = ss.Renderer("gl", precision="float16", allow_inexact=True).render(scene, camera, size=size)
     # Rightly refused: what was not wanted exact is not.
     assert inexact.plan.precision == "float16"
-    assert hard.distance(inexact, hard.expected_of(name))["rmse"] > FLOAT32_HARD[0]
+    assert off_by(inexact, hard.expected_of(name))["rmse"] > FLOAT32_HARD[0]
 
 
 # Judges must be able to say no
@@ -77,7 +80,7 @@ def test_a_picture_that_is_a_little_wrong_fails(backend: str, monkeypatch: pytes
         if one.slow or one.outcome_on(backend) != hard.WITHIN:
             continue
         expected = np.asarray(hard.expected_of(name))
-        off = hard.distance(expected + np.float32(3e-4), expected)
+        off = off_by(expected + np.float32(3e-4), expected)
         found = replace(hard.Measured(bounds=FLOAT32_HARD), rmse=off["rmse"], p99_9=off["p99_9"], ambiguous=0)
         if not hard.fault(hard.WITHIN, found):
             missed.append(name)
@@ -109,8 +112,8 @@ def test_cases_show_something(name: str) -> None:
 
 
 def test_the_page_lists_every_case() -> None:
-    """Made by `python tests/python/hard_cases.py --table`."""
-    page = hard.PAGE.read_text(encoding="utf-8")
+    """Made by `python -m hard_cases.page --table`."""
+    page = PAGE.read_text(encoding="utf-8")
     assert set(re.findall(r"^\| `(\w[^`]*)` \|", page, re.M)) == {*hard.CASES, *hard.PROPERTIES}
     # A figure in bold is one that its outcome does not allow.
     bold = set(re.findall(r"^\| `(\w[^`]*)` \|.*\*\*", page, re.M))

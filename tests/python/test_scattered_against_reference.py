@@ -16,10 +16,10 @@ import pytest
 import scattered_scenes as scattered
 from image_checks import FLOAT16, FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS, assert_close, log
 from numpy.typing import NDArray
+from reference_pictures import ambiguous_pixels, by_reference, may_jump, off_by, within
 from scattered_scenes import Parts
 
 import sheetsplat as ss
-from sheetsplat import _sheetsplat
 
 pytestmark = pytest.mark.gl
 
@@ -41,16 +41,10 @@ def renderer(**options: Any) -> ss.Renderer:
     return ss.Renderer(options.pop("backend", "gl"), effects=effects, **options)
 
 
-def by_reference(parts: Parts) -> ss.Image:
-    """Return the reference's picture."""
-    scene, camera, size = scattered.build(ss, parts)
-    return ss.Renderer("reference").render(scene, camera, size=size, outputs=("coverage", "depth"))
-
-
 @cache
 def reference(name: str) -> ss.Image:
     """Return the reference's picture of a scene."""
-    return by_reference(named(name))
+    return by_reference(named(name), ("coverage", "depth"))
 
 
 @cache
@@ -59,46 +53,10 @@ def bounds_of(name: str) -> Bounds:
     return FLOAT32 if oracle.is_gentle(*scattered.build(oracle, named(name))) else FLOAT32_HARD
 
 
-def jumps(parts: Parts) -> bool:
-    """Return whether the picture may jump: where it does not, no pixel is ambiguous (section 9)."""
-    scene, points = parts["scene"], np.asarray(parts["transfer"])
-    if scene.get("mode", "composite") in ("xray", "mip"):
-        return False
-    steps = np.abs(np.diff(points[:, 1:], axis=0))[np.diff(points[:, 0]) == 0]
-    seen_at_zero = oracle.TransferFunction(parts["transfer"])(np.array(0.0))[3] > 0
-    stops = scene.get("opacity_stop", 0.98) < 1
-    return scene.get("mode") == "isosurface" or stops or bool(steps.any()) or bool(seen_at_zero)
-
-
 @cache
 def ambiguous(name: str) -> NDArray[np.bool_] | None:
     """Return the pixels whose reference jumps under the nudges of section 9, or None where nothing can jump."""
-    parts = named(name)
-    if not jumps(parts):
-        return None
-    scene = scattered.build(ss, parts)[0]
-    span = parts["transfer"][-1][0] - parts["transfer"][0][0]
-    moves: list[dict[str, float]] = []
-    for sign in (-1, 1):
-        moves += [{"rho": sign * 1e-5 * span}, {"support": sign * 1e-5}]
-        if parts["scene"].get("opacity_stop", 0.98) < 1 and parts["scene"].get("mode", "composite") == "composite":
-            moves.append({"stop": sign * 1e-5})
-    found = np.zeros(parts["size"][::-1], bool)
-    for move in moves:
-        moved = by_reference(scattered.nudged(parts, scene.slice_spacing, scene.reference_length, **move))
-        found |= np.abs(moved.rgba - reference(name).rgba).max(-1) > 1e-3
-    return found
-
-
-def off_by(actual: ss.Image | NDArray[np.float32], expected: ss.Image | NDArray[np.float32]) -> dict[str, float]:
-    """Return rmse, p99_9 and maximum of section 8, without what eyes would say, which takes longer than to draw."""
-    one, other = np.ascontiguousarray(actual), np.ascontiguousarray(expected)
-    return _sheetsplat.compare(one, other, 1 if one.ndim == 2 else 4)
-
-
-def within(found: dict[str, float], bounds: Bounds) -> bool:
-    """Return whether the bounds of RMSE and P99.9 are kept."""
-    return found["rmse"] <= bounds[0] and found["p99_9"] <= bounds[1]
+    return ambiguous_pixels(named(name), reference(name).rgba) if may_jump(named(name)) else None
 
 
 def compare(name: str, actual: ss.Image, bounds: Bounds, text: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import logging
 import os
 import signal
@@ -19,14 +20,72 @@ ROOT = Path(__file__).resolve().parents[2]
 os.environ.setdefault("SHEETSPLAT_GL_DEBUG", "1")
 
 
+# A quick run has so many cases of a test that has more, and those that take it to another backend.
+QUICK_CASES = 3
+BACKENDS = {"auto", "cpu", "gl", "reference"}
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--quick",
+        action="store_true",
+        help=f"run {QUICK_CASES} cases of each test that has more, and none that is marked slow",
+    )
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Keep the figures of every comparison of pictures, also of those that pass, in out/python/comparisons.txt."""
     folder = ROOT / "out" / "python"
     folder.mkdir(parents=True, exist_ok=True)
-    handler = logging.FileHandler(folder / "comparisons.txt", mode="w")
+    path = folder / "comparisons.txt"
+    # Worker processes (pytest -n) append to what the first process begins.
+    if not hasattr(config, "workerinput"):
+        path.write_text("")
     logger = logging.getLogger("image_checks")
     logger.setLevel(logging.INFO)
-    logger.addHandler(handler)
+    logger.addHandler(logging.FileHandler(path, mode="a"))
+
+
+def quick(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Return the items of a quick run."""
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("slow") is None:
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    chosen = []
+    for found in cases.values():
+        last = len(found) - 1
+        kept = {round(n * last / (QUICK_CASES - 1)) for n in range(QUICK_CASES)}
+        seen: set[str] = set()
+        for number, item in enumerate(found):
+            parameters = getattr(item, "callspec", None)
+            backends = BACKENDS & {str(value) for value in parameters.params.values()} if parameters else set()
+            if number in kept or not backends <= seen:
+                seen |= backends
+                chosen.append(item)
+    return chosen
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if config.getoption("quick"):
+        kept = quick(items)
+        config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
+        items[:] = kept
+
+
+@pytest.fixture(autouse=True)
+def _turn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Let tests that are marked alone wait until no other worker process (pytest -n) has a test under way."""
+    if not hasattr(request.config, "workerinput"):
+        yield
+        return
+    folder = tmp_path_factory.getbasetemp().parent
+    with open(folder / "gate", "w") as gate, open(folder / "turn", "w") as turn:
+        # Who waits for its turn holds the gate, so that nobody overtakes it.
+        fcntl.flock(gate, fcntl.LOCK_EX)
+        fcntl.flock(turn, fcntl.LOCK_EX if request.node.get_closest_marker("alone") else fcntl.LOCK_SH)
+        fcntl.flock(gate, fcntl.LOCK_UN)
+        yield
 
 
 def gl_missing() -> str:

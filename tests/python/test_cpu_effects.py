@@ -238,6 +238,7 @@ def test_volumes_do_not_depend_on_threads():
     )
 
 
+@pytest.mark.alone
 def test_volumes_serve_views_of_one_scene():
     scene, camera = make(Case("ellipsoids", "threshold").with_(shadows=True))
     world = scene.replace(lights=[ss.Light((0.4, 0.6, 1.0), space="world")])

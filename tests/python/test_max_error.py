@@ -119,6 +119,7 @@ def test_contradictions_name_both_sides(ball_scene: tuple[ss.Scene, ss.Camera]) 
     assert kept.plan.slice_spacing == 2.5
 
 
+@pytest.mark.alone
 def test_a_time(ball_scene: tuple[ss.Scene, ss.Camera], caplog: pytest.LogCaptureFixture) -> None:
     """One that is too short is told in the log; one that is long makes a fine picture; it goes before an error."""
     with caplog.at_level(logging.WARNING, "sheetsplat"):
@@ -194,6 +195,7 @@ def test_the_plan_says_which_distance(ball_scene: tuple[ss.Scene, ss.Camera]) ->
     assert "from the converged picture" in plan.effects[-1].reason
 
 
+@pytest.mark.alone
 def test_a_time_is_used_as_well_as_an_error(ball_scene: tuple[ss.Scene, ss.Camera]) -> None:
     """Settings that an error would find in time are not missed by the time."""
     image = ss.Renderer("cpu", max_error=5e-4).render(*ball_scene, size=SIZE)

@@ -83,6 +83,7 @@ def test_false_ends_a_stage_and_the_next_call_begins_it_anew(scene, camera):
     assert renderer.render(scene, camera, size=(20, 20)).rgba.any()
 
 
+@pytest.mark.alone
 @pytest.mark.timeout(60)
 @pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_ends_a_stage(field, camera):
@@ -101,6 +102,7 @@ def test_ctrl_c_ends_a_stage(field, camera):
     assert time.perf_counter() - began[0] < 1.0
 
 
+@pytest.mark.alone
 def test_a_picture_is_cancelled_soon(field, camera):
     """Within 20 ms of the callback's answer; here within 100, on machines that do other things too."""
     scene = ss.Scene(field, POINTS, lights=(LIGHT,), slice_spacing=2e-3, reference_length=0.03)
@@ -151,6 +153,7 @@ def test_threads_are_told_and_change_nothing(scene, camera):
     assert all(np.array_equal(pictures[0], picture) for picture in pictures[1:])
 
 
+@pytest.mark.alone
 def test_what_a_change_leaves_is_used_again(field, camera):
     renderer = ss.Renderer("cpu")
 

@@ -348,6 +348,7 @@ def test_a_renderer_refuses_to_render_in_its_own_callback(renderer, scene, camer
     assert renderer.render(scene, camera, size=(8, 8)).rgba.any()
 
 
+@pytest.mark.alone
 @pytest.mark.timeout(60)
 @pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_stops_it(renderer, slow_scene, slow_camera):
@@ -393,6 +394,7 @@ def longest_pause(function) -> tuple[float, float]:
     return max(pauses, default=last - began), last - began
 
 
+@pytest.mark.alone
 def test_rendering_lets_other_threads_run(renderer, slow_scene, slow_camera):
     pause, whole = longest_pause(lambda: renderer.render(slow_scene, slow_camera, size=(100, 100)))
     assert pause < 0.5 * whole

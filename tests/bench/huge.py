@@ -7,7 +7,7 @@ from pathlib import Path
 
 import hard_cases as hard
 import numpy as np
-import scattered_scenes as scattered
+import scene_parts
 from image_checks import FLOAT32
 
 import sheetsplat as ss
@@ -24,10 +24,10 @@ _TILE = 2048
 
 def the_scene() -> tuple[ss.Scene, ss.Camera]:
     """Return a lattice beside ellipsoids, unlit; at 20,000 pixels a sample is 1,800 wide."""
-    fields = [scattered.cloud(np.random.default_rng(20), 300, 3.0), hard.lattice("huge", (11, 10, 9))]
+    fields = [scene_parts.cloud(np.random.default_rng(20), 300, 3.0), hard.lattice("huge", (11, 10, 9))]
     # Unlit, because a pixel is small against the slice distance, which is the length over which gradients are lit.
-    made = scattered.parts(fields, scattered.parallel(height=2.2), slice_spacing=0.2, lit=False)
-    scene, camera, _ = scattered.build(ss, made)
+    made = scene_parts.parts(fields, scene_parts.parallel(height=2.2), slice_spacing=0.2, lit=False)
+    scene, camera, _ = scene_parts.build(ss, made)
     return scene, camera
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scattered_scenes
+import scene_parts
 from numpy.typing import NDArray
 
 import sheetsplat as ss
@@ -64,7 +64,7 @@ def _lattice(rng: np.random.Generator, bcc: bool) -> ss.RegularField:
 
 def _ellipsoids(rng: np.random.Generator) -> ss.EllipsoidField:
     count = int(rng.integers(20, 400))
-    field = scattered_scenes.cloud(rng, count, rng.uniform(2, 12), 10 ** rng.uniform(0, 1))
+    field = scene_parts.cloud(rng, count, rng.uniform(2, 12), 10 ** rng.uniform(0, 1))
     if rng.random() < 0.3:
         field["scales"] = field["scales"] * 10 ** rng.uniform(-0.7, 0.3, (count, 1))
     field["w0"] = float(rng.choice([0.3, 1.0]))
@@ -105,7 +105,7 @@ def random_case(seed: int, spacing: float | None = None) -> Case:
     if mode == "composite":
         options["preintegration"] = [False, False, False, True, "second_order"][rng.integers(5)]
     projection = str(rng.choice(["orthographic", "perspective"]))
-    direction, up = (tuple(scattered_scenes.unit(rng.normal(size=3)).tolist()) for _ in range(2))
+    direction, up = (tuple(scene_parts.unit(rng.normal(size=3)).tolist()) for _ in range(2))
     camera = ss.Camera.fit(field, direction=direction, up=up, kind=projection)
     times = float(rng.choice([0.5, 1.0, 2.0])) if spacing is None else spacing
     scene = ss.Scene(field, transfer, lights=lights, **fixed)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any
 
 import numpy as np
 import oracle
-import scattered_scenes as scattered
+import scene_parts
 from numpy.typing import NDArray
-from scattered_scenes import Parts
+from scene_parts import Parts
 
 import sheetsplat as ss
-from sheetsplat import _sheetsplat
 
 Mask = NDArray[np.bool_]
 # Section 9: a pixel is ambiguous where a nudge of the scene changes the reference by more than this.
@@ -21,19 +19,8 @@ JUMP = 1e-3
 
 def by_reference(parts: Parts, outputs: Iterable[str] = ()) -> ss.Image:
     """Return the reference's picture."""
-    scene, camera, size = scattered.build(ss, parts)
+    scene, camera, size = scene_parts.build(ss, parts)
     return ss.Renderer("reference").render(scene, camera, size=size, outputs=tuple(outputs))  # type: ignore[arg-type]
-
-
-def off_by(actual: Any, expected: Any) -> dict[str, float]:
-    """Return rmse, p99_9 and maximum of section 8, without FLIP, which takes longer than to draw."""
-    one, other = np.ascontiguousarray(actual), np.ascontiguousarray(expected)
-    return _sheetsplat.compare(one, other, 1 if one.ndim == 2 else 4)
-
-
-def within(found: dict[str, float], bounds: tuple[float, float]) -> bool:
-    """Return whether the bounds of RMSE and P99.9 are kept."""
-    return found["rmse"] <= bounds[0] and found["p99_9"] <= bounds[1]
 
 
 def may_jump(parts: Parts) -> bool:
@@ -53,10 +40,10 @@ def nudges(parts: Parts, spacing: float, length: float) -> Iterator[Parts]:
     span = parts["transfer"][-1][0] - parts["transfer"][0][0]
     stops = scene.get("opacity_stop", 0.98) < 1 and scene.get("mode", "composite") == "composite"
     for by in (-1e-5, 1e-5):
-        yield scattered.nudged(parts, spacing, length, rho=by * span)
-        yield scattered.nudged(parts, spacing, length, support=by)
+        yield scene_parts.nudged(parts, spacing, length, rho=by * span)
+        yield scene_parts.nudged(parts, spacing, length, support=by)
         if stops:
-            yield scattered.nudged(parts, spacing, length, stop=by)
+            yield scene_parts.nudged(parts, spacing, length, stop=by)
 
 
 def changed_pixels(
@@ -73,5 +60,5 @@ def ambiguous_pixels(parts: Parts, here: NDArray[np.float32]) -> Mask | None:
     """Return the pixels that jump under the nudges of section 9, or None where nothing can jump."""
     if not may_jump(parts):
         return None
-    scene = scattered.build(ss, parts)[0]
+    scene = scene_parts.build(ss, parts)[0]
     return changed_pixels(here, nudges(parts, scene.slice_spacing, scene.reference_length))

@@ -1,161 +1,32 @@
-"""Scenes of scattered ellipsoids, made from fixed seeds, for holding renderers against each other.
-
-A scene here is a dictionary of plain numbers and arrays (`Parts`): build(module, parts) makes it of the classes of any
-module that has the names of the package, so that the package and the oracle are given the same one.
-"""
+"""Scenes of scattered ellipsoids, made from fixed seeds, for holding renderers against each other."""
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scene_parts import (
+    GENTLE,
+    OPAQUE,
+    SIZE,
+    STEP,
+    VIEW,
+    ZERO_SEEN,
+    Parts,
+    central,
+    cloud,
+    frame,
+    parallel,
+    parts,
+    pick,
+    random_camera,
+    unit,
+)
 
-Array = NDArray[np.float64]
-# fields, transfer, scene, lights, material, camera, size; "refusable": why OpenGL may refuse it, or "".
-Parts = dict[str, Any]
-
-
-def build(module: ModuleType, parts: Parts) -> tuple[Any, Any, tuple[int, int]]:
-    """Return scene, camera and size made of a module's classes."""
-    fields = [(module.EllipsoidField if "centers" in f else module.RegularField)(**f) for f in parts["fields"]]
-    scene = module.Scene(
-        fields[0] if len(fields) == 1 else fields,
-        module.TransferFunction(parts["transfer"]),
-        lights=[module.Light(**light) for light in parts.get("lights", ())],
-        material=module.Material(**parts.get("material", {})),
-        **parts["scene"],
-    )
-    kind = module.Camera.orthographic if "height" in parts["camera"] else module.Camera.perspective
-    return scene, kind(**parts["camera"]), parts["size"]
-
-
-def nudged(
-    parts: Parts, spacing: float, length: float, *, rho: float = 0, support: float = 0, stop: float = 0
-) -> Parts:
-    """Return the scene with ρ, the supports' radius (relative) or A_stop moved, as section 9 looks for ambiguity.
-
-    The distance of slices and the reference length stay at what they are, though both may follow from the supports.
-    """
-    moved = copy.deepcopy(parts)
-    moved["scene"] |= {"slice_spacing": spacing, "reference_length": length}
-    moved["transfer"] = [(point[0] - rho, *point[1:]) for point in parts["transfer"]]
-    if "iso_value" in parts["scene"]:
-        moved["scene"]["iso_value"] -= rho
-    if stop:
-        moved["scene"]["opacity_stop"] = min(1.0, parts["scene"].get("opacity_stop", 0.98) + stop)
-    for field in moved["fields"] if support else ():
-        if "centers" in field:
-            field["scales"] = np.asarray(field["scales"]) * (1 + support)
-            if "min_scale" in field:
-                field["min_scale"] *= 1 + support
-            if "cell_volume" in field:
-                field["cell_volume"] *= (1 + support) ** 3
-        else:
-            field["radius"] = field.get("radius", 2.0) * (1 + support)
-    return moved
-
-
-def unit(vector: Any) -> Array:
-    """Return the vector divided by its length."""
-    found = np.asarray(vector, float)
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
-
-
-def pick(rng: np.random.Generator, *choices: Any) -> Any:
-    """Return one of the choices."""
-    return choices[rng.integers(len(choices))]
-
-
-def quaternions(rng: np.random.Generator, count: int) -> Array:
-    """Return random unit quaternions w, x, y, z."""
-    return unit(rng.normal(size=(count, 4)))
-
-
-def frame(axis: Any) -> Array:
-    """Return a rotation matrix whose first column is the axis."""
-    first = unit(axis)
-    second = unit(np.cross(first, np.eye(3)[np.argmin(np.abs(first))]))
-    return np.stack([first, second, np.cross(first, second)], -1)
-
-
-def cloud(
-    rng: np.random.Generator, count: int, overlap: float = 8.0, aspect: float = 3.0, **options: Any
-) -> dict[str, Any]:
-    """Return a field of `count` kernels in the cube of edge 2 round 0, every point in about `overlap` supports.
-
-    The axes of a kernel are the longest, one aspect shorter, and one between them; their product is the same for all.
-    """
-    between = aspect ** -rng.random(count)
-    axes = np.stack([np.ones(count), between, np.full(count, 1 / aspect)], -1)
-    volume = 8 * overlap / (count * 4 / 3 * np.pi)
-    axes *= np.cbrt(volume / axes.prod(1))[:, None]
-    return {
-        "centers": rng.uniform(-1, 1, (count, 3)),
-        "scales": axes,
-        "rotations": quaternions(rng, count),
-        "values": rng.random(count),
-    } | options
-
-
-# Opacity per reference length and colours, no steeper than the tighter bound of section 9 asks for.
-GENTLE = [(0.02, 0.1, 0.2, 0.6, 0.0), (0.35, 0.2, 0.6, 0.4, 0.05), (0.7, 0.9, 0.6, 0.2, 0.2), (1.0, 1.0, 0.9, 0.8, 0.3)]
-OPAQUE = [(0.05, 0.1, 0.2, 0.6, 0.0), (0.5, 0.2, 0.6, 0.4, 0.4), (1.0, 1.0, 0.9, 0.8, 0.9)]
-STEP = [(0.1, 0.1, 0.2, 0.6, 0.0), (0.4, 0.2, 0.6, 0.4, 0.1), (0.4, 0.9, 0.2, 0.1, 0.5), (1.0, 1.0, 0.9, 0.8, 0.5)]
-ZERO_SEEN = [(0.0, 0.1, 0.2, 0.6, 0.05), (0.5, 0.9, 0.6, 0.2, 0.2), (1.0, 1.0, 0.9, 0.8, 0.3)]
-LIGHTS = [
-    {"direction": (0.4, 0.6, 1.0), "color": (1.0, 0.9, 0.8)},
-    {"direction": (-1.0, 0.2, 0.3), "color": (0.2, 0.2, 0.4), "space": "world"},
-]
-MATERIAL = {"ambient": 0.2, "diffuse": 0.7, "specular": 0.3, "shininess": 12.0, "two_sided": True}
-VIEW = (-0.5, -0.4, -0.8)
-UP = (0.1, 1.0, 0.2)
-SIZE = (56, 48)
-
-
-def parallel(direction: Any = VIEW, height: float = 3.0, at: Any = (0.0, 0.0, 0.0), up: Any = UP) -> dict[str, Any]:
-    """Return an orthographic camera."""
-    target = np.asarray(at, float)
-    eye = target - 4 * unit(direction)
-    return {"eye": tuple(eye.tolist()), "target": tuple(target.tolist()), "up": up, "height": height}
-
-
-def central(
-    direction: Any = VIEW, distance: float = 4.0, fov_y: float = 40.0, at: Any = (0.0, 0.0, 0.0), up: Any = UP
-) -> dict[str, Any]:
-    """Return a perspective camera."""
-    target = np.asarray(at, float)
-    eye = target - distance * unit(direction)
-    return {"eye": tuple(eye.tolist()), "target": tuple(target.tolist()), "up": up, "fov_y": fov_y}
-
-
-def parts(
-    fields: list[dict[str, Any]],
-    camera: dict[str, Any] | None = None,
-    *,
-    transfer: Any = GENTLE,
-    lit: bool = True,
-    size: tuple[int, int] = SIZE,
-    refusable: str = "",
-    **scene: Any,
-) -> Parts:
-    """Return a scene; the distance of slices is 1/12 unless given."""
-    scene = {"slice_spacing": 1 / 12, "opacity_stop": 1.0} | scene
-    return {
-        "fields": fields,
-        "transfer": transfer,
-        "scene": {name: value for name, value in scene.items() if value is not None},
-        "lights": LIGHTS if lit else [],
-        "material": MATERIAL,
-        "camera": parallel() if camera is None else camera,
-        "size": size,
-        "refusable": refusable,
-    }
-
-
+# Why OpenGL may refuse it.
+NARROW_WINDOW = "the transfer function's window is narrow beside the values"
 SCENES: dict[str, Callable[[np.random.Generator], Parts]] = {}
 
 
@@ -459,12 +330,6 @@ def far_outlier(rng: np.random.Generator) -> Parts:
     return parts([field], parallel(direction=(0.0, 0.3, -1.0), up=(0, 1, 0)), slice_spacing=0.1)
 
 
-LIT_CLOSE_UP = "a lit close-up of several fields, one of them divided by its own weight"
-NARROW_WINDOW = "the transfer function's window is narrow beside the values"
-# Of the random ones.
-REFUSABLE = {0: NARROW_WINDOW, 38: LIT_CLOSE_UP, 40: LIT_CLOSE_UP}
-
-
 def _ball(shape: tuple[int, int, int]) -> NDArray[np.float32]:
     at = np.stack(np.meshgrid(*(np.linspace(-1, 1, count) for count in shape), indexing="ij"))
     return np.asarray(np.clip(1.1 - np.sqrt((at**2).sum(0)), 0, 1), np.float32)
@@ -670,33 +535,6 @@ def _sizes() -> None:
 _sizes()
 
 
-def random_camera(rng: np.random.Generator, edge: float, at: Any = (0.0, 0.0, 0.0)) -> dict[str, Any]:
-    """Return a camera somewhere round, or in, a thing of that edge at that place."""
-    kind = pick(rng, "parallel", "parallel", "outside", "inside", "cut")
-    target = at + rng.uniform(-0.1, 0.1, 3) * edge
-    away = unit(rng.normal(size=3))
-    distance = (
-        edge
-        * {
-            "parallel": rng.uniform(0.1, 1),
-            "outside": rng.uniform(1.2, 2.5),
-            "inside": rng.uniform(0.02, 0.4),
-            "cut": rng.uniform(0.6, 1.2),
-        }[kind]
-    )
-    camera: dict[str, Any] = {
-        "eye": tuple((target + away * distance).tolist()),
-        "target": tuple(target.tolist()),
-        "up": tuple(unit(rng.normal(size=3)).tolist()),
-    }
-    if kind == "parallel":
-        return camera | {"height": float(edge * rng.uniform(0.3, 1.5))}
-    camera["fov_y"] = float(rng.uniform(15, 90))
-    if kind == "cut":
-        camera["near"] = float(distance * rng.uniform(0.5, 1))
-    return camera
-
-
 def _random_cameras() -> None:
     for number in range(6):
 
@@ -708,136 +546,3 @@ def _random_cameras() -> None:
 
 
 _random_cameras()
-
-
-# Small random scenes, all options mixed
-
-
-def random_ellipsoids(rng: np.random.Generator) -> dict[str, Any]:
-    """Return the arguments of a small field in the cube of edge 2 round 0."""
-    count = int(pick(rng, 1, 2, *[rng.integers(3, 30)] * 6))
-    aspect = float(10.0 ** (pick(rng, 0, 1, 1, 3) * rng.random()))
-    size = rng.uniform(0.2, 1.0) * 10.0 ** (rng.uniform(-1, 0, (count, 1)) * (rng.random() < 0.3))
-    centres = rng.uniform(-1, 1, (count, 3))
-    if rng.random() < 0.2:
-        centres = 0.7 * centres[rng.integers(count, size=count)] + 0.05 * rng.normal(size=(count, 3))
-    values = rng.random(count)
-    kind = pick(rng, "positive", "positive", "signed", "offset")
-    if kind == "signed":
-        values = 2 * values - 1
-    elif kind == "offset":
-        values = 0.9 + 0.1 * values
-    field: dict[str, Any] = {
-        "centers": centres,
-        "scales": size * aspect ** -rng.random((count, 3)),
-        "rotations": quaternions(rng, count),
-        "values": values,
-        "normalization": pick(rng, "threshold", "threshold", "none"),
-        "falloff": float(pick(rng, 8.0, 8.0, rng.uniform(0.5, 12))),
-    }
-    if rng.random() < 0.2:
-        field["rotations"] = np.stack([frame(rng.normal(size=3)) for _ in range(count)])
-    if rng.random() < 0.15:
-        field["scales"] = field["scales"][:, 0]
-        del field["rotations"]
-    elif rng.random() < 0.15:
-        del field["rotations"]
-    if rng.random() < 0.15:
-        field["min_scale"] = float(np.median(field["scales"]))
-    if rng.random() < 0.4:
-        field["weights"] = 10.0 ** rng.uniform(-2, 1, count) * (rng.random(count) < 0.9)
-        field["weights"][0] = 1
-    if field["normalization"] == "threshold" and rng.random() < 0.7:
-        field["w0"] = float(10.0 ** rng.uniform(-3, 0.3))
-    if rng.random() < 0.1:
-        field["normalization"] = "lattice"
-        field["scales"] = np.repeat(field["scales"][:1], count, 0)
-        field["cell_volume"] = float(rng.uniform(0.1, 1) * 4 * np.prod(np.broadcast_to(field["scales"][0], 3)))
-    return field
-
-
-def random_regular(rng: np.random.Generator) -> dict[str, Any]:
-    """Return the arguments of a small lattice in the cube of edge 2 round 0."""
-    shape = tuple(int(n) for n in rng.integers(2, 6, 3))
-    lattice = pick(rng, "cartesian", "bcc")
-    edge = float(rng.uniform(0.3, 0.6))
-    return {
-        "values": rng.random(shape).astype(np.float32),
-        "spacing": (edge, edge, edge) if lattice == "bcc" else tuple(rng.uniform(0.3, 0.6, 3).tolist()),
-        "origin": tuple(rng.uniform(-1, 0, 3).tolist()),
-        "lattice": lattice,
-        "normalization": pick(rng, "lattice", "lattice", "threshold", "none"),
-    }
-
-
-def random_transfer(rng: np.random.Generator) -> list[tuple[float, ...]]:
-    """Return the points of a transfer function: opacity at 0, steps and opaque ends among them."""
-    count = int(rng.integers(2, 6))
-    values = np.sort(rng.uniform(-0.1, 1.0, count))
-    opacity = rng.random(count) * pick(rng, 0.1, 0.5, 1.0)
-    if rng.random() < 0.6:
-        values = np.sort(np.maximum(values, 0.02 + 0.01 * np.arange(count)))
-        opacity[0] = 0
-    # A window without width has no weakest gradient: light would show the noise of rounding.
-    if rng.random() < 0.3 and count > 2:
-        values[count // 2] = values[count // 2 - 1]
-    if rng.random() < 0.2:
-        opacity[-1] = 1
-    return [(float(v), *rng.random(3).tolist(), float(a)) for v, a in zip(values, opacity, strict=True)]
-
-
-def random_scene(seed: int) -> Parts:
-    """Return a small scene with ellipsoids in it; modes and samplings are counted through, the rest is drawn."""
-    rng = np.random.default_rng([2006, seed])
-    fields = [random_ellipsoids(rng)]
-    while rng.random() < 0.25:
-        fields.append(pick(rng, random_ellipsoids, random_regular)(rng))
-    mode = ("composite", "isosurface", "composite", "xray", "composite", "mip")[seed % 6]
-    chosen: dict[str, Any] = {
-        "mode": mode,
-        "sampling": ("point", "slab")[seed // 6 % 2],
-        "opacity_stop": float(pick(rng, 0.98, 1.0, rng.uniform(0.3, 1))),
-        "preintegration": seed % 6 == 2 or (mode == "composite" and rng.random() < 0.2),
-        # A default distance of slices would make thousands of slices of some of these.
-        "slice_spacing": float(2 / rng.uniform(3, 25)),
-    }
-    if seed // 12 % 4 == 0:
-        chosen["filter"] = "ewa"
-    if mode == "isosurface":
-        chosen["iso_value"] = float(rng.uniform(0.05, 0.7))
-    if rng.random() < 0.6:
-        chosen["reference_length"] = float(chosen["slice_spacing"] * rng.uniform(0.5, 3))
-    if mode in ("composite", "isosurface") and rng.random() < 0.3:
-        chosen["background"] = tuple(rng.random(3).tolist())
-    camera = random_camera(rng, 2.0, 0.8 * fields[0]["centers"][0])
-    if rng.random() < 0.1:
-        # Whole multiples of what a float64 resolves out there, so that the move itself loses nothing.
-        at = np.round(10.0 ** rng.uniform(6, 9) * unit(rng.normal(size=3)))
-        for field in fields:
-            name = "centers" if "centers" in field else "origin"
-            field[name] = np.asarray(field[name]) + at
-        for name in ("eye", "target"):
-            camera[name] = tuple((np.asarray(camera[name]) + at).tolist())
-    return {
-        "fields": fields,
-        "transfer": random_transfer(rng),
-        "scene": chosen,
-        "lights": [
-            {
-                "direction": tuple(unit(rng.normal(size=3)).tolist()),
-                "color": tuple(rng.random(3).tolist()),
-                "space": pick(rng, "eye", "world"),
-            }
-            for _ in range(rng.integers(0, 3))
-        ],
-        "material": {
-            "ambient": float(rng.random()),
-            "diffuse": float(rng.random()),
-            "specular": float(pick(rng, 0.0, rng.random())),
-            "shininess": float(rng.uniform(1, 60)),
-            "two_sided": bool(rng.random() < 0.4),
-        },
-        "camera": camera,
-        "size": tuple(int(n) for n in rng.integers(4, 20, 2)),
-        "refusable": REFUSABLE.get(seed, ""),
-    }

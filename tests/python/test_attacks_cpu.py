@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scattered_scenes as scattered
-from image_checks import FLOAT32_HARD, MOST_AMBIGUOUS
-from reference_pictures import by_reference, changed_pixels, off_by, within
+import scene_parts
+from image_checks import FLOAT32_HARD, MOST_AMBIGUOUS, off_by, within
+from reference_pictures import by_reference, changed_pixels
 
 import sheetsplat as ss
 
@@ -28,17 +28,17 @@ Parts = dict[str, Any]
 
 
 def cloud(seed: int, count: int = 40, overlap: float = 2.0, aspect: float = 3.0, **options: Any) -> Parts:
-    return scattered.cloud(np.random.default_rng(seed), count, overlap, aspect, **{"w0": 0.5, **options})
+    return scene_parts.cloud(np.random.default_rng(seed), count, overlap, aspect, **{"w0": 0.5, **options})
 
 
 def parts(field: Parts | list[Parts], camera: Parts | None = None, **options: Any) -> Parts:
     fields = field if isinstance(field, list) else [field]
-    return scattered.parts(fields, camera, **{"size": SIZE, "slice_spacing": 1 / 6, **options})
+    return scene_parts.parts(fields, camera, **{"size": SIZE, "slice_spacing": 1 / 6, **options})
 
 
 def assert_right(scene: Parts, *, precision: str | None = None, may_jump: bool = False, **options: Any) -> ss.Image:
     """Hold a picture and its coverage against the reference; ambiguous pixels are left out where it may jump."""
-    built, camera, size = scattered.build(ss, scene)
+    built, camera, size = scene_parts.build(ss, scene)
     image = ss.Renderer("cpu", **options).render(built, camera, size=size, outputs=("coverage", "depth"))
     expected = by_reference(scene, ("coverage", "depth"))
     pixels = np.array(np.asarray(image))
@@ -48,7 +48,7 @@ def assert_right(scene: Parts, *, precision: str | None = None, may_jump: bool =
         span = scene["transfer"][-1][0] - scene["transfer"][0][0]
         moves = [{"rho": 1e-5 * span}, {"rho": -1e-5 * span}, {"support": 1e-5}, {"support": -1e-5}]
         spacing, length = built.slice_spacing, built.reference_length
-        jumping = changed_pixels(expected.rgba, [scattered.nudged(scene, spacing, length, **move) for move in moves])
+        jumping = changed_pixels(expected.rgba, [scene_parts.nudged(scene, spacing, length, **move) for move in moves])
         assert jumping.sum() <= max(1, MOST_AMBIGUOUS * jumping.size)
         pixels[jumping] = np.asarray(expected)[jumping]
     for output, (found, wanted) in {
@@ -69,7 +69,7 @@ def test_needles_and_disks(aspect: float, sampling: str, lit: bool) -> None:
     for shape in ((1, 1 / aspect, 1 / aspect), (1, 1, 1 / aspect)):
         for scale in (1.0, min(0.05 * aspect, 1e6)):
             field = cloud(3, 30, w0=0.3) | {"scales": np.tile(shape, (30, 1)) * scale}
-            for camera in (scattered.parallel(height=2.5), scattered.central()):
+            for camera in (scene_parts.parallel(height=2.5), scene_parts.central()):
                 assert_right(parts(field, camera, lit=lit, sampling=sampling, slice_spacing=max(1 / 6, scale / 20)))
 
 
@@ -83,16 +83,16 @@ def test_supports_end_where_they_end(falloff: float, sampling: str, normalizatio
     """A steep profile is next to nothing long before its end, where opacity at 0 still tells it from emptiness."""
     field = cloud(4, falloff=falloff, normalization=normalization)
     for lit in (False, True):
-        scene = parts(field, scattered.central(), transfer=scattered.ZERO_SEEN, sampling=sampling, lit=lit)
+        scene = parts(field, scene_parts.central(), transfer=scene_parts.ZERO_SEEN, sampling=sampling, lit=lit)
         assert_right(scene, precision="float64" if falloff > 20 else None, may_jump=True)
     weights = np.where(np.arange(40) % 2 == 0, 1.0, 0.0)
-    scene = parts(field | {"weights": weights}, transfer=scattered.ZERO_SEEN, sampling=sampling, lit=False)
+    scene = parts(field | {"weights": weights}, transfer=scene_parts.ZERO_SEEN, sampling=sampling, lit=False)
     assert_right(scene, may_jump=True)
 
 
 def test_a_profile_too_steep_to_tell_its_end_is_refused_where_it_matters() -> None:
     steep = cloud(4, falloff=700.0)
-    built, camera, size = scattered.build(ss, parts(steep, transfer=scattered.ZERO_SEEN))
+    built, camera, size = scene_parts.build(ss, parts(steep, transfer=scene_parts.ZERO_SEEN))
     with pytest.raises(ss.Unsupported, match="falloff of 700.*at most 600 where opacity at 0"):
         ss.Renderer("cpu").render(built, camera, size=size)
     assert_right(parts(steep))
@@ -102,7 +102,7 @@ def test_a_profile_too_steep_to_tell_its_end_is_refused_where_it_matters() -> No
 @pytest.mark.parametrize("weight", [0.0, 1e-20, 1e20])
 def test_thresholds_beyond_float32(weight: float, w0: float) -> None:
     weights = np.where(np.arange(40) % 2 == 0, 1.0, weight)
-    for transfer in (scattered.GENTLE, scattered.ZERO_SEEN):
+    for transfer in (scene_parts.GENTLE, scene_parts.ZERO_SEEN):
         assert_right(parts(cloud(5, weights=weights, w0=w0), transfer=transfer), may_jump=True)
         two = [cloud(5, weights=weights, w0=w0), cloud(6)]
         assert_right(parts(two, transfer=transfer, lit=False), may_jump=True)
@@ -113,14 +113,14 @@ def test_thresholds_beyond_float32(weight: float, w0: float) -> None:
 def test_kernels_of_any_size_on_centres_and_borders(radius_px: float, sampling: str) -> None:
     rng = np.random.default_rng(5)
     width, height = SIZE
-    camera = scattered.parallel(direction=(0, 0, -1), up=(0, 1, 0), height=float(height))
+    camera = scene_parts.parallel(direction=(0, 0, -1), up=(0, 1, 0), height=float(height))
     for half in (0.5, 0.0):
         x, y = rng.integers(0, width, 40) + half - width / 2, height / 2 - rng.integers(0, height, 40) - half
         at = np.stack([x, y, np.where(rng.random(40) < 0.5, 0.5, -0.5)], -1)
         if radius_px < 1:
             at[:, :2] += rng.uniform(-0.4, 0.4, (40, 2)) * radius_px
         scales = radius_px * np.tile((1.0, 0.8, 0.9), (40, 1))
-        field = {"centers": at, "scales": scales, "rotations": scattered.quaternions(rng, 40)}
+        field = {"centers": at, "scales": scales, "rotations": scene_parts.quaternions(rng, 40)}
         field |= {"values": rng.uniform(0.5, 1, 40), "w0": 0.3}
         for lit in (False, True):
             assert_right(parts(field, camera, lit=lit, sampling=sampling, slice_spacing=max(1.0, radius_px / 5)))
@@ -130,7 +130,7 @@ def test_gradients_that_float64_loses_are_refused() -> None:
     """On the flat tops of kernels of 1e12 pixels lights would show rounding (3e-3 of the picture)."""
     rng = np.random.default_rng(5)
     field = {"centers": rng.uniform(-10, 10, (40, 3)), "scales": np.full(40, 1e12), "values": rng.random(40)}
-    camera = scattered.parallel(direction=(0, 0, -1), up=(0, 1, 0), height=24.0)
+    camera = scene_parts.parallel(direction=(0, 0, -1), up=(0, 1, 0), height=24.0)
     scene = parts(field, camera, slice_spacing=2e11)
     with pytest.raises(ss.Unsupported, match="whose gradients float64 loses.*reference_length.*leave out the lights"):
         assert_right(scene)
@@ -148,7 +148,7 @@ def test_crowds_at_one_spot(count: int, lit: bool, same_values: bool) -> None:
     assert_right(parts(field, lit=lit, slice_spacing=0.5))
     if lit and count < 1000:
         for length in (0.3, 0.042):
-            close = parts(field, scattered.parallel(height=1.0), slice_spacing=0.042, reference_length=length)
+            close = parts(field, scene_parts.parallel(height=1.0), slice_spacing=0.042, reference_length=length)
             assert_right(close)
 
 
@@ -158,9 +158,9 @@ def test_lit_quotients_that_hardly_change(count: int, spread: float, offset: flo
     """The gradient of one value everywhere is rounding alone: lights must not show it."""
     places = 0.1 + spread * np.random.default_rng(3).normal(size=(count, 3))
     field = {"centers": places, "scales": np.full(count, 0.5), "values": np.full(count, 0.7 + offset)}
-    window = [(value + offset, *rest) for value, *rest in scattered.GENTLE]
+    window = [(value + offset, *rest) for value, *rest in scene_parts.GENTLE]
     looks: Parts = {"slice_spacing": 0.043, "reference_length": 0.3, "transfer": window}
-    assert_right(parts(field, scattered.parallel(height=1.0), **looks))
+    assert_right(parts(field, scene_parts.parallel(height=1.0), **looks))
 
 
 @pytest.mark.parametrize("unit", [1e-45, 1e-20, 1e20, 1e38, 1e100])
@@ -175,13 +175,13 @@ def test_the_unit_of_length_does_not_matter(unit: float, sampling: str) -> None:
         "spacing": (0.4 * unit,) * 3,
     }
     for distance in (4 * unit, 0.3 * unit):
-        scene = parts(field, scattered.central(distance=distance), sampling=sampling, slice_spacing=unit / 6)
-        built, camera, size = scattered.build(ss, scene)
+        scene = parts(field, scene_parts.central(distance=distance), sampling=sampling, slice_spacing=unit / 6)
+        built, camera, size = scene_parts.build(ss, scene)
         image = ss.Renderer("cpu").render(built, camera, size=size)
         found = off_by(image, by_reference(scene))
         assert within(found, FLOAT32_HARD), found
-    scene = parts(lattice, scattered.central(distance=4 * unit), sampling=sampling, slice_spacing=unit / 6)
-    built, camera, size = scattered.build(ss, scene)
+    scene = parts(lattice, scene_parts.central(distance=4 * unit), sampling=sampling, slice_spacing=unit / 6)
+    built, camera, size = scene_parts.build(ss, scene)
     image = ss.Renderer("cpu").render(built, camera, size=size)
     assert off_by(image, by_reference(scene))["p99_9"] <= FLOAT32_HARD[1]
 
@@ -191,7 +191,7 @@ def test_the_unit_of_length_does_not_matter(unit: float, sampling: str) -> None:
 def test_numbers_that_no_float32_picture_holds_are_refused(unit: float, mode: str) -> None:
     field = cloud(8)
     scene = parts(field | {"values": unit * field["values"]}, mode=mode)
-    built, camera, size = scattered.build(ss, scene)
+    built, camera, size = scene_parts.build(ss, scene)
     with pytest.raises(ss.Unsupported, match="cannot be shown in float32"):
         ss.Renderer("cpu").render(built, camera, size=size)
 
@@ -202,7 +202,7 @@ def test_the_eye_anywhere(fov_y: float, sampling: str) -> None:
     lattice = {"values": np.random.default_rng(1).random((5, 6, 7)), "origin": (-1, -1, -1), "spacing": (0.4,) * 3}
     for distance in (1e-9, 0.3, 2.0):
         for near in (None, 1e-6, 0.5):
-            camera = scattered.central(distance=distance, fov_y=fov_y) | ({} if near is None else {"near": near})
+            camera = scene_parts.central(distance=distance, fov_y=fov_y) | ({} if near is None else {"near": near})
             for field in (cloud(10), lattice):
                 assert_right(parts(field, camera, sampling=sampling))
 
@@ -212,7 +212,7 @@ def test_the_eye_anywhere(fov_y: float, sampling: str) -> None:
 def test_magnification(height: float, mode: str) -> None:
     looks = {"iso_value": 0.3} if mode == "isosurface" else {}
     for sampling in ("point", "slab"):
-        camera = scattered.parallel(height=height, at=(0.1, 0.12, 0.15))
+        camera = scene_parts.parallel(height=height, at=(0.1, 0.12, 0.15))
         scene = parts(cloud(11), camera, sampling=sampling, reference_length=0.1, mode=mode, **looks)
         assert_right(scene, precision="float64", may_jump=mode == "isosurface")
 
@@ -222,14 +222,14 @@ def test_magnification(height: float, mode: str) -> None:
 
 @cache
 def busy() -> tuple[Any, Any, Any]:
-    return scattered.build(ss, parts(cloud(12, 300, 4.0), size=(90, 70), sampling="slab"))
+    return scene_parts.build(ss, parts(cloud(12, 300, 4.0), size=(90, 70), sampling="slab"))
 
 
 @pytest.mark.parametrize("size", [(1, 1), (30, 24), (64, 64), (70, 66), (200, 130)])
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 def test_threads_change_no_bit(size: tuple[int, int], sampling: str) -> None:
     """Also where few tiles would leave many threads idle."""
-    built, camera, _ = scattered.build(ss, parts(cloud(13, 200, 4.0), sampling=sampling))
+    built, camera, _ = scene_parts.build(ss, parts(cloud(13, 200, 4.0), sampling=sampling))
     pictures = [
         np.array(ss.Renderer("cpu", threads=threads).render(built, camera, size=size)) for threads in (1, 2, 3, 16, 500)
     ]
@@ -280,8 +280,8 @@ def test_forked_processes_draw_and_end() -> None:
 @pytest.mark.parametrize("shared", [False, True])
 def test_pictures_of_many_threads_at_once(shared: bool) -> None:
     scenes = [
-        scattered.build(ss, parts(cloud(seed, 300, 4.0), camera, size=(60, 50)))
-        for seed, camera in enumerate((scattered.parallel(), scattered.central()))
+        scene_parts.build(ss, parts(cloud(seed, 300, 4.0), camera, size=(60, 50)))
+        for seed, camera in enumerate((scene_parts.parallel(), scene_parts.central()))
     ]
     expected = [np.array(ss.Renderer("cpu").render(scene, camera, size=size)) for scene, camera, size in scenes]
     one = ss.Renderer("cpu")
@@ -341,12 +341,13 @@ def longs() -> dict[str, tuple[Any, Any, Any]]:
         "values": rng.random(150_000),
     }
     return {
-        "pixels": scattered.build(ss, parts(cloud(1, 20_000, 30.0), size=(2400, 2400), slice_spacing=1 / 24)),
-        "slices": scattered.build(ss, parts(cloud(1, 50), size=(300, 300), slice_spacing=3e-6, lit=False)),
-        "one slice": scattered.build(ss, parts(heap, size=(600, 600), slice_spacing=1.0)),
+        "pixels": scene_parts.build(ss, parts(cloud(1, 20_000, 30.0), size=(2400, 2400), slice_spacing=1 / 24)),
+        "slices": scene_parts.build(ss, parts(cloud(1, 50), size=(300, 300), slice_spacing=3e-6, lit=False)),
+        "one slice": scene_parts.build(ss, parts(heap, size=(600, 600), slice_spacing=1.0)),
     }
 
 
+@pytest.mark.alone
 @pytest.mark.timeout(60)
 @pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize("name", ["pixels", "slices", "one slice"])
@@ -382,10 +383,10 @@ def test_it_stops_at_once(name: str) -> None:
 STARVED = """
 import ctypes, resource
 import numpy as np
-import scattered_scenes as scattered
+import scene_parts
 import test_attacks_cpu as attacks
 import sheetsplat as ss
-scene, camera, size = scattered.build(ss, attacks.parts(attacks.cloud(1, 200_000, 30.0), size=(300, 300)))
+scene, camera, size = scene_parts.build(ss, attacks.parts(attacks.cloud(1, 200_000, 30.0), size=(300, 300)))
 small, eye, small_size = attacks.busy()
 expected = np.array(ss.Renderer("cpu", threads=2).render(scene, camera, size=size))
 expected_small = np.array(ss.Renderer("cpu").render(small, eye, size=small_size))
@@ -448,16 +449,21 @@ CHOICES: dict[str, Callable[[random.Random], Any]] = {
     ),
     "transfer": lambda chance: chance.choice(
         [
-            scattered.GENTLE,
-            scattered.OPAQUE,
-            scattered.ZERO_SEEN,
+            scene_parts.GENTLE,
+            scene_parts.OPAQUE,
+            scene_parts.ZERO_SEEN,
             [(0.6, 0, 0, 0, 0), (0.8, 1, 1, 0, 0.5), (1, 1, 1, 1, 0)],
         ]
     ),
     "camera": lambda chance: chance.choice(
-        [scattered.parallel(), scattered.parallel(height=1.0), scattered.central(), scattered.central(distance=0.5)]
+        [
+            scene_parts.parallel(),
+            scene_parts.parallel(height=1.0),
+            scene_parts.central(),
+            scene_parts.central(distance=0.5),
+        ]
     ),
-    "lights": lambda chance: chance.choice([[], scattered.LIGHTS, scattered.LIGHTS[:1]]),
+    "lights": lambda chance: chance.choice([[], scene_parts.LIGHTS, scene_parts.LIGHTS[:1]]),
     "size": lambda chance: chance.choice([(70, 66), (66, 70), (20, 130)]),
     "sampling": lambda chance: chance.choice(["point", "slab"]),
     "mode": lambda chance: chance.choice(

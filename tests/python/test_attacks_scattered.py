@@ -16,8 +16,8 @@ import h5py
 import numpy as np
 import pytest
 import scattered_scenes as scattered
-from image_checks import FLOAT32, FLOAT32_HARD
-from reference_pictures import off_by, within
+import scene_parts
+from image_checks import FLOAT32, FLOAT32_HARD, off_by, within
 
 import sheetsplat as ss
 from sheetsplat.look import automatic
@@ -43,15 +43,15 @@ def camera_of(arguments: dict[str, Any]) -> ss.Camera:
 def field_of(
     seed: int, count: int = 60, overlap: float = 2.0, aspect: float = 4.0, **options: Any
 ) -> ss.EllipsoidField:
-    return ss.EllipsoidField(**scattered.cloud(np.random.default_rng(seed), count, overlap, aspect, **options))
+    return ss.EllipsoidField(**scene_parts.cloud(np.random.default_rng(seed), count, overlap, aspect, **options))
 
 
 def scene_of(fields: Any, **options: Any) -> ss.Scene:
     """Return a lit scene whose picture does not jump."""
     lit = options.pop("lit", True)
-    points = options.pop("points", scattered.GENTLE)
-    lights = [ss.Light(**light) for light in scattered.LIGHTS] if lit else []
-    material = ss.Material(**scattered.MATERIAL)
+    points = options.pop("points", scene_parts.GENTLE)
+    lights = [ss.Light(**light) for light in scene_parts.LIGHTS] if lit else []
+    material = ss.Material(**scene_parts.MATERIAL)
     return ss.Scene(
         fields,
         ss.TransferFunction(points),
@@ -82,7 +82,7 @@ def test_a_field_that_takes_the_place_of_another_is_a_new_one(way: dict[str, Any
     before = None
     for seed in range(6):
         scene = scene_of(field_of(seed, w0=0.5))
-        camera = camera_of(scattered.parallel(np.random.default_rng(seed).normal(size=3)))
+        camera = camera_of(scene_parts.parallel(np.random.default_rng(seed).normal(size=3)))
         assert_like_reference(renderer, scene, camera)
         image = np.array(renderer.render(scene, camera, size=SIZE))
         assert before is None or np.abs(image - before).max() > 0.1
@@ -101,7 +101,7 @@ def test_one_field_under_changing_looks(resident: bool) -> None:
         {},
         {"points": [(0.6, 0, 0, 0, 0), (0.8, 1, 1, 0, 0.5), (1, 1, 1, 1, 0)]},
         {"mode": "xray"},
-        {"lit": False, "points": scattered.ZERO_SEEN},
+        {"lit": False, "points": scene_parts.ZERO_SEEN},
         {"mode": "mip", "slice_spacing": 1 / 3},
         {"preintegration": True},
         {},
@@ -109,7 +109,7 @@ def test_one_field_under_changing_looks(resident: bool) -> None:
     rng = np.random.default_rng(3)
     for turn in range(2):
         for number, look in enumerate(looks):
-            camera = camera_of((scattered.parallel, scattered.central)[(number + turn) % 2](rng.normal(size=3)))
+            camera = camera_of((scene_parts.parallel, scene_parts.central)[(number + turn) % 2](rng.normal(size=3)))
             outputs = ("coverage",) if number % 3 == turn else ()
             bounds = FLOAT32_HARD if "points" in look else FLOAT32
             assert_like_reference(
@@ -157,11 +157,11 @@ def test_forced_effects_give_the_picture_or_refuse(seed: int) -> None:
         {"mode": "xray"},
         {"mode": "mip"},
         {"preintegration": True},
-        {"points": scattered.ZERO_SEEN},
+        {"points": scene_parts.ZERO_SEEN},
         {"filter": "ewa"},
     ]
     look = chance.choice(looks)
-    camera = camera_of(chance.choice([scattered.parallel(), scattered.central()]))
+    camera = camera_of(chance.choice([scene_parts.parallel(), scene_parts.central()]))
     options: dict[str, Any] = {"tile_size": chance.choice([0, 7, 16])} if chance.random() < 0.3 else {}
     options |= {"packing": chance.choice(["wide", "paper"])} if chance.random() < 0.4 else {}
     options |= {"tagging": chance.choice(["tiles", "depth_equal", "off"])} if chance.random() < 0.4 else {}
@@ -179,7 +179,7 @@ def test_forced_effects_give_the_picture_or_refuse(seed: int) -> None:
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 @pytest.mark.parametrize("filter_", [None, "ewa"])
 @pytest.mark.parametrize(
-    "camera", [scattered.parallel(), scattered.central(distance=0.01, fov_y=75)], ids=["out", "in"]
+    "camera", [scene_parts.parallel(), scene_parts.central(distance=0.01, fov_y=75)], ids=["out", "in"]
 )
 def test_sizes_of_eleven_decades(sampling: Any, filter_: Any, camera: dict[str, Any]) -> None:
     rng = np.random.default_rng(8)
@@ -199,7 +199,7 @@ def test_weights_of_seventy_decades(weight: float, w0: float) -> None:
     weights[::2] = weight
     scene = scene_of(field_of(9, weights=weights, w0=w0))
     try:
-        assert_like_reference(ss.Renderer("gl"), scene, camera_of(scattered.parallel()))
+        assert_like_reference(ss.Renderer("gl"), scene, camera_of(scene_parts.parallel()))
     except ss.Unsupported as error:
         assert weight > 1e30 or (weight == 1e-30 and w0 == 1e-30), error
         assert "weights" in str(error)
@@ -210,10 +210,10 @@ def test_weights_of_seventy_decades(weight: float, w0: float) -> None:
 @pytest.mark.parametrize("normalization", ["threshold", "none"])
 def test_the_unit_of_values_does_not_matter(unit: float, normalization: str) -> None:
     values = np.random.default_rng(10).random(60)
-    points = [(value * unit, *rest) for value, *rest in scattered.GENTLE]
+    points = [(value * unit, *rest) for value, *rest in scene_parts.GENTLE]
     field = field_of(10, values=values * unit, normalization=normalization, w0=0.5)
     scene = scene_of(field, points=points)
-    assert_like_reference(ss.Renderer("gl"), scene, camera_of(scattered.parallel()))
+    assert_like_reference(ss.Renderer("gl"), scene, camera_of(scene_parts.parallel()))
 
 
 @pytest.mark.gl
@@ -222,7 +222,7 @@ def test_the_unit_of_values_does_not_matter(unit: float, normalization: str) -> 
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 def test_falloffs(falloff: float, filter_: Any, sampling: Any) -> None:
     scene = scene_of(field_of(11, falloff=falloff, w0=0.5), filter=filter_, sampling=sampling)
-    assert_like_reference(ss.Renderer("gl"), scene, camera_of(scattered.central()))
+    assert_like_reference(ss.Renderer("gl"), scene, camera_of(scene_parts.central()))
 
 
 def test_a_crowd_at_one_spot_is_looked_at_in_time() -> None:
@@ -382,7 +382,7 @@ def test_ways_for_comparison_have_a_largest_size(effect: str) -> None:
         rng = np.random.default_rng(18)
         places = radius * rng.uniform(-0.5, 0.5, (10, 3))
         axes = np.tile((radius, radius / 2, radius / 1.5), (10, 1))
-        field = ss.EllipsoidField(places, axes, scattered.quaternions(rng, 10), rng.random(10), w0=0.5)
+        field = ss.EllipsoidField(places, axes, scene_parts.quaternions(rng, 10), rng.random(10), w0=0.5)
         renderer = ss.Renderer("gl", effects={effect: True})
         scene = scene_of(field, lit=False, slice_spacing=radius / 5)
         if radius == 1e6:
@@ -404,7 +404,7 @@ def crowd(count: int, spread: float = 0.0, **options: Any) -> ss.EllipsoidField:
 def test_crowds_of_equal_kernels(lit: bool, count: int) -> None:
     """Sums of equal numbers drift in float32, and lights show it."""
     scene = scene_of(crowd(count), lit=lit, slice_spacing=0.25)
-    camera = camera_of(scattered.parallel())
+    camera = camera_of(scene_parts.parallel())
     if count > (400 if lit else 100_000):
         with pytest.raises(ss.Unsupported, match="ellipsoids of one size at one place; wanted at most"):
             ss.Renderer("gl").render(scene, camera, size=SIZE)
@@ -416,14 +416,16 @@ def test_crowds_of_equal_kernels(lit: bool, count: int) -> None:
 def test_crowds_of_different_kernels() -> None:
     """As many kernels as above, which are not alike: their errors cancel."""
     scene = scene_of(crowd(10_000, 0.01), slice_spacing=0.25)
-    assert_like_reference(ss.Renderer("gl"), scene, camera_of(scattered.parallel()), FLOAT32_HARD)
+    assert_like_reference(ss.Renderer("gl"), scene, camera_of(scene_parts.parallel()), FLOAT32_HARD)
     dense = scene_of(crowd(400_000, 0.01), slice_spacing=0.25)
     with pytest.raises(ss.Unsupported, match="ellipsoids at a point; wanted at most"):
-        ss.Renderer("gl").render(dense, camera_of(scattered.parallel()), size=SIZE)
+        ss.Renderer("gl").render(dense, camera_of(scene_parts.parallel()), size=SIZE)
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("camera", [scattered.parallel(), scattered.central(distance=40, fov_y=5)], ids=["out", "deep"])
+@pytest.mark.parametrize(
+    "camera", [scene_parts.parallel(), scene_parts.central(distance=40, fov_y=5)], ids=["out", "deep"]
+)
 @pytest.mark.parametrize("thickness", [1e2, 1e4, 1e8])
 def test_slabs_far_thicker_than_kernels(camera: dict[str, Any], thickness: float) -> None:
     """Float32 loses where in them a leaning kernel lies; a sphere does not lean."""
@@ -449,7 +451,7 @@ def test_heavy_kernels_far_thinner_than_slabs(share: float) -> None:
     places = np.stack([rng.integers(0, 30, 40) - 14.5, rng.integers(0, 24, 40) - 11.5, rng.uniform(-4, 4, 40)], -1) / 6
     places[:, :2] += rng.uniform(-0.3, 0.3, (40, 2)) * size
     axes = np.tile((size, size / 2, size / 1.4), (40, 1))
-    turns = scattered.quaternions(rng, 40)
+    turns = scene_parts.quaternions(rng, 40)
     field = ss.EllipsoidField(places, axes, turns, rng.random(40), weights=np.full(40, 1 / share), w0=0.3)
     camera = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=4.0)
     scene = scene_of(field, lit=False, sampling="slab", slice_spacing=0.25)
@@ -466,7 +468,7 @@ def test_an_error_names_the_limit_that_applies() -> None:
     rng = np.random.default_rng(22)
     field = ss.EllipsoidField(rng.uniform(-1, 1, (60_000, 3)), np.full(60_000, 0.9), values=45 * rng.random(60_000))
     with pytest.raises(ss.Unsupported, match="values up to 4.* wanted values of at most") as found:
-        ss.Renderer("gl").render(scene_of(field, reference_length=1 / 24), camera_of(scattered.parallel()), size=SIZE)
+        ss.Renderer("gl").render(scene_of(field, reference_length=1 / 24), camera_of(scene_parts.parallel()), size=SIZE)
     assert 20 < float(str(found.value).split("at most ")[1].split(" ")[0]) < 40
 
 
@@ -476,9 +478,9 @@ def test_the_reference_shades_values_of_any_unit(unit: float) -> None:
     values = np.random.default_rng(10).random(60)
     pictures = []
     for factor in (1.0, unit):
-        points = [(value * factor, *rest) for value, *rest in scattered.GENTLE]
+        points = [(value * factor, *rest) for value, *rest in scene_parts.GENTLE]
         scene = scene_of(field_of(10, values=values * factor, w0=0.5), points=points)
-        pictures.append(ss.Renderer("reference").render(scene, camera_of(scattered.parallel()), size=SIZE))
+        pictures.append(ss.Renderer("reference").render(scene, camera_of(scene_parts.parallel()), size=SIZE))
     assert off_by(*pictures)["rmse"] < 1e-9
 
 
@@ -510,7 +512,7 @@ def test_leaning_kernels_of_millions_of_pixels(radius_px: float, sampling: Any) 
     """Their sections' centres lie farther off than float32 counts pixels."""
     rng = np.random.default_rng(16)
     radius = radius_px * 4.0 / SIZE[1]
-    turns = scattered.quaternions(rng, 10)
+    turns = scene_parts.quaternions(rng, 10)
     field = ss.EllipsoidField(
         rng.uniform(-0.5, 0.5, (10, 3)), radius * np.tile((1, 0.5, 0.7), (10, 1)), turns, 0.3 * rng.random(10), w0=0.5
     )
@@ -521,7 +523,7 @@ def test_leaning_kernels_of_millions_of_pixels(radius_px: float, sampling: Any) 
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("camera", [scattered.parallel(), scattered.central()], ids=["parallel", "central"])
+@pytest.mark.parametrize("camera", [scene_parts.parallel(), scene_parts.central()], ids=["parallel", "central"])
 @pytest.mark.parametrize("forced", [False, True])
 def test_gradients_of_slabs_where_neighbouring_rays_meet_different_kernels(
     camera: dict[str, Any], forced: bool
@@ -536,6 +538,6 @@ def test_gradients_of_slabs_where_neighbouring_rays_meet_different_kernels(
 def test_the_size_of_a_picture_has_a_largest_number() -> None:
     for size in ((2**31, 1), (1, 2**40)):
         with pytest.raises(ss.InvalidInput, match="each from 1 to 2147483647"):
-            ss.Renderer("reference").render(scene_of(field_of(23)), camera_of(scattered.parallel()), size=size)
+            ss.Renderer("reference").render(scene_of(field_of(23)), camera_of(scene_parts.parallel()), size=size)
     with pytest.raises(ss.OutOfMemory, match="1000000 x 1000000 pixels"):
-        ss.Renderer("reference").render(scene_of(field_of(23)), camera_of(scattered.parallel()), size=(10**6, 10**6))
+        ss.Renderer("reference").render(scene_of(field_of(23)), camera_of(scene_parts.parallel()), size=(10**6, 10**6))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scattered_scenes
+import scene_parts
 import test_gl_against_reference as regular
 import test_scattered_against_reference as scattered
 from image_checks import FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS, assert_close
@@ -98,7 +99,7 @@ def test_scattered_scenes_in_tiles_and_float64(name, options):
     "name", ["weights_over_decades", "opaque_central", "mixed_slabs", "isosurface_parallel", "ewa_slab_central"]
 )
 def test_coverage_and_depth_of_scattered_scenes(name):
-    scene, camera, size = scattered_scenes.build(ss, scattered.named(name))
+    scene, camera, size = scene_parts.build(ss, scattered.named(name))
     expected = scattered.reference(name)
     image = ss.Renderer("cpu").render(scene, camera, size=size, outputs=("coverage", "depth"))
     assert_close(image.coverage, expected.coverage, scattered.bounds_of(name), f"cpu coverage {name}")

@@ -15,10 +15,10 @@ from typing import Any
 import hard_cases as hard
 import numpy as np
 import pytest
-import scattered_scenes as scattered
+import scene_parts
 from image_checks import log
 from numpy.typing import NDArray
-from scattered_scenes import Parts
+from scene_parts import Parts
 
 import sheetsplat as ss
 
@@ -45,9 +45,9 @@ FIELDS: dict[str, Any] = {
     "unequal": _unequal,
     "bcc": lambda: hard.lattice("turn", (14, 7, 7), lattice="bcc", spacing=(0.28,) * 3, origin=(-0.9, -0.9, -0.9)),
     "divided lattice": lambda: hard.lattice("turn", (8, 8, 8), normalization="threshold", w0=0.5),
-    "ellipsoids": lambda: scattered.cloud(np.random.default_rng(4), 150, 4.0, 5.0, w0=0.5),
-    "needles": lambda: scattered.cloud(np.random.default_rng(5), 60, 1.0, 200.0, w0=0.5),
-    "sums": lambda: scattered.cloud(np.random.default_rng(6), 100, 3.0, normalization="none"),
+    "ellipsoids": lambda: scene_parts.cloud(np.random.default_rng(4), 150, 4.0, 5.0, w0=0.5),
+    "needles": lambda: scene_parts.cloud(np.random.default_rng(5), 60, 1.0, 200.0, w0=0.5),
+    "sums": lambda: scene_parts.cloud(np.random.default_rng(6), 100, 3.0, normalization="none"),
 }
 WAYS: dict[str, Parts] = {
     "point": {},
@@ -83,12 +83,12 @@ def turned(field: str, way: str, degrees: float, **change: Any) -> Parts:
         back = np.array([np.cos(about) / np.sqrt(2), np.sin(about), np.cos(about) / np.sqrt(2)])
     camera: Parts = {"eye": tuple(4 * back), "target": (0.0, 0.0, 0.0), "up": tuple(axis)}
     camera |= {"fov_y": 40.0} if central else {"height": 2.6}
-    return scattered.parts([FIELDS[field]()], camera, size=SIZE, slice_spacing=spacing, **options)
+    return scene_parts.parts([FIELDS[field]()], camera, size=SIZE, slice_spacing=spacing, **options)
 
 
 def picture(backend: str, field: str, way: str, degrees: float, **change: Any) -> Pixels:
     """Return the pixels of a view."""
-    scene, camera, size = scattered.build(ss, turned(field, way, degrees, **change))
+    scene, camera, size = scene_parts.build(ss, turned(field, way, degrees, **change))
     return np.asarray(hard.renderer_of(backend).render(scene, camera, size=size), dtype=np.float64)
 
 
@@ -145,7 +145,9 @@ def test_what_pops_is_seen(backend: str) -> None:
     views = [picture(backend, "cartesian", "unlit", degrees + n * DEGREES, spacing=0.21 + n * 1e-3) for n in (0, 1)]
     definition = [by_reference("cartesian", "unlit", degrees + n * DEGREES) for n in (0, 1)]
     assert np.abs((views[1] - views[0]) - (definition[1] - definition[0])).max() > NOISE
-    step = [picture("reference", "ellipsoids", "unlit", degrees + n * 1e-3, transfer=scattered.STEP) for n in range(40)]
+    step = [
+        picture("reference", "ellipsoids", "unlit", degrees + n * 1e-3, transfer=scene_parts.STEP) for n in range(40)
+    ]
     smooth = [picture("reference", "ellipsoids", "unlit", degrees + n * 1e-3) for n in range(40)]
     largest = [max(np.abs(b - a).max() for a, b in zip(s, s[1:], strict=False)) for s in (step, smooth)]
     assert largest[0] > 30 * largest[1]

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import oracle
 import pytest
-import scattered_scenes as scattered
+import scene_parts
 from hypothesis import HealthCheck, Phase, event, given, note, settings
 from hypothesis import strategies as st
-from image_checks import FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS
+from image_checks import FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS, off_by, within
 from numpy.typing import NDArray
-from reference_pictures import changed_pixels, may_jump, nudges, off_by, within
-from scattered_scenes import Parts
+from reference_pictures import changed_pixels, may_jump, nudges
+from scene_parts import Parts
 
 import sheetsplat as ss
 
@@ -65,7 +65,7 @@ def ellipsoids(draw: st.DrawFn) -> Parts:
     one: Parts = {
         "centers": centres,
         "scales": size * rng.uniform(0.5, 1, (count, 1)) * aspect ** -rng.random((count, 3)),
-        "rotations": scattered.quaternions(rng, count),
+        "rotations": scene_parts.quaternions(rng, count),
         "values": rng.random(count),
         "normalization": draw(st.sampled_from(["threshold", "threshold", "none"])),
         "falloff": seldom(draw, 8.0, decades(-1, 1.3)),
@@ -159,7 +159,7 @@ def built(made: Parts) -> tuple[ss.Scene, ss.Camera, tuple[int, int]]:
         more["clip"] = ss.Clip(planes=wanted.get("planes", ()), box=None if box is None else tuple(box))
     if "cue" in wanted:
         more["depth_cue"] = ss.DepthCue(*wanted["cue"])
-    return scattered.build(ss, made | {"scene": made["scene"] | more})
+    return scene_parts.build(ss, made | {"scene": made["scene"] | more})
 
 
 def by_reference(made: Parts) -> ss.Image:
@@ -192,7 +192,7 @@ def scenes(draw: st.DrawFn) -> Parts:
     if mode in ("composite", "isosurface") and draw(st.integers(1, 5)) == 1:
         knobs["background"] = (0.2, 0.5, 0.8)
     rng = np.random.default_rng(draw(seeds))
-    camera = scattered.random_camera(rng, 2.0, np.zeros(3))
+    camera = scene_parts.random_camera(rng, 2.0, np.zeros(3))
     if "fov_y" in camera:
         camera["fov_y"] = seldom(draw, camera["fov_y"], st.sampled_from([0.01, 1.0, 120.0, 170.0]))
     made: Parts = {
@@ -201,7 +201,7 @@ def scenes(draw: st.DrawFn) -> Parts:
         "scene": knobs,
         "lights": [
             {
-                "direction": tuple(scattered.unit(rng.normal(size=3)).tolist()),
+                "direction": tuple(scene_parts.unit(rng.normal(size=3)).tolist()),
                 "color": tuple(rng.random(3).tolist()),
                 "space": space,
             }
@@ -372,7 +372,7 @@ def check(backend: str, made: Parts, change: Callable[[Parts, np.random.Generato
         return
     made = copy.deepcopy(made)
     made["scene"]["slice_spacing"], made["scene"]["reference_length"] = scene.slice_spacing, scene.reference_length
-    gentle = not made["effects"] and oracle.is_gentle(*scattered.build(oracle, made))
+    gentle = not made["effects"] and oracle.is_gentle(*scene_parts.build(oracle, made))
     changed, camera, size = built(change(copy.deepcopy(made), np.random.default_rng(seed)))
     options = {"tile_size": 1 + seed % 9} if change is in_tiles else {}
     if made["scene"]["mode"] == "xray" and change is rescaled:
@@ -430,7 +430,7 @@ def harsh(seed: int) -> Parts:
     one: Parts = {
         "centers": rng.uniform(-1, 1, (count, 3)),
         "scales": size * spread * rng.uniform(0.5, 1, (count, 1)) * aspect ** -rng.random((count, 3)),
-        "rotations": scattered.quaternions(rng, count),
+        "rotations": scene_parts.quaternions(rng, count),
         "values": rng.random(count),
         "normalization": pick("threshold", "threshold", "none"),
         "falloff": 8.0 if rng.random() < 0.7 else decade(-2, 2),
@@ -450,7 +450,7 @@ def harsh(seed: int) -> Parts:
     values, opacity = np.sort(rng.random(points)), rng.random(points) * pick(0.01, 0.3, 1.0)
     opacity[0] = 0
     values = values - values[0] + 0.01 if offset == 0 else values
-    camera = scattered.random_camera(rng, 2.0, 0.5 * one["centers"][0])
+    camera = scene_parts.random_camera(rng, 2.0, 0.5 * one["centers"][0])
     if "height" in camera and rng.random() < 0.3:
         camera["height"] = decade(-8, 4)
     if "fov_y" in camera and rng.random() < 0.3:
@@ -473,8 +473,8 @@ def harsh(seed: int) -> Parts:
             **({"iso_value": (offset + 0.4) * unit} if mode == "isosurface" else {}),
             **({"filter": "ewa"} if rng.random() < 0.15 else {}),
         },
-        "lights": scattered.LIGHTS[: int(rng.integers(0, 3))],
-        "material": scattered.MATERIAL,
+        "lights": scene_parts.LIGHTS[: int(rng.integers(0, 3))],
+        "material": scene_parts.MATERIAL,
         "camera": camera,
         "size": (int(rng.integers(1, 18)), int(rng.integers(1, 16))),
         "refusable": "",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from image_checks import FLOAT32, FLOAT32_HARD, assert_close, distance
-from scattered_scenes import cloud
+from scene_parts import cloud
 
 import sheetsplat as ss
 

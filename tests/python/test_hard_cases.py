@@ -10,9 +10,8 @@ import hard_cases as hard
 import numpy as np
 import pytest
 from hard_cases.page import PAGE
-from image_checks import FLOAT32_HARD, log
-from reference_pictures import off_by, within
-from scattered_scenes import build
+from image_checks import FLOAT32_HARD, log, off_by, within
+from scene_parts import build
 
 import sheetsplat as ss
 

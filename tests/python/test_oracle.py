@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import oracle
+import oracle.kernels
+import oracle.picture
+import oracle.samples
 import pytest
-import scattered_scenes as scattered
+import scene_parts
+from random_scenes import direction, random_ellipsoid_scene, random_lattice_scene
+from scene_parts import build, central, cloud, pick, quaternions
 
 import sheetsplat as ss
 
@@ -22,148 +28,6 @@ ROUNDING, ARITHMETIC = 7e-8, 1e-9
 GENTLE, HARD, SIXTEEN_BITS = (2e-5, 2e-4), (1e-4, 1e-3), (1 / 510, 1 / 85)
 MOST_AMBIGUOUS = 0.005
 OUTPUTS = ("coverage", "depth")
-
-
-def direction(rng: np.random.Generator) -> tuple[float, ...]:
-    """Return a random vector of length 1."""
-    vector = rng.normal(size=3)
-    return tuple(float(x) for x in vector / np.linalg.norm(vector))
-
-
-def pick(rng: np.random.Generator, *choices: Any) -> Any:
-    """Return one of the choices."""
-    return choices[rng.integers(len(choices))]
-
-
-def random_field(rng: np.random.Generator) -> dict[str, Any]:
-    """Return the arguments of a field."""
-    shape = tuple(int(n) for n in rng.integers(2, 8, 3))
-    values = rng.random(shape)
-    kind = pick(rng, "noise", "sparse", "signed", "ball")
-    if kind == "sparse":
-        values *= rng.random(shape) < 0.3
-    elif kind == "signed":
-        values = 2 * values - 1
-    elif kind == "ball":
-        grid = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
-        values = np.clip(1.2 - np.sqrt(np.square(grid).sum(0)), 0, 1)
-    values = values.astype(np.float32)
-    edge = float(rng.uniform(0.5, 2))
-    field: dict[str, Any] = {
-        "lattice": pick(rng, "cartesian", "cartesian", "bcc"),
-        "spacing": (edge, edge, edge),
-        "origin": tuple(float(x) for x in rng.uniform(-3, 3, 3)),
-        "radius": float(pick(rng, 2.0, 2.0, rng.uniform(0.8, 3))),
-        "falloff": float(pick(rng, 5.0, 5.0, rng.uniform(1, 9))),
-        "normalization": pick(rng, "lattice", "none", "threshold"),
-    }
-    if field["lattice"] == "cartesian" and rng.random() < 0.6:
-        field["spacing"] = tuple(float(x) for x in rng.uniform(0.5, 2, 3))
-    if field["normalization"] == "threshold":
-        field["w0"] = float(rng.uniform(0.05, 2))
-    if rng.random() < 0.25:
-        values[rng.random(shape) < 0.2] = np.nan
-        values.flat[0] = 1
-        field["nan"] = "skip"
-    field["values"] = values
-    return field
-
-
-def random_transfer(rng: np.random.Generator) -> list[tuple[float, ...]]:
-    """Return the points of a transfer function: opacity at 0, steps and opaque ends among them."""
-    count = int(rng.integers(2, 6))
-    values = np.sort(rng.uniform(-0.1, 1.1, count))
-    opacity = rng.random(count) * pick(rng, 0.1, 0.5, 1.0)
-    if rng.random() < 0.6:
-        values = np.sort(np.maximum(values, 0.05))
-        opacity[0] = 0
-    if rng.random() < 0.3:
-        values[count // 2] = values[count // 2 - 1]
-    if rng.random() < 0.2:
-        opacity[-1] = 1
-    return [(float(v), *rng.random(3).tolist(), float(a)) for v, a in zip(values, opacity, strict=True)]
-
-
-def random_scene(seed: int) -> dict[str, Any]:
-    """Return the arguments of a scene, its fields, its camera and the picture's size.
-
-    What the modes and the cameras are is counted through, so that all pairs come up; the rest is drawn.
-    """
-    rng = np.random.default_rng([2005, seed])
-    fields = [random_field(rng) for _ in range(pick(rng, 1, 1, 1, 2))]
-    spacing = min(f["spacing"][0] / 2 if f["lattice"] == "bcc" else min(f["spacing"]) for f in fields)
-    mode = ("composite", "isosurface", "composite", "xray", "composite", "mip")[seed % 6]
-    scene: dict[str, Any] = {
-        "mode": mode,
-        "sampling": ("point", "slab")[seed // 6 % 2],
-        "opacity_stop": float(pick(rng, 0.98, 1.0, rng.uniform(0.3, 1))),
-        "preintegration": seed % 6 == 2 or (mode == "composite" and rng.random() < 0.2),
-    }
-    if mode == "isosurface":
-        scene["iso_value"] = float(rng.uniform(0.1, 0.8))
-    if rng.random() < 0.5:
-        scene["slice_spacing"] = float(spacing * rng.uniform(0.3, 2))
-    if rng.random() < 0.4:
-        scene["reference_length"] = float(spacing * rng.uniform(0.3, 3))
-    if mode in ("composite", "isosurface") and rng.random() < 0.3:
-        scene["background"] = tuple(rng.random(3).tolist())
-    low = np.min([f["origin"] for f in fields], 0)
-    high = np.max([np.add(f["origin"], np.multiply(f["spacing"], f["values"].shape[::-1])) for f in fields], 0)
-    middle, across = (low + high) / 2, float(np.linalg.norm(high - low))
-    where = ("outside", "orthographic", "inside", "orthographic", "cut")[seed % 5]
-    away = direction(rng)
-    distance = (
-        across
-        * {
-            "orthographic": rng.uniform(0, 1),
-            "outside": rng.uniform(0.8, 2),
-            "inside": rng.uniform(0.02, 0.3),
-            "cut": rng.uniform(0.5, 1),
-        }[where]
-    )
-    camera: dict[str, Any] = {
-        "eye": tuple((middle + np.multiply(away, distance) + 1e-3).tolist()),
-        "target": tuple((middle + rng.uniform(-0.01, 0.01, 3) * across).tolist()),
-        "up": pick(rng, (0, 1, 0), direction(rng)),
-    }
-    if where == "orthographic":
-        camera["height"] = float(across * rng.uniform(0.3, 1.5))
-    else:
-        camera["fov_y"] = float(rng.uniform(15, 90))
-        if where == "cut":
-            camera["near"] = float(distance * rng.uniform(0.5, 1))
-    return {
-        "fields": fields,
-        "transfer": random_transfer(rng),
-        "scene": scene,
-        "lights": [
-            {"direction": direction(rng), "color": tuple(rng.random(3).tolist()), "space": pick(rng, "eye", "world")}
-            for _ in range(rng.integers(0, 3))
-        ],
-        "material": {
-            "ambient": float(rng.random()),
-            "diffuse": float(rng.random()),
-            "specular": float(pick(rng, 0.0, rng.random())),
-            "shininess": float(rng.uniform(1, 60)),
-            "two_sided": bool(rng.random() < 0.4),
-        },
-        "camera": camera,
-        "size": tuple(int(n) for n in rng.integers(5, 26, 2)),
-    }
-
-
-def build(module: ModuleType, parts: dict[str, Any]) -> tuple[Any, Any, tuple[int, int]]:
-    """Return scene, camera and size made of a module's classes: the package's or the oracle's."""
-    fields = [module.RegularField(**f) for f in parts["fields"]]
-    scene = module.Scene(
-        fields[0] if len(fields) == 1 else fields,
-        module.TransferFunction(parts["transfer"]),
-        lights=[module.Light(**light) for light in parts["lights"]],
-        material=module.Material(**parts["material"]),
-        **parts["scene"],
-    )
-    kind = module.Camera.orthographic if "height" in parts["camera"] else module.Camera.perspective
-    return scene, kind(**parts["camera"]), parts["size"]
 
 
 def pixels(image: ss.Image) -> np.ndarray:
@@ -220,13 +84,13 @@ def within(found: tuple[float, float], bounds: tuple[float, float]) -> bool:
 
 @pytest.mark.parametrize("seed", SCENES)
 def test_reference_is_the_oracle(seed: int, reference_renderer: ss.Renderer) -> None:
-    assert reference_excess(random_scene(seed), reference_renderer) <= 1
+    assert reference_excess(random_lattice_scene(seed), reference_renderer) <= 1
 
 
 @pytest.mark.gl
 @pytest.mark.parametrize("seed", SCENES)
 def test_opengl_keeps_the_bounds(seed: int, gl_renderer: ss.Renderer) -> None:
-    parts = random_scene(seed)
+    parts = random_lattice_scene(seed)
     scene, camera, size = build(ss, parts)
     outputs = ((), OUTPUTS)[seed % 2]
     try:
@@ -273,17 +137,23 @@ def linear_opacity(original: Callable[..., Any]) -> Callable[..., Any]:
     return lambda a, exponent: a * exponent
 
 
+# The module that looks the formula up, its name there, and the wrong one.
 WRONG = {
-    "kernel": without_lowering,
-    "slice_depth": half_a_slice_off,
-    "gradients": no_turn,
-    "slice_opacity": linear_opacity,
+    "kernel": (oracle.samples, "kernel", without_lowering),
+    "slice_depth": (oracle.samples, "slice_depth", half_a_slice_off),
+    "gradients": (oracle.picture, "gradients", no_turn),
+    "slice_opacity": (oracle.picture, "slice_opacity", linear_opacity),
 }
+
+
+def make_wrong(monkeypatch: pytest.MonkeyPatch, owner: Any, name: str, wrong: Callable[..., Any]) -> None:
+    """Put a wrong formula into the oracle."""
+    monkeypatch.setattr(owner, name, wrong(getattr(owner, name)))
 
 
 def telling_scene() -> dict[str, Any]:
     """Return a lit scene that every formula in WRONG takes part in."""
-    parts = random_scene(0)
+    parts = random_lattice_scene(0)
     parts["fields"] = parts["fields"][:1]
     parts["fields"][0].update(values=np.linspace(0, 1, 60, dtype=np.float32).reshape(3, 4, 5), radius=2.0, falloff=5.0)
     parts["transfer"] = [(0.05, 0.1, 0.2, 0.9, 0.0), (1.0, 0.9, 0.7, 0.1, 0.7)]
@@ -298,7 +168,7 @@ def test_a_wrong_formula_is_seen(
 ) -> None:
     parts = telling_scene()
     assert reference_excess(parts, reference_renderer) <= 1
-    monkeypatch.setattr(oracle, formula, WRONG[formula](getattr(oracle, formula)))
+    make_wrong(monkeypatch, *WRONG[formula])
     assert reference_excess(parts, reference_renderer) > 1000
 
 
@@ -312,7 +182,7 @@ def test_a_wrong_formula_breaks_the_bounds(
     actual = pixels(gl_renderer.render(scene, camera, size=size))
     everything = np.zeros(actual.shape[:2], bool)
     assert within(distances(actual, expected(oracle.render(*build(oracle, parts))), everything), HARD)
-    monkeypatch.setattr(oracle, formula, WRONG[formula](getattr(oracle, formula)))
+    make_wrong(monkeypatch, *WRONG[formula])
     assert not within(distances(actual, expected(oracle.render(*build(oracle, parts))), everything), HARD)
 
 
@@ -321,13 +191,11 @@ def test_a_wrong_formula_breaks_the_bounds(
 
 @pytest.mark.parametrize("seed", SCATTERED)
 def test_reference_is_the_oracle_of_ellipsoids(seed: int, reference_renderer: ss.Renderer) -> None:
-    assert reference_excess(scattered.random_scene(seed), reference_renderer, scattered.build) <= 1
+    assert reference_excess(random_ellipsoid_scene(seed), reference_renderer) <= 1
 
 
 def test_random_scenes_of_ellipsoids_show_something() -> None:
-    shown = [
-        np.abs(expected(oracle.render(*scattered.build(oracle, scattered.random_scene(n))))).max() for n in SCATTERED
-    ]
+    shown = [np.abs(expected(oracle.render(*build(oracle, random_ellipsoid_scene(n))))).max() for n in SCATTERED]
     assert np.mean(np.array(shown) > 1e-3) > 0.8
 
 
@@ -338,7 +206,7 @@ def upright_quaternions(original: Callable[..., Any]) -> Callable[..., Any]:
 
 def filter_without_mass(original: Callable[..., Any]) -> Callable[..., Any]:
     """Return filtered kernels whose amplitude is what it was."""
-    return lambda self, *arguments: oracle.replace(original(self, *arguments), weights=self.weights)
+    return lambda self, *arguments: replace(original(self, *arguments), weights=self.weights)
 
 
 def filter_of_a_larger_pixel(original: Callable[..., Any]) -> Callable[..., Any]:
@@ -348,13 +216,13 @@ def filter_of_a_larger_pixel(original: Callable[..., Any]) -> Callable[..., Any]
 
 def no_weights(original: Callable[..., Any]) -> Callable[..., Any]:
     """Return kernels that all weigh 1."""
-    return lambda self, *arguments: oracle.replace(original(self, *arguments), weights=None)
+    return lambda self, *arguments: replace(original(self, *arguments), weights=None)
 
 
 WRONG_SCATTERED: dict[str, tuple[Any, str, Callable[..., Any]]] = {
-    "kernel": (oracle, "kernel", without_lowering),
-    "slices": (oracle, "slice_depth", half_a_slice_off),
-    "rotation": (oracle, "turned", upright_quaternions),
+    "kernel": (oracle.samples, "kernel", without_lowering),
+    "slices": (oracle.samples, "slice_depth", half_a_slice_off),
+    "rotation": (oracle.kernels, "turned", upright_quaternions),
     "mass": (oracle.Kernels, "filtered", filter_without_mass),
     "pixel": (oracle.Kernels, "filtered", filter_of_a_larger_pixel),
     "weights": (oracle.EllipsoidField, "placed", no_weights),
@@ -366,12 +234,11 @@ def test_a_wrong_formula_of_ellipsoids_is_seen(
     formula: str, monkeypatch: pytest.MonkeyPatch, reference_renderer: ss.Renderer
 ) -> None:
     rng = np.random.default_rng(17)
-    field = scattered.cloud(rng, 20, 2.0, 6.0, weights=rng.random(20), w0=0.3)
-    parts = scattered.parts([field], scattered.central(), size=(14, 12), filter="ewa")
-    assert reference_excess(parts, reference_renderer, scattered.build) <= 1
-    owner, name, wrong = WRONG_SCATTERED[formula]
-    monkeypatch.setattr(owner, name, wrong(getattr(owner, name)))
-    assert reference_excess(parts, reference_renderer, scattered.build) > 1000
+    field = cloud(rng, 20, 2.0, 6.0, weights=rng.random(20), w0=0.3)
+    parts = scene_parts.parts([field], central(), size=(14, 12), filter="ewa")
+    assert reference_excess(parts, reference_renderer) <= 1
+    make_wrong(monkeypatch, *WRONG_SCATTERED[formula])
+    assert reference_excess(parts, reference_renderer) > 1000
 
 
 # Effects beyond the papers
@@ -423,7 +290,7 @@ def with_effects(parts: dict[str, Any], seed: int) -> dict[str, Any]:
 
 def effect_scene(seed: int) -> dict[str, Any]:
     """Return the parts of a scene with effects: lattices and scattered kernels by turns."""
-    return with_effects((random_scene, scattered.random_scene)[seed % 2](300 + seed), seed)
+    return with_effects((random_lattice_scene, random_ellipsoid_scene)[seed % 2](300 + seed), seed)
 
 
 def build_effects(module: ModuleType, parts: dict[str, Any]) -> Any:
@@ -432,7 +299,7 @@ def build_effects(module: ModuleType, parts: dict[str, Any]) -> Any:
         name: getattr(module, MADE_OF_CLASSES[name])(**value) if name in MADE_OF_CLASSES else value
         for name, value in parts["scene"].items()
     }
-    return scattered.build(module, {**parts, "scene": made})
+    return build(module, {**parts, "scene": made})
 
 
 @pytest.mark.parametrize("seed", EFFECTS)
@@ -480,13 +347,13 @@ def opacity_of_alpha(original: Callable[..., Any]) -> Callable[..., Any]:
 
 
 WRONG_EFFECTS: dict[str, tuple[Any, str, Callable[..., Any], dict[str, Any]]] = {
-    "gradient": (oracle, "kernel_slopes", steeper, {"gradient": "analytic", "gradient_opacity": 3.0}),
-    "quotient": (oracle, "normalised_slope", steeper, {"gradient": "analytic", "gradient_opacity": 3.0}),
-    "second order": (oracle, "second_order", without_romberg, {"preintegration": "second_order"}),
+    "gradient": (oracle.samples, "kernel_slopes", steeper, {"gradient": "analytic", "gradient_opacity": 3.0}),
+    "quotient": (oracle.samples, "normalised_slope", steeper, {"gradient": "analytic", "gradient_opacity": 3.0}),
+    "second order": (oracle.picture, "second_order", without_romberg, {"preintegration": "second_order"}),
     "clip": (oracle.Clip, "keeps", farther_planes, {"clip": {"planes": [((0.6, 0.0, 0.8), 0.05)]}}),
     "shadows": (oracle.Around, "left", from_here, {"shadows": True}),
     "occlusion": (oracle.Around, "left", from_here, {"ambient_occlusion": {"radius": 0.5}}),
-    "opacity": (oracle, "gradient_share", opacity_of_alpha, {"gradient_opacity": 3.0}),
+    "opacity": (oracle.picture, "gradient_share", opacity_of_alpha, {"gradient_opacity": 3.0}),
 }
 
 
@@ -495,10 +362,10 @@ def test_a_wrong_formula_of_effects_is_seen(
     formula: str, monkeypatch: pytest.MonkeyPatch, reference_renderer: ss.Renderer
 ) -> None:
     owner, name, wrong, effects = WRONG_EFFECTS[formula]
-    field = scattered.cloud(np.random.default_rng(17), 20, 2.0, 6.0, w0=0.3)
-    parts = scattered.parts([field], scattered.central(), size=(10, 9), **effects)
+    field = cloud(np.random.default_rng(17), 20, 2.0, 6.0, w0=0.3)
+    parts = scene_parts.parts([field], central(), size=(10, 9), **effects)
     assert reference_excess(parts, reference_renderer, build_effects) <= 1
-    monkeypatch.setattr(owner, name, wrong(getattr(owner, name)))
+    make_wrong(monkeypatch, owner, name, wrong)
     assert reference_excess(parts, reference_renderer, build_effects) > 1000
 
 
@@ -507,17 +374,17 @@ def one_kernel(**scene: Any) -> dict[str, Any]:
     field = {
         "centers": [(0.1, -0.2, 0.3)],
         "scales": [(0.9, 0.5, 0.3)],
-        "rotations": scattered.quaternions(np.random.default_rng(3), 1),
+        "rotations": quaternions(np.random.default_rng(3), 1),
         "values": [0.8],
         "weights": [0.7],
         "normalization": "none",
     }
-    return scattered.parts([field], size=(33, 31), mode="xray", **scene)
+    return scene_parts.parts([field], size=(33, 31), mode="xray", **scene)
 
 
 def test_the_oracle_of_slabs_is_the_line_integral() -> None:
     """The sum over all slabs is the integral along the whole chord: a Gaussian, less the lowered edge."""
-    scene, camera, size = scattered.build(oracle, one_kernel(sampling="slab"))
+    scene, camera, size = build(oracle, one_kernel(sampling="slab"))
     field, turn = scene.field, camera.turn()
     inverse = np.linalg.inv(turn @ field.frames()[0] @ np.diag(field.semi_axes()[0]))
     centre = turn @ (np.asarray(field.centers)[0] - camera.eye)
@@ -545,7 +412,7 @@ def test_the_oracle_of_the_filter_keeps_the_mass(smaller: float, monkeypatch: py
     """What the picture sums up to is the kernel's integral, however small it is beside a pixel."""
     parts = one_kernel(filter="ewa", sampling="slab", slice_spacing=0.3)
     parts["fields"][0]["scales"] = smaller * np.array(parts["fields"][0]["scales"])
-    scene, camera, size = scattered.build(oracle, parts)
+    scene, camera, size = build(oracle, parts)
     pixel = camera.height / size[1]
     mass = 0.8 * 0.7 * oracle.ball_integral(8.0) * float(np.prod(scene.field.semi_axes()))
 

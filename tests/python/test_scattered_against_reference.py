@@ -14,10 +14,12 @@ import numpy as np
 import oracle
 import pytest
 import scattered_scenes as scattered
-from image_checks import FLOAT16, FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS, assert_close, log
+import scene_parts
+from image_checks import FLOAT16, FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS, assert_close, log, off_by, within
 from numpy.typing import NDArray
-from reference_pictures import ambiguous_pixels, by_reference, may_jump, off_by, within
-from scattered_scenes import Parts
+from random_scenes import random_ellipsoid_scene
+from reference_pictures import ambiguous_pixels, by_reference, may_jump
+from scene_parts import Parts
 
 import sheetsplat as ss
 
@@ -31,7 +33,7 @@ Bounds = tuple[float, float]
 @cache
 def named(name: str) -> Parts:
     """Return a scene by its name, or by the number of a random one."""
-    return scattered.random_scene(int(name)) if name.isdigit() else scattered.named(name)
+    return random_ellipsoid_scene(int(name)) if name.isdigit() else scattered.named(name)
 
 
 @lru_cache(maxsize=32)
@@ -50,7 +52,7 @@ def reference(name: str) -> ss.Image:
 @cache
 def bounds_of(name: str) -> Bounds:
     """Return the bounds of section 9 that hold for 32-bit numbers."""
-    return FLOAT32 if oracle.is_gentle(*scattered.build(oracle, named(name))) else FLOAT32_HARD
+    return FLOAT32 if oracle.is_gentle(*scene_parts.build(oracle, named(name))) else FLOAT32_HARD
 
 
 @cache
@@ -84,7 +86,7 @@ def compare(name: str, actual: ss.Image, bounds: Bounds, text: str) -> None:
 def check(name: str, **options: Any) -> ss.Image:
     """Compare the picture of a renderer with these options with the reference."""
     parts = named(name)
-    scene, camera, size = scattered.build(ss, parts)
+    scene, camera, size = scene_parts.build(ss, parts)
     try:
         image = renderer(**options).render(scene, camera, size=size)
     except ss.Unsupported as error:
@@ -190,7 +192,7 @@ def test_drivers_report_nothing_of_programs_they_have_not_kept() -> None:
     "name", ["weights_over_decades", "opaque_central", "mixed_slabs", "isosurface_parallel", "ewa_slab_central"]
 )
 def test_coverage_and_depth(name: str, packing: str) -> None:
-    scene, camera, size = scattered.build(ss, named(name))
+    scene, camera, size = scene_parts.build(ss, named(name))
     expected = reference(name)
     image = renderer(packing=packing, tagging="tiles").render(scene, camera, size=size, outputs=("coverage", "depth"))
     assert_close(image.coverage, expected.coverage, bounds_of(name), f"coverage {name} {packing}")
@@ -260,7 +262,7 @@ SAME = {change.__name__: change for change in (in_another_order, in_halves, else
 def test_what_changes_nothing(name: str, change: str) -> None:
     parts = copy.deepcopy(named(name))
     SAME[change](parts, np.random.default_rng(5))
-    scene, camera, size = scattered.build(ss, parts)
+    scene, camera, size = scene_parts.build(ss, parts)
     for packing in ("wide", "paper"):
         image = renderer(packing=packing, tagging="tiles").render(scene, camera, size=size)
         compare(name, image, bounds_of(name), f"{name} {change} {packing}")
@@ -270,7 +272,7 @@ def test_what_changes_nothing(name: str, change: str) -> None:
 
 
 def turned_a_little(parts: Parts) -> None:
-    parts["fields"][0]["rotations"] = scattered.unit(parts["fields"][0]["rotations"] + 2e-3)
+    parts["fields"][0]["rotations"] = scene_parts.unit(parts["fields"][0]["rotations"] + 2e-3)
 
 
 def wider(parts: Parts) -> None:
@@ -340,7 +342,7 @@ def test_pictures_that_are_wrong_by_a_little_fail(change: str) -> None:
     name = "aspect_20_parallel"
     parts = copy.deepcopy(named(name))
     WRONG[change](parts)
-    scene, camera, size = scattered.build(ss, parts)
+    scene, camera, size = scene_parts.build(ss, parts)
     image = renderer().render(scene, camera, size=size)
     found = off_by(image, reference(name))
     assert not within(found, bounds_of(name)), found

@@ -8,7 +8,7 @@ from typing import Any
 import hard_cases as hard
 import numpy as np
 import pytest
-import scattered_scenes as scattered
+import scene_parts
 from image_checks import FLOAT32, assert_close, distance
 
 import sheetsplat as ss
@@ -20,16 +20,16 @@ SIZE = (61, 45)
 
 def scene_of(name: str, **options: Any) -> tuple[ss.Scene, ss.Camera]:
     """Return a scene of a lattice beside ellipsoids, seen askew."""
-    fields = [scattered.cloud(np.random.default_rng(3), 80, 3.0), hard.lattice("tiles")]
-    made = scattered.parts(fields, size=SIZE, **options)
-    scene, camera, _ = scattered.build(ss, made)
+    fields = [scene_parts.cloud(np.random.default_rng(3), 80, 3.0), hard.lattice("tiles")]
+    made = scene_parts.parts(fields, size=SIZE, **options)
+    scene, camera, _ = scene_parts.build(ss, made)
     if name == "far":
         far = np.array((1e6, -2e6, 3e6))
         for one, place in zip(made["fields"], ("centers", "origin"), strict=True):
             one[place] = np.asarray(one[place]) + far
         for end in ("eye", "target"):
             made["camera"][end] = tuple(np.asarray(made["camera"][end]) + far)
-        scene, camera, _ = scattered.build(ss, made)
+        scene, camera, _ = scene_parts.build(ss, made)
     return scene, camera
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scattered_scenes import Parts, parallel
+from scene_parts import Parts, parallel
 
 import sheetsplat as ss
 

@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scattered_scenes import LIGHTS, MATERIAL, Parts, central, cloud, parallel, parts
+from scene_parts import LIGHTS, MATERIAL, Parts, central, cloud, parallel, parts
 
 import sheetsplat as ss
 

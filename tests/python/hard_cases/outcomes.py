@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import oracle
-from image_checks import FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS
+from image_checks import FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS, off_by, within
 from numpy.typing import NDArray
-from reference_pictures import ambiguous_pixels, by_reference, may_jump, off_by, within
-from scattered_scenes import Parts, build
+from reference_pictures import ambiguous_pixels, by_reference, may_jump
+from scene_parts import Parts, build
 
 import sheetsplat as ss
 

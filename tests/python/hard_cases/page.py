@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-from scattered_scenes import build
+from scene_parts import build
 
 import sheetsplat as ss
 

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from image_checks import FLOAT32_HARD
+from image_checks import FLOAT32_HARD, off_by, within
 from numpy.typing import NDArray
-from reference_pictures import off_by, within
-from scattered_scenes import Parts, build
+from scene_parts import Parts, build
 
 import sheetsplat as ss
 

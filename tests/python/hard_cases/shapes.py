@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scattered_scenes import VIEW, Parts, central, cloud, frame, parallel, parts, quaternions, unit
+from scene_parts import VIEW, Parts, central, cloud, frame, parallel, parts, quaternions, unit
 
 import sheetsplat as ss
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from scattered_scenes import GENTLE, MATERIAL, Parts, cloud, parallel, parts
+from scene_parts import GENTLE, MATERIAL, Parts, cloud, parallel, parts
 
 import sheetsplat as ss
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from scattered_scenes import STEP, Parts, central, cloud, parallel, parts, quaternions
+from scene_parts import STEP, Parts, central, cloud, parallel, parts, quaternions
 
 import sheetsplat as ss
 

@@ -1,0 +1,289 @@
+"""Fields and their kernels (section 2), relative to the eye."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_erf = np.vectorize(math.erf, otypes=[float])
+
+
+def erf(x: Array) -> Array:
+    """Return the error function; SciPy's where it is there, since it is quicker."""
+    try:
+        from scipy.special import erf as quick
+    except ImportError:
+        return _erf(x)
+    return np.asarray(quick(x))
+
+
+@dataclass
+class RegularField:
+    """Samples values[k, j, i] of a Cartesian or BCC lattice."""
+
+    values: ArrayLike
+    spacing: Sequence[float] = (1, 1, 1)
+    origin: Sequence[float] = (0, 0, 0)
+    lattice: str = "cartesian"
+    radius: float = 2.0
+    falloff: float = 5.0
+    normalization: str = "lattice"
+    w0: float = 1.0
+    nan: str = "error"
+
+    def kernels(self) -> tuple[Array, Array]:
+        """Return the centres (N, 3) in world units without the origin, and the values (N,)."""
+        values = np.asarray(self.values, float)
+        k, j, i = np.meshgrid(*(np.arange(n, dtype=float) for n in values.shape), indexing="ij")
+        if self.lattice == "bcc":
+            half = (k % 2) / 2
+            a = float(self.spacing[0])
+            centres = np.stack([(i + half) * a, (j + half) * a, k * a / 2], -1)
+        else:
+            centres = np.stack([i, j, k], -1) * np.asarray(self.spacing, float)
+        kept = ~np.isnan(values)
+        return centres[kept], values[kept]
+
+    def semi_axes(self) -> Array:
+        """Return the semi-axes of the support, world units."""
+        if self.lattice == "bcc":
+            return np.full(3, self.radius * float(self.spacing[0]) / math.sqrt(2))
+        return self.radius * np.asarray(self.spacing, float)
+
+    def sample_volume(self) -> float:
+        """Return the volume per sample."""
+        if self.lattice == "bcc":
+            return float(self.spacing[0]) ** 3 / 2
+        return float(np.prod(np.asarray(self.spacing, float)))
+
+    def default_slice_spacing(self) -> float:
+        """Return the default distance of slices (section 3)."""
+        return float(self.spacing[0]) / 2 if self.lattice == "bcc" else float(min(self.spacing))
+
+    def mass(self) -> float:
+        """Return C of normalisation lattice: a kernel's integral over the volume per sample."""
+        return ball_integral(self.falloff) * float(np.prod(self.semi_axes())) / self.sample_volume()
+
+    def placed(self, eye: Array, turn: Array) -> Kernels:
+        """Return the kernels in eye space."""
+        centres, values = self.kernels()
+        # Relative to the eye from the start, so that far origins cost no digits.
+        offset = centres + (np.asarray(self.origin, float) - eye)
+        semi = self.semi_axes()
+        return Kernels(offset, offset @ turn.T, (turn * semi)[None], turn.T[None] / semi[:, None], values, None)
+
+
+@dataclass
+class EllipsoidField:
+    """Scattered kernels: centers (N, 3), semi-axes (N, 3) or (N,), rotations (N, 4) w, x, y, z or (N, 3, 3)."""
+
+    centers: ArrayLike
+    scales: ArrayLike
+    rotations: ArrayLike | None = None
+    values: ArrayLike = ()
+    weights: ArrayLike | None = None
+    normalization: str = "threshold"
+    w0: float = 1.0
+    falloff: float = 8.0
+    min_scale: float | None = None
+    cell_volume: float | None = None
+
+    def semi_axes(self) -> Array:
+        """Return the semi-axes of every kernel, (N, 3)."""
+        scales = np.asarray(self.scales, float)
+        if scales.ndim == 1:
+            scales = np.repeat(scales[:, None], 3, 1)
+        return scales if self.min_scale is None else np.maximum(scales, self.min_scale)
+
+    def frames(self) -> Array:
+        """Return the rotations from the kernels' own axes to the world's, (N, 3, 3)."""
+        count = len(np.asarray(self.centers, float))
+        if self.rotations is None:
+            return np.tile(np.eye(3), (count, 1, 1))
+        rotations = np.asarray(self.rotations, float)
+        return rotations if rotations.ndim == 3 else turned(rotations)
+
+    def default_slice_spacing(self) -> float:
+        """Return the default distance of slices (section 3); without kernels there is none."""
+        centres = np.asarray(self.centers, float).reshape(-1, 3)
+        if len(centres) == 0:
+            return math.inf
+        diagonal = float(np.linalg.norm(centres.max(0) - centres.min(0)))
+        return max(float(np.median(self.semi_axes().min(1))) / 2, diagonal / 2048)
+
+    def mass(self) -> float:
+        """Return C of normalisation lattice: a kernel's integral over the volume that it stands for."""
+        volume = float(np.prod(self.semi_axes(), axis=1).max())
+        return ball_integral(self.falloff) * volume / float(self.cell_volume or math.nan)
+
+    def placed(self, eye: Array, turn: Array) -> Kernels:
+        """Return the kernels in eye space."""
+        world = np.asarray(self.centers, float).reshape(-1, 3) - eye
+        semi, frames = self.semi_axes(), self.frames()
+        weights = None if self.weights is None else np.asarray(self.weights, float)
+        return Kernels(
+            world,
+            world @ turn.T,
+            turn @ frames * semi[:, None, :],
+            np.swapaxes(frames, 1, 2) @ turn.T / semi[:, :, None],
+            np.asarray(self.values, float),
+            weights,
+        )
+
+
+def turned(quaternions: Array) -> Array:
+    """Return the rotation matrices of quaternions w, x, y, z, (N, 3, 3): the columns are the turned axes."""
+    w, x, y, z = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
+    return np.stack(
+        [
+            np.stack([w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
+            np.stack([2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)], -1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z], -1),
+        ],
+        -2,
+    )
+
+
+@dataclass
+class Kernels:
+    """Kernels of one field relative to the eye. Shapes have a first axis of length N, or 1 where all are alike."""
+
+    world: Array  # (N, 3) centres, world axes
+    centres: Array  # (N, 3) eye axes
+    factor: Array  # (N | 1, 3, 3) B: unit sphere to eye axes
+    to_sphere: Array  # (N | 1, 3, 3) its inverse
+    values: Array  # (N,)
+    weights: Array | None  # (N,), 1 unless given
+
+    def reach(self) -> Array:
+        """Return how far the supports extend in depth, (N,)."""
+        return np.broadcast_to(np.linalg.norm(self.factor[:, 2], axis=1), (len(self.centres),))
+
+    def scaled(self, by: float) -> Kernels:
+        """Return the kernels with supports larger by that factor."""
+        return replace(self, factor=self.factor * by, to_sphere=self.to_sphere / by)
+
+    def filtered(self, pixel: Array, spacing: float) -> Kernels:
+        """Return the kernels after the EWA filter (section 10); pixel (N,) is its width at the centres' depths."""
+        count = len(self.centres)
+        factor = np.broadcast_to(self.factor, (count, 3, 3))
+        widening = np.zeros((count, 3, 3))
+        widening[:, 0, 0] = widening[:, 1, 1] = pixel
+        widening[:, 2, 2] = spacing
+        upper = np.linalg.qr(np.concatenate([np.swapaxes(factor, 1, 2), widening], 1), mode="r")
+        share = np.abs(np.linalg.det(factor) / np.prod(np.diagonal(upper, axis1=1, axis2=2), axis=1))
+        weights = share if self.weights is None else self.weights * share
+        wider = np.swapaxes(upper, 1, 2)
+        return replace(self, factor=wider, to_sphere=np.linalg.inv(wider), weights=weights)
+
+    def picked(self, which: Mask) -> Kernels:
+        """Return some of the kernels."""
+        alike = len(self.factor) == 1
+        return Kernels(
+            self.world[which],
+            self.centres[which],
+            self.factor if alike else self.factor[which],
+            self.to_sphere if alike else self.to_sphere[which],
+            self.values[which],
+            None if self.weights is None else self.weights[which],
+        )
+
+    def turned(self, vectors: Array) -> Array:
+        """Return vectors (P, 3) or (P, N, 3) of eye space in the unit-sphere spaces, (P, N | 1, 3)."""
+        m = self.to_sphere
+        v = vectors[:, None, :] if vectors.ndim == 2 else vectors
+        return np.stack([sum(m[:, a, b] * v[..., b] for b in range(3)) for a in range(3)], -1)
+
+
+def ball_integral(k: float) -> float:
+    """Return the integral of g over the unit ball."""
+    edge = math.exp(-k)
+    radial = math.sqrt(math.pi) * math.erf(math.sqrt(k)) / (4 * k**1.5) - edge / (2 * k)
+    return (4 * math.pi * radial - 4 * math.pi / 3 * edge) / (1 - edge)
+
+
+def kernel(r2: Array, k: float) -> Array:
+    """Return g of squared radii."""
+    return np.maximum(0.0, (np.exp(-k * r2) - math.exp(-k)) / (1 - math.exp(-k)))
+
+
+def kernel_mean(r2: Array, speed: float, t0: Array, t1: Array, k: float, length: float) -> Array:
+    """Return the mean of g over a slab of the given length, of which the chord [t0, t1] is inside the support.
+
+    The square of the radius is r2 + speed² t² along the ray, t from the nearest point.
+    """
+    root = math.sqrt(k)
+    gauss = np.exp(-k * r2) * math.sqrt(math.pi) / (2 * root * speed)
+    whole = gauss * (erf(root * speed * t1) - erf(root * speed * t0)) - (t1 - t0) * math.exp(-k)
+    return np.maximum(0.0, whole) / (1 - math.exp(-k)) / length
+
+
+def slab_mean(delta: Array, ray: Array, spacing: float, k: float) -> tuple[Array, Array]:
+    """Return g's mean over the slab and whether it is met; delta (P, K, 3) mid-slab, ray (P, K | 1, 3) per depth."""
+    speed = np.linalg.norm(ray, axis=-1)
+    nearest = -(delta * ray).sum(-1) / speed**2
+    r2 = ((delta + nearest[..., None] * ray) ** 2).sum(-1)
+    half = np.sqrt(np.maximum(0.0, 1 - r2)) / speed
+    t0 = np.maximum(-half, -spacing / 2 - nearest)
+    t1 = np.minimum(half, spacing / 2 - nearest)
+    inside = (r2 < 1) & (t1 > t0)
+    g = np.zeros(r2.shape)
+    full_speed = np.broadcast_to(speed, r2.shape)
+    g[inside] = kernel_mean(r2[inside], full_speed[inside], t0[inside], t1[inside], k, spacing)  # type: ignore[arg-type]
+    return g, inside
+
+
+_SLAB_NODES, _SLAB_WEIGHTS = np.polynomial.legendre.leggauss(40)
+
+
+def kernel_slopes(delta: Array, ray: Array, kernels: Kernels, k: float, length: float) -> Array:
+    """Return ∇g in eye axes (P, K, 3), or its mean over a slab of that length along the ray, by quadrature."""
+
+    def pulled(q: Array) -> Array:
+        """Return -2k exp(-k r²) / (1 - exp(-k)) times the transposed inverse of B times q, without the support."""
+        scale = -2 * k * np.exp(-k * (q**2).sum(-1)) / (1 - math.exp(-k))
+        m = kernels.to_sphere
+        return np.stack([scale * sum(m[:, a, b] * q[..., a] for a in range(3)) for b in range(3)], -1)
+
+    if length == 0:
+        return np.where(((delta**2).sum(-1) < 1)[..., None], pulled(delta), 0.0)
+    speed = np.linalg.norm(ray, axis=-1)
+    nearest = -(delta * ray).sum(-1) / speed**2
+    r2 = ((delta + nearest[..., None] * ray) ** 2).sum(-1)
+    half = np.sqrt(np.maximum(0.0, 1 - r2)) / speed
+    t0, t1 = np.maximum(-half, -length / 2 - nearest), np.minimum(half, length / 2 - nearest)
+    inside = (r2 < 1) & (t1 > t0)
+    total = np.zeros(delta.shape)
+    for node, weight in zip(_SLAB_NODES, _SLAB_WEIGHTS, strict=True):
+        t = nearest + (t0 + t1) / 2 + node * (t1 - t0) / 2
+        total += (weight * (t1 - t0) / 2)[..., None] * pulled(delta + t[..., None] * ray)
+    return np.where(inside[..., None], total / length, 0.0)
+
+
+def normalised(f: RegularField | EllipsoidField, data: Array, weights: Array) -> Array:
+    """Return ρ of the sums D and W (section 2)."""
+    if f.normalization == "none":
+        return data
+    if f.normalization == "threshold":
+        return data / np.maximum(f.w0, weights)
+    return data / f.mass()
+
+
+def normalised_slope(
+    f: RegularField | EllipsoidField, data: Array, weights: Array, data_slope: Array, weight_slope: Array
+) -> Array:
+    """Return ∇ρ of the sums D and W and their gradients (section 10)."""
+    if f.normalization == "none":
+        return data_slope
+    if f.normalization == "lattice":
+        return data_slope / f.mass()
+    above = weights > f.w0
+    w = np.where(above, weights, 1.0)[:, None]
+    return np.where(above[:, None], (w * data_slope - data[:, None] * weight_slope) / w**2, data_slope / f.w0)

@@ -1,0 +1,206 @@
+"""Sums of kernels and their gradients on the slices and their neighbours (sections 2, 3 and 5)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .kernels import (
+    Array,
+    EllipsoidField,
+    Kernels,
+    Mask,
+    RegularField,
+    kernel,
+    kernel_slopes,
+    normalised,
+    normalised_slope,
+    slab_mean,
+)
+from .scene import Camera, Scene
+
+# Of the numbers held at once for one slice, pixels times kernels.
+CHUNK = 2_000_000
+
+
+@dataclass
+class Nudge:
+    """What section 9 moves to find ambiguous pixels: ρ of points that are not empty, supports, A_stop."""
+
+    rho: float = 0.0
+    support: float = 1.0
+    stop: float = 0.0
+
+
+@dataclass
+class Samples:
+    """ρ and what is empty on slices first - 2 ... last + 2, at the pixels and one more on every side."""
+
+    depth: Array  # (S,)
+    rho: Array  # (S, h + 2, w + 2)
+    empty: Array  # (S, h + 2, w + 2)
+    weight: Array  # (S, h, w)
+    slope: Array  # (S, h, w, 3) analytic gradient of ρ, eye axes; zeros where the scene takes differences
+
+
+def screen(camera: Camera, size: tuple[int, int], border: int = 0) -> tuple[Array, Array]:
+    """Return x (w,) and y (h,) of the centres of pixels at depth 1, of `border` more pixels on every side."""
+    w, h = size
+    tall = camera.height_at_one()
+    x = (2 * (np.arange(-border, w + border) + 0.5) / w - 1) * tall / 2 * w / h
+    y = (1 - 2 * (np.arange(-border, h + border) + 0.5) / h) * tall / 2
+    return x, y
+
+
+def slice_depth(n: Array, centre: float, spacing: float) -> Array:
+    """Return t_n."""
+    return np.asarray(centre + (n + 0.5) * spacing)
+
+
+@dataclass
+class Placed:
+    """The fields that have kernels, in eye space, and the depths that anchor and bound the slices."""
+
+    fields: list[tuple[RegularField | EllipsoidField, Kernels]]
+    centre: float
+    begin: float
+    end: float
+
+
+def place(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> Placed:
+    """Return the kernels as they are sliced, and the interval of depth that their supports take (section 3)."""
+    turn = camera.turn()
+    pixel = camera.height_at_one() / size[1]
+    placed = []
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    begin, end = np.inf, -np.inf
+    for f in scene.fields():
+        kernels = f.placed(camera.eye, turn)
+        if len(kernels.centres) == 0:
+            continue
+        low, high = np.minimum(low, kernels.world.min(0)), np.maximum(high, kernels.world.max(0))
+        if scene.filter == "ewa":
+            at = np.abs(kernels.centres[:, 2]) if camera.is_perspective else np.ones(len(kernels.centres))
+            kernels = kernels.filtered(pixel * at, scene.spacing())
+        kernels = kernels.scaled(nudge.support)
+        placed.append((f, kernels))
+        begin = min(begin, float((-kernels.centres[:, 2] - kernels.reach()).min()))
+        end = max(end, float((-kernels.centres[:, 2] + kernels.reach()).max()))
+    return Placed(placed, -float(turn[2] @ ((low + high) / 2)) if placed else 0.0, begin, end)
+
+
+def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> Samples:
+    """Return ρ on all slices (sections 2 and 3)."""
+    w, h = size
+    spacing = scene.spacing()
+    nothing = Samples(
+        np.zeros(0),
+        np.zeros((0, h + 2, w + 2)),
+        np.zeros((0, h + 2, w + 2), bool),
+        np.zeros((0, h, w)),
+        np.zeros((0, h, w, 3)),
+    )
+    placed = place(scene, camera, size, nudge)
+    if not placed.fields:
+        return nothing
+    centre, begin, end = placed.centre, placed.begin, placed.end
+    n = np.arange(math.floor((begin - centre) / spacing), math.floor((end - centre) / spacing) + 1)
+    depth = slice_depth(n, centre, spacing)
+    if camera.is_perspective:
+        depth = depth[depth > camera.near]
+    if len(depth) == 0:
+        return nothing
+    all_depth = np.concatenate([depth[0] - spacing * np.array([2, 1]), depth, depth[-1] + spacing * np.array([1, 2])])
+    count = len(all_depth)
+    rho = np.zeros((count, (h + 2) * (w + 2)))
+    weight = np.zeros((count, (h + 2) * (w + 2)))
+    empty = np.ones((count, (h + 2) * (w + 2)), bool)
+    slope = np.zeros((count, (h + 2) * (w + 2), 3))
+    analytic = scene.gradient == "analytic"
+    x, y = (plane.ravel() for plane in np.meshgrid(*screen(camera, size, border=1)))
+    if camera.is_perspective:
+        rays, start = np.stack([x, y, -np.ones(x.shape)], -1), np.zeros((len(x), 3))
+    else:
+        rays, start = np.tile(np.array([0.0, 0.0, -1.0]), (len(x), 1)), np.stack([x, y, np.zeros(x.shape)], -1)
+    extra = spacing / 2 if scene.sampling == "slab" else 0.0
+    for f, kernels in placed.fields:
+        reach = (kernels.reach() + extra) * (1 + 1e-9)
+        for s in range(2, count - 2):
+            t = float(all_depth[s])
+            near = np.abs(-kernels.centres[:, 2] - t) <= reach
+            if not near.any():
+                continue
+            some = kernels.picked(near)
+            data, weights, reached = np.zeros(x.shape), np.zeros(x.shape), np.zeros(x.shape, bool)
+            data_slope, weight_slope = np.zeros((*x.shape, 3)), np.zeros((*x.shape, 3))
+            step = max(1, CHUNK // len(some.centres))
+            for p in range(0, len(x), step):
+                part = slice(p, p + step)
+                delta = some.turned((start[part] + t * rays[part])[:, None, :] - some.centres)
+                if scene.sampling == "slab":
+                    g, inside = slab_mean(delta, some.turned(rays[part]), spacing, f.falloff)
+                else:
+                    r2 = (delta**2).sum(-1)
+                    g, inside = kernel(r2, f.falloff), r2 < 1
+                if analytic:
+                    along = some.turned(rays[part])
+                    slopes = kernel_slopes(delta, along, some, f.falloff, spacing if scene.sampling == "slab" else 0.0)
+                    amounts = np.ones(len(some.values)) if some.weights is None else some.weights
+                    data_slope[part] = np.einsum("pka,k->pa", slopes, amounts * some.values)
+                    weight_slope[part] = np.einsum("pka,k->pa", slopes, amounts)
+                if some.weights is not None:
+                    g = g * some.weights
+                data[part] = g @ some.values
+                weights[part] = g.sum(-1)
+                reached[part] = inside.any(-1)
+            rho[s] += np.where(reached, normalised(f, data, weights), 0.0)
+            weight[s] += weights
+            if analytic:
+                slope[s] += normalised_slope(f, data, weights, data_slope, weight_slope)
+            empty[s] &= ~reached
+    rho += np.where(empty, 0.0, nudge.rho)
+    shape = (count, h + 2, w + 2)
+    inner = np.s_[:, 1:-1, 1:-1]
+    return Samples(
+        all_depth,
+        rho.reshape(shape),
+        empty.reshape(shape),
+        weight.reshape(shape)[inner],
+        slope.reshape((*shape, 3))[inner],
+    )
+
+
+def density(scene: Scene, placed: Placed, points: Array, nudge: Nudge) -> tuple[Array, Mask]:
+    """Return ρ by point sampling and what is empty, at points (P, 3) of eye space."""
+    rho, empty = np.zeros(len(points)), np.ones(len(points), bool)
+    for f, kernels in placed.fields:
+        step = max(1, CHUNK // len(kernels.centres))
+        for p in range(0, len(points), step):
+            part = slice(p, p + step)
+            r2 = (kernels.turned(points[part][:, None, :] - kernels.centres) ** 2).sum(-1)
+            g = kernel(r2, f.falloff)
+            if kernels.weights is not None:
+                g = g * kernels.weights
+            reached = (r2 < 1).any(-1)
+            rho[part] += np.where(reached, normalised(f, g @ kernels.values, g.sum(-1)), 0.0)
+            empty[part] &= ~reached
+    return rho + np.where(empty, 0.0, nudge.rho), empty
+
+
+def gradients(samples: Samples, camera: Camera, size: tuple[int, int], spacing: float) -> Array:
+    """Return differences of ρ in eye space on slices 1 ... S - 2 of the samples, (S - 2, h, w, 3) (section 5)."""
+    rho = samples.rho
+    pixel = np.full(len(samples.depth) - 2, camera.height_at_one() / size[1])
+    if camera.is_perspective:
+        pixel = pixel * samples.depth[1:-1]
+    middle = rho[1:-1]
+    width = np.where(pixel > 0, 2 * pixel, np.inf)[:, None, None]  # a slice that is not there has no gradient across
+    dx = (middle[:, 1:-1, 2:] - middle[:, 1:-1, :-2]) / width
+    dy = (middle[:, :-2, 1:-1] - middle[:, 2:, 1:-1]) / width
+    dt = (rho[2:, 1:-1, 1:-1] - rho[:-2, 1:-1, 1:-1]) / (2 * spacing)
+    if not camera.is_perspective:
+        return np.stack([dx, dy, -dt], -1)
+    x, y = screen(camera, size)
+    return np.stack([dx, dy, x * dx + y[:, None] * dy - dt], -1)

@@ -25,15 +25,22 @@ from sheetsplat.look import automatic
 SIZE = (30, 24)
 
 
+@cache
+def renderer() -> ss.Renderer:
+    """Return a renderer by OpenGL for all scenes, which keeps its context and its shaders."""
+    return ss.Renderer("gl")
+
+
 def assert_like_reference(
-    renderer: ss.Renderer, scene: ss.Scene, camera: ss.Camera, bounds: tuple[float, float] = FLOAT32, **options: Any
-) -> None:
-    """Compare a renderer's picture with the reference's."""
-    image = renderer.render(scene, camera, size=SIZE, **options)
+    drawn_by: ss.Renderer, scene: ss.Scene, camera: ss.Camera, bounds: tuple[float, float] = FLOAT32, **options: Any
+) -> ss.Image:
+    """Compare a renderer's picture with the reference's, and return that."""
+    image = drawn_by.render(scene, camera, size=SIZE, **options)
     expected = ss.Renderer("reference").render(scene, camera, size=SIZE, **options)
     assert np.isfinite(np.asarray(image)).all()
     found = off_by(image, expected)
     assert within(found, bounds), found
+    return expected
 
 
 def camera_of(arguments: dict[str, Any]) -> ss.Camera:
@@ -187,7 +194,7 @@ def test_sizes_of_eleven_decades(sampling: Any, filter_: Any, camera: dict[str, 
     field = field_of(8, 300, w0=0.3)
     field = ss.EllipsoidField(field.centers, sizes, field.rotations, field.values, w0=0.3)
     scene = scene_of(field, sampling=sampling, filter=filter_, slice_spacing=100.0)
-    assert_like_reference(ss.Renderer("gl"), scene, camera_of(camera))
+    assert_like_reference(renderer(), scene, camera_of(camera))
 
 
 @pytest.mark.gl
@@ -199,7 +206,7 @@ def test_weights_of_seventy_decades(weight: float, w0: float) -> None:
     weights[::2] = weight
     scene = scene_of(field_of(9, weights=weights, w0=w0))
     try:
-        assert_like_reference(ss.Renderer("gl"), scene, camera_of(scene_parts.parallel()))
+        assert_like_reference(renderer(), scene, camera_of(scene_parts.parallel()))
     except ss.Unsupported as error:
         assert weight > 1e30 or (weight == 1e-30 and w0 == 1e-30), error
         assert "weights" in str(error)
@@ -213,7 +220,7 @@ def test_the_unit_of_values_does_not_matter(unit: float, normalization: str) -> 
     points = [(value * unit, *rest) for value, *rest in scene_parts.GENTLE]
     field = field_of(10, values=values * unit, normalization=normalization, w0=0.5)
     scene = scene_of(field, points=points)
-    assert_like_reference(ss.Renderer("gl"), scene, camera_of(scene_parts.parallel()))
+    assert_like_reference(renderer(), scene, camera_of(scene_parts.parallel()))
 
 
 @pytest.mark.gl
@@ -222,7 +229,7 @@ def test_the_unit_of_values_does_not_matter(unit: float, normalization: str) -> 
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 def test_falloffs(falloff: float, filter_: Any, sampling: Any) -> None:
     scene = scene_of(field_of(11, falloff=falloff, w0=0.5), filter=filter_, sampling=sampling)
-    assert_like_reference(ss.Renderer("gl"), scene, camera_of(scene_parts.central()))
+    assert_like_reference(renderer(), scene, camera_of(scene_parts.central()))
 
 
 def test_a_crowd_at_one_spot_is_looked_at_in_time() -> None:
@@ -360,7 +367,7 @@ def test_lit_needles_of_any_length(length_px: float, sampling: Any) -> None:
     field = ss.EllipsoidField(places, np.tile((length, width, width), (6, 1)), turned, rng.random(6), w0=0.3)
     scene = scene_of(field, sampling=sampling, slice_spacing=width / 3)
     camera = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=30)
-    image = ss.Renderer("gl").render(scene, camera, size=(1000, 30))
+    image = renderer().render(scene, camera, size=(1000, 30))
     found = off_by(image, ss.Renderer("reference").render(scene, camera, size=(1000, 30)))
     assert within(found, FLOAT32), found
 
@@ -372,7 +379,7 @@ def test_absurd_sizes_are_refused(radius_px: float, camera: ss.Camera) -> None:
     field = ss.EllipsoidField(np.zeros((2, 3)), np.full((2, 3), 2 * radius_px), values=[0.1, 0.2])
     scene = scene_of(field, slice_spacing=radius_px)
     with pytest.raises(ss.Unsupported, match="pixels.*; wanted at most 1e"):
-        ss.Renderer("gl").render(scene, camera, size=SIZE)
+        renderer().render(scene, camera, size=SIZE)
 
 
 @pytest.mark.gl
@@ -407,19 +414,19 @@ def test_crowds_of_equal_kernels(lit: bool, count: int) -> None:
     camera = camera_of(scene_parts.parallel())
     if count > (400 if lit else 100_000):
         with pytest.raises(ss.Unsupported, match="ellipsoids of one size at one place; wanted at most"):
-            ss.Renderer("gl").render(scene, camera, size=SIZE)
+            renderer().render(scene, camera, size=SIZE)
     else:
-        assert_like_reference(ss.Renderer("gl"), scene, camera, FLOAT32_HARD)
+        assert_like_reference(renderer(), scene, camera, FLOAT32_HARD)
 
 
 @pytest.mark.gl
 def test_crowds_of_different_kernels() -> None:
     """As many kernels as above, which are not alike: their errors cancel."""
     scene = scene_of(crowd(10_000, 0.01), slice_spacing=0.25)
-    assert_like_reference(ss.Renderer("gl"), scene, camera_of(scene_parts.parallel()), FLOAT32_HARD)
+    assert_like_reference(renderer(), scene, camera_of(scene_parts.parallel()), FLOAT32_HARD)
     dense = scene_of(crowd(400_000, 0.01), slice_spacing=0.25)
     with pytest.raises(ss.Unsupported, match="ellipsoids at a point; wanted at most"):
-        ss.Renderer("gl").render(dense, camera_of(scene_parts.parallel()), size=SIZE)
+        renderer().render(dense, camera_of(scene_parts.parallel()), size=SIZE)
 
 
 @pytest.mark.gl
@@ -433,13 +440,13 @@ def test_slabs_far_thicker_than_kernels(camera: dict[str, Any], thickness: float
     scene = scene_of(leaning, sampling="slab", mode="xray", slice_spacing=thickness)
     if thickness > 1e3:
         with pytest.raises(ss.Unsupported, match="float32 loses the place of ellipsoids"):
-            ss.Renderer("gl").render(scene, camera_of(camera), size=SIZE)
+            renderer().render(scene, camera_of(camera), size=SIZE)
     else:
-        assert_like_reference(ss.Renderer("gl"), scene, camera_of(camera))
+        assert_like_reference(renderer(), scene, camera_of(camera))
     if "height" in camera:
         round_ = ss.EllipsoidField(leaning.centers, np.full(60, 0.3), values=leaning.values, w0=0.5)
         scene = scene_of(round_, sampling="slab", mode="xray", slice_spacing=thickness)
-        assert_like_reference(ss.Renderer("gl"), scene, camera_of(camera))
+        assert_like_reference(renderer(), scene, camera_of(camera))
 
 
 @pytest.mark.gl
@@ -457,9 +464,9 @@ def test_heavy_kernels_far_thinner_than_slabs(share: float) -> None:
     scene = scene_of(field, lit=False, sampling="slab", slice_spacing=0.25)
     if share < 1e-4:
         with pytest.raises(ss.Unsupported, match="float32 loses the place of ellipsoids"):
-            ss.Renderer("gl").render(scene, camera, size=SIZE)
+            renderer().render(scene, camera, size=SIZE)
     else:
-        assert_like_reference(ss.Renderer("gl"), scene, camera, FLOAT32_HARD)
+        assert_like_reference(renderer(), scene, camera, FLOAT32_HARD)
 
 
 @pytest.mark.gl
@@ -468,7 +475,7 @@ def test_an_error_names_the_limit_that_applies() -> None:
     rng = np.random.default_rng(22)
     field = ss.EllipsoidField(rng.uniform(-1, 1, (60_000, 3)), np.full(60_000, 0.9), values=45 * rng.random(60_000))
     with pytest.raises(ss.Unsupported, match="values up to 4.* wanted values of at most") as found:
-        ss.Renderer("gl").render(scene_of(field, reference_length=1 / 24), camera_of(scene_parts.parallel()), size=SIZE)
+        renderer().render(scene_of(field, reference_length=1 / 24), camera_of(scene_parts.parallel()), size=SIZE)
     assert 20 < float(str(found.value).split("at most ")[1].split(" ")[0]) < 40
 
 
@@ -502,7 +509,7 @@ def test_kernels_far_smaller_than_a_pixel_on_the_centres_of_pixels(radius_px: fl
     camera = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=4.0)
     scene = scene_of(field, lit=False, slice_spacing=1.0)
     assert np.asarray(ss.Renderer("reference").render(scene, camera, size=SIZE)).max() > 0.2
-    assert_like_reference(ss.Renderer("gl"), scene, camera, FLOAT32_HARD)
+    assert_like_reference(renderer(), scene, camera, FLOAT32_HARD)
 
 
 @pytest.mark.gl
@@ -518,8 +525,8 @@ def test_leaning_kernels_of_millions_of_pixels(radius_px: float, sampling: Any) 
     )
     scene = scene_of(field, sampling=sampling, slice_spacing=radius / 5)
     camera = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=4.0)
-    assert np.asarray(ss.Renderer("reference").render(scene, camera, size=SIZE)).max() > 0.02
-    assert_like_reference(ss.Renderer("gl"), scene, camera, FLOAT32_HARD)
+    expected = assert_like_reference(renderer(), scene, camera, FLOAT32_HARD)
+    assert np.asarray(expected).max() > 0.02
 
 
 @pytest.mark.gl

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from image_checks import FLOAT32, FLOAT32_HARD, assert_close, distance
-from test_gl_effects import CUBE, SIZE, TILTED, Case, ambiguous, make, moved_by, reference
+from test_gl_effects import CUBE, SIZE, TILTED, Case, ambiguous, compare, make, moved_by, reference
 
 import sheetsplat as ss
 
@@ -49,18 +49,10 @@ def renderer(**options: Any) -> ss.Renderer:
 
 
 def check(case: Case, bounds: tuple[float, float] = FLOAT32, on: tuple[str, ...] = (), **options: Any) -> ss.Image:
-    """Compare the picture with the reference's; `on` are effects that the plan must have called for."""
+    """Compare the processor's picture with the reference's."""
     scene, camera = make(case)
     image = renderer(**options).render(scene, camera, size=SIZE, outputs=case.outputs)
-    called = {effect.name for effect in image.plan.effects if effect.on}
-    assert called >= set(on), f"not on: {set(on) - called}"
-    assert_close(np.asarray(image), np.asarray(reference(case)), bounds, f"cpu {case} {options}", ambiguous(case))
-    for output in case.outputs:
-        found, expected = getattr(image, output), getattr(reference(case), output)
-        assert np.array_equal(np.isinf(found), np.isinf(expected)), output
-        shown = np.isfinite(expected)
-        assert np.allclose(found[shown], expected[shown], rtol=2e-5, atol=2e-5), output
-    return image
+    return compare(case, image, bounds, on, f"cpu {case} {options}")
 
 
 def case_of(effect: str, field: str, normalization: str, projection: str, sampling: str, **more: Any) -> Case:

@@ -140,12 +140,10 @@ def renderer(effects: tuple[tuple[str, bool], ...] = (), **options: Any) -> ss.R
     return ss.Renderer("gl", effects=dict(effects), **options)
 
 
-def check(case: Case, bounds: tuple[float, float] = FLOAT32, on: tuple[str, ...] = (), **options: Any) -> ss.Image:
-    """Compare the picture with the reference's; `on` are effects that the plan must have called for."""
-    image = draw(case, **options)
+def compare(case: Case, image: ss.Image, bounds: tuple[float, float], on: tuple[str, ...], name: str) -> ss.Image:
+    """Compare a picture and its outputs with the reference's; `on` are effects that the plan must have called for."""
     called = {effect.name for effect in image.plan.effects if effect.on}
     assert called >= set(on), f"not on: {set(on) - called}"
-    name = f"effects {case} {options}"
     assert_close(np.asarray(image), np.asarray(reference(case)), bounds, name, ambiguous(case))
     for output in case.outputs:
         found, expected = getattr(image, output), getattr(reference(case), output)
@@ -153,6 +151,11 @@ def check(case: Case, bounds: tuple[float, float] = FLOAT32, on: tuple[str, ...]
         shown = np.isfinite(expected)
         assert np.allclose(found[shown], expected[shown], rtol=2e-5, atol=2e-5), output
     return image
+
+
+def check(case: Case, bounds: tuple[float, float] = FLOAT32, on: tuple[str, ...] = (), **options: Any) -> ss.Image:
+    """Compare OpenGL's picture with the reference's."""
+    return compare(case, draw(case, **options), bounds, on, f"effects {case} {options}")
 
 
 def moved_by(case: Case, other: Case) -> float:

@@ -16,7 +16,7 @@ import sheetsplat as ss
 
 ROOT = Path(__file__).resolve().parents[2]
 
-# What the OpenGL driver reports is an error of the test.
+# A message of the OpenGL driver fails the test.
 os.environ.setdefault("SHEETSPLAT_GL_DEBUG", "1")
 
 

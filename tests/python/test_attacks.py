@@ -1,4 +1,4 @@
-"""What must be refused, and how: files without an end, numbers without a sense, failures half way."""
+"""Invalid input is refused with clear messages: truncated files, meaningless numbers, failures half way."""
 
 from __future__ import annotations
 
@@ -201,7 +201,7 @@ def test_fields_without_a_kernel_give_empty_pictures(tmp_path, projection, caplo
     assert "nothing can be seen" in stderr
     assert not pictures.read_picture(tmp_path / "a.png").any()
     assert "size" in run("plan", tmp_path / "a.npy", *options).stdout
-    # With a single kernel there is a box again.
+    # A single kernel has a bounding box.
     far = ss.RegularField(np.ones((1, 1, 1)), origin=(100, 0, 0))
     assert ss.Scene([nothing, far], POINTS).bounds == far.bounds
     assert compose_camera([nothing, far], (8, 8)).target[0] == pytest.approx(100)

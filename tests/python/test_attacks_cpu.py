@@ -1,4 +1,4 @@
-"""The processor's backend under hard, absurd and hostile use: the right picture or a clear error, and usable after."""
+"""Backend cpu under extreme and invalid input: the right picture or a clear error, and usable afterwards."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def parts(field: Parts | list[Parts], camera: Parts | None = None, **options: An
 
 
 def assert_right(scene: Parts, *, precision: str | None = None, may_jump: bool = False, **options: Any) -> ss.Image:
-    """Hold a picture and its coverage against the reference; ambiguous pixels are left out where it may jump."""
+    """Compare a picture and its coverage with the reference, without ambiguous pixels where it may jump."""
     built, camera, size = scene_parts.build(ss, scene)
     image = ss.Renderer("cpu", **options).render(built, camera, size=size, outputs=("coverage", "depth"))
     expected = by_reference(scene, ("coverage", "depth"))
@@ -59,7 +59,7 @@ def assert_right(scene: Parts, *, precision: str | None = None, may_jump: bool =
     return image
 
 
-# What float32, or even float64, cannot hold
+# Beyond the range or precision of float32 or float64
 
 
 @pytest.mark.parametrize("lit", [False, True])
@@ -80,7 +80,7 @@ FALLOFFS = [0.05, 5.0, 20.0, 50.0, 90.0, 300.0, 600.0]
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 @pytest.mark.parametrize("normalization", ["threshold", "none"])
 def test_supports_end_where_they_end(falloff: float, sampling: str, normalization: str) -> None:
-    """A steep profile is next to nothing long before its end, where opacity at 0 still tells it from emptiness."""
+    """A steep profile is nearly 0 long before its support ends, but opacity at 0 shows where the support ends."""
     field = cloud(4, falloff=falloff, normalization=normalization)
     for lit in (False, True):
         scene = parts(field, scene_parts.central(), transfer=scene_parts.ZERO_SEEN, sampling=sampling, lit=lit)
@@ -155,7 +155,7 @@ def test_crowds_at_one_spot(count: int, lit: bool, same_values: bool) -> None:
 @pytest.mark.parametrize("offset", [0.0, 10.0])
 @pytest.mark.parametrize(("count", "spread"), [(40, 0.05), (300, 0.005), (999, 0.05)])
 def test_lit_quotients_that_hardly_change(count: int, spread: float, offset: float) -> None:
-    """The gradient of one value everywhere is rounding alone: lights must not show it."""
+    """Where all values are equal, the gradient is rounding error alone, which lights must not show."""
     places = 0.1 + spread * np.random.default_rng(3).normal(size=(count, 3))
     field = {"centers": places, "scales": np.full(count, 0.5), "values": np.full(count, 0.7 + offset)}
     window = [(value + offset, *rest) for value, *rest in scene_parts.GENTLE]
@@ -166,7 +166,7 @@ def test_lit_quotients_that_hardly_change(count: int, spread: float, offset: flo
 @pytest.mark.parametrize("unit", [1e-45, 1e-20, 1e20, 1e38, 1e100])
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 def test_the_unit_of_length_does_not_matter(unit: float, sampling: str) -> None:
-    """In perspective lengths are counted per unit of depth, which has its own powers of ten."""
+    """In perspective, lengths are relative to depth, whose magnitude differs from theirs."""
     field = cloud(8)
     field |= {"centers": unit * field["centers"], "scales": unit * field["scales"]}
     lattice = {
@@ -269,7 +269,7 @@ print("done")
 
 
 def test_forked_processes_draw_and_end() -> None:
-    """Threads do not come along into a forked process, which must neither wait for them nor take them down."""
+    """A forked process has no copies of the threads: it must neither wait for them nor end them."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
     result = subprocess.run(
         [sys.executable, "-c", IN_CHILD], env=environment, capture_output=True, text=True, timeout=100
@@ -333,7 +333,7 @@ def test_a_renderer_says_that_it_cannot_be_pickled() -> None:
 
 
 def longs() -> dict[str, tuple[Any, Any, Any]]:
-    """Pictures that take seconds: of many pixels, of many slices, and of one slice that holds all."""
+    """Scenes that take seconds: many pixels, many slices, or all kernels in one slice."""
     rng = np.random.default_rng(0)
     heap = {
         "centers": 1e-3 * rng.uniform(-1, 1, (150_000, 3)),
@@ -351,8 +351,8 @@ def longs() -> dict[str, tuple[Any, Any, Any]]:
 @pytest.mark.timeout(60)
 @pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize("name", ["pixels", "slices", "one slice"])
-def test_it_stops_at_once(name: str) -> None:
-    """By Ctrl-C and by a callback, and draws again afterwards."""
+def test_rendering_stops_at_once(name: str) -> None:
+    """By Ctrl-C and by a callback; the renderer draws again afterwards."""
     scene, camera, size = longs()[name]
     small, eye, small_size = busy()
     expected = np.array(ss.Renderer("cpu").render(small, eye, size=small_size))
@@ -420,7 +420,7 @@ def test_memory_that_runs_out_is_an_error_and_no_end() -> None:
     assert result.returncode == 0 and result.stdout.strip() == "done", result.stdout + result.stderr
 
 
-# What is kept between pictures
+# State kept between pictures
 
 
 def kept_fields() -> list[ss.Field]:
@@ -477,7 +477,7 @@ CHOICES: dict[str, Callable[[random.Random], Any]] = {
 
 @pytest.mark.parametrize("seed", range(3))
 def test_frames_do_not_depend_on_those_before(seed: int) -> None:
-    """Whatever changes, also after a frame that was given up, every bit is that of a renderer that has seen nothing."""
+    """After any change, and after a cancelled frame, pictures equal those of a new renderer to the bit."""
     chance = random.Random(seed)
     fields = kept_fields()
     renderer = ss.Renderer("cpu")
@@ -508,7 +508,7 @@ def test_frames_do_not_depend_on_those_before(seed: int) -> None:
     assert reused > 5
 
 
-# Ways that belong to other backends
+# Options of other backends
 
 
 @pytest.mark.parametrize(

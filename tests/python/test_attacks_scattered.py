@@ -1,4 +1,4 @@
-"""Scattered ellipsoids under bad and extreme input: the right picture or a clear error, and nothing left over."""
+"""Scattered ellipsoids under invalid and extreme input: the right picture or a clear error, and no leaks."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def scene_of(fields: Any, **options: Any) -> ss.Scene:
     )
 
 
-# What is kept between pictures
+# State kept between pictures
 
 
 WAYS = [
@@ -84,7 +84,7 @@ WAYS = [
 @pytest.mark.gl
 @pytest.mark.parametrize("way", WAYS, ids=str)
 def test_a_field_that_takes_the_place_of_another_is_a_new_one(way: dict[str, Any]) -> None:
-    """Fields that are made where others were freed, of the same number of kernels, have pictures of their own."""
+    """A field at the address of a freed one of the same size gets its own picture."""
     renderer = ss.Renderer("gl", **way)
     before = None
     for seed in range(6):
@@ -201,7 +201,7 @@ def test_sizes_of_eleven_decades(sampling: Any, filter_: Any, camera: dict[str, 
 @pytest.mark.parametrize("weight", [1e-30, 1e-20, 1e30, 1e37, 1e40])
 @pytest.mark.parametrize("w0", [1e-30, 1e-3, 1.0, 1e30])
 def test_weights_of_seventy_decades(weight: float, w0: float) -> None:
-    """Beside weights of 1; what float32 cannot tell apart is refused."""
+    """Beside weights of 1; what float32 cannot resolve is refused."""
     weights = np.ones(60)
     weights[::2] = weight
     scene = scene_of(field_of(9, weights=weights, w0=w0))
@@ -233,7 +233,7 @@ def test_falloffs(falloff: float, filter_: Any, sampling: Any) -> None:
 
 
 def test_a_crowd_at_one_spot_is_looked_at_in_time() -> None:
-    """Places and kernels would be 1.6e9 pairs."""
+    """Naive counting would look at 1.6e9 pairs of places and kernels."""
     count = 100_000
     crowd = ss.EllipsoidField(np.full((count, 3), 0.1), np.full(count, 0.5), values=np.arange(count) / count)
     began = time.process_time()
@@ -322,7 +322,7 @@ def _spoiled(data: bytes, chance: random.Random) -> bytes:
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_spoiled_files_are_fields_or_clear_errors(name: str, tmp_path: Path) -> None:
-    """Whatever is wrong with the bytes, nothing but the package's own errors comes out, without a warning, at once."""
+    """Corrupt bytes give errors of the package alone, soon and without warnings."""
     WRITERS[name](tmp_path / name, np.random.default_rng(14))
     chance = random.Random(name)
     grid = tmp_path / "a.xyz"
@@ -357,7 +357,7 @@ PIXELS = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=SIZE[1])
 @pytest.mark.parametrize("length_px", [1e8, 1e10, 1e12])
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 def test_lit_needles_of_any_length(length_px: float, sampling: Any) -> None:
-    """Float32 knows the places of their centres to a hundred pixels and more, in a picture that is wide beside."""
+    """The rounding of their centres in float32 is a hundred pixels and more."""
     rng = np.random.default_rng(17)
     length, width, turns = length_px, length_px / 5_000, rng.uniform(0, 2 * np.pi, 6)
     along = np.stack([np.cos(turns), np.sin(turns), np.zeros(6)], -1)
@@ -471,7 +471,7 @@ def test_heavy_kernels_far_thinner_than_slabs(share: float) -> None:
 
 @pytest.mark.gl
 def test_an_error_names_the_limit_that_applies() -> None:
-    """Of two limits, the smaller: a picture at the larger one would be refused again."""
+    """Of two limits, the error names the smaller: a picture at the larger one would be refused again."""
     rng = np.random.default_rng(22)
     field = ss.EllipsoidField(rng.uniform(-1, 1, (60_000, 3)), np.full(60_000, 0.9), values=45 * rng.random(60_000))
     with pytest.raises(ss.Unsupported, match="values up to 4.* wanted values of at most") as found:
@@ -481,7 +481,7 @@ def test_an_error_names_the_limit_that_applies() -> None:
 
 @pytest.mark.parametrize("unit", [1e-300, 1e-160, 1e160, 1e300])
 def test_the_reference_shades_values_of_any_unit(unit: float) -> None:
-    """Squares of such gradients leave float64."""
+    """Squares of such gradients overflow or underflow float64."""
     values = np.random.default_rng(10).random(60)
     pictures = []
     for factor in (1.0, unit):
@@ -495,7 +495,7 @@ def test_the_reference_shades_values_of_any_unit(unit: float) -> None:
 @pytest.mark.parametrize("radius_px", [1e-3, 1e-5, 1e-7, 1e-9])
 @pytest.mark.parametrize("flat", [False, True])
 def test_kernels_far_smaller_than_a_pixel_on_the_centres_of_pixels(radius_px: float, flat: bool) -> None:
-    """As on data at regular places, seen straight: float32 knows such a place to less than the kernel's size."""
+    """As for samples on a lattice seen along an axis: float32 positions are coarser than such kernels."""
     rng = np.random.default_rng(15)
     width, height = SIZE
     pixel = 4.0 / height
@@ -516,7 +516,7 @@ def test_kernels_far_smaller_than_a_pixel_on_the_centres_of_pixels(radius_px: fl
 @pytest.mark.parametrize("radius_px", [1e7, 1e9, 1e12])
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 def test_leaning_kernels_of_millions_of_pixels(radius_px: float, sampling: Any) -> None:
-    """Their sections' centres lie farther off than float32 counts pixels."""
+    """The centres of their sections lie beyond the range in which float32 resolves single pixels."""
     rng = np.random.default_rng(16)
     radius = radius_px * 4.0 / SIZE[1]
     turns = scene_parts.quaternions(rng, 10)

@@ -14,7 +14,7 @@ from test_gl_effects import CUBE, SIZE, TILTED, Case, ambiguous, compare, make, 
 import sheetsplat as ss
 
 CUE = ss.DepthCue(2.2, 4.1, (0.9, 0.95, 1.0), 0.8)
-# What each effect asks of a scene, and what the plan calls it.
+# The name of each effect in plans, and the options of a scene that needs it.
 EFFECTS: dict[str, tuple[str, dict[str, Any]]] = {
     "clip": ("clip", {"clip": ss.Clip(TILTED, CUBE)}),
     "clipped-intervals": ("clip", {"clip": ss.Clip(TILTED), "preintegration": True}),
@@ -172,7 +172,7 @@ def test_analytic_gradients_keep_float32_close_up():
     assert distance(np.asarray(forced), by_differences).rmse > FLOAT32_HARD[0]
 
 
-# Shadows and ambient occlusion ---------------------------------------------------------------------------------------
+# Shadows and ambient occlusion
 
 
 def stated(image: ss.Image) -> float:
@@ -204,7 +204,7 @@ def test_shadows_and_occlusion_within_the_stated_error(case):
         found = distance(np.asarray(image), np.asarray(reference(lit)), ambiguous(case)).rmse
         effect = moved_by(lit, case)
         assert found <= stated(image), f"{lit}: {found} where {stated(image)} is stated"
-        # A picture without them is further off than that, and what is found is a small part of it.
+        # Leaving them out would be a larger error than stated; the error found is a small part of that.
         assert effect > stated(image), f"{lit}: {effect} where {stated(image)} is stated"
         assert found < 0.25 * effect
 

@@ -1,4 +1,4 @@
-"""Only the effects that a scene calls for: forcing the others on changes nothing, and a plan says what each owes."""
+"""Plans turn on only the effects that a scene needs: forcing others changes nothing; plans state each one's error."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import sheetsplat as ss
 from sheetsplat.cli.main import main as command_line
 
 SIZE = (44, 36)
-# Not the same picture on purpose, refused without allow_inexact; or another way of drawing that few scenes fit.
+# These change the picture by design and need allow_inexact, or fit few scenes.
 FOR_COMPARISON = {"preshaded", "bare_fill", "opacity_buffer_average"}
 BACKENDS = [pytest.param("gl", marks=pytest.mark.gl), "cpu"]
 
@@ -52,7 +52,7 @@ def some_scene(seed: int) -> tuple[ss.Scene, ss.Camera]:
     fields: list[ss.RegularField | ss.EllipsoidField] = [some_field(rng, seed % 3)]
     if rng.random() < 0.3:
         fields.append(some_field(rng, int(rng.integers(3))))
-    # Without steps and with opacity 0 at 0: no pixel of these pictures lies at a jump, but for the opacity stop's.
+    # Without steps and with opacity 0 at 0, only the opacity stop makes ambiguous pixels.
     points = [(0.0, *rng.random(3), 0.0), (0.4, *rng.random(3), 0.1 * rng.random()), (1.0, *rng.random(3), 0.4)]
     lit = rng.random() < 0.6
     scene = ss.Scene(
@@ -136,7 +136,7 @@ def check_forced_on(store: Forced, names: list[str], scenes: list[tuple[ss.Scene
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_what_the_plan_left_out_changes_nothing_when_forced_on(backend: str, forced: Callable[[str], Forced]) -> None:
-    """Over random scenes, and over scenes that ask for effects by numbers that change nothing."""
+    """In random scenes, and in scenes whose options request effects with parameters that have no effect."""
     names = forcible(backend)
     # Shaders are compiled for each scene and effect.
     count = 4 if backend == "gl" else 10
@@ -182,7 +182,7 @@ def test_what_the_plan_left_out_changes_nothing_on_measured_data(
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_what_the_scene_calls_for_matters(backend: str, forced: Callable[[str], Forced]) -> None:
-    """The other way round: leaving out what is called for makes another picture, so the comparison above can fail."""
+    """Negative control: leaving out a needed effect changes the picture."""
     scene, camera = some_scene(0)
     low, high = scene.bounds
     middle = 0.5 * (float(low[0]) + float(high[0]))
@@ -226,7 +226,7 @@ def test_every_backend_lists_every_effect(backend: str) -> None:
 
 
 def test_ambient_light_alone_needs_no_gradient() -> None:
-    """Where nothing gives back more than ambient light, both backends draw the reference's picture without normals."""
+    """Where materials reflect ambient light alone, both backends draw the reference's picture without normals."""
     scene, camera = some_scene(0)
     scene = scene.replace(mode="composite", lights=[ss.Light((1, 0, 1))], material=ss.Material(0.3, 0.0, 0.0))
     expected = ss.Renderer("reference").render(scene, camera, size=SIZE)
@@ -245,7 +245,7 @@ def test_ambient_light_alone_needs_no_gradient() -> None:
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("ambient_only", [False, True])
 def test_light_from_volumes_keeps_the_error_that_it_owes(backend: str, ambient_only: bool) -> None:
-    """Shadows and occlusion differ from the formula by no more than the plan says, and by less than they do at all."""
+    """The error of shadows and occlusion is at most what the plan states, and less than their effect."""
     for seed in (0, 6):
         scene, camera = some_scene(seed)
         material = ss.Material(0.4, 0.0) if ambient_only else ss.Material(0.2, 0.8)
@@ -288,7 +288,7 @@ def test_values_that_do_not_occur_call_for_nothing(backend: str) -> None:
 
 
 def test_a_renderer_lets_go_of_fields_that_it_drew() -> None:
-    """What it found out about a field does not keep the field, whichever backend drew it."""
+    """Facts about a field that a renderer keeps do not keep the field alive, on any backend."""
     for backend in ("reference", "cpu"):
         renderer = ss.Renderer(backend)  # type: ignore[arg-type]
         before = resident()
@@ -342,7 +342,7 @@ def test_unknown_effects_are_told_by_backend() -> None:
 
 
 def test_the_reference_says_that_nothing_can_be_forced(caplog: pytest.LogCaptureFixture) -> None:
-    """It draws what the scene says, and a warning tells that forcing says nothing to it."""
+    """The reference draws the scene as defined; a warning says that it ignores forced effects."""
     scene, camera = some_scene(0)
     with caplog.at_level(logging.WARNING, logger="sheetsplat"):
         plan = ss.Renderer("reference", effects={"weight": True}).plan(scene, camera, size=SIZE)

@@ -1,4 +1,4 @@
-"""A view that is turned a little looks a little different: nothing pops.
+"""A small turn of the view changes the picture by little: nothing pops.
 
 The promise (A_stop = 1, a continuous transfer function whose opacity at 0 is 0, no near plane among kernels): from one
 view to another 0.01 degrees on, no pixel changes by more than the angle times the largest analytic derivative on the
@@ -128,7 +128,7 @@ def test_nothing_pops(field: str, way: str, backend: str) -> None:
 
 @pytest.mark.parametrize(("field", "way"), SCENES, ids=lambda part: str(part))
 def test_the_definition_itself_does_not_pop(field: str, way: str) -> None:
-    """A jump would stay as large when the angle is made smaller; a change shrinks along."""
+    """A continuous change shrinks with the angle; a jump would not."""
     for degrees in ANGLES:
         whole = DEGREES * STRAIGHT.get(field, 1.0)
         part = whole / 20
@@ -140,7 +140,7 @@ def test_the_definition_itself_does_not_pop(field: str, way: str) -> None:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_what_pops_is_seen(backend: str) -> None:
-    """Negative controls: slices that hang elsewhere in every second view, a step, and a stop of opacity."""
+    """Negative controls: slices at other depths in every second view, a step, and an opacity stop."""
     degrees = ANGLES[5]
     views = [picture(backend, "cartesian", "unlit", degrees + n * DEGREES, spacing=0.21 + n * 1e-3) for n in (0, 1)]
     definition = [by_reference("cartesian", "unlit", degrees + n * DEGREES) for n in (0, 1)]

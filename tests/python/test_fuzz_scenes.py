@@ -1,4 +1,4 @@
-"""Whole scenes that nobody thought of: fields, cameras, transfer functions and knobs at random, judged by invariants.
+"""Random scenes (fields, cameras, transfer functions, settings), judged by invariants.
 
 A backend draws a scene as it is, with its kernels in another order, each laid as two, in another unit of length, at
 another place, or with tiles of its own; all of it must be the reference's picture of the scene within section 9, or a
@@ -36,7 +36,7 @@ FUZZ = settings(
     print_blob=bool(AMOUNT),
 )
 BACKENDS = [pytest.param("gl", marks=pytest.mark.gl), "cpu"]
-# Slices that the reference draws in a blink.
+# Keeps the reference fast.
 MOST_SLICES = 60
 
 share = st.floats(0, 1, allow_subnormal=False)
@@ -240,7 +240,7 @@ def _depth(made: Parts) -> float:
     return max(reach)
 
 
-# What changes nothing
+# Changes that leave the picture as it is
 
 
 def as_it_is(made: Parts, rng: np.random.Generator) -> Parts:
@@ -352,7 +352,7 @@ def far_off(actual: ss.Image, made: Parts, expected: ss.Image, bounds: tuple[flo
         return ""
     if pixels.ndim == 3:
         jumping = ambiguous(made, expected.rgba, scene.slice_spacing, scene.reference_length)
-        # The reference cannot say of what jumps in most of a small picture how it should look.
+        # Where most of a small picture is ambiguous, the reference does not determine it.
         if jumping.sum() > max(1, MOST_AMBIGUOUS * jumping.size):
             event("too much of the picture is ambiguous")
             return ""
@@ -362,7 +362,7 @@ def far_off(actual: ss.Image, made: Parts, expected: ss.Image, bounds: tuple[flo
 
 
 def check(backend: str, made: Parts, change: Callable[[Parts, np.random.Generator], Parts], seed: int) -> None:
-    """Hold a changed scene's picture against the reference's of the scene itself."""
+    """Compare the picture of a changed scene with the reference's picture of the unchanged one."""
     try:
         scene, camera, size = built(made)
         expected = ss.Renderer("reference").render(scene, camera, size=size)
@@ -376,7 +376,7 @@ def check(backend: str, made: Parts, change: Callable[[Parts, np.random.Generato
     changed, camera, size = built(change(copy.deepcopy(made), np.random.default_rng(seed)))
     options = {"tile_size": 1 + seed % 9} if change is in_tiles else {}
     if made["scene"]["mode"] == "xray" and change is rescaled:
-        # The line integral has the unit of length.
+        # A line integral scales with the unit of length.
         options = {}
         changed, camera, size = built(made)
     try:
@@ -410,7 +410,7 @@ def test_the_reference_itself_keeps_the_invariants() -> None:
     any_scene()
 
 
-# Beyond what anybody would draw
+# Extreme scenes
 
 
 def harsh(seed: int) -> Parts:
@@ -482,7 +482,7 @@ def harsh(seed: int) -> Parts:
     }
 
 
-# Every variant of shaders that a scene calls for is compiled: OpenGL draws fewer.
+# OpenGL compiles the shader variants of each scene, so it draws fewer.
 HARSH = {"cpu": int(AMOUNT or 150), "gl": int(AMOUNT or 30)}
 
 

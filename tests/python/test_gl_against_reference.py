@@ -25,7 +25,7 @@ MATERIAL = ss.Material(ambient=0.2, diffuse=0.7, specular=0.3, shininess=12, two
 
 @dataclass(frozen=True)
 class Case:
-    """One scene, camera and what is asked for."""
+    """A scene, its camera and its outputs."""
 
     mode: str = "composite"
     sampling: str = "point"
@@ -81,7 +81,7 @@ def make(case: Case) -> tuple[ss.Scene, ss.Camera]:
         "radius": 2.0 * (1 + case.nudge_radius),
     }
     if case.normalization == "none":
-        # These sums are larger by the kernel's mass; values that undo it keep one transfer function for all.
+        # Sums are larger by the kernel's mass; dividing the values by it keeps one transfer function for all.
         values = values / np.float32(ss.RegularField(values, **options).native.lattice_constant)
     if case.holes:
         values = np.where(np.indices(values.shape).sum(0) % 7 == 0, np.nan, values).astype(np.float32)
@@ -207,7 +207,7 @@ print("done")
 
 
 def test_depth_bounds_on_a_rasteriser_that_has_them():
-    """Mesa's softpipe has the test of stored depths that llvmpipe lacks."""
+    """Mesa's softpipe has the depth bounds test, which llvmpipe lacks."""
     environment = {**os.environ, "GALLIUM_DRIVER": "softpipe", "PYTHONPATH": os.pathsep.join(sys.path)}
     probe = "import sheetsplat as ss; print([d.description for d in ss.devices()])"
     found = subprocess.run([sys.executable, "-c", probe], env=environment, capture_output=True, text=True)

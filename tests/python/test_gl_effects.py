@@ -24,7 +24,7 @@ TILTED = (((1.0, 2.0, 0.5), -0.2), ((-3.0, 0.5, 1.0), -2.0))
 
 @dataclass(frozen=True)
 class Case:
-    """One scene, camera and what is asked for. `options` are those of Scene."""
+    """A scene, its camera and its outputs. `options` are those of Scene."""
 
     field: str = "cartesian"
     normalization: str = "lattice"
@@ -376,7 +376,7 @@ OCCLUSION = ss.AmbientOcclusion(0.6, 0.8)
     ids=str,
 )
 def test_light_is_dimmed_as_on_the_processor(case):
-    """Both look the same grids up; what grids differ from the formula by is part of the picture's stated error."""
+    """Both backends sample the same grids; the error of the grids is part of the picture's stated error."""
     image = draw(case)
     called = {effect.name for effect in image.plan.effects if effect.on}
     assert called >= {name for name in ("shadows", "ambient_occlusion") if case.scene.get(name)}
@@ -419,7 +419,7 @@ def test_what_is_refused():
     ],
 )
 def test_quotients_of_values_far_from_0_keep_their_gradients(fields_, camera, options, packing):
-    """A window of 1 round values of 300: they are counted from their middle."""
+    """A window of width 1 around values of 300: values are taken relative to its middle."""
     parts = cloud(np.random.default_rng(3), 40, aspect=2.5)
     scattered = ss.EllipsoidField(parts["centers"], parts["scales"], parts["rotations"], parts["values"] + 300, w0=0.3)
     values = np.random.default_rng(4).random((8, 8, 8)) + 300

@@ -1,4 +1,4 @@
-"""Hard cases stay stable: each has the outcome that hard_cases writes down, on every backend."""
+"""Each hard case has the outcome that hard_cases states, on every backend."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def skip_slow(name: str, backend: str) -> None:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", hard.CASES)
-def test_the_written_outcome(name: str, backend: str) -> None:
+def test_the_stated_outcome(name: str, backend: str) -> None:
     skip_slow(name, backend)
     found = hard.measure(name, backend)
     log.info(f"hard {name} {backend}: {found}")
@@ -37,7 +37,7 @@ def test_the_written_outcome(name: str, backend: str) -> None:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", hard.PROPERTIES)
-def test_the_written_promise(name: str, backend: str) -> None:
+def test_the_stated_property(name: str, backend: str) -> None:
     figure, wrong = hard.PROPERTIES[name].check(backend)
     log.info(f"hard {name} {backend}: {figure}")
     assert not wrong, wrong
@@ -49,7 +49,7 @@ def test_what_one_backend_refuses_auto_draws_with_another(name: str, monkeypatch
     """And the plan says why."""
     monkeypatch.delenv("SHEETSPLAT_BACKEND", raising=False)
     scene, camera, size = build(ss, hard.scene_of(name))
-    # A device that is named comes first, also where it is software.
+    # A named device takes precedence, even a software one.
     image = ss.Renderer("auto", device=0).render(scene, camera, size=size)
     assert image.plan.backend == "cpu" and "auto: backend gl: " in image.plan.device
     found = off_by(image, hard.expected_of(name))
@@ -63,17 +63,17 @@ def test_half_floats_beyond_their_bound_are_an_error_with_a_figure(name: str) ->
     with pytest.raises(ss.Unsupported, match=r"error of [0-9.e+]+.*; wanted at most 0\.00196"):
         ss.Renderer("gl", precision="float16").render(scene, camera, size=size)
     inexact = ss.Renderer("gl", precision="float16", allow_inexact=True).render(scene, camera, size=size)
-    # Rightly refused: what was not wanted exact is not.
+    # The refusal was right: the error is above the bound.
     assert inexact.plan.precision == "float16"
     assert off_by(inexact, hard.expected_of(name))["rmse"] > FLOAT32_HARD[0]
 
 
-# Judges must be able to say no
+# Negative controls
 
 
 @pytest.mark.parametrize("backend", ["cpu"])
 def test_a_picture_that_is_a_little_wrong_fails(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All cases that are drawn, held against references that are off by 3e-4."""
+    """Every drawn case fails against a reference that is off by 3e-4."""
     missed = []
     for name, one in hard.CASES.items():
         if one.slow or one.outcome_on(backend) != hard.WITHIN:
@@ -105,7 +105,7 @@ def test_faults_are_seen() -> None:
     "name", [name for name, one in hard.CASES.items() if one.outcome == hard.WITHIN and not one.slow]
 )
 def test_cases_show_something(name: str) -> None:
-    """Else they would prove nothing; what must cancel is the one exception."""
+    """An empty picture would prove nothing; only cases of cancelling kernels are empty."""
     picture = np.asarray(hard.expected_of(name))
     assert name.startswith("cancelled") or np.abs(picture).max() > (1e-6 if "faint" in name else 1e-3)
 
@@ -114,6 +114,6 @@ def test_the_page_lists_every_case() -> None:
     """Made by `python -m hard_cases.page --table`."""
     page = PAGE.read_text(encoding="utf-8")
     assert set(re.findall(r"^\| `(\w[^`]*)` \|", page, re.M)) == {*hard.CASES, *hard.PROPERTIES}
-    # A figure in bold is one that its outcome does not allow.
+    # Bold figures violate the stated outcome.
     bold = set(re.findall(r"^\| `(\w[^`]*)` \|.*\*\*", page, re.M))
     assert not bold

@@ -31,7 +31,7 @@ def test_estimates_are_calibrated(exact: ss.Renderer, cpu_renderer: ss.Renderer)
         image = cpu_renderer.render(case.drawn(), case.camera, SIZE)
         true = max(error_scenes.rmse(image, error_scenes.converged(exact, case, SIZE)), 3e-8)
         ratios.append(true / max(image.error.rmse, 3e-8))
-        # An estimate that is wrong by a factor of 3 must be seen.
+        # Negative control: an estimate that is wrong by a factor of 3.
         halves.append(true / max(image.error.rmse / 3, 3e-8))
     away = np.maximum(ratios, 1 / np.array(ratios))
     assert np.mean(away <= 2) >= 0.9, np.round(ratios, 2)
@@ -40,7 +40,7 @@ def test_estimates_are_calibrated(exact: ss.Renderer, cpu_renderer: ss.Renderer)
 
 
 def test_estimates_of_measured_volumes(data_dir: Path, exact: ss.Renderer, cpu_renderer: ss.Renderer) -> None:
-    """The same of real data, which the estimate was not tuned on either."""
+    """The same for measured data, which the estimate was not tuned on either."""
     cases = error_scenes.measured_cases(data_dir, 4)[:6]
     assert cases
     for case in cases:
@@ -100,7 +100,7 @@ def test_stages(cpu_renderer: ss.Renderer) -> None:
 
 @pytest.mark.parametrize("backend", ["reference", "cpu", "gl"])
 def test_every_backend(backend: str, request: pytest.FixtureRequest) -> None:
-    """Arithmetic is measured against float64; what slices do is the same everywhere."""
+    """The error of arithmetic is measured against float64; that of the slice distance is the same on all backends."""
     if backend == "gl":
         reason = request.getfixturevalue("_gl_reason")
         if reason:
@@ -130,7 +130,7 @@ def test_coarse_numbers_show(request: pytest.FixtureRequest) -> None:
 
 
 def test_shadows_count_as_the_plan_has_them(cpu_renderer: ss.Renderer) -> None:
-    """Volumes are in every picture that is compared: what they are wrong by is taken from the plan."""
+    """All compared pictures use shadow volumes, so the error of the volumes comes from the plan."""
     values = np.clip(1.2 - np.linalg.norm(np.stack(np.meshgrid(*[np.linspace(-1, 1, 12)] * 3)), axis=0), 0, 1)
     transfer = ss.TransferFunction([(0.05, 1, 0.5, 0.2, 0), (1, 1, 1, 1, 0.3)])
     light = ss.Light((0.4, 0.6, 1.0))

@@ -1,4 +1,4 @@
-"""Pictures of a given error: the bound holds, costs follow it, and what cannot be kept is told."""
+"""Pictures of a given error: the bound holds, costs follow it, and bounds that cannot be kept are reported."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from click.testing import CliRunner
 import sheetsplat as ss
 
 SIZE = (56, 56)
-# Not those that the search was tried on.
+# Other seeds than those the search was developed with.
 SEEDS = range(4000, 4016)
 
 
@@ -35,7 +35,7 @@ def converged(exact: ss.Renderer, case: error_scenes.Case, image: ss.Image) -> s
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_bound_holds(seed: int, exact: ss.Renderer) -> None:
-    """True errors stay below what was asked for; where one is refused, the next larger one is not."""
+    """True errors are below the bound; where a bound is refused, the next larger one is kept."""
     case = error_scenes.random_case(seed, 1.0)
     least = 0.0
     for error in (2e-2, 1e-3):
@@ -50,7 +50,7 @@ def test_the_bound_holds(seed: int, exact: ss.Renderer) -> None:
 
 
 def test_the_bound_is_what_decides(exact: ss.Renderer) -> None:
-    """Without it the default settings would miss it: the test above can fail."""
+    """Negative control: the default settings would miss the bound."""
     missed = 0
     for seed in SEEDS:
         case = error_scenes.random_case(seed, 1.0)
@@ -101,13 +101,13 @@ def test_the_plan_says_what_was_picked(ball_scene: tuple[ss.Scene, ss.Camera]) -
     ],
 )
 def test_bounds_without_meaning(options: dict[str, Any], words: str) -> None:
-    """Say what was found and what was wanted."""
+    """Errors state what was found and what was wanted."""
     with pytest.raises(ss.InvalidInput, match=words):
         ss.Renderer("cpu", **options)
 
 
 def test_contradictions_name_both_sides(ball_scene: tuple[ss.Scene, ss.Camera]) -> None:
-    """What the scene fixes stays fixed; where that does not allow the error, the message has both numbers."""
+    """Options that the scene sets stay; where they rule out the bound, the message has both numbers."""
     scene, camera = ball_scene
     coarse = scene.replace(slice_spacing=2.5)
     with pytest.raises(ss.InvalidInput, match=r"slice_spacing=2\.5.*max_error=1e-05"):
@@ -121,7 +121,7 @@ def test_contradictions_name_both_sides(ball_scene: tuple[ss.Scene, ss.Camera]) 
 
 @pytest.mark.alone
 def test_a_time(ball_scene: tuple[ss.Scene, ss.Camera], caplog: pytest.LogCaptureFixture) -> None:
-    """One that is too short is told in the log; one that is long makes a fine picture; it goes before an error."""
+    """A time that is too short is logged; a long one gives a fine picture; it takes precedence over an error."""
     with caplog.at_level(logging.WARNING, "sheetsplat"):
         short = ss.Renderer("cpu", max_seconds=1e-9).render(*ball_scene, size=(20, 20))
     assert "max_seconds is not kept" in caplog.text
@@ -146,7 +146,7 @@ def test_progressive(ball_scene: tuple[ss.Scene, ss.Camera]) -> None:
 
 
 def test_cancelling(ball_scene: tuple[ss.Scene, ss.Camera]) -> None:
-    """Stops the pilots too, and leaves the renderer as it was."""
+    """Cancelling stops trial pictures too; the renderer stays usable."""
     renderer = ss.Renderer("cpu", max_error=1e-3)
     with pytest.raises(ss.Cancelled):
         renderer.render(*ball_scene, size=SIZE, progress=lambda share: False)
@@ -154,13 +154,13 @@ def test_cancelling(ball_scene: tuple[ss.Scene, ss.Camera]) -> None:
 
 
 def test_spacings_of_the_package_are_no_wish(tmp_path: Path, rng: np.random.Generator) -> None:
-    """Of scattered fields `render` chooses one: with an error to keep, that is left to the renderer."""
+    """For scattered fields `render` sets a slice distance, except where an error bound decides it."""
     centers, values = rng.normal(size=(300, 3)), rng.random(300)
     field = ss.EllipsoidField(centers, np.full(300, 0.4), values=values)
     options: dict[str, Any] = {"size": (40, 40), "backend": "cpu"}
     usual = ss.render(field, **options)
     plain = ss.Scene(field, ss.TransferFunction([(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)])).slice_spacing
-    # Else there would be nothing to leave out.
+    # Otherwise the test would compare nothing.
     assert usual.plan.slice_spacing < plain
     for mode in ("composite", "isosurface"):
         fine = ss.render(field, mode=mode, max_error=2e-3, **options)
@@ -197,9 +197,9 @@ def test_the_plan_says_which_distance(ball_scene: tuple[ss.Scene, ss.Camera]) ->
 
 @pytest.mark.alone
 def test_a_time_is_used_as_well_as_an_error(ball_scene: tuple[ss.Scene, ss.Camera]) -> None:
-    """Settings that an error would find in time are not missed by the time."""
+    """A time limit finds settings as good as those of an error bound that takes less time."""
     image = ss.Renderer("cpu", max_error=5e-4).render(*ball_scene, size=SIZE)
-    # Other work on the machine may slow down the pilots that times are expected by.
+    # Other work on the machine may slow down the trial pictures from which times are estimated.
     most = 20 * image.stats["expected_seconds"]
     other = ss.Renderer("cpu", max_seconds=most).render(*ball_scene, size=SIZE)
     assert other.error.rmse <= image.error.rmse

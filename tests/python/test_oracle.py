@@ -1,4 +1,4 @@
-"""The backends against an independent renderer (oracle.py) written from the page of conventions alone."""
+"""The backends against the oracle, an independent renderer written from the conventions alone."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ import sheetsplat as ss
 
 SCENES = range(60)
 SCATTERED = range(200)
-# An image is float32: half a rounding is 6e-8 of a value. The rest is for float64 sums of another order.
+# Images are float32: half a unit in the last place is 6e-8 of a value. The rest is for float64 sums in another order.
 ROUNDING, ARITHMETIC = 7e-8, 1e-9
 # Conventions, section 8: RMSE and P99.9.
 GENTLE, HARD, SIXTEEN_BITS = (2e-5, 2e-4), (1e-4, 1e-3), (1 / 510, 1 / 85)
@@ -108,7 +108,7 @@ def test_opengl_keeps_the_bounds(seed: int, gl_renderer: ss.Renderer) -> None:
     left_out = np.zeros(wanted.shape[:2], bool)
     if not within(distances(pixels(image), wanted, left_out), bounds):
         left_out = oracle.ambiguous(o_scene, o_camera, size, picture)
-        # A picture of a few hundred pixels cannot have less than one.
+        # One pixel is more than that share of a small picture.
         assert left_out.sum() <= max(1, MOST_AMBIGUOUS * left_out.size)
     assert within(distances(pixels(image), wanted, left_out), bounds)
     if outputs:
@@ -409,7 +409,7 @@ def test_the_oracle_of_slabs_is_the_line_integral() -> None:
 
 @pytest.mark.parametrize("smaller", [1.0, 1e-2, 1e-5])
 def test_the_oracle_of_the_filter_keeps_the_mass(smaller: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the picture sums up to is the kernel's integral, however small it is beside a pixel."""
+    """The sum over the picture is the kernel's integral, also for kernels far smaller than a pixel."""
     parts = one_kernel(filter="ewa", sampling="slab", slice_spacing=0.3)
     parts["fields"][0]["scales"] = smaller * np.array(parts["fields"][0]["scales"])
     scene, camera, size = build(oracle, parts)

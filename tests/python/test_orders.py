@@ -1,4 +1,4 @@
-"""Every knob with a known order has it: errors fall as fast as they must, over four halvings, on analytic scenes.
+"""Settings with a known order of convergence have it, over four halvings, on analytic scenes.
 
 Etiene et al. 2013 and 2014 are the method: the slope of the logarithm of the error over that of the knob. Scenes are
 three wide ellipsoids, whose scalar along a ray is known in closed form, flat, without an opacity stop; integrating it
@@ -35,9 +35,9 @@ TRANSFER = [(0.0, 0.1, 0.2, 0.9, 0.0), (1.7, 1.0, 0.8, 0.1, 0.99)]
 LENGTH = 0.5
 HEIGHT, FOV, DISTANCE = 3.0, 20.0, 10.0
 SPACINGS = (0.8, 0.4, 0.2, 0.1, 0.05, 0.025)
-# Of a higher order, that reaches the floor of float32 sooner.
+# Of higher order, so the error reaches the rounding of float32 sooner.
 COARSE = (1.2, 0.6, 0.3, 0.15, 0.075)
-# What a fit may fall short of the order.
+# How far a fitted order may be below the known one.
 SLACK = 0.3
 BACKENDS = ["reference", "cpu", pytest.param("gl", marks=pytest.mark.gl)]
 

@@ -1,4 +1,4 @@
-"""Precision is chosen, not hoped for: predictions bound the error, and what cannot be kept is refused."""
+"""Precision: predictions bound the error, and bounds that no precision keeps are refused."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def references() -> list[tuple[ss.Scene, ss.Camera, np.ndarray]]:
 def test_predictions_bound_the_error_and_are_not_far_above_it(
     backend: str, precision: str, references: list[tuple[ss.Scene, ss.Camera, np.ndarray]]
 ) -> None:
-    """Of every scene that is accepted; half of them are predicted to within a factor of 20."""
+    """For every accepted scene; half of the predictions are within a factor of 20."""
     renderer = ss.Renderer(backend, precision=precision)  # type: ignore[arg-type]
     times = []
     for scene, camera, expected in references:
@@ -101,7 +101,7 @@ def test_predictions_bound_the_error_and_are_not_far_above_it(
 def test_predictions_bound_what_few_bits_lose(
     precision: str, references: list[tuple[ss.Scene, ss.Camera, np.ndarray]]
 ) -> None:
-    """Forced and let through. Without that they are refused with the same figure, or they keep their bound."""
+    """With allow_inexact. Without it they are refused with the same figure, or they keep their bound."""
     inexact = ss.Renderer("gl", precision=precision, allow_inexact=True)  # type: ignore[arg-type]
     strict = ss.Renderer("gl", precision=precision)  # type: ignore[arg-type]
     refused = 0
@@ -133,7 +133,7 @@ def cancelling(scale: float) -> tuple[ss.Scene, ss.Camera]:
 
 
 def test_cancellation_takes_float64_and_says_so() -> None:
-    """Sums of 10⁷ of which 1 is left: no float32 has it. Backend cpu takes float64, which has."""
+    """Sums of 10⁷ that cancel to 1 are beyond float32; backend cpu uses float64."""
     scene, camera = cancelling(1e7)
     expected = np.asarray(ss.Renderer("reference").render(scene, camera, size=SIZE))
     image = ss.Renderer("cpu").render(scene, camera, size=SIZE)
@@ -172,7 +172,7 @@ def test_automatic_falls_to_the_processor_where_opengl_would_lose_the_bound() ->
 
 @pytest.mark.gl
 def test_sixteen_bits_are_taken_only_where_the_device_gains() -> None:
-    """A rasteriser in software never takes them by itself, and the plan says so."""
+    """A software rasteriser never chooses half floats, and the plan says so."""
     scene, camera = some_scene(100)
     plan = ss.Renderer("gl").plan(scene.replace(mode="composite", lights=()), camera, size=SIZE)
     effect = next(effect for effect in plan.effects if effect.name == "float16")

@@ -104,7 +104,7 @@ def test_ctrl_c_ends_a_stage(field, camera):
 
 @pytest.mark.alone
 def test_a_picture_is_cancelled_soon(field, camera):
-    """Within 20 ms of the callback's answer; here within 100, on machines that do other things too."""
+    """Within 20 ms of the callback's answer on an idle machine; 100 ms are allowed here."""
     scene = ss.Scene(field, POINTS, lights=(LIGHT,), slice_spacing=2e-3, reference_length=0.03)
     renderer = ss.Renderer("cpu")
     renderer.render(scene, camera, size=(16, 16))

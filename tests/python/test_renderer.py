@@ -267,7 +267,7 @@ except ss.DeviceUnavailable as error:
 
 
 def test_no_device_is_said_with_every_try():
-    """Without any vendor's library EGL finds nothing; the package imports, renders by the processor, and says why."""
+    """Without a vendor library EGL finds no device; the package imports, renders on the processor, and states why."""
     nothing = {"SHEETSPLAT_GL": "egl", "__EGL_VENDOR_LIBRARY_FILENAMES": os.devnull, "SHEETSPLAT_BACKEND": "auto"}
     environment = {**os.environ, **nothing}
     result = subprocess.run([sys.executable, "-c", NO_DEVICE], capture_output=True, text=True, env=environment)
@@ -368,7 +368,7 @@ def test_ctrl_c_stops_it(renderer, slow_scene, slow_camera):
         time.sleep(whole)
     late = time.perf_counter() - sent[0]
     timer.join()
-    # Not to hear it at all would take 0.85 of the whole time.
+    # Ignoring the signal would take 0.85 of the whole time.
     assert late < 0.5 * whole, f"stopped {late:.3f} s after the signal; the whole picture takes {whole:.3f} s"
     assert renderer.render(slow_scene, slow_camera, size=(10, 10)).rgba.any()
 
@@ -398,7 +398,7 @@ def longest_pause(function) -> tuple[float, float]:
 def test_rendering_lets_other_threads_run(renderer, slow_scene, slow_camera):
     pause, whole = longest_pause(lambda: renderer.render(slow_scene, slow_camera, size=(100, 100)))
     assert pause < 0.5 * whole
-    # What keeps the lock for itself shows in this measure.
+    # Negative control: a computation that holds the lock.
     number = 3**400_000
     pause, whole = longest_pause(lambda: pow(number, 2) % (number + 1))
     assert pause > 0.5 * whole
@@ -434,7 +434,7 @@ def test_renderers_live_side_by_side(backend, scene, camera):
     for thread in threads:
         thread.join()
     assert len(results) == 3 and all(np.array_equal(picture, expected) for picture in results.values())
-    # One that ends takes nothing away from the others.
+    # A renderer that is deleted does not affect the others.
     del renderers[0]
     assert np.array_equal(renderers[0].render(scene, camera, size=(16, 16)).rgba, expected)
 

@@ -171,7 +171,7 @@ def check_alone(names: list[str], driver: str, tagging: str, **variables: str) -
 
 
 def test_depth_bounds_on_a_rasteriser_that_has_them() -> None:
-    """Mesa's softpipe has the test of stored depths that llvmpipe lacks."""
+    """Mesa's softpipe has the depth bounds test, which llvmpipe lacks."""
     probe = "import sheetsplat as ss; print([d.description for d in ss.devices()])"
     environment = {**os.environ, "GALLIUM_DRIVER": "softpipe", "PYTHONPATH": os.pathsep.join(sys.path)}
     found = subprocess.run([sys.executable, "-c", probe], env=environment, capture_output=True, text=True)
@@ -182,7 +182,7 @@ def test_depth_bounds_on_a_rasteriser_that_has_them() -> None:
 
 
 def test_drivers_report_nothing_of_programs_they_have_not_kept() -> None:
-    """A driver that finds a program in its cache does not compile it again, and says nothing about it."""
+    """A driver that finds a program in its cache does not compile it again, and so reports nothing."""
     names = ["slab_parallel", "preintegration_slab_central", "mixed_slabs", "opaque_central", "aspect_1000_central"]
     check_alone(names, "", "tiles", MESA_SHADER_CACHE_DISABLE="true", MESA_GLSL_CACHE_DISABLE="true")
 
@@ -204,7 +204,7 @@ def test_coverage_and_depth(name: str, packing: str) -> None:
     assert (np.abs(image.depth[both] - expected.depth[both]) > 1e-3).mean() <= MOST_AMBIGUOUS
 
 
-# What changes nothing
+# Changes that leave the picture as it is
 
 
 def in_another_order(parts: Parts, rng: np.random.Generator) -> None:

@@ -134,6 +134,14 @@ def ball() -> np.ndarray:
     return np.clip(1 - distance / 7, 0, 1).astype(np.float32)
 
 
+@pytest.fixture
+def volume(tmp_path: Path, ball: np.ndarray) -> Path:
+    """Return a file that holds the ball in bytes, 0 to 200."""
+    path = tmp_path / "ball.npy"
+    np.save(path, (ball * 200).astype(np.uint8))
+    return path
+
+
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
     """Return the folder of the measured volumes: SHEETSPLAT_DATA, else ../shared/data."""

@@ -12,11 +12,11 @@ import warnings
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import sheetsplat as ss
 from sheetsplat import _checks
-from sheetsplat.cli import info, main
+from sheetsplat.cli import info
 from sheetsplat.compare import compare
 from sheetsplat.framing import compose_camera
 from sheetsplat.io import pictures
@@ -24,20 +24,6 @@ from sheetsplat.look import automatic
 
 SMALL = {"size": (8, 8), "backend": "reference"}
 POINTS = [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)]
-
-
-def run(*arguments, code=0):
-    """Run a command in this process and check its exit code."""
-    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
-    assert result.exit_code == code, (result.exit_code, result.output, result.exception)
-    return result
-
-
-@pytest.fixture
-def volume(tmp_path, ball):
-    path = tmp_path / "ball.npy"
-    np.save(path, (ball * 200).astype(np.uint8))
-    return path
 
 
 @pytest.fixture

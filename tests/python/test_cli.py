@@ -12,28 +12,13 @@ import time
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import sheetsplat as ss
-from sheetsplat.cli import main
 from sheetsplat.device import Device
 from sheetsplat.io.pictures import read_picture
 
 BACKEND = ["--backend", "reference"]
-
-
-def run(*arguments, code=0):
-    """Run a command in this process and check its exit code."""
-    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
-    assert result.exit_code == code, (result.exit_code, result.output, result.exception)
-    return result
-
-
-@pytest.fixture
-def volume(tmp_path, ball):
-    path = tmp_path / "ball.npy"
-    np.save(path, (ball * 200).astype(np.uint8))
-    return path
 
 
 def test_render_writes_a_picture_and_nothing_to_stdout(tmp_path, volume):

@@ -6,21 +6,14 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import sheetsplat as ss
-from sheetsplat.cli import main
 from sheetsplat.io import save_npz
 
 h5py = pytest.importorskip("h5py")
 
 REFERENCE = ("--backend", "reference", "--size", "12x12", "-q")
-
-
-def run(*arguments, code=0):
-    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
-    assert result.exit_code == code, result.output
-    return result
 
 
 @pytest.fixture

@@ -7,10 +7,9 @@ import logging
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import sheetsplat as ss
-from sheetsplat.cli import main
 from sheetsplat.framing import compose_camera
 from sheetsplat.io.pictures import read_picture
 from sheetsplat.look.compose import compose_scene
@@ -19,20 +18,6 @@ from sheetsplat.look.surface import surface_color
 
 SMALL = {"size": (24, 24), "backend": "reference"}
 BACKEND = ["--backend", "reference", "--size", "12"]
-
-
-def run(*arguments, code=0):
-    """Run a command in this process and check its exit code."""
-    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
-    assert result.exit_code == code, (result.exit_code, result.output, result.exception)
-    return result
-
-
-@pytest.fixture
-def volume(tmp_path, ball):
-    path = tmp_path / "ball.npy"
-    np.save(path, (ball * 200).astype(np.uint8))
-    return path
 
 
 @pytest.mark.parametrize("iso", [None, 0.2, 0.8])

@@ -22,6 +22,7 @@ def python(code: str) -> str:
     return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
 
 
+@pytest.mark.alone
 def test_import_is_quick():
     # Of this process alone, so that what else runs on the machine does not count.
     code = "import time; t = time.process_time(); import sheetsplat; print(time.process_time() - t)"

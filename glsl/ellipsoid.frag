@@ -132,21 +132,6 @@ vec4 compact(vec2 place, float middle) {
 #endif
 #endif
 
-#ifdef BARE
-// One constant: nothing but the blend is paid for.
-void main() {
-    sheet_front = vec4(0.001);
-#ifdef TWO_TARGETS
-    sheet_back = vec4(0.001);
-#endif
-#ifdef WEIGHT
-    weight_front = vec4(0.001);
-#ifdef TWO_TARGETS
-    weight_back = vec4(0.001);
-#endif
-#endif
-}
-#else
 void main() {
     // Whole pixels first: the difference is exact, however far from the corner of the picture.
     vec2 from = (gl_FragCoord.xy - place_at.xy) - place_at.zw;
@@ -227,4 +212,3 @@ void main() {
 #endif
 #endif
 }
-#endif

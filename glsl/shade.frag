@@ -4,12 +4,13 @@
 #include "lib/sheets.glsl"
 #include "lib/compensated.glsl"
 
-uniform float scalar_step;      // slice spacing in units of the result (xray, coverage)
 #if defined(PERSPECTIVE) || defined(VOLUMES)
 uniform vec2 axis;              // pixel of the optical axis
 #endif
 #ifdef PERSPECTIVE
 uniform float pixel;            // slope of one pixel
+#endif
+#if defined(PERSPECTIVE) || defined(DEPTH_OUT)
 uniform float first_depth;      // of the first slab in the array
 uniform float slice_spacing;
 #endif
@@ -48,10 +49,6 @@ uniform float opacity_stop;
 #ifdef MODE_ISOSURFACE
 uniform float iso_value;
 uniform vec4 iso_color;
-#endif
-#ifdef DEPTH_OUT
-uniform float depth_of_first;   // depth of the first slab in the array, for the depth picture
-uniform float depth_step;
 #endif
 #ifdef READ_IMAGE
 uniform sampler2D image_texture;
@@ -145,7 +142,7 @@ void main() {
             continue;
         }
 #endif
-        add(covered, w[c] * scalar_step * slant);
+        add(covered, w[c] * slant);
     }
     coverage_out = covered;
 #endif
@@ -169,7 +166,7 @@ void main() {
             continue;
         }
 #endif
-        add(result.rg, rho[c] * scalar_step * slant);
+        add(result.rg, rho[c] * slant);
     }
 #endif
 #ifdef MODE_MIP
@@ -240,7 +237,7 @@ void main() {
             result.rgb = cued(result.rgb, float(c) + share);
 #endif
 #ifdef DEPTH_OUT
-            depth = depth_of_first + (float(c) + share) * depth_step;
+            depth = first_depth + (float(c) + share) * slice_spacing;
 #endif
         }
     }
@@ -326,7 +323,7 @@ void main() {
         float share = (1.0 - result.a) * alpha;
 #ifdef DEPTH_OUT
         if (result.a < 0.5 && result.a + share >= 0.5) {
-            depth = depth_of_first + float(c) * depth_step;
+            depth = first_depth + float(c) * slice_spacing;
         }
 #endif
 #ifdef COMPENSATED

@@ -28,7 +28,7 @@
 #define UNIT_CLIP 22
 #define UNIT_LIGHT_VOLUMES 23
 #define UNIT_RECORDS 0
-// Ellipsoids as the papers draw them, and gathered by pixels: in passes of their own.
+// Ellipsoids as [NM06] draws them: in passes of their own.
 #define UNIT_KERNEL_ORDER 0
 #define UNIT_KERNEL_CENTER 1
 #define UNIT_KERNEL_SCALE 2
@@ -37,14 +37,10 @@
 #define UNIT_SLICED_AXES 1
 #define UNIT_SLICED_STEP 2
 #define UNIT_GAUSSIAN 3
-#define UNIT_GATHER_LISTS 0
-#define UNIT_GATHER_ENTRIES 1
-#define UNIT_GATHER_RECORDS 2
 
 // Vertex attributes.
 #define ATTRIBUTE_SAMPLE 0
 #define ATTRIBUTE_BOX 1
-#define ATTRIBUTE_COLOR 2
 #define ATTRIBUTE_RECTANGLE 0
 // Records of ellipsoids: four vec4.
 #define ATTRIBUTE_RECORD_PLACE 0

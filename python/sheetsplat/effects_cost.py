@@ -45,8 +45,8 @@ _FIXED = frozenset(
         "tagging",
     }
 )
-# Ways of drawing for comparison alone, or figures of benchmarks: not what a picture pays for.
-_FOR_COMPARISON = frozenset({"paper_slicing", "gather", "preshaded", "bare_fill", "count_fragments"})
+# A way of drawing for comparison alone: no picture pays for it.
+_FOR_COMPARISON = frozenset({"paper_slicing"})
 _OUTPUTS = ("coverage", "depth")
 
 

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import sheetsplat as ss
+from bench.lab import lab_renderer
 from bench.measure import Judge, attempt, device_of, difference, frames_and_error, orbit, renderer_for, require
 from bench.report import Options, Report, Row, columns, environment
 from sheetsplat import datasets
@@ -23,6 +24,7 @@ class _Setting:
     scene: str
     renderer: dict[str, Any] = field(default_factory=dict)
     paper: str = ""
+    comparators: tuple[str, ...] = ()
 
 
 def _off(effect: str) -> dict[str, Any]:
@@ -35,12 +37,12 @@ def _on(*effects: str) -> dict[str, Any]:
 
 # Within a group the others are compared with the first setting. The paper's remarks: sections 4.1 to 4.4 and 5.
 _SETTINGS = (
-    _Setting("points", "points", "ball", _on("points")),
-    _Setting("points", "quads", "ball", _off("points"), "1.2 to 1.3 times slower"),
-    _Setting("vertex arrays", "arrays a slab", "tubes", _on("vertex_arrays")),
-    _Setting("vertex arrays", "a call a kernel", "tubes", _off("vertex_arrays")),
-    _Setting("channels", "four slabs at a time", "ball", {**_on("four_channels"), "packing": "paper"}),
-    _Setting("channels", "one slab at a time", "ball", _off("four_channels"), "3 times slower"),
+    _Setting("points", "points", "ball"),
+    _Setting("points", "quads", "ball", {}, "1.2 to 1.3 times slower", ("quads",)),
+    _Setting("vertex arrays", "arrays a slab", "tubes"),
+    _Setting("vertex arrays", "a call a kernel", "tubes", comparators=("single_calls",)),
+    _Setting("channels", "four slabs at a time", "ball", {"packing": "paper"}),
+    _Setting("channels", "one slab at a time", "ball", {"packing": "paper"}, "3 times slower", ("one_slab",)),
     _Setting("packing", "paper", "ball", {"packing": "paper"}),
     _Setting("packing", "wide", "ball", {"packing": "wide"}),
     *(
@@ -54,12 +56,12 @@ _SETTINGS = (
         for name, settings in (("off", _off("elimination")), ("on", _on("elimination")))
     ),
     *(
-        _Setting("opacity buffer", name, scene, settings)
+        _Setting("opacity buffer", name, scene, settings, comparators=comparators)
         for scene in ("opaque ball", "ball surface")
-        for name, settings in (
-            ("off", _off("opacity_buffer")),
-            ("minimum", _on("opacity_buffer")),
-            ("average", _on("opacity_buffer_average")),
+        for name, settings, comparators in (
+            ("off", _off("opacity_buffer"), ()),
+            ("minimum", _on("opacity_buffer"), ()),
+            ("average", _on("opacity_buffer"), ("average_opacity",)),
         )
     ),
     _Setting("buffers", "32 bits", "ball", {"precision": "float32"}),
@@ -70,7 +72,7 @@ _SETTINGS = (
     _Setting("lattice", "Cartesian", "signal"),
     _Setting("lattice", "BCC", "signal BCC"),
     _Setting("shading", "after splatting", "tubes near"),
-    _Setting("shading", "before splatting", "tubes near", _on("preshaded"), "blurs zoomed views"),
+    _Setting("shading", "before splatting", "tubes near", {}, "blurs zoomed views", ("preshaded",)),
 )
 
 #: Names of the techniques, which are what can be run alone.
@@ -126,7 +128,7 @@ def _stages(options: Options) -> dict[str, Callable[[], _Stage]]:
 
 def _row(setting: _Setting, stages: dict[str, _Stage], options: Options, judge: Judge) -> Row:
     stage = stages[setting.scene]
-    renderer = renderer_for(options, **setting.renderer)
+    renderer = lab_renderer(options, *setting.comparators, **setting.renderer)
     require(renderer.plan(stage.scene, stage.cameras[0], size=options.size), setting.renderer)
     names = (setting.group, setting.scene, setting.name)
     row, _, _ = frames_and_error(options, judge, renderer, stage.scene, stage.cameras, *names)

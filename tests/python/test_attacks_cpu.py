@@ -514,7 +514,7 @@ def test_frames_do_not_depend_on_those_before(seed: int) -> None:
 @pytest.mark.parametrize(
     "options",
     [{"precision": "float16"}, {"precision": "uint8"}, {"tagging": "depth_equal"}, {"packing": "paper"}]
-    + [{"effects": {name: True}} for name in ("gather", "paper_slicing", "fine_gradient", "compensation", "points")],
+    + [{"effects": {name: True}} for name in ("paper_slicing", "fine_gradient", "compensation", "opacity_buffer")],
     ids=str,
 )
 def test_what_it_has_not_is_refused_and_taken_elsewhere(options: Any) -> None:

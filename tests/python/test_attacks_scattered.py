@@ -76,7 +76,6 @@ WAYS = [
     {"packing": "paper"},
     {"effects": {"resident_sections": True}},
     {"effects": {"paper_slicing": True}},
-    {"effects": {"gather": True}},
     {"effects": {"opacity_buffer": True}},
 ]
 
@@ -128,9 +127,8 @@ def test_one_field_under_changing_looks(resident: bool) -> None:
 
 
 EFFECTS = (
-    "weight gradient specular two_sided opacity_correction opacity_stop elimination culling opacity_buffer points "
-    "vertex_arrays four_channels general_sections empty_test compensation count_fragments resident_sections "
-    "precise_sections paper_slicing gather"
+    "weight gradient specular two_sided opacity_correction opacity_stop elimination culling opacity_buffer "
+    "general_sections empty_test compensation resident_sections precise_sections paper_slicing"
 ).split()
 
 
@@ -383,14 +381,13 @@ def test_absurd_sizes_are_refused(radius_px: float, camera: ss.Camera) -> None:
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("effect", ["paper_slicing", "gather"])
-def test_ways_for_comparison_have_a_largest_size(effect: str) -> None:
+def test_paper_slicing_has_a_largest_size() -> None:
     for radius in (1e6, 1e9):
         rng = np.random.default_rng(18)
         places = radius * rng.uniform(-0.5, 0.5, (10, 3))
         axes = np.tile((radius, radius / 2, radius / 1.5), (10, 1))
         field = ss.EllipsoidField(places, axes, scene_parts.quaternions(rng, 10), rng.random(10), w0=0.5)
-        renderer = ss.Renderer("gl", effects={effect: True})
+        renderer = ss.Renderer("gl", effects={"paper_slicing": True})
         scene = scene_of(field, lit=False, slice_spacing=radius / 5)
         if radius == 1e6:
             assert_like_reference(renderer, scene, PIXELS, FLOAT32_HARD)

@@ -18,8 +18,6 @@ import sheetsplat as ss
 from sheetsplat.cli.main import main as command_line
 
 SIZE = (44, 36)
-# These change the picture by design and need allow_inexact, or fit few scenes.
-FOR_COMPARISON = {"preshaded", "bare_fill", "opacity_buffer_average"}
 BACKENDS = [pytest.param("gl", marks=pytest.mark.gl), "cpu"]
 
 
@@ -118,7 +116,7 @@ def check_forced_on(store: Forced, names: list[str], scenes: list[tuple[ss.Scene
         plain = store.renderer("").render(scene, camera, size=SIZE)
         off = {effect.name for effect in plain.plan.effects if not effect.on}
         for name in names:
-            if name not in off or name in FOR_COMPARISON:
+            if name not in off:
                 continue
             try:
                 picture = store.renderer(name).render(scene, camera, size=SIZE)
@@ -145,8 +143,8 @@ def test_what_the_plan_left_out_changes_nothing_when_forced_on(backend: str, for
     everywhere = {"weight", "gradient", "empty_test", "opacity_correction", "opacity_stop"}
     assert everywhere | {"clip", "depth_cue", "ambient_occlusion"} <= drawn, drawn
     if backend == "gl":
-        # Effects that are on wherever they can be cannot be forced on: culling, vertex_arrays, four_channels.
-        assert {"fine_gradient", "compensation", "opacity_buffer", "count_fragments", "precise_sections"} <= drawn
+        # Effects that are on wherever they can be cannot be forced on: culling.
+        assert {"fine_gradient", "compensation", "opacity_buffer", "precise_sections"} <= drawn
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -176,7 +174,7 @@ def test_what_the_plan_left_out_changes_nothing_on_measured_data(
             break
     if not scenes:
         pytest.skip(f"no volume that can be read in {data_dir}")
-    names = [name for name in forcible(backend) if name not in ("fine_gradient", "paper_slicing", "gather")]
+    names = [name for name in forcible(backend) if name not in ("fine_gradient", "paper_slicing")]
     assert "weight" in check_forced_on(forced(backend), names, scenes)
 
 
@@ -329,7 +327,7 @@ def test_unknown_effects_are_told_by_backend() -> None:
     """The names are those of the backend that draws; what cannot be forced says what decides it."""
     scene, camera = some_scene(0)
     for backend, has, lacks in (
-        ("cpu", "culling", "vertex_arrays"),
+        ("cpu", "culling", "opacity_buffer"),
         ("reference", "draws what the scene says", "culling"),
     ):
         with pytest.raises(ss.InvalidInput, match=has) as caught:

@@ -220,18 +220,13 @@ def test_depth_bounds_on_a_rasteriser_that_has_them():
 
 FORCED = (
     "opacity_buffer",
-    "points",
     "culling",
     "weight",
-    "four_channels",
-    "vertex_arrays",
     "empty_test",
     "general_sections",
 )
 ALWAYS_RIGHT = [(name, True) for name in (*FORCED, "gradient", "specular", "two_sided", "opacity_correction")]
-ALWAYS_RIGHT += [
-    (name, False) for name in ("culling", "points", "four_channels", "vertex_arrays", "opacity_buffer", "elimination")
-]
+ALWAYS_RIGHT += [(name, False) for name in ("culling", "opacity_buffer", "elimination")]
 
 
 @pytest.mark.parametrize("packing", ["wide", "paper"])

@@ -203,7 +203,7 @@ def test_inexact_settings_need_a_word(scene, camera):
     ("backend", "settings", "words"),
     [
         ("reference", {"threads": 2}, "threads"),
-        ("reference", {"effects": {"points": True}}, "the effect points"),
+        ("reference", {"effects": {"opacity_buffer": True}}, "the effect opacity_buffer"),
         # It draws what the scene says, so nothing is forced on.
         ("reference", {"effects": {"weight": True}}, "the effect weight"),
         ("reference", {"tagging": "tiles", "packing": "paper"}, "tagging, packing"),
@@ -229,7 +229,7 @@ def test_settings_that_say_nothing_are_told_once(backend, settings, words, scene
 @pytest.mark.parametrize(
     ("backend", "settings"),
     [
-        ("reference", {"effects": {"points": False}, "tagging": "off", "packing": "auto"}),
+        ("reference", {"effects": {"opacity_buffer": False}, "tagging": "off", "packing": "auto"}),
         ("cpu", {"threads": 1, "tile_size": 64, "tagging": "tiles", "effects": {"culling": False}}),
         pytest.param("gl", {"device": 0, "tile_size": 64, "tagging": "tiles"}, marks=pytest.mark.gl),
     ],

@@ -9,25 +9,35 @@ namespace sheetsplat::backend_gl {
 Resources::Resources(const gl::Api& gl, const Capabilities& capabilities)
     : samples(gl, GL_ARRAY_BUFFER), boxes(gl, GL_ARRAY_BUFFER), records(gl, GL_ARRAY_BUFFER),
       rests(gl, GL_ARRAY_BUFFER), rectangles(gl, GL_ARRAY_BUFFER), splat_array(gl), record_array(gl),
-      rectangle_array(gl), gl_(&gl), precise_(capabilities.at_least(4, 0)) {}
+      rectangle_array(gl), gl_(&gl), sources_(&embedded_glsl()), precise_(capabilities.at_least(4, 0)) {}
 
-const gl::Program& Resources::program(const std::string& vertex, const std::string& fragment,
-                                      const gl::Defines& defines, const std::vector<std::string>& outputs) {
-    auto key = std::make_pair(vertex + " + " + fragment, defines);
+const gl::Program& Resources::program(const ShaderVariant& variant) {
+    auto key = std::make_pair(variant.vertex + " + " + variant.fragment, variant.defines);
     const auto found = programs_.find(key);
     if (found != programs_.end()) {
         return found->second;
     }
-    gl::Defines all = defines;
+    gl::Defines all = variant.defines;
     all["PRECISE"] = precise_ ? "precise" : "";
-    gl::Program made(*gl_, embedded_glsl(), vertex, fragment, all, precise_ ? "#version 400 core" : "#version 330 core",
-                     outputs);
+    gl::Program made(*gl_, *sources_, variant.vertex, variant.fragment, all,
+                     precise_ ? "#version 400 core" : "#version 330 core", variant.outputs);
     return programs_.emplace(std::move(key), std::move(made)).first->second;
 }
 
 std::size_t Resources::programs_used() const {
     return static_cast<std::size_t>(
         std::count_if(programs_.begin(), programs_.end(), [](const auto& entry) { return entry.second.used(); }));
+}
+
+std::size_t Resources::bytes() const {
+    return (section_pass_ ? section_pass_->bytes() : 0) + (paper_slicing_ ? paper_slicing_->bytes() : 0) +
+           (light_ ? light_->bytes() : 0);
+}
+
+void Resources::rewind() {
+    for (gl::Buffer* buffer : {&samples, &records, &rests, &boxes, &rectangles}) {
+        buffer->rewind();
+    }
 }
 
 SectionPass& Resources::section_pass() {
@@ -42,13 +52,6 @@ PaperSlicing& Resources::paper_slicing() {
         paper_slicing_ = std::make_unique<PaperSlicing>(*gl_, precise_);
     }
     return *paper_slicing_;
-}
-
-Gather& Resources::gather() {
-    if (!gather_) {
-        gather_ = std::make_unique<Gather>(*gl_);
-    }
-    return *gather_;
 }
 
 LightTextures& Resources::light() {

@@ -5,15 +5,14 @@
 #include <memory>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "classification.hpp"
-#include "gather.hpp"
 #include "gl/objects.hpp"
 #include "gl/program.hpp"
 #include "light_textures.hpp"
-#include "paper_slicing.hpp"
+#include "papers/paper_slicing.hpp"
 #include "section_pass.hpp"
+#include "shader_variants.hpp"
 #include "targets.hpp"
 
 namespace sheetsplat::backend_gl {
@@ -23,9 +22,10 @@ class Resources {
   public:
     Resources(const gl::Api& gl, const Capabilities& capabilities);
 
-    /// The program of two stages under these defines, compiled at its first use.
-    const gl::Program& program(const std::string& vertex, const std::string& fragment, const gl::Defines& defines,
-                               const std::vector<std::string>& outputs);
+    /// The program of a variant, compiled from the sources at its first use.
+    const gl::Program& program(const ShaderVariant& variant);
+    /// The GLSL files: embedded_glsl() unless hooks bring others.
+    void set_sources(const gl::SourceFiles& sources) { sources_ = &sources; }
     /// Programs that were compiled in this context, and those of them that were put to use.
     [[nodiscard]] std::size_t programs() const { return programs_.size(); }
     [[nodiscard]] std::size_t programs_used() const;
@@ -35,28 +35,24 @@ class Resources {
     gl::Buffer samples, boxes, records, rests, rectangles;
     /// Made at its first use: it needs OpenGL 4.1.
     SectionPass& section_pass();
-    /// Null where it was not used.
-    [[nodiscard]] const SectionPass* sections() const { return section_pass_.get(); }
-    /// Made at their first use; null where they were not used.
     PaperSlicing& paper_slicing();
-    Gather& gather();
     /// Made at its first use.
     LightTextures& light();
-    [[nodiscard]] std::size_t light_bytes() const { return light_ ? light_->bytes() : 0; }
-    [[nodiscard]] std::size_t comparison_bytes() const {
-        return (paper_slicing_ ? paper_slicing_->bytes() : 0) + (gather_ ? gather_->bytes() : 0);
-    }
+    /// Of what is kept for fields and views; surfaces and buffers are not counted.
+    [[nodiscard]] std::size_t bytes() const;
+    /// The device has drawn all that was written to the buffers: their storage may be used again.
+    void rewind();
 
     gl::VertexArray splat_array, record_array, rectangle_array;
 
   private:
     const gl::Api* gl_;
+    const gl::SourceFiles* sources_;
     bool precise_; ///< GLSL 4.00: the compiler can be told not to rearrange sums
     std::map<std::pair<std::string, gl::Defines>, gl::Program> programs_;
     std::unique_ptr<Targets> targets_;
     std::unique_ptr<SectionPass> section_pass_;
     std::unique_ptr<PaperSlicing> paper_slicing_;
-    std::unique_ptr<Gather> gather_;
     std::unique_ptr<LightTextures> light_;
 };
 

@@ -33,11 +33,10 @@ bool slopes_of(const DrawPlan& plan, const SplatTarget& target) {
     return splats_slopes(plan) && (!target.weights_alone || plan.threshold || target.own >= 0);
 }
 
-/// Values are counted from their middle. Modes that show rho itself have no use for that; what is drawn for comparison
-/// does not do it.
+/// Values are counted from their middle. Modes that show rho itself have no use for that, and [NM06] does not do it.
 bool pivots(const DrawPlan& plan) {
     const bool classified = plan.mode == Mode::composite || plan.mode == Mode::isosurface;
-    return classified && !plan.own_sheets.empty() && !plan.paper_slicing && !plan.gather;
+    return classified && !plan.own_sheets.empty() && !plan.paper_slicing;
 }
 
 } // namespace
@@ -74,13 +73,17 @@ Steps make_steps(const DrawPlan& plan, const Frame& frame) {
 }
 
 BatchLayout make_layout(const DrawPlan& plan) {
-    if (plan.preshaded) {
-        return {1, 1};
-    }
     if (plan.packing == Packing::wide) {
         return {4, 8};
     }
-    return plan.four_channels ? BatchLayout{1, 4} : BatchLayout{1, 1};
+    return plan.paper_slicing ? BatchLayout{1, 1} : BatchLayout{1, 4};
+}
+
+double largest_sprite(const DrawPlan& plan, const Capabilities& capabilities) {
+    // Guards make viewports larger by a sprite's radius.
+    return !plan.points || splats_slopes(plan) || plan.sampling == Sampling::slab
+               ? 0.0
+               : 0.5 * static_cast<double>(capabilities.max_point_size) - 1.0;
 }
 
 gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target) {
@@ -122,8 +125,7 @@ gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const Sp
         // long.
         defines["SLAB_PIECES"] = thin || medium ? "1" : "4";
     }
-    const std::array<std::pair<const char*, bool>, 14> switches{{
-        {"BARE", plan.bare_fill},
+    const std::array<std::pair<const char*, bool>, 13> switches{{
         {"RESIDENT", plan.resident_sections},
         {"PRECISE_PLACES", is_precise(group)},
         {"SPRITE", group == SectionGroup::sprite},
@@ -224,16 +226,15 @@ std::vector<std::string> shade_outputs(const DrawPlan& plan) {
     return names;
 }
 
-std::array<float, 4> channel_offsets(const DrawPlan& plan, std::int64_t first_slab) {
-    if (plan.packing == Packing::wide) {
+std::array<float, 4> channel_offsets(const BatchLayout& layout, std::int64_t first_slab) {
+    if (layout.stride == 4) {
         return {0.0F, 1.0F, 2.0F, 3.0F};
     }
     std::array<float, 4> offsets{};
     const auto phase = static_cast<int>(first_slab % 4);
     for (int channel = 0; channel < 4; ++channel) {
         const int offset = (channel - phase + 4) % 4;
-        offsets[static_cast<std::size_t>(channel)] =
-            plan.four_channels || offset == 0 ? static_cast<float>(offset) : 1e6F;
+        offsets[static_cast<std::size_t>(channel)] = offset < layout.covered ? static_cast<float>(offset) : 1e6F;
     }
     return offsets;
 }

@@ -15,6 +15,13 @@
 
 namespace sheetsplat::backend_gl {
 
+/// A program's stages, before it is compiled.
+struct ShaderVariant {
+    std::string vertex, fragment; ///< files
+    gl::Defines defines;
+    std::vector<std::string> outputs; ///< of the fragment stage, in the order of their targets
+};
+
 /// Where the slices of one shading pass stand.
 struct Steps {
     int slices = 4;          ///< shaded in one pass
@@ -26,6 +33,12 @@ struct Steps {
     /// First slab of the array that pass `pass` reads.
     [[nodiscard]] std::int64_t first_slab(std::int64_t pass) const { return slabs == 8 ? 4 * pass - 4 : pass - 3; }
 };
+
+/// How kernels are batched for a plan.
+BatchLayout make_layout(const DrawPlan& plan);
+
+/// Radius in pixels up to which a plan draws spheres as point sprites; 0: none.
+double largest_sprite(const DrawPlan& plan, const Capabilities& capabilities);
 
 Steps make_steps(const DrawPlan& plan, const Frame& frame);
 
@@ -48,7 +61,7 @@ gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase);
 std::vector<std::string> shade_outputs(const DrawPlan& plan);
 
 /// Offsets of the four channels' slabs from the batch's first one: in order (wide), or rotated so that slab m lies in
-/// channel m mod 4 (paper). A channel that takes no part lies where no kernel reaches.
-std::array<float, 4> channel_offsets(const DrawPlan& plan, std::int64_t first_slab);
+/// channel m mod 4 (paper). Channels beyond the slabs that a batch covers lie where no kernel reaches.
+std::array<float, 4> channel_offsets(const BatchLayout& layout, std::int64_t first_slab);
 
 } // namespace sheetsplat::backend_gl

@@ -61,9 +61,10 @@ void draw_on_reference(const Request& request, Image& image) {
 void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const RendererOptions& options,
                 const Prepared& prepared, const Indexed& indexed, Image& image) {
     const auto viewing = Clock::now();
-    const DrawPlan& plan = prepared.plan;
+    const backend_gl::Setup setup = backend_gl::set_up(prepared.plan, request.scene, renderer.capabilities());
+    const DrawPlan& plan = setup.plan;
     backend_gl::Job job;
-    job.layout = backend_gl::make_layout(plan);
+    job.layout = setup.layout;
     std::size_t drawn = 0, bytes = 0;
     std::vector<SlabBatches> batches;
     batches.reserve(indexed.runs.size());
@@ -76,14 +77,13 @@ void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const 
     }
     const int wider = plan.fine_gradient ? 1 : 0;
     const bool may_narrow = plan.packing == Packing::wide && !plan.fine_gradient;
-    const double sprite = backend_gl::largest_sprite(plan, renderer.capabilities());
     const std::vector<EllipsoidView> views = views_of(request, prepared, indexed);
     std::vector<CellTraversal> traversals;
     traversals.reserve(views.size());
     for (std::size_t part = 0; part < views.size(); ++part) {
         const GridEntry& entry = *indexed.grids[part];
         traversals.push_back(CellTraversal::of(views[part], entry.grid, entry.reach.get(), entry.visible, job.layout,
-                                               wider, wider, may_narrow, sprite, plan.precise_aspect));
+                                               wider, wider, may_narrow, setup.largest_sprite, plan.precise_aspect));
         drawn += traversals.back().kernels();
         bytes += traversals.back().bytes();
         job.ellipsoids.push_back({prepared.ellipsoid_fields[part], entry.kernels, &views[part], &traversals.back()});

@@ -16,7 +16,7 @@ struct Forcible {
     const char* name;
     bool gl, cpu;
 };
-constexpr std::array<Forcible, 31> forcible = {{{"clip", true, true},
+constexpr std::array<Forcible, 23> forcible = {{{"clip", true, true},
                                                 {"analytic_gradient", true, true},
                                                 {"gradient_opacity", true, true},
                                                 {"depth_cue", true, true},
@@ -34,26 +34,18 @@ constexpr std::array<Forcible, 31> forcible = {{{"clip", true, true},
                                                 {"culling", true, true},
                                                 {"elimination", true, false},
                                                 {"opacity_buffer", true, false},
-                                                {"opacity_buffer_average", true, false},
-                                                {"points", true, false},
-                                                {"vertex_arrays", true, false},
-                                                {"four_channels", true, false},
                                                 {"fine_gradient", true, false},
-                                                {"preshaded", true, false},
                                                 {"compensation", true, false},
-                                                {"count_fragments", true, false},
-                                                {"bare_fill", true, false},
                                                 {"resident_sections", true, false},
                                                 {"precise_sections", true, false},
-                                                {"paper_slicing", true, false},
-                                                {"gather", true, false}}};
+                                                {"paper_slicing", true, false}}};
 
 /// An effect that follows from something else, and from what.
 struct Stated {
     const char* name;
     const char* decided_by;
 };
-constexpr std::array<Stated, 22> stated = {{{"classification", "the scene's mode"},
+constexpr std::array<Stated, 23> stated = {{{"classification", "the scene's mode"},
                                             {"isosurface", "the scene's mode"},
                                             {"normalization", "the fields' normalization"},
                                             {"several_fields", "the scene's fields"},
@@ -68,6 +60,7 @@ constexpr std::array<Stated, 22> stated = {{{"classification", "the scene's mode
                                             {"eye_lights", "the scene's lights"},
                                             {"world_lights", "the scene's lights"},
                                             {"background", "the scene's background"},
+                                            {"points", "the camera and the kernels' sizes"},
                                             {"coverage", "outputs="},
                                             {"depth", "outputs="},
                                             {"tagging", "the renderer's tagging"},

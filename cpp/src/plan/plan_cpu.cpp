@@ -54,21 +54,9 @@ constexpr double largest_float32_unit = 1e8;
 /// Quotients that are lit lose epsilon times this: the same share of the digits in both precisions.
 constexpr double largest_float64_lit_ratio = largest_lit_ratio * (float32_epsilon / float64_epsilon);
 
-constexpr std::array<const char*, 15> of_gl = {"points",
-                                               "vertex_arrays",
-                                               "four_channels",
-                                               "fine_gradient",
-                                               "preshaded",
-                                               "resident_sections",
-                                               "precise_sections",
-                                               "paper_slicing",
-                                               "gather",
-                                               "bare_fill",
-                                               "count_fragments",
-                                               "opacity_buffer",
-                                               "opacity_buffer_average",
-                                               "elimination",
-                                               "compensation"};
+constexpr std::array<const char*, 7> of_gl = {"fine_gradient", "resident_sections", "precise_sections",
+                                              "paper_slicing", "opacity_buffer",    "elimination",
+                                              "compensation"};
 
 void refuse_ways_of_gl(const RendererOptions& options) {
     for (const char* name : of_gl) {
@@ -295,7 +283,7 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
                                   !scene.transfer_function.transparent_over(0.0, 0.0));
     divide_apart(scene, outputs, effects, plan);
     plan.culling = effects.decide("culling", true, "kernels that cannot matter are not drawn");
-    plan.points = plan.vertex_arrays = plan.four_channels = false;
+    plan.points = false;
     plan.separable = false;
     // A gradient that was forced on and that nothing asks for changes nothing.
     plan.gradient = plan.lit || plan.gradient_opacity;

@@ -39,8 +39,6 @@ constexpr double largest_paper_falloff = 32.0;
 constexpr int paper_cells_at_8 = 1024;
 /// A quaternion in float32 turns a needle by 6e-8 of its length: at 1:1,000 the 99.9th percentile was seen at 1e-4.
 constexpr double largest_paper_aspect = 1024.0;
-/// One record serves all slices of a kernel: at 1:10,000 the 99.9th percentile was seen at 7e-5.
-constexpr double largest_gather_aspect = 16384.0;
 /// Half a field's extent over its smallest semi-axis. Centres in float32 are known to 6e-8 of the former: seen were
 /// 4e-8 times the quotient where they are moved in float64, 1.5e-7 where in float32.
 constexpr double largest_paper_extent = 2048.0;
@@ -86,8 +84,8 @@ constexpr double magnified_quotients = 25e3;
 /// Kernels at a point, where quotients are lit: at 100,000 the 99.9th percentile was seen at 3e-4, at 500,000
 /// at 1.3e-3.
 constexpr double densest_lit = 2e5;
-/// Places that textures and pixels that look for kernels know in float32; seen at 1e8 to be right, at 1e9 1e-2 off.
-constexpr double largest_compared_px = 1e7;
+/// Places that textures know in float32; seen at 1e8 to be right, at 1e9 1e-2 off.
+constexpr double largest_paper_px = 1e7;
 /// Seen at 1e15 to be right; at 1e21 their squares leave float32.
 constexpr double largest_deep_px = 1e15;
 /// Beyond, the square of a distance in pixels leaves float32.
@@ -101,8 +99,6 @@ constexpr std::int64_t most_imprecise_slices = 1 << 17;
 /// On a rasteriser in software, elimination pays where pixels can become opaque within so many slices (measured: 0.65
 /// to 0.76 of the time).
 constexpr std::int64_t soon_opaque_slices = 16;
-
-bool tagging_by_depth(Tagging tagging) { return tagging == Tagging::depth_bounds || tagging == Tagging::depth_equal; }
 
 Tagging choose_tagging(const RendererOptions& options, const Capabilities& capabilities) {
     switch (options.tagging) {
@@ -185,7 +181,7 @@ std::string why_float32(const Scene& scene, const ViewFacts& view, const Capabil
     if (plan.gradient) {
         return "gradients are differences of sums, which 16 bits would lose";
     }
-    if (plan.empty_test || !plan.own_sheets.empty() || plan.preshaded || plan.paper_slicing || plan.gather) {
+    if (plan.empty_test || !plan.own_sheets.empty() || plan.paper_slicing) {
         return "this way of drawing tells sums apart that 16 bits would not";
     }
     const SumFacts facts = sum_facts(scene, view, plan);
@@ -310,7 +306,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     const double picture = 0.25 * sums * std::min(steepness, 4.0);
     const bool lit_quotient = lights_quotients(plan);
     // Quotients in sheets of their own are counted from the middle of the values, however far that is from 0.
-    const bool from_middle = !plan.own_sheets.empty() && !plan.paper_slicing && !plan.gather;
+    const bool from_middle = !plan.own_sheets.empty() && !plan.paper_slicing;
     const double lit_ratio = from_middle ? std::min(ratio, ratio_from_middle(scene, resolved)) : ratio;
     const bool too_far = lit_quotient && lit_ratio > largest_lit_ratio;
     const double most_times = 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0);
@@ -357,9 +353,9 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     }
 }
 
-/// Why the ways of drawing ellipsoids that are kept for comparison cannot draw a scene; empty where they can.
-std::string unfit_for_comparison(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
-                                 const DrawPlan& plan, bool float64) {
+/// Why the slicing of [NM06] cannot draw a scene; empty where it can.
+std::string unfit_for_paper_slicing(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
+                                    const DrawPlan& plan, bool float64) {
     if (!view.ellipsoids) {
         return "a scene without scattered ellipsoids";
     }
@@ -373,70 +369,48 @@ std::string unfit_for_comparison(const Scene& scene, const ViewFacts& view, cons
         return "a filter";
     }
     if (plan.fine_gradient) {
-        return "effect fine_gradient, whose differences they do not draw";
+        return "effect fine_gradient, whose differences it does not draw";
     }
     if (plan.analytic_gradient) {
-        return "analytic gradients, whose derivatives they do not draw";
+        return "analytic gradients, whose derivatives it does not draw";
     }
-    const std::string tiny =
-        view.smallest_px < least_plain_px && !options.allow_inexact
-            ? "kernels of " + number(view.smallest_px) + " pixels, of " + number(least_plain_px) + " at least"
-            : "";
-    if (view.largest_px > largest_compared_px && !options.allow_inexact) {
-        return "kernels of " + number(view.largest_px) + " pixels, of " + number(largest_compared_px) + " at most";
+    if (view.largest_px > largest_paper_px && !options.allow_inexact) {
+        return "kernels of " + number(view.largest_px) + " pixels, of " + number(largest_paper_px) + " at most";
     }
     if (view.most_ellipsoids > most_resident_kernels) {
         return number(static_cast<double>(view.most_ellipsoids)) + " kernels in one field, of " +
                number(static_cast<double>(most_resident_kernels)) + " at most";
     }
-    const auto forced = [&](const char* name) {
-        const auto found = options.effects.find(name);
-        return found != options.effects.end() && found->second;
-    };
-    for (const char* other : {"bare_fill", "preshaded", "resident_sections"}) {
-        if (forced(other)) {
-            return std::string("effect ") + other + ", which draws in another way";
+    const auto resident = options.effects.find("resident_sections");
+    if (resident != options.effects.end() && resident->second) {
+        return "effect resident_sections, which slices kernels in another way";
+    }
+    const double most = float64 ? largest_paper_extent : largest_paper_extent_in_float32;
+    for (const auto& field : scene.fields) {
+        const EllipsoidField* ellipsoids = as_ellipsoids(field.get());
+        if (ellipsoids == nullptr) {
+            continue;
+        }
+        if (field->kernel().falloff > largest_paper_falloff) {
+            return "a falloff of " + number(field->kernel().falloff) + ", where a texture of the Gaussian serves " +
+                   number(largest_paper_falloff) + " at most";
+        }
+        const Vec3 extent = ellipsoids->centres_world().extent();
+        const double half = 0.5 * std::max({extent.x, extent.y, extent.z});
+        if (half > most * ellipsoids->scale_range()[0] && !options.allow_inexact) {
+            return "a semi-axis of " + number(ellipsoids->scale_range()[0]) + " in a field that reaches " +
+                   number(half) + " from its centre, where float32 textures know centres for 1:" + number(most) +
+                   " at most";
         }
     }
-    if (plan.paper_slicing) {
-        const double most = float64 ? largest_paper_extent : largest_paper_extent_in_float32;
-        for (const auto& field : scene.fields) {
-            const EllipsoidField* ellipsoids = as_ellipsoids(field.get());
-            if (ellipsoids == nullptr) {
-                continue;
-            }
-            if (field->kernel().falloff > largest_paper_falloff) {
-                return "a falloff of " + number(field->kernel().falloff) + ", where a texture of the Gaussian serves " +
-                       number(largest_paper_falloff) + " at most";
-            }
-            const Vec3 extent = ellipsoids->centres_world().extent();
-            const double half = 0.5 * std::max({extent.x, extent.y, extent.z});
-            if (half > most * ellipsoids->scale_range()[0] && !options.allow_inexact) {
-                return "a semi-axis of " + number(ellipsoids->scale_range()[0]) + " in a field that reaches " +
-                       number(half) + " from its centre, where float32 textures know centres for 1:" + number(most) +
-                       " at most";
-            }
-        }
-        if (view.largest_aspect > largest_paper_aspect && !options.allow_inexact) {
-            return "kernels of 1:" + number(view.largest_aspect) +
-                   ", where float32 textures know rotations for 1:" + number(largest_paper_aspect) + " at most";
-        }
-        return !tiny.empty()                      ? tiny
-               : plan.gather                      ? "effect gather at once"
-               : options.packing == Packing::wide ? "packing wide"
-               : forced("four_channels")          ? "effect four_channels"
-                                                  : "";
+    if (view.largest_aspect > largest_paper_aspect && !options.allow_inexact) {
+        return "kernels of 1:" + number(view.largest_aspect) +
+               ", where float32 textures know rotations for 1:" + number(largest_paper_aspect) + " at most";
     }
-    if (view.largest_aspect > largest_gather_aspect && !options.allow_inexact) {
-        return "kernels of 1:" + number(view.largest_aspect) + ", of 1:" + number(largest_gather_aspect) + " at most";
+    if (view.smallest_px < least_plain_px && !options.allow_inexact) {
+        return "kernels of " + number(view.smallest_px) + " pixels, of " + number(least_plain_px) + " at least";
     }
-    const auto off = options.effects.find("four_channels");
-    return !tiny.empty()                                  ? tiny
-           : scene.fields.size() != 1                     ? "several fields"
-           : options.packing == Packing::paper            ? "packing paper"
-           : off != options.effects.end() && !off->second ? "slices one at a time (four_channels off)"
-           : tagging_by_depth(options.tagging)            ? "tags in the depth buffer, which splats leave"
-                                                          : "";
+    return options.packing == Packing::wide ? "packing wide" : "";
 }
 
 } // namespace
@@ -453,7 +427,7 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
         return found != options.effects.end() && found->second;
     };
     const bool far_off = lights_quotients(plan) && !plan.fine_gradient && !forced("paper_slicing") &&
-                         !forced("gather") && sum_facts(scene, view, plan).ratio > largest_plain_lit_ratio;
+                         sum_facts(scene, view, plan).ratio > largest_plain_lit_ratio;
     divide_apart(scene, outputs, effects, plan, plan.analytic_gradient || far_off);
     if (plan.fine_gradient && !plan.own_sheets.empty()) {
         throw Unsupported(Complaint{
@@ -496,56 +470,31 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                                       : eliminate        ? "opaque pixels take no more splats"
                                                          : "depth tests cost more than they save on this rasteriser") &&
                        calls.stops && !outputs.coverage;
-    const bool average =
-        options.effects.count("opacity_buffer_average") != 0 && options.effects.at("opacity_buffer_average");
-    plan.opacity_buffer_average =
-        effects.decide("opacity_buffer_average", false, "the average of the paper may drop kernels that still show") &&
-        calls.stops;
-    plan.opacity_buffer = effects.decide("opacity_buffer", average,
+    plan.opacity_buffer = effects.decide("opacity_buffer", false,
                                          "reading opacity back costs more than it saves as a rule; ask for it") &&
                           calls.stops && !outputs.coverage;
-    plan.opacity_buffer = plan.opacity_buffer || (plan.opacity_buffer_average && !outputs.coverage);
-    if (plan.opacity_buffer_average && !options.allow_inexact) {
-        throw Unsupported(Complaint{
-            "the plan cannot be made", "opacity_buffer_average, which drops kernels that still show", "exact culling",
-            "use the effect opacity_buffer, or pass " + option_ref("allow_inexact", "true"), "effects"});
-    }
     const bool sprites = projection == Projection::orthographic &&
                          2.0 * view.largest_splat_px + 1.0 <= static_cast<double>(capabilities.max_point_size);
     const bool slopes = plan.fine_gradient || plan.analytic_gradient;
     const bool round = calls.spheres && plan.sampling == Sampling::point && !slopes;
-    plan.points = effects.decide("points", sprites && (calls.lattices || round),
-                                 projection == Projection::perspective ? "kernels differ in size: quads fit them"
-                                 : !sprites       ? "kernels are larger than the largest point sprite: quads"
-                                 : calls.lattices ? "point sprites need one vertex a kernel"
-                                 : round          ? "spheres that are small enough are point sprites of one vertex each"
-                                         : "ellipsoids are drawn as rectangles along the axes of their sections") &&
-                  sprites;
+    plan.points = sprites && (calls.lattices || round);
+    effects.state("points", plan.points,
+                  projection == Projection::perspective ? "kernels differ in size: quads fit them"
+                  : !sprites                            ? "kernels are larger than the largest point sprite: quads"
+                  : calls.lattices                      ? "point sprites need one vertex a kernel"
+                  : round ? "spheres that are small enough are point sprites of one vertex each"
+                          : "ellipsoids are drawn as rectangles along the axes of their sections");
     plan.separable =
         !plan.general && plan.sampling == Sampling::point && !slopes && view.largest_splat_px < largest_separable_px;
-    plan.vertex_arrays = effects.decide("vertex_arrays", true, "a batch is one draw call");
-    plan.count_fragments = effects.decide("count_fragments", false, "a figure for benchmarks: not asked for");
     plan.paper_slicing =
         effects.decide("paper_slicing", false, "the 2006 paper's slicing step by step, for comparison: not asked for");
-    plan.gather = effects.decide("gather", false,
-                                 "pixels that look for their kernels, for comparison with splatting: not asked for");
-    const bool compared = plan.paper_slicing || plan.gather;
-    if (compared) {
-        const std::string unfit = unfit_for_comparison(scene, view, options, plan, capabilities.at_least(4, 0));
-        if (!unfit.empty()) {
-            throw Unsupported(Complaint{
-                std::string("the plan cannot be made with effect ") + (plan.paper_slicing ? "paper_slicing" : "gather"),
-                unfit,
-                plan.paper_slicing ? "ellipsoids in orthographic view, point-sampled, unfiltered, packing paper"
-                                   : "one field of ellipsoids in orthographic view, point-sampled, unfiltered, "
-                                     "packing wide",
-                "leave it out of " + option_ref("effects"), "effects"});
-        }
-    }
-    if (plan.gather && tagging_by_depth(plan.tagging)) {
-        plan.tagging = Tagging::tiles;
-    }
     if (plan.paper_slicing) {
+        const std::string unfit = unfit_for_paper_slicing(scene, view, options, plan, capabilities.at_least(4, 0));
+        if (!unfit.empty()) {
+            throw Unsupported(Complaint{"the plan cannot be made with effect paper_slicing", unfit,
+                                        "ellipsoids in orthographic view, point-sampled, unfiltered, packing paper",
+                                        "leave it out of " + option_ref("effects"), "effects"});
+        }
         double falloff = 8.0;
         for (const auto& field : scene.fields) {
             falloff = as_ellipsoids(field.get()) != nullptr ? std::max(falloff, field->kernel().falloff) : falloff;
@@ -587,13 +536,13 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                       "pass " + option_ref("min_scale", "...") + " to the field, use " + option_ref("filter", "ewa") +
                           ", or use " + option_ref("backend", "reference")});
     }
-    const bool can_reside = !compared && view.ellipsoids && !plan.filter && !tiny && capabilities.at_least(4, 1) &&
-                            view.largest_aspect <= largest_resident_aspect &&
+    const bool can_reside = !plan.paper_slicing && view.ellipsoids && !plan.filter && !tiny &&
+                            capabilities.at_least(4, 1) && view.largest_aspect <= largest_resident_aspect &&
                             view.most_ellipsoids <= most_resident_kernels;
     const std::string why_resident =
         plan.filter                    ? "filtered kernels are sliced by the processor"
         : !view.ellipsoids             ? "no field holds ellipsoids"
-        : compared                     ? "kernels are drawn in another way, for comparison"
+        : plan.paper_slicing           ? "kernels are sliced as in the 2006 paper"
         : !capabilities.at_least(4, 1) ? "OpenGL " + capabilities.version + " has no float64 vertex programs"
         : tiny                         ? "kernels of less than " + number(least_plain_px) +
                      " pixels are sliced anew for each batch, to keep "
@@ -609,42 +558,6 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
         throw Unsupported(Complaint{"the plan cannot be made", "resident_sections forced on: " + why_resident,
                                     "ellipsoids that the device can slice", "leave it out of " + option_ref("effects"),
                                     "effects"});
-    }
-    plan.bare_fill = effects.decide("bare_fill", false, "a figure for benchmarks: not asked for");
-    if (plan.bare_fill && !options.allow_inexact) {
-        throw Unsupported(Complaint{"the plan cannot be made", "bare_fill, which draws rectangles instead of kernels",
-                                    "a picture", "drop bare_fill from effects=, or pass allow_inexact=True"});
-    }
-    plan.four_channels = effects.decide("four_channels", !plan.paper_slicing,
-                                        plan.paper_slicing ? "the paper splats one slab at a time"
-                                                           : "four slabs are splatted at a time");
-    if (!plan.four_channels) {
-        plan.packing = Packing::paper;
-    }
-    plan.preshaded = effects.decide("preshaded", false, "kernels are summed before they are classified");
-    if (plan.preshaded && !options.allow_inexact) {
-        throw Unsupported(
-            Complaint{"the plan cannot be made", "preshaded splatting, which colours kernels before they are summed",
-                      "post-shaded splatting", "drop preshaded from effects=, or pass allow_inexact=True"});
-    }
-    if (plan.preshaded) {
-        bool cartesian = true;
-        for (const auto& field : scene.fields) {
-            const RegularField* regular = as_regular(field.get());
-            cartesian = cartesian && regular != nullptr && regular->lattice() == Lattice::cartesian;
-        }
-        if (scene.mode != Mode::composite || projection == Projection::perspective ||
-            scene.sampling == Sampling::slab || !cartesian || outputs.coverage || outputs.depth || view.sheared ||
-            scene.preintegration || plan.clip || plan.gradient_opacity || plan.depth_cue || plan.analytic_gradient ||
-            plan.shadows || plan.ambient_occlusion) {
-            throw Unsupported(Complaint{"the plan cannot be made",
-                                        "preshaded splatting of anything but Cartesian volumes in mode composite, "
-                                        "orthographic, with point sampling, no further outputs and no effects beyond "
-                                        "the papers",
-                                        "such a scene", "drop preshaded from effects="});
-        }
-        plan.packing = Packing::paper;
-        plan.tagging = Tagging::off;
     }
     plan.slab_nodes = view.widest_slab < 0.6 ? 4 : view.widest_slab < 1.5 ? 6 : 0;
     // Six nodes are exact to 1e-7 over 1.5 of the Gaussian's own lengths; a chord is at most 2 sqrt(k) of them long.

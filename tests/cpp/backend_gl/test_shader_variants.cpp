@@ -259,7 +259,7 @@ const std::vector<Marked>& marked() {
         {"opacity_stop", {"opacity_stop"}, [](DrawPlan& plan) { plan.stop = plan.read_image = true; }},
         {"perspective", {"pixel", "first_depth"}, [](DrawPlan& plan) { plan.projection = Projection::perspective; }},
         {"coverage", {"coverage_out"}, [](DrawPlan& plan) { plan.weight = plan.coverage = plan.read_image = true; }},
-        {"depth", {"depth_out", "depth_step"}, [](DrawPlan& plan) { plan.depth = plan.read_image = true; }},
+        {"depth", {"depth_out"}, [](DrawPlan& plan) { plan.depth = plan.read_image = true; }},
         {"compensation", {"error_out"}, [](DrawPlan& plan) { plan.compensated = plan.read_image = true; }},
         {"isosurface",
          {"iso_value", "iso_color"},

@@ -248,10 +248,7 @@ std::vector<Draw> draws() {
                     add(" restarted tags", {}, 0, 3);
                 }
                 if (tagging == Tagging::tiles) {
-                    add(" quads", {{"points", false}}, 0, 0);
                     add(" opacity buffer", {{"opacity_buffer", true}}, 0, 0);
-                    add(" one channel", {{"four_channels", false}}, 0, 0);
-                    add(" single calls", {{"vertex_arrays", false}}, 0, 0);
                     add(" everything on",
                         {{"weight", true},
                          {"empty_test", true},
@@ -349,8 +346,6 @@ TEST(AgainstReference, OpacityBufferDropsKernelsAndNoPixel) {
                 buffered.stats.at("kernels_drawn"));
     EXPECT_GT(buffered.stats.at("kernels_hidden"), 0.0);
     EXPECT_LT(compare(buffered.rgba, plain.rgba, 4).maximum, 1e-6);
-    options.effects = {{"opacity_buffer_average", true}};
-    EXPECT_THROW(static_cast<void>(Renderer(options).render(scene, camera, {96, 96})), Unsupported);
 }
 
 TEST(AgainstReference, ThickSlabsReachWhereTheirChordsDo) {
@@ -477,26 +472,6 @@ TEST(AgainstReference, ExtremesAreRightOrRefused) {
             EXPECT_LT(error(flat_scene, look(16.0, 30.0), "falloff 1e-6").rmse, 1e-4);
         }
     }
-}
-
-TEST(AgainstReference, PreshadedSplattingIsAnotherPicture) {
-    if (!gl_available()) {
-        GTEST_SKIP() << "no OpenGL context can be made here";
-    }
-    auto field = blobs({}, 24);
-    const Scene scene = scene_of(field);
-    RendererOptions options;
-    options.backend = Backend::gl;
-    const Camera camera = Camera::fit(field->supports_world(), Vec3(0, 0, -1), Vec3(0, 1, 0));
-    const Image post = Renderer(options).render(scene, camera, {96, 96});
-    options.effects = {{"preshaded", true}};
-    EXPECT_THROW(static_cast<void>(Renderer(options).render(scene, camera, {96, 96})), Unsupported);
-    options.allow_inexact = true;
-    const Image pre = Renderer(options).render(scene, camera, {96, 96});
-    const Difference difference = compare(pre.rgba, post.rgba, 4);
-    std::printf("pre-shaded against post-shaded: rmse %.3f max %.3f\n", difference.rmse, difference.maximum);
-    EXPECT_GT(difference.rmse, 1e-3);
-    EXPECT_LT(difference.rmse, 0.2);
 }
 
 TEST(AgainstReference, PreintegrationCoverageDepthAndBackground) {

@@ -223,9 +223,6 @@ INSTANTIATE_TEST_SUITE_P(
         Draw{"resident in small tiles", Packing::wide, Tagging::tiles, {{"resident_sections", true}}, 17},
         Draw{
             "resident and fine", Packing::wide, Tagging::tiles, {{"resident_sections", true}, {"fine_gradient", true}}},
-        Draw{"no points", Packing::wide, Tagging::tiles, {{"points", false}}},
-        Draw{"single calls", Packing::wide, Tagging::tiles, {{"vertex_arrays", false}}},
-        Draw{"one channel", Packing::paper, Tagging::tiles, {{"four_channels", false}}},
         Draw{"opacity buffer", Packing::wide, Tagging::tiles, {{"opacity_buffer", true}}},
         Draw{"no culling", Packing::wide, Tagging::tiles, {{"culling", false}}},
         Draw{"fine", Packing::wide, Tagging::tiles, {{"fine_gradient", true}}, 0, 0},

@@ -49,7 +49,7 @@ TEST(Plan, LeavesOutWhatTheSceneDoesNotCallFor) {
     const DrawPlan plan = plan_of(plain_scene());
     for (const char* name : {"weight", "gradient", "specular", "two_sided", "opacity_correction", "opacity_stop",
                              "elimination", "opacity_buffer", "perspective", "slab_sampling", "preintegration",
-                             "coverage", "depth", "background", "world_lights", "preshaded"}) {
+                             "coverage", "depth", "background", "world_lights"}) {
         EXPECT_FALSE(plan.summary.has(name)) << name;
     }
     EXPECT_TRUE(plan.summary.has("classification"));
@@ -151,7 +151,7 @@ TEST(Plan, RefusesWindowsThatFloat32CannotResolve) {
 
 TEST(Plan, ForcedEffectsSayWhatTheSceneWanted) {
     RendererOptions options;
-    options.effects = {{"elimination", false}, {"points", false}};
+    options.effects = {{"elimination", false}, {"culling", false}};
     const DrawPlan plan = plan_of(plain_scene(), options);
     int forced = 0;
     for (const Effect& effect : plan.summary.effects) {
@@ -161,7 +161,7 @@ TEST(Plan, ForcedEffectsSayWhatTheSceneWanted) {
         }
     }
     EXPECT_EQ(forced, 2);
-    EXPECT_FALSE(plan.points);
+    EXPECT_FALSE(plan.culling);
 }
 
 // ---- ellipsoids
@@ -420,20 +420,6 @@ TEST(PlanOfEllipsoids, PlacesNeedlesInFloat64) {
     EXPECT_NO_THROW(plan_of(scene, {}, {}, view, old));
 }
 
-TEST(PlanOfEllipsoids, FiguresForBenchmarksAreNoPictures) {
-    const Scene scene = scene_of({scattered()});
-    const ViewFacts view = ellipsoid_facts();
-    EXPECT_FALSE(plan_of(scene, {}, {}, view).count_fragments);
-    EXPECT_FALSE(plan_of(scene, {}, {}, view).bare_fill);
-    EXPECT_TRUE(plan_of(scene, forcing("count_fragments", true), {}, view).count_fragments)
-        << "counting changes no picture";
-    expect_parts(
-        message_of<Unsupported>([&] { static_cast<void>(plan_of(scene, forcing("bare_fill", true), {}, view)); }),
-        {"bare_fill", "rectangles instead of kernels", "allow_inexact"});
-    EXPECT_TRUE(plan_of(scene, forcing("bare_fill", true, true), {}, view).bare_fill);
-    EXPECT_THROW(plan_of(scene, forcing("preshaded", true, true), {}, view), Unsupported) << "lattices alone";
-}
-
 TEST(Plan, TakesSixteenBitsOnlyWhereTheyKeepTheirBound) {
     const auto chosen = [](const Scene& scene, const Capabilities& device, const Outputs& outputs = {}) {
         const DrawPlan plan = plan_of(scene, {}, outputs, facts(), device);
@@ -557,7 +543,7 @@ TEST(PlanOfEllipsoids, BoundsValuesByWhatWeightsLeaveOfThem) {
     Scene lit = scene_of({scattered({49.5, 50.0}), scattered({0.5, 0.6}, {}, Normalization::none)});
     lit.lights = {Light{}};
     EXPECT_NO_THROW(plan_of(lit, {}, {}, view)) << "in sheets of their own quotients count from their values' middle";
-    EXPECT_THROW(plan_of(lit, forcing("gather", true), {}, view, hardware()), Unsupported);
+    EXPECT_THROW(plan_of(lit, forcing("paper_slicing", true), {}, view, hardware()), Unsupported);
 }
 
 TEST(PlanOfEllipsoids, RefusesLitQuotientsOfNextToNothing) {

@@ -54,21 +54,8 @@ std::string refusal(const Scene& scene, const ViewFacts& view, const RendererOpt
     return "";
 }
 
-const std::vector<const char*> of_gl{"points",
-                                     "vertex_arrays",
-                                     "four_channels",
-                                     "fine_gradient",
-                                     "preshaded",
-                                     "resident_sections",
-                                     "precise_sections",
-                                     "paper_slicing",
-                                     "gather",
-                                     "bare_fill",
-                                     "count_fragments",
-                                     "opacity_buffer",
-                                     "opacity_buffer_average",
-                                     "elimination",
-                                     "compensation"};
+const std::vector<const char*> of_gl{"fine_gradient",  "resident_sections", "precise_sections", "paper_slicing",
+                                     "opacity_buffer", "elimination",       "compensation"};
 
 TEST(PlanOfCpu, ListsEffectsOfThePictureAlone) {
     const DrawPlan plan = plan_of(lit_scene());
@@ -77,8 +64,7 @@ TEST(PlanOfCpu, ListsEffectsOfThePictureAlone) {
     EXPECT_TRUE(plan.summary.has("gradient"));
     EXPECT_TRUE(plan.summary.has("culling"));
     EXPECT_FALSE(plan.summary.has("float64"));
-    EXPECT_FALSE(plan.fine_gradient || plan.points || plan.four_channels || plan.vertex_arrays || plan.compensated ||
-                 plan.elimination || plan.resident_sections);
+    EXPECT_FALSE(plan.fine_gradient || plan.points || plan.compensated || plan.elimination || plan.resident_sections);
     std::vector<std::string> names;
     for (const Effect& effect : plan.summary.effects) {
         EXPECT_GT(effect.reason.size(), 10U) << effect.name;

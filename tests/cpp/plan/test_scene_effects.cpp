@@ -340,8 +340,8 @@ TEST(SceneEffects, ComplaintsNameWhatTheBackendHas) {
     };
     const std::string of_cpu = complaint(Backend::cpu, "no_such_thing");
     expect_parts(of_cpu, {"no_such_thing", "of backend cpu", "culling", "depth_cue"});
-    EXPECT_EQ(of_cpu.find("vertex_arrays"), std::string::npos);
-    expect_parts(complaint(Backend::gl, "no_such_thing"), {"of backend gl", "vertex_arrays", "depth_cue"});
+    EXPECT_EQ(of_cpu.find("opacity_buffer"), std::string::npos);
+    expect_parts(complaint(Backend::gl, "no_such_thing"), {"of backend gl", "opacity_buffer", "depth_cue"});
     expect_parts(complaint(Backend::reference, "no_such_thing"), {"backend reference draws what the scene says"});
     for (const Backend backend : backends) {
         expect_parts(complaint(backend, "float64"), {"float64", "precision"});

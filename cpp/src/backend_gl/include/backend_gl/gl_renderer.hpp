@@ -2,10 +2,8 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "base/capabilities.hpp"
@@ -19,11 +17,13 @@
 
 namespace sheetsplat::backend_gl {
 
-/// How kernels are batched for a plan.
-BatchLayout make_layout(const DrawPlan& plan);
-
-/// Radius in pixels up to which a plan draws spheres as point sprites; 0: none.
-double largest_sprite(const DrawPlan& plan, const Capabilities& capabilities);
+/// What is settled of a picture before its kernels are batched.
+struct Setup {
+    DrawPlan plan;
+    BatchLayout layout{};
+    double largest_sprite = 0.0; ///< radius in pixels up to which spheres are drawn as point sprites; 0: none
+};
+Setup set_up(const DrawPlan& plan, const Scene& scene, const Capabilities& capabilities);
 
 /// A lattice in the scene.
 struct RegularPart {
@@ -68,9 +68,6 @@ class GlRenderer {
     /// Fills the picture and adds to its stats. Throws OutOfMemory, Cancelled, Error.
     void render(const Job& job, Image& image);
 
-    /// sheetsplat::fill_test on this context: the floor of the splat pass.
-    Seconds fill_test(std::size_t kernels, double diameter_px, int width, int height, int targets, int repeats);
-
   private:
     struct State;
     std::unique_ptr<State> state_;
@@ -78,8 +75,5 @@ class GlRenderer {
 
 /// One report a way to a context.
 std::vector<DeviceReport> survey();
-
-/// The GLSL text that a plan compiles: name of the stage -> source. For tests that look for branches on effects.
-std::map<std::string, std::string> shader_sources(const DrawPlan& plan, const Scene& scene);
 
 } // namespace sheetsplat::backend_gl

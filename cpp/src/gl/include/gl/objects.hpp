@@ -46,7 +46,6 @@ class Handle {
 };
 
 void delete_texture(const Api& gl, GLuint name);
-void delete_renderbuffer(const Api& gl, GLuint name);
 void delete_framebuffer(const Api& gl, GLuint name);
 void delete_buffer(const Api& gl, GLuint name);
 void delete_vertex_array(const Api& gl, GLuint name);

@@ -95,7 +95,6 @@ struct DrawPlan {
     bool resident_sections = false;
     bool paper_slicing = false; ///< ellipsoids are sliced and drawn step by step as in [NM06]
     int gaussian_cells = 1024;  ///< of the texture of the Gaussian, along each axis
-    bool gather = false;        ///< each pixel looks for the ellipsoids that reach it
     /// Longest over shortest semi-axis from which on an ellipsoid is placed in float64.
     double precise_aspect = std::numeric_limits<double>::infinity();
     bool filter = false;   ///< kernels are widened by pixel and slice distance
@@ -119,22 +118,16 @@ struct DrawPlan {
     bool read_image = false; ///< the picture so far is an input of the shading pass
     bool elimination = false;
     bool opacity_buffer = false;
-    bool opacity_buffer_average = false;
     bool coverage = false;
     bool depth = false;
     bool compensated = false; ///< rounding errors of the picture are carried along
     bool general = false;     ///< sections move or scale from slab to slab (perspective, leaning ellipsoids)
     bool points = true;
     bool separable = true; ///< one Gaussian on the screen serves all sections of a kernel
-    bool vertex_arrays = true;
-    bool four_channels = true;
     bool fine_gradient = false;
     bool fine_across = false; ///< pixels are small: differences along x and y are splatted
     bool fine_along = false;  ///< slices are close: differences over depth are splatted
-    bool preshaded = false;
     bool culling = true;
-    bool count_fragments = false;
-    bool bare_fill = false;  ///< the same rectangles in one colour and nothing else: what the splat pass costs at least
     int slab_nodes = 0;      ///< quadrature nodes of slab means; 0: erf
     int slab_pieces = 1;     ///< pieces that differences of slab means are integrated in
     double value_unit = 1.0; ///< the amount of rho that sheets call 1

@@ -1,0 +1,61 @@
+#include "division_pass.hpp"
+
+#include "interop.h"
+
+namespace sheetsplat::backend_gl {
+
+void divide_own_sheets(const TileScope& scope, std::int64_t pass) {
+    const Targets& targets = scope.targets;
+    if (targets.shape().own == 0) {
+        return;
+    }
+    const gl::Api& gl = scope.gl;
+    const bool wide = targets.shape().wide;
+    const int sheet_number = scope.sheet_of(pass);
+    gl.Disable(GL_DEPTH_TEST);
+    gl.DepthMask(GL_FALSE);
+    ShaderVariant variant{"rectangle.vert", "resolve.frag", {{"PIVOT", "1"}}, {"sheet_sum"}};
+    const bool slopes = splats_slopes(scope.plan);
+    if (slopes) {
+        variant.defines["SLOPES"] = "1";
+        variant.outputs.insert(variant.outputs.end(), {"x_sum", "y_sum", "z_sum"});
+    }
+    if (scope.plan.weight) {
+        variant.defines["WEIGHT"] = "1";
+        variant.outputs.emplace_back("weight_sum");
+    }
+    const gl::Program& program = scope.resources.program(variant);
+    for (std::size_t field = 0; field < scope.plan.own_sheets.size(); ++field) {
+        const int own = scope.plan.own_sheets[field];
+        if (own < 0) {
+            continue;
+        }
+        wide ? scope.write_all_channels() : scope.write_channel(scope.channel_of(pass));
+        gl.Enable(GL_BLEND);
+        gl.BlendFunc(GL_ONE, GL_ONE);
+        targets.bind_sum(wide ? sheet_number : 1);
+        program.use();
+        const Sheet& sheet = targets.own_sheet(own, sheet_number);
+        const auto bind = [&](const char* name, const gl::Texture& texture, int unit) {
+            texture.bind(unit);
+            program.set(name, unit);
+        };
+        bind("sheet_front_texture", sheet.value, UNIT_SHEET_FRONT);
+        bind("weight_front_texture", sheet.weight, UNIT_WEIGHT_FRONT);
+        program.set("pivot", scope.pivots[static_cast<std::size_t>(own)]);
+        if (slopes) {
+            bind("x_front_texture", sheet.slope[0], UNIT_SLOPE_X_FRONT);
+            bind("y_front_texture", sheet.slope[1], UNIT_SLOPE_Y_FRONT);
+            bind("z_front_texture", sheet.slope[2], UNIT_SLOPE_Z_FRONT);
+            bind("weight_x_front_texture", sheet.weight_slope[0], UNIT_WEIGHT_X_FRONT);
+            bind("weight_y_front_texture", sheet.weight_slope[1], UNIT_WEIGHT_Y_FRONT);
+            bind("weight_z_front_texture", sheet.weight_slope[2], UNIT_WEIGHT_Z_FRONT);
+        }
+        program.set("w0", static_cast<float>(scope.job.scene->fields[field]->w0()));
+        scope.draw_targets(program);
+        targets.clear_own(own, sheet_number);
+    }
+    scope.write_all_channels();
+}
+
+} // namespace sheetsplat::backend_gl

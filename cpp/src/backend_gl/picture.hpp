@@ -1,0 +1,42 @@
+// One picture: tiles are drawn one after another and read back.
+#pragma once
+
+#include <vector>
+
+#include "backend_gl/gl_renderer.hpp"
+#include "backend_gl/slice_loop_hooks.hpp"
+#include "classification.hpp"
+#include "gl/context.hpp"
+#include "resources.hpp"
+
+namespace sheetsplat::backend_gl {
+
+/// The context is current while it lives.
+class Picture {
+  public:
+    Picture(const Job& job, gl::Context& context, Resources& resources, SliceLoopHooks& hooks, Image& image);
+    /// Fills the image and adds to its stats. Throws OutOfMemory, Cancelled, Error.
+    void draw();
+
+  private:
+    void upload();
+    /// Draws a tile and returns the surfaces that hold it.
+    const Targets& draw_tile(const Tile& tile, std::size_t number, std::size_t tiles);
+    void read(const Targets& targets, const Tile& tile);
+    void read_channels(const Targets& targets, const Tile& tile, int attachment, std::size_t channels, double scale,
+                       std::vector<float>& to);
+    [[nodiscard]] bool is_scalar() const { return plan_.mode == Mode::xray || plan_.mode == Mode::mip; }
+
+    const Job& job_;
+    const DrawPlan& plan_;
+    gl::Context& context_;
+    Resources& resources_;
+    SliceLoopHooks& hooks_;
+    Image& image_;
+    Classification classification_; ///< in mode composite
+    std::vector<float> buffer_;
+    std::size_t drawn_ = 0, dropped_ = 0;
+    double vertex_seconds_ = 0.0;
+};
+
+} // namespace sheetsplat::backend_gl

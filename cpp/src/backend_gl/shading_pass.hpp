@@ -1,0 +1,25 @@
+// Classifies, shades and composites the finished slices of a pass, front to back ([NM05] section 4.2).
+#pragma once
+
+#include "classification.hpp"
+#include "gl/objects.hpp"
+#include "tile_scope.hpp"
+#include "touched_pixels.hpp"
+
+namespace sheetsplat::backend_gl {
+
+class ShadingPass {
+  public:
+    /// classification: null where the mode has none.
+    ShadingPass(const TileScope& scope, const Classification* classification);
+    void shade(const TouchedPixels& touched, std::int64_t pass) const;
+
+  private:
+    void bind_sheets(const gl::Program& program, std::int64_t pass) const;
+
+    const TileScope& scope_;
+    const Classification* classification_;
+    gl::Texture kept_; ///< where a clip cuts: of each pixel the first slice that it keeps, and the last one
+};
+
+} // namespace sheetsplat::backend_gl

@@ -1,0 +1,13 @@
+// The uniforms of shade.frag: everything that the shading of a slab depends on beside the sheets.
+#pragma once
+
+#include "classification.hpp"
+#include "tile_scope.hpp"
+
+namespace sheetsplat::backend_gl {
+
+/// classification: null where the mode has none.
+void set_shading(const gl::Program& program, const TileScope& scope, const Classification* classification,
+                 std::int64_t pass);
+
+} // namespace sheetsplat::backend_gl

@@ -1,0 +1,83 @@
+#include "tile_scope.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include "interop.h"
+
+namespace sheetsplat::backend_gl {
+
+namespace {
+
+TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, const Tile& tile) {
+    TargetShape shape;
+    shape.width = tile.target_width();
+    shape.height = tile.target_height();
+    shape.sheet_format = plan.precision == Precision::float16 ? GL_RGBA16F
+                         : plan.precision == Precision::uint8 ? GL_RGBA8
+                                                              : GL_RGBA32F;
+    shape.wide = plan.packing == Packing::wide;
+    shape.weight = plan.weight;
+    shape.slopes = splats_slopes(plan);
+    shape.weight_slopes = plan.threshold;
+    shape.shared_depth =
+        plan.elimination || plan.tagging == Tagging::depth_bounds || plan.tagging == Tagging::depth_equal;
+    shape.depth = plan.depth;
+    shape.coverage = plan.coverage;
+    shape.compensated = plan.compensated;
+    shape.own = 1 + (plan.own_sheets.empty() ? -1 : *std::max_element(plan.own_sheets.begin(), plan.own_sheets.end()));
+    shape.copies = plan.read_image && !capabilities.texture_barrier;
+    return shape;
+}
+
+std::vector<float> sheet_pivots(const DrawPlan& plan, const Scene& scene) {
+    std::vector<float> pivots;
+    for (const double pivot : pivots_of(plan, scene)) {
+        pivots.push_back(static_cast<float>(pivot / plan.value_unit));
+    }
+    return pivots;
+}
+
+} // namespace
+
+TileScope::TileScope(const Job& job_, const gl::Api& gl_, const Capabilities& capabilities_, Resources& resources_,
+                     SliceLoopHooks& hooks_, const Tile& tile_)
+    : job(job_), plan(*job_.plan), frame(*job_.frame), gl(gl_), capabilities(capabilities_), resources(resources_),
+      hooks(hooks_), tile(tile_), steps(make_steps(*job_.plan, *job_.frame)),
+      targets(resources_.targets(shape_of(*job_.plan, capabilities_, tile_))),
+      pivots(sheet_pivots(*job_.plan, *job_.scene)) {}
+
+void TileScope::set_target_size(const gl::Program& program) const {
+    program.set("target_size", static_cast<float>(tile.target_width()), static_cast<float>(tile.target_height()));
+}
+
+void TileScope::draw_rectangles(const std::vector<Rectangle>& rectangles) const {
+    if (rectangles.empty()) {
+        return;
+    }
+    std::memcpy(resources.rectangles.map_next(rectangles.size() * sizeof(Rectangle)), rectangles.data(),
+                rectangles.size() * sizeof(Rectangle));
+    resources.rectangles.unmap();
+    resources.rectangle_array.bind();
+    resources.rectangles.bind();
+    gl.EnableVertexAttribArray(ATTRIBUTE_RECTANGLE);
+    gl.VertexAttribPointer(ATTRIBUTE_RECTANGLE, 4, GL_FLOAT, GL_FALSE, sizeof(Rectangle),
+                           reinterpret_cast<const void*>(resources.rectangles.offset()));
+    gl.VertexAttribDivisor(ATTRIBUTE_RECTANGLE, 1);
+    gl.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(rectangles.size()));
+}
+
+void TileScope::draw_targets(const gl::Program& program) const {
+    set_target_size(program);
+    program.set("tag", untagged_depth);
+    draw_rectangles({{0.0F, 0.0F, static_cast<float>(tile.target_width()), static_cast<float>(tile.target_height())}});
+}
+
+void TileScope::write_channel(int channel) const {
+    gl.ColorMask(channel == 0 ? GL_TRUE : GL_FALSE, channel == 1 ? GL_TRUE : GL_FALSE,
+                 channel == 2 ? GL_TRUE : GL_FALSE, channel == 3 ? GL_TRUE : GL_FALSE);
+}
+
+void TileScope::write_all_channels() const { gl.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE); }
+
+} // namespace sheetsplat::backend_gl

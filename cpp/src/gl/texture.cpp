@@ -1,0 +1,105 @@
+#include <string>
+
+#include "gl/objects.hpp"
+#include "platforms.hpp"
+#include "sheetsplat/error.hpp"
+#include "texture_formats.hpp"
+
+namespace sheetsplat::gl {
+
+namespace {
+
+// Making and filling a texture binds it; that happens at the last unit that OpenGL 3.3 promises over all stages, beyond
+// those that a single stage has, so that the bindings that passes work with stay as they are.
+constexpr int work_unit = 47;
+
+void bind_for_work(const Api& gl, GLuint name) {
+    gl.ActiveTexture(static_cast<GLenum>(GL_TEXTURE0 + work_unit));
+    gl.BindTexture(GL_TEXTURE_2D, name);
+}
+
+} // namespace
+
+void delete_texture(const Api& gl, GLuint name) { gl.DeleteTextures(1, &name); }
+
+Texture::Texture(const Api& gl, GLenum internal_format, int width, int height)
+    : width_(width), height_(height), internal_format_(internal_format) {
+    const Format& format = format_of(internal_format);
+    GLint largest = 0;
+    gl.GetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
+    if (width < 1 || height < 1) {
+        throw InvalidInput(Complaint{"a texture needs a size", in_pixels(width, height), "at least 1 x 1", ""});
+    }
+    if (width > largest || height > largest) {
+        throw Unsupported(Complaint{"a texture is larger than this device supports", in_pixels(width, height),
+                                    "at most " + in_pixels(largest, largest), "render smaller tiles"});
+    }
+    check_errors(gl, "before a texture was made");
+
+    GLuint name = 0;
+    gl.GenTextures(1, &name);
+    handle_ = Handle<delete_texture>(gl, name);
+    bind_for_work(gl, name);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
+    if (gl.VERSION_4_2 != 0) {
+        gl.TexStorage2D(GL_TEXTURE_2D, 1, internal_format, width, height);
+    } else {
+        gl.TexImage2D(GL_TEXTURE_2D, 0, static_cast<GLint>(internal_format), width, height, 0, format.format,
+                      format.type, nullptr);
+    }
+    const GlErrors errors = take_errors(gl);
+    if (errors.out_of_memory) {
+        throw OutOfMemory(Complaint{"the device has no memory for a texture",
+                                    std::string(format.name) + ", " + in_pixels(width, height) + ": " +
+                                        std::to_string(bytes()) + " bytes",
+                                    "", "render smaller tiles, or free memory of the device"});
+    }
+    if (!errors.names.empty()) {
+        throw Error(Complaint{"a texture could not be made",
+                              std::string(format.name) + ", " + in_pixels(width, height) + ": " + errors.names,
+                              "no error", ""});
+    }
+}
+
+std::size_t Texture::bytes() const {
+    if (!handle_) {
+        return 0;
+    }
+    return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) * format_of(internal_format_).bytes;
+}
+
+void Texture::upload(GLenum format, GLenum type, const void* pixels) {
+    const Api& gl = handle_.api();
+    bind_for_work(gl, name());
+    gl.BindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
+    gl.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width_, height_, format, type, pixels);
+    check_errors(gl, "filling a texture");
+}
+
+void Texture::bind(int unit) const {
+    const Api& gl = handle_.api();
+    gl.ActiveTexture(static_cast<GLenum>(GL_TEXTURE0 + unit));
+    gl.BindTexture(GL_TEXTURE_2D, name());
+}
+
+BufferTexture::BufferTexture(const Api& gl, GLenum internal_format, const Buffer& buffer) {
+    GLuint name = 0;
+    gl.GenTextures(1, &name);
+    handle_ = Handle<delete_texture>(gl, name);
+    gl.BindTexture(GL_TEXTURE_BUFFER, name);
+    gl.TexBuffer(GL_TEXTURE_BUFFER, internal_format, buffer.name());
+    check_errors(gl, "making a texture of a buffer");
+}
+
+void BufferTexture::bind(int unit) const {
+    const Api& gl = handle_.api();
+    gl.ActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
+    gl.BindTexture(GL_TEXTURE_BUFFER, handle_.name());
+}
+
+} // namespace sheetsplat::gl

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +13,10 @@ from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.io.checks import listed
 from sheetsplat.io.records import Floats, Scattered
+from sheetsplat.options.data import FITS
 
 _log = logging.getLogger("sheetsplat")
 
-Fit = Literal["delaunay", "nearest"]
-FITS: tuple[Fit, ...] = ("delaunay", "nearest")
 # The default of EllipsoidField.
 _DEFAULT_FALLOFF = 8.0
 

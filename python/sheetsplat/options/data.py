@@ -1,7 +1,7 @@
 """The options of fields, and of the files from which they are read."""
 
 import os
-from typing import Annotated, Literal, TypedDict
+from typing import Annotated, Literal, TypedDict, get_args
 
 from numpy.typing import DTypeLike
 
@@ -11,6 +11,7 @@ from sheetsplat.options.core import CommandLine, Option
 from sheetsplat.options.values import Numbers, Real, Special, Whole
 
 Fit = Literal["delaunay", "nearest"]
+FITS: tuple[str, ...] = get_args(Fit)
 
 
 class PlacementOptions(TypedDict, total=False):

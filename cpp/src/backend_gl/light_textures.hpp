@@ -8,7 +8,7 @@
 #include "gl/objects.hpp"
 #include "gl/program.hpp"
 #include "sheetsplat/camera.hpp"
-#include "view/frame.hpp"
+#include "facts/frame.hpp"
 #include "view/light_volume.hpp"
 
 namespace sheetsplat::backend_gl {

@@ -8,7 +8,7 @@
 
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
-#include "view/frame.hpp"
+#include "facts/frame.hpp"
 #include "view/light_volume.hpp"
 
 namespace sheetsplat {

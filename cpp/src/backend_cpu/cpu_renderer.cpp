@@ -468,11 +468,11 @@ struct CpuRenderer::State {
             const int edge = edge_of_tiles(job.frame->size, job.tile_size);
             const TileLayout layout(job.frame->size, edge);
             const InstructionSet set = chosen_instruction_set();
-            sort(job, layout, edge, tile_functions_float(set)->rects, tell, image);
+            sort(job, layout, edge, tile_functions<float>(set)->rects, tell, image);
             if (precision == Precision::float64) {
-                draw<double>(job, layout, *tile_functions_double(set), record, tell, image);
+                draw<double>(job, layout, *tile_functions<double>(set), record, tell, image);
             } else {
-                draw<float>(job, layout, *tile_functions_float(set), record, tell, image);
+                draw<float>(job, layout, *tile_functions<float>(set), record, tell, image);
             }
         } catch (const std::bad_alloc&) {
             forget();

@@ -1,31 +1,5 @@
 // Classification, shading and compositing of one slab, for every instruction set that was compiled and runs here,
 // against a plain float64 statement of IMAGE FORMATION sections 4 to 7.
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "backend_cpu/test_shade.cpp"
-#include "hwy/foreach_target.h"
-
-#include "plan/make_plan.hpp"
-#include "shade-inl.hpp"
-
-HWY_BEFORE_NAMESPACE();
-namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
-namespace {
-
-void shade_float(const Shading<float>& shading, const TileShape& shape, const SlabWindow<float>& window,
-                 TilePicture<float>& picture) {
-    shade_slab(shading, shape, window, picture);
-}
-void shade_double(const Shading<double>& shading, const TileShape& shape, const SlabWindow<double>& window,
-                  TilePicture<double>& picture) {
-    shade_slab(shading, shape, window, picture);
-}
-
-} // namespace
-} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
-HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-
 #include <cfenv>
 #include <cmath>
 #include <random>
@@ -34,6 +8,9 @@ HWY_AFTER_NAMESPACE();
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
+
+#include "backend_cpu/instruction_set.hpp"
+#include "plan/make_plan.hpp"
 
 namespace sheetsplat::backend_cpu {
 namespace {
@@ -47,41 +24,12 @@ struct Variant {
     ShadeCall<T> call;
 };
 
-#define SHEETSPLAT_VARIANT(target)                                                                                     \
-    if constexpr (sizeof(T) == 4) {                                                                                    \
-        found.push_back({#target, &target::shade_float});                                                              \
-    } else {                                                                                                           \
-        found.push_back({#target, &target::shade_double});                                                             \
-    }
-
 template <class T>
 std::vector<Variant<T>> variants() {
     std::vector<Variant<T>> found;
-#if HWY_TARGETS & HWY_SCALAR
-    SHEETSPLAT_VARIANT(N_SCALAR)
-#endif
-#if HWY_TARGETS & HWY_EMU128
-    SHEETSPLAT_VARIANT(N_EMU128)
-#endif
-#if HWY_TARGETS & HWY_NEON
-    SHEETSPLAT_VARIANT(N_NEON)
-#endif
-#if HWY_TARGETS & HWY_SSE4
-    if (__builtin_cpu_supports("sse4.2") && __builtin_cpu_supports("pclmul")) {
-        SHEETSPLAT_VARIANT(N_SSE4)
+    for (const InstructionSet set : usable_instruction_sets()) {
+        found.push_back({to_string(set), tile_functions<T>(set)->shade});
     }
-#endif
-#if HWY_TARGETS & HWY_AVX2
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("bmi2")) {
-        SHEETSPLAT_VARIANT(N_AVX2)
-    }
-#endif
-#if HWY_TARGETS & HWY_AVX3
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
-        __builtin_cpu_supports("avx512vl")) {
-        SHEETSPLAT_VARIANT(N_AVX3)
-    }
-#endif
     return found;
 }
 

@@ -128,6 +128,9 @@ struct TileFunctions {
     /// between is called between slices; returning false (or throwing) ends the tile.
     void (*run)(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch,
                 const std::function<bool()>& between);
+    /// One slab of it by itself, for tests: slice n, or the interval from slice n to n + 1.
+    void (*shade)(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
+                  TilePicture<T>& picture);
 };
 
 /// An instruction set that was compiled.
@@ -135,7 +138,9 @@ enum class InstructionSet { baseline, sse4, avx2, avx512, neon };
 const char* to_string(InstructionSet set);
 
 /// Null where the set was not compiled.
-const TileFunctions<float>* tile_functions_float(InstructionSet set);
-const TileFunctions<double>* tile_functions_double(InstructionSet set);
+template <class T>
+const TileFunctions<T>* tile_functions(InstructionSet set);
+extern template const TileFunctions<float>* tile_functions<float>(InstructionSet set);
+extern template const TileFunctions<double>* tile_functions<double>(InstructionSet set);
 
 } // namespace sheetsplat::backend_cpu

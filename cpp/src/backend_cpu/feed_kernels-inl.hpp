@@ -15,6 +15,7 @@
 
 #include <glm/geometric.hpp>
 
+#include "backend_cpu/measured.hpp"
 #include "backend_cpu/tile_feed.hpp"
 #include "backend_cpu/tile_task.hpp"
 #include "feed-inl.hpp"
@@ -86,12 +87,12 @@ class KernelFeed {
         kernels_.unsorted_shapes.reserve(count);
         const EllipsoidArrays& arrays = field_.arrays();
         for (const std::uint32_t* index = begin; index != end; ++index) {
-            if ((index - begin) % between_polls == between_polls - 1 && kernels_.poll) {
+            if ((index - begin) % kernels_between_polls == kernels_between_polls - 1 && kernels_.poll) {
                 kernels_.poll();
             }
             // Kernels of one tile are anywhere in memory.
-            if (end - index > ahead) {
-                const std::size_t next = index[ahead];
+            if (end - index > fetched_ahead) {
+                const std::size_t next = index[fetched_ahead];
                 __builtin_prefetch(&arrays.centers[next]);
                 __builtin_prefetch(&arrays.values[next]);
                 if (field_.isotropic()) {
@@ -113,9 +114,6 @@ class KernelFeed {
     }
 
   private:
-    static constexpr std::ptrdiff_t ahead = 12;
-    static constexpr std::ptrdiff_t between_polls = 8192;
-
     void keep(const Section<T>& section, const SectionExtra<T>& extra, const RowShape<T>& shape) {
         kernels_.unsorted.push_back(section);
         kernels_.unsorted_extras.push_back(extra);

@@ -15,6 +15,7 @@
 
 #include <glm/geometric.hpp>
 
+#include "backend_cpu/measured.hpp"
 #include "backend_cpu/tile_feed.hpp"
 #include "backend_cpu/tile_task.hpp"
 #include "feed-inl.hpp"
@@ -82,11 +83,10 @@ class RowFeed {
     template <class Visit>
     void for_each_stretch(const RowPart* begin, const RowPart* end, const Visit& visit) const {
         const auto& dims = view_.field->shape();
-        constexpr std::size_t between_polls = 32768;
         std::size_t samples = 0;
         for (const RowPart* part = begin; part != end; ++part) {
             samples += part->end - part->begin;
-            if (samples >= between_polls && kernels_.poll) {
+            if (samples >= samples_between_polls && kernels_.poll) {
                 kernels_.poll();
                 samples = 0;
             }

@@ -93,16 +93,6 @@ HWY_INLINE void measure(const Splat<T, slopes>& splat, const Section<T>& section
     }
 }
 
-/// Powers of two that a vector may span before its least lanes vanish: less than the format has, by what a walk
-/// adds.
-template <class T>
-constexpr T deepest() {
-    return sizeof(T) == 4 ? T(118) : T(1000);
-}
-/// Rows of a walk: errors grow with the square, to some 50 roundings.
-template <class T>
-constexpr int walked_rows = sizeof(T) == 4 ? 20 : 48;
-
 /// Columns of a vector's width, and of each the rows that the ellipse reaches there.
 template <class T>
 struct EllipseColumns {
@@ -183,7 +173,7 @@ HWY_INLINE Slope<D> slope_at(D d, const AlongRay<T>& along, T X, T Y1, T Y2, V q
 /// 2^x, for exponents that the format has; above them what is not needed, since it meets a 0.
 template <class D, class V>
 HWY_INLINE V exp2_any(D d, V x) {
-    return exp2_nonpositive(d, hn::Min(x, hn::Set(d, deepest<hn::TFromD<D>>())));
+    return exp2_nonpositive(d, hn::Min(x, hn::Set(d, deepest_span<hn::TFromD<D>>)));
 }
 
 template <bool with_weight, class D, class T, bool slopes>
@@ -333,7 +323,7 @@ HWY_INLINE int add_ellipses(Splat<T, slopes>& splat, const Section<T>& section, 
         const auto walks = [&](auto tag) {
             // A walk starts up to a row from where a column is brightest.
             const T across = std::max(T(1), steep) + static_cast<T>(hn::Lanes(tag) - 1) * X;
-            return splat.profile.falloff_log2 * (across * across + T(1)) < deepest<T>();
+            return splat.profile.falloff_log2 * (across * across + T(1)) < deepest_span<T>;
         };
         if (!walks(d)) {
             evaluate_rows<with_weight>(d, splat, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);

@@ -28,13 +28,6 @@ struct Nodes6 {
     static constexpr T share[3] = {T(0.46791393457269104), T(0.36076157304813861), T(0.17132449237917036)};
 };
 
-/// Below this many of the Gaussian's own lengths a slab is integrated by quadrature: six nodes are exact there to
-/// the rounding of T (the remainder of 6-point Gauss-Legendre at a length of 1.4 is 1e-8, at 0.25 4e-17).
-template <class T>
-constexpr T thin() {
-    return sizeof(T) == 4 ? T(1.4) : T(0.25);
-}
-
 template <bool slopes, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
 HWY_INLINE V quadrature(D d, V low, V high, V nearest, V scale, V beside, V& moment) {
     using Nodes = Nodes6<T>;
@@ -136,7 +129,7 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
                 V mean;
                 // Of the way along the ray from its nearest approach, times the Gaussian: where slopes are summed.
                 V moment = zero;
-                if (hn::AllTrue(d, hn::Lt(widest, hn::Set(d, thin<T>())))) {
+                if (hn::AllTrue(d, hn::Lt(widest, hn::Set(d, thin_slab<T>)))) {
                     mean = quadrature<slopes>(d, low, high, nearest, hn::Mul(k, speed2), beside, moment);
                 } else {
                     mean = closed_form(d, low, high, nearest, rate, beside);

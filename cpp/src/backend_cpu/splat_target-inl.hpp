@@ -21,9 +21,6 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Most pixels along an edge of a tile's sheets, rounded up to whole vectors.
-constexpr int most_edge = 160;
-
 /// The sheets of one slice that a part adds to.
 template <class T>
 struct Target {

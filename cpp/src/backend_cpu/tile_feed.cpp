@@ -1,4 +1,5 @@
 #include "backend_cpu/tile_feed.hpp"
+#include "backend_cpu/measured.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,9 +13,6 @@
 namespace sheetsplat::backend_cpu {
 
 namespace {
-
-/// Samples of a row that are sorted together in perspective.
-constexpr std::uint32_t part_length = 32;
 
 /// Calls visit(chunk, emit) for every chunk twice, first to count, then to write, chunks side by side: emit(tile,
 /// item). Items stand in the order of their chunks, whatever the threads do.

@@ -155,7 +155,7 @@ class TileLoop {
                 }
             };
             // One slice can hold very many kernels. (Where the picture is given up, so are the sheets.)
-            const auto given_up = [&] { return ++asked_ % between_questions == 0 && !between(); };
+            const auto given_up = [&] { return ++asked_ % splats_between_polls == 0 && !between(); };
             for (std::size_t entry = 0; entry < waiting; ++entry) {
                 if (again[entry].part == part) {
                     draw(again[entry].section);
@@ -276,8 +276,6 @@ class TileLoop {
     TileScratch<T>& scratch_;
     SheetRing<T> ring_;
     Live live_;
-    /// Kernels from one look at whether to go on to the next: some milliseconds of the largest.
-    static constexpr unsigned between_questions = 512;
     unsigned asked_ = 0;
     unsigned changes_ = 0;
     std::vector<std::size_t> next_ = std::vector<std::size_t>(scratch_.kernels.size(), 0);

@@ -1,4 +1,5 @@
 #include "backend_cpu/transfer_table.hpp"
+#include "backend_cpu/measured.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -13,9 +14,6 @@ namespace {
 
 /// [EKE01] as section 4 has it: 1 - a is never taken smaller.
 constexpr double clearest = 0x1p-24;
-/// Cells a stretch, so that a search rarely goes on beyond the first stretch of its cell.
-constexpr std::size_t cells_per_stretch = 4;
-constexpr std::size_t most_cells = 1U << 14;
 
 /// Slopes and scales: so small that products with differences of rho stay finite.
 template <class T>
@@ -225,7 +223,7 @@ template <class T>
 RampTable<T> make_ramp_table(const TransferFunction& function, double value_unit) {
     RampTable<T> table;
     table.stretches = ramps_of<T>(points_in<T>(function, value_unit));
-    if (table.stretches.size() <= RampTable<T>::most_to_walk) {
+    if (table.stretches.size() <= most_stretches_to_walk) {
         return table;
     }
     constexpr auto record = static_cast<std::size_t>(RampTable<T>::record);

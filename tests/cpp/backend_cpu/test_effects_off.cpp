@@ -58,7 +58,7 @@ struct Tile {
         picture.alpha = planes[3].data();
         picture.row_alive = alive.data();
         picture.alive = edge * edge;
-        HWY_STATIC_DISPATCH(shade_one)(shading, shape, window, picture);
+        tile_functions<float>(chosen_instruction_set())->shade(shading, shape, window, picture);
     }
 
     [[nodiscard]] std::vector<float> pixels() const {

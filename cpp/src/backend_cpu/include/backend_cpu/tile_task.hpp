@@ -7,17 +7,13 @@
 #include <new>
 #include <vector>
 
+#include "backend_cpu/measured.hpp"
 #include "backend_cpu/sections.hpp"
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/tile.hpp"
 #include "backend_cpu/tile_feed.hpp"
 
 namespace sheetsplat::backend_cpu {
-
-/// Slices that one drawing of a kernel covers; a kernel that meets more is drawn again.
-constexpr int covered_slices = 8;
-/// Sheets of the ring: what a drawing covers, and the four slices around an interval.
-constexpr int ring_slots = 16;
 
 /// How the kernels of one field are splatted.
 template <class T>

@@ -53,8 +53,6 @@ struct RampStretch {
 template <class T>
 struct RampTable {
     std::vector<RampStretch<T>> stretches;
-    /// Up to so many are gone through one after the other, of more each ramp looks for its first and last one.
-    static constexpr std::size_t most_to_walk = 12;
     /// Numbers of one stretch: from, to, per_width, 0 | opacity, step, clearness, step | red, step, green, step | blue,
     /// step, then the integrals over rho up to `from` of absorption and of absorption times red, green and blue, each
     /// as a number and what it has lost: two more fours and a half. One record more than stretches; only where there

@@ -32,7 +32,6 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     setup.stops = (plan.stop || plan.mode == Mode::isosurface) && !plan.coverage;
     setup.first_depth = frame.first_depth;
     setup.slice_spacing = frame.slice_spacing;
-    setup.slices = frame.slices;
     // Channel 0 is rho in the end. Fields that share sheets add to it; each of the others has two of its own.
     setup.channels = 1;
     setup.threshold = plan.threshold;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cfenv>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -15,8 +14,11 @@
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/tile.hpp"
 #include "plan/make_plan.hpp"
+#include "support/traps.hpp"
 
 namespace sheetsplat::backend_cpu {
+
+using test::Traps;
 
 class Random {
   public:
@@ -31,25 +33,6 @@ class Random {
 
 /// Exactly a float, so that both number formats start from the same.
 inline double single(double value) { return static_cast<double>(static_cast<float>(value)); }
-
-/// Floating-point exceptions stop the program while one lives.
-class Traps {
-  public:
-    Traps() {
-        std::feclearexcept(FE_ALL_EXCEPT);
-#ifdef __GLIBC__
-        feenableexcept(FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW);
-#endif
-    }
-    ~Traps() {
-#ifdef __GLIBC__
-        fedisableexcept(FE_ALL_EXCEPT);
-#endif
-        EXPECT_EQ(std::fetestexcept(FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW), 0);
-    }
-    Traps(const Traps&) = delete;
-    Traps& operator=(const Traps&) = delete;
-};
 
 // What a picture must be, pixel by pixel ------------------------------------------------------------------------------
 

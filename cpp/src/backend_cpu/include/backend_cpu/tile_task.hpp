@@ -64,7 +64,6 @@ struct LoopSetup {
     bool stops = false;     ///< a tile whose pixels are all finished is left
     double first_depth = 0.0;
     double slice_spacing = 1.0;
-    std::int64_t slices = 0;
 };
 
 /// Memory that starts at a whole line of the cache.

@@ -101,10 +101,10 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
                                 "make the picture or the field smaller"});
 }
 
-/// Leaves a task of a picture that has failed elsewhere: that error is the one that counts.
+/// Ends a task of a picture that has failed in another task, whose error is the one that is thrown.
 struct Ended {};
 
-/// Tells the caller how far a picture is, not too often. Only the caller's thread may use it.
+/// Calls the progress callback, at most every `between_calls` seconds. For the caller's thread only.
 class Report {
   public:
     explicit Report(const Progress* progress) : progress_(progress) {}
@@ -276,7 +276,7 @@ struct CpuRenderer::State {
             forget();
             out_of_memory();
         } catch (...) {
-            // What was begun is let go: tiles that were left half-way are no start for others.
+            // Scratch memory may hold half a tile: the next picture starts afresh.
             forget();
             throw;
         }
@@ -329,7 +329,7 @@ void CpuRenderer::absorb(const Job& job, int every, LightVolume& volume) {
         out_of_memory();
     }
     const AbsorptionRecord record{volume.values.data(), row, plane, planes, every};
-    // Other views than the picture's must not cost it what was sorted for it.
+    // What was sorted for the picture is kept: the next one may reuse it.
     std::unique_ptr<SortedView> kept = std::move(state_->sorted);
     Image none;
     Report tell(job.progress);

@@ -26,7 +26,7 @@ struct GradientScale {
     T across[2] = {T(0), T(0)}; ///< slices n and n + 1
     T along = T(0);
     T weakest = T(0);
-    T full = T(1); ///< from this gradient on, gradient opacity takes nothing
+    T full = T(1); ///< gradient opacity is 1 from this gradient on
 
     GradientScale(const Shading<T>& shading, std::int64_t n) {
         double scale[2];
@@ -112,7 +112,7 @@ HWY_INLINE Normal<D> against_slope(D d, const T* const* slope, std::ptrdiff_t at
     }
 }
 
-/// Light that nothing stands in the way of.
+/// Light that neither shadows nor ambient occlusion dim.
 struct Undimmed {
     static constexpr bool anything = false;
 };
@@ -144,7 +144,7 @@ HWY_INLINE Color<D> phong(D d, const Shading<T>& shading, const Color<D>& color,
         const V towards = hn::MulAdd(normal.x, x, hn::MulAdd(normal.y, y, hn::Mul(normal.z, z)));
         V facing = shading.two_sided ? hn::Abs(towards) : hn::Max(towards, zero);
         if constexpr (Dimmed::anything) {
-            // (What looks away needs no look at what is in the way.)
+            // Lights behind every visible point need no look-up.
             if (!hn::AllFalse(d, hn::And(wanted, hn::Gt(facing, zero)))) {
                 facing = hn::Mul(facing, dimmed.light(static_cast<std::size_t>(&light - shading.lights.data())));
             }

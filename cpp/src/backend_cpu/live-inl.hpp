@@ -1,4 +1,4 @@
-// Which pixels of a tile are looked at any more: what is opaque is neither splatted nor shaded.
+// Early termination: pixels of a tile that are finished are neither splatted nor shaded.
 
 #if defined(SHEETSPLAT_CPU_LIVE_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_LIVE_INL
@@ -60,7 +60,7 @@ struct Live {
     }
 };
 
-/// What of the sheets some pixel still looks at, for itself or for its gradient.
+/// Updates what of the sheets unfinished pixels still read, for themselves or for gradients.
 template <class T>
 void shrink(Live& live, T stop_at, const TileShape& shape, TileScratch<T>& scratch, bool look_at_blocks) {
     const int* rows = scratch.planes.row_alive;

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double log2_e = 1.4426950408889634;
 
-/// A w0 that stays a number above 0 in the format: empty points are divided by it.
+/// w0 clamped to the positive normal numbers of the format, since sums of empty points are divided by it.
 template <class T>
 T divisor(double w0) {
     return static_cast<T>(std::clamp(w0, static_cast<double>(std::numeric_limits<T>::min()),

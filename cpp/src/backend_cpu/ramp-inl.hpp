@@ -53,7 +53,7 @@ HWY_INLINE Moments<D> moments(D d, V opacity_from, V opacity_to, V clear_from, V
     const V clear_step = hn::Sub(clear_to, clear_from);
     const auto at = [&](V x) {
         const V opacity = hn::MulAdd(opacity_step, x, opacity_from);
-        // Small opacities and small rests of transparency each have digits that the other has lost.
+        // Near 0 the opacity is the more precise of the two, near 1 the clearness is.
         const auto thin = hn::Lt(opacity, hn::Set(d, T(0.25)));
         const V left = hn::IfThenElse(thin, hn::Sub(one, opacity), hn::MulAdd(clear_step, x, clear_from));
         const V lost = hn::IfThenElseZero(thin, hn::Sub(hn::Sub(one, left), opacity));
@@ -176,7 +176,7 @@ HWY_NOINLINE void add_ends(D d, const RampTable<T>& table, const Ramps<D>& ramps
         V none;
         load_four(d, numbers, records.at, s.from, s.to, s.per_width, none);
         if (!hn::AllFalse(d, hn::Ge(rho, s.to))) {
-            go_on(d, numbers, RampTable<T>::record, rho, records);
+            find_onwards(d, numbers, RampTable<T>::record, rho, records);
             load_four(d, numbers, records.at, s.from, s.to, s.per_width, none);
         }
         load_four(d, numbers + 4, records.at, s.opacity, s.opacity_step, s.clearness, s.clearness_step);

@@ -33,7 +33,7 @@ struct Target {
     std::size_t sheet; ///< elements from one sheet to the next
 };
 
-/// A pixel's place as a number that fits an int whatever it was.
+/// A pixel coordinate, clamped to low ... high before it is converted.
 template <class T>
 HWY_INLINE int whole(T at, int low, int high) {
     return static_cast<int>(std::min(std::max(at, static_cast<T>(low)), static_cast<T>(high)));
@@ -72,7 +72,8 @@ HWY_INLINE void add_slope(D d, V bell, const Slope<D>& slope, V value, V weight,
         add(hn::Mul(bell, weight), to.weight_slope);
     }
 }
-/// The Gaussian where it is above its end, else 0.
+
+/// The Gaussian inside its support, else 0.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE V inside_support(D d, V bell, V edge) {
     (void)d;

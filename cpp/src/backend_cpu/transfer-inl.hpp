@@ -25,9 +25,7 @@ struct Color {
     hn::Vec<D> red, green, blue;
 };
 
-// Transfer function ------------------------------------------------------------------------------------------------
-
-/// Looks of one vector of values by a table that lies in the lanes of registers: as many stretches as lanes at most.
+/// Colour and opacity of one vector of values from a table in registers, one stretch a lane.
 template <class D>
 class TableInLanes {
     using T = hn::TFromD<D>;
@@ -123,7 +121,7 @@ struct LaneRecords {
     HWY_ALIGN std::int32_t at[hn::MaxLanes(D())];
 };
 
-/// Where to begin to look: at or before the stretch that each value is in.
+/// A record at or before the stretch that each value is in, from which the search starts.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
 HWY_INLINE void look_in_cells(D d, const Cells<T>& cells, V rho, LaneRecords<D>& records) {
     const hn::Rebind<std::int32_t, D> di;
@@ -142,10 +140,10 @@ HWY_INLINE void look_in_cells(D d, const Cells<T>& cells, V rho, LaneRecords<D>&
     }
 }
 
-/// Points may lie inside a cell: onwards to the stretch that a value is in. The second number of a record of `size`
-/// is where its stretch ends.
+/// Continues the search to the stretch that each value is in, since stretches may end inside a cell. The second number
+/// of a record, of `size` numbers, is where its stretch ends.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_NOINLINE void go_on(D d, const T* table, std::int32_t size, V rho, LaneRecords<D>& records) {
+HWY_NOINLINE void find_onwards(D d, const T* table, std::int32_t size, V rho, LaneRecords<D>& records) {
     constexpr std::size_t lanes = hn::MaxLanes(D());
     HWY_ALIGN T values[lanes];
     hn::StoreU(rho, d, values);
@@ -156,7 +154,7 @@ HWY_NOINLINE void go_on(D d, const T* table, std::int32_t size, V rho, LaneRecor
     }
 }
 
-/// Looks of one vector of values by records in memory, found through cells.
+/// Colour and opacity of one vector of values from records in memory, found through cells.
 template <class D>
 class TableInMemory {
     using T = hn::TFromD<D>;
@@ -176,7 +174,7 @@ class TableInMemory {
         V from, to, opacity, slope;
         load_four(d, records, place.records.at, from, to, opacity, slope);
         if (HWY_UNLIKELY(!hn::AllFalse(d, hn::Ge(rho, to)))) {
-            go_on(d, records, TransferTable<T>::record, rho, place.records);
+            find_onwards(d, records, TransferTable<T>::record, rho, place.records);
             load_four(d, records, place.records.at, from, to, opacity, slope);
         }
         place.beyond = hn::Max(hn::Sub(rho, from), hn::Zero(d));

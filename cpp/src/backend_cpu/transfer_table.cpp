@@ -12,7 +12,7 @@ namespace sheetsplat::backend_cpu {
 
 namespace {
 
-/// [EKE01] as section 4 has it: 1 - a is never taken smaller.
+/// Least 1 - a in pre-integration (section 4; [EKE01]).
 constexpr double clearest = 0x1p-24;
 
 /// Slopes and scales: so small that products with differences of rho stay finite.
@@ -35,7 +35,7 @@ std::vector<TransferPoint> points_in(const TransferFunction& function, double va
 template <class T>
 struct Stretch {
     TransferPoint from, to; ///< linear from one to the other
-    bool constant = false;  ///< with the looks of `from`
+    bool constant = false;  ///< colour and opacity of `from`
 };
 
 /// As TransferTable describes them.
@@ -45,7 +45,7 @@ std::vector<Stretch<T>> stretches_of(const std::vector<TransferPoint>& points) {
     TransferPoint end = points.back();
     end.value = std::numeric_limits<double>::infinity();
     if (points.size() > 1 && points[1].value == points[0].value) {
-        // Smaller values keep the looks of the very first point, though no value at or above it has them.
+        // A step at the first value: smaller values have the first point's colour and opacity.
         stretches.push_back({points[0], points[0], true});
     }
     for (std::size_t n = 0; n + 1 < points.size(); ++n) {

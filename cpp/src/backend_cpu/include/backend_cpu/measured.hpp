@@ -9,7 +9,6 @@
 namespace sheetsplat::backend_cpu {
 
 // Tiles. CpuRenderer.TilesLeaveNoSeam
-// ----------------------------------------------------------------------------------
 
 /// Edge of a tile: a channel of the ring takes 330 kB in float32; larger and smaller tiles were measured slower.
 constexpr int usual_tile = 62;
@@ -23,7 +22,6 @@ constexpr std::int64_t enough_tiles = 48;
 constexpr int most_edge = 160;
 
 // Slice loop. TileLoop.AsksAfterEverySliceAndEndsWhereItIsTold, Matrix
-// -------------------------------------------------
 
 /// Slices that one drawing of a kernel covers; a kernel that meets more is drawn again.
 constexpr int covered_slices = 8;
@@ -31,7 +29,6 @@ constexpr int covered_slices = 8;
 constexpr int ring_slots = 16;
 
 // Questions whether to go on, some milliseconds apart. Faults.MeasuresHowSoonAPictureEnds
-// -------------------------------
 
 /// Kernels that are splatted between two questions; scattered kernels and samples of a lattice that are fed.
 constexpr unsigned splats_between_polls = 512;
@@ -41,7 +38,6 @@ constexpr std::size_t samples_between_polls = 32768;
 constexpr double between_calls = 0.004;
 
 // Splat loops of ellipses. CpuRenderer.ThinEllipsoidsKeepTheirRows, CpuRenderer.ExtremeKernelsRaiseNothing
-// ---------------
 
 /// Rows that one Gaussian is walked along before it is computed anew: errors grow with the square, to some 50
 /// roundings.
@@ -52,7 +48,6 @@ template <class T>
 constexpr T deepest_span = sizeof(T) == 4 ? T(118) : T(1000);
 
 // Slab sampling. CpuRenderer.XRayOfOneKernelIsItsChordSum, Matrix
-// --------------------------------------------------------
 
 /// Below this many of the Gaussian's own lengths a slab is integrated by quadrature: six nodes are exact there to the
 /// rounding of T (the remainder of 6-point Gauss-Legendre at a length of 1.4 is 1e-8, at 0.25 4e-17).
@@ -60,7 +55,6 @@ template <class T>
 constexpr T thin_slab = sizeof(T) == 4 ? T(1.4) : T(0.25);
 
 // Transfer functions. ShadeSlab (functions of few and of many stretches)
-// -------------------------------------------------
 
 /// Stretches of a pre-integrated transfer function that are gone through one after the other; of more each ramp looks
 /// for its first and last one.
@@ -70,7 +64,6 @@ constexpr std::size_t cells_per_stretch = 4;
 constexpr std::size_t most_cells = 1U << 14;
 
 // Sorting by tiles. Feed.SectionsAreTheKernels, Feed.BucketsDoNotDependOnThreads
-// ------------------------------------------
 
 /// Samples of a row that are sorted together in perspective.
 constexpr std::uint32_t part_length = 32;

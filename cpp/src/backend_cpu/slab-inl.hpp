@@ -22,6 +22,10 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+/// Of a lambda: inlined wherever it is called, so that loops stay in registers, and arithmetic is fused in one way
+/// alone.
+#define SHEETSPLAT_CPU_INLINE __attribute__((always_inline))
+
 /// Columns x0 <= x < x1.
 struct Columns {
     int x0 = 0, x1 = 0;

@@ -59,11 +59,11 @@ HWY_NOINLINE void add_slices(const Slab<T>& slab) {
     const V exponent = hn::Set(d, shading.exponent);
     for_each_vector(
         slab,
-        [&](int x, int y) {
+        [&](int x, int y) SHEETSPLAT_CPU_INLINE {
             const V rho = slab.rho(d, 1, y, x);
             return slab.reached(d, hn::And(hn::Gt(rho, below), hn::Lt(rho, above)), 0, y, x);
         },
-        [&](int x, int y, M visible, V so_far) {
+        [&](int x, int y, M visible, V so_far) SHEETSPLAT_CPU_INLINE {
             typename Table::Place place;
             const auto ray = slab.template ray_if<perspective>(d, x, y);
             V alpha = hn::IfThenElseZero(visible, table.opacity(d, slab.rho(d, 1, y, x), place));
@@ -87,8 +87,9 @@ HWY_NOINLINE void add_slices(const Slab<T>& slab) {
 template <bool perspective, class T, class D, class V = hn::Vec<D>>
 HWY_INLINE Normal<D> between_slices(D d, const Slab<T>& slab, std::ptrdiff_t at, const GradientScale<T>& scale,
                                     const Ray<D>& ray, V share) {
-    return mix(d, slab.template difference<perspective>(d, 0, at, scale, ray),
-               slab.template difference<perspective>(d, 1, at, scale, ray), share);
+    const Normal<D> front = slab.template difference<perspective>(d, 0, at, scale, ray);
+    const Normal<D> back = slab.template difference<perspective>(d, 1, at, scale, ray);
+    return mix(d, front, back, share);
 }
 
 /// Pre-integrated intervals between two slices.
@@ -104,12 +105,12 @@ HWY_NOINLINE void add_intervals(const Slab<T>& slab) {
     const V exponent = hn::Set(d, shading.exponent);
     for_each_vector(
         slab,
-        [&](int x, int y) {
+        [&](int x, int y) SHEETSPLAT_CPU_INLINE {
             const V front = slab.rho(d, 1, y, x), back = slab.rho(d, 2, y, x);
             const M some = hn::And(hn::Gt(hn::Max(front, back), below), hn::Lt(hn::Min(front, back), above));
             return hn::Or(slab.reached(d, some, 0, y, x), slab.reached(d, some, 1, y, x));
         },
-        [&](int x, int y, M visible, V so_far) {
+        [&](int x, int y, M visible, V so_far) SHEETSPLAT_CPU_INLINE {
             const auto ray = slab.template ray_if<perspective>(d, x, y);
             Color<typename Slab<T>::D> color;
             const V mean =
@@ -139,8 +140,10 @@ HWY_NOINLINE void find_crossings(const Slab<T>& slab) {
     const V iso = hn::Set(d, shading.iso_value);
     for_each_vector(
         slab,
-        [&](int x, int y) { return hn::Xor(hn::Lt(slab.rho(d, 1, y, x), iso), hn::Lt(slab.rho(d, 2, y, x), iso)); },
-        [&](int x, int y, M found, V) {
+        [&](int x, int y) SHEETSPLAT_CPU_INLINE {
+            return hn::Xor(hn::Lt(slab.rho(d, 1, y, x), iso), hn::Lt(slab.rho(d, 2, y, x), iso));
+        },
+        [&](int x, int y, M found, V) SHEETSPLAT_CPU_INLINE {
             const V share = crossing(d, slab.rho(d, 1, y, x), slab.rho(d, 2, y, x), iso, found);
             auto color = iso_color(d, shading);
             if (shading.lit) {
@@ -175,7 +178,7 @@ template <bool clip, class T>
 HWY_NOINLINE void add_sheet(const Slab<T>& slab, const T* sheet, T step, T* plane) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
-    for_each_in_sheet<clip>(slab, sheet, [&](int x, int y, V value) {
+    for_each_in_sheet<clip>(slab, sheet, [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
         if (hn::AllTrue(d, hn::Eq(value, hn::Zero(d)))) {
             return;
         }
@@ -194,7 +197,7 @@ HWY_NOINLINE void raise_scalar(const Slab<T>& slab) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
     const V step = hn::Set(d, slab.shading.scalar_step);
-    for_each_in_sheet<clip>(slab, slab.window.rho[1], [&](int x, int y, V value) {
+    for_each_in_sheet<clip>(slab, slab.window.rho[1], [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
         T* to = slab.picture.scalar + slab.in_plane(y) + x;
         hn::StoreU(hn::Max(hn::LoadU(d, to), hn::Mul(value, step)), d, to);
     });

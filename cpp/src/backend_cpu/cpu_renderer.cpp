@@ -1,14 +1,16 @@
 #include "backend_cpu/cpu_renderer.hpp"
+#include "backend_cpu/measured.hpp"
 
 #include <algorithm>
 #include <atomic>
-#include <cmath>
 #include <limits>
 #include <memory>
 #include <new>
 
 #include "backend_cpu/instruction_set.hpp"
+#include "backend_cpu/loop_setup.hpp"
 #include "backend_cpu/shading.hpp"
+#include "backend_cpu/sorted_view.hpp"
 #include "backend_cpu/tile_feed.hpp"
 #include "backend_cpu/tile_task.hpp"
 #include "base/clock.hpp"
@@ -21,17 +23,6 @@ namespace sheetsplat::backend_cpu {
 
 namespace {
 
-constexpr double log2_e = 1.4426950408889634;
-/// Edge of a tile: a channel of the ring takes 330 kB in float32; larger and smaller tiles were measured slower.
-constexpr int usual_tile = 62;
-/// splat-inl.hpp keeps rows of so many pixels.
-constexpr int largest_tile = 126;
-/// Tiles, at least, as long as they are not tiny: enough for a dozen threads. The threads that there are must not
-/// count, since numbers of one format are rounded otherwise from the corner of another tile.
-constexpr std::int64_t enough_tiles = 48;
-constexpr int smallest_tile = 24;
-/// How often the caller hears of the progress.
-constexpr double between_calls = 0.004;
 
 int edge_of_tiles(Size size, int asked) {
     if (asked > 0) {
@@ -45,185 +36,6 @@ int edge_of_tiles(Size size, int asked) {
         edge -= 8;
     }
     return edge;
-}
-
-/// Two frames that show kernels at the same places.
-bool same_view(const Frame& a, const Frame& b) {
-    return a.projection == b.projection && a.size.width == b.size.width && a.size.height == b.size.height &&
-           a.pixel == b.pixel && a.slice_spacing == b.slice_spacing && a.near == b.near &&
-           a.first_depth == b.first_depth && a.slices == b.slices;
-}
-
-bool same_place(const FieldView& a, const FieldView& b) {
-    return a.field == b.field && a.first_eye == b.first_eye && a.step_i == b.step_i && a.step_j == b.step_j &&
-           a.step_k == b.step_k && a.slab_half == b.slab_half;
-}
-
-bool same_place(const EllipsoidView& a, const Vec3& eye, const Vec3& right, const Vec3& up) {
-    return a.eye_world() == eye && a.right_world() == right && a.up_world() == up;
-}
-
-/// Samples of a row between which all drawn ones lie.
-struct RowExtent {
-    std::uint32_t begin = 0, end = 0;
-};
-
-std::vector<RowExtent> extents_of(const VisibleRuns& runs) {
-    std::vector<RowExtent> rows(runs.rows());
-    for (std::size_t row = 0; row < rows.size(); ++row) {
-        if (runs.begin(row) != runs.end(row)) {
-            rows[row] = {runs.begin(row)->begin, (runs.end(row) - 1)->end};
-        }
-    }
-    return rows;
-}
-
-bool covers(const std::vector<RowExtent>& kept, const VisibleRuns& runs) {
-    if (kept.size() != runs.rows()) {
-        return false;
-    }
-    for (std::size_t row = 0; row < kept.size(); ++row) {
-        if (runs.begin(row) != runs.end(row) &&
-            (runs.begin(row)->begin < kept[row].begin || (runs.end(row) - 1)->end > kept[row].end)) {
-            return false;
-        }
-    }
-    return true;
-}
-
-/// What was sorted by tiles for one lattice.
-struct RowBuckets {
-    std::shared_ptr<const Field> field; ///< kept, so that no other one gets the address that `view` knows it by
-    FieldView view;
-    std::vector<RowExtent> rows;
-    Buckets<RowPart> parts;
-};
-
-/// And for scattered kernels.
-struct KernelBuckets {
-    std::shared_ptr<const EllipsoidField> kernels;
-    Vec3 eye{0.0}, right{0.0}, up{0.0};
-    bool filtered = false;
-    std::uint64_t visible_version = 0;
-    Buckets<std::uint32_t> indices;
-};
-
-/// Everything of a view that does not depend on how kernels are classified, lit or composited.
-struct SortedView {
-    Frame frame;
-    int edge = 0;
-    Sampling sampling = Sampling::point;
-    std::vector<RowBuckets> lattices;
-    std::vector<KernelBuckets> scattered;
-
-    [[nodiscard]] std::size_t bytes() const {
-        std::size_t sum = 0;
-        for (const RowBuckets& part : lattices) {
-            sum += part.parts.bytes() + part.rows.capacity() * sizeof(RowExtent);
-        }
-        for (const KernelBuckets& part : scattered) {
-            sum += part.indices.bytes();
-        }
-        return sum;
-    }
-
-    [[nodiscard]] bool serves(const Job& job, int edge_now) const {
-        if (edge != edge_now || !same_view(frame, *job.frame) || sampling != job.plan->sampling ||
-            lattices.size() != job.regular.size() || scattered.size() != job.ellipsoids.size()) {
-            return false;
-        }
-        for (std::size_t part = 0; part < lattices.size(); ++part) {
-            if (!same_place(lattices[part].view, *job.regular[part].view) ||
-                !covers(lattices[part].rows, *job.regular[part].runs)) {
-                return false;
-            }
-        }
-        for (std::size_t part = 0; part < scattered.size(); ++part) {
-            const KernelBuckets& kept = scattered[part];
-            const EllipsoidPart& asked = job.ellipsoids[part];
-            if (kept.kernels != asked.kernels || kept.filtered != asked.view->filtered() ||
-                kept.visible_version != asked.visible_version ||
-                !same_place(*asked.view, kept.eye, kept.right, kept.up)) {
-                return false;
-            }
-        }
-        return true;
-    }
-};
-
-/// A w0 that stays a number above 0 in the format: empty points are divided by it.
-template <class T>
-T divisor(double w0) {
-    return static_cast<T>(std::clamp(w0, static_cast<double>(std::numeric_limits<T>::min()),
-                                     static_cast<double>(std::numeric_limits<T>::max())));
-}
-
-template <class T>
-LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
-    const DrawPlan& plan = *job.plan;
-    const Frame& frame = *job.frame;
-    LoopSetup<T> setup;
-    setup.shading = &shading;
-    setup.keep_weight = plan.empty_test || plan.coverage;
-    setup.slab = plan.sampling == Sampling::slab;
-    setup.perspective = frame.projection == Projection::perspective;
-    setup.intervals = uses_intervals(plan.mode, plan.preintegration);
-    setup.stops = (plan.stop || plan.mode == Mode::isosurface) && !plan.coverage;
-    setup.first_depth = frame.first_depth;
-    setup.slice_spacing = frame.slice_spacing;
-    setup.slices = frame.slices;
-    // Channel 0 is rho in the end. Fields that share sheets add to it; each of the others has two of its own.
-    setup.channels = 1;
-    setup.threshold = plan.threshold;
-    const bool shared_weight = plan.threshold || setup.keep_weight;
-    if (shared_weight) {
-        setup.weight_channel = setup.channels++;
-    }
-    const auto three = [&setup] {
-        const int first = setup.channels;
-        setup.channels += 3;
-        return first;
-    };
-    const bool slopes = shading.analytic_gradient;
-    if (slopes) {
-        setup.slope_channel = three();
-        setup.weight_slope_channel = shared_weight ? three() : -1;
-    }
-    const auto add_part = [&](std::size_t field) {
-        const Field& source = *job.scene->fields[field];
-        PartProfile<T> profile;
-        const double k = source.kernel().falloff;
-        profile.falloff_log2 = static_cast<T>(k * log2_e);
-        profile.edge = static_cast<T>(source.kernel().edge());
-        profile.root_falloff = static_cast<T>(std::sqrt(k));
-        if (!plan.own_sheets.empty() && plan.own_sheets[field] >= 0) {
-            OwnSheets<T> own;
-            own.value_channel = profile.value_channel = setup.channels++;
-            own.weight_channel = profile.weight_channel = setup.channels++;
-            if (slopes) {
-                own.slope_channel = profile.slope_channel = three();
-                own.weight_slope_channel = profile.weight_slope_channel = three();
-            }
-            own.w0 = divisor<T>(source.w0());
-            setup.own.push_back(own);
-        } else {
-            profile.value_channel = 0;
-            profile.weight_channel = setup.weight_channel;
-            profile.slope_channel = setup.slope_channel;
-            profile.weight_slope_channel = setup.weight_slope_channel;
-            if (plan.threshold) {
-                setup.w0 = divisor<T>(source.w0());
-            }
-        }
-        setup.parts.push_back(profile);
-    };
-    for (const RegularPart& part : job.regular) {
-        add_part(part.field);
-    }
-    for (const EllipsoidPart& part : job.ellipsoids) {
-        add_part(part.field);
-    }
-    return setup;
 }
 
 /// Planes of a tile's picture, cleared.
@@ -288,10 +100,10 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
                                 "make the picture or the field smaller"});
 }
 
-/// Leaves a task of a picture that has failed elsewhere: that error is the one that counts.
+/// Ends a task of a picture that has failed in another task, whose error is the one that is thrown.
 struct Ended {};
 
-/// Tells the caller how far a picture is, not too often. Only the caller's thread may use it.
+/// Calls the progress callback, at most every `between_calls` seconds. For the caller's thread only.
 class Report {
   public:
     explicit Report(const Progress* progress) : progress_(progress) {}
@@ -335,20 +147,7 @@ struct CpuRenderer::State {
         if (!reused) {
             sorted.reset();
             const std::function<void()> poll = [&] { tell(0.0); };
-            SortedView view;
-            view.frame = *job.frame;
-            view.edge = edge;
-            view.sampling = job.plan->sampling;
-            for (const RegularPart& part : job.regular) {
-                view.lattices.push_back({job.scene->fields[part.field], *part.view, extents_of(*part.runs),
-                                         bucket_rows(*part.view, *part.runs, *job.frame, layout, *pool, poll)});
-            }
-            for (const EllipsoidPart& part : job.ellipsoids) {
-                view.scattered.push_back({part.kernels, part.view->eye_world(), part.view->right_world(),
-                                          part.view->up_world(), part.view->filtered(), part.visible_version,
-                                          bucket_kernels(*part.view, *part.visible, layout, rects, *pool, poll)});
-            }
-            sorted = std::make_unique<SortedView>(std::move(view));
+            sorted = std::make_unique<SortedView>(SortedView::of(job, layout, edge, rects, *pool, poll));
         }
         image.stats["buckets_reused"] = reused ? 1.0 : 0.0;
         image.stats["seconds_bucket"] = seconds_since(start);
@@ -463,17 +262,17 @@ struct CpuRenderer::State {
             const int edge = edge_of_tiles(job.frame->size, job.tile_size);
             const TileLayout layout(job.frame->size, edge);
             const InstructionSet set = chosen_instruction_set();
-            sort(job, layout, edge, tile_functions_float(set)->rects, tell, image);
+            sort(job, layout, edge, tile_functions<float>(set)->rects, tell, image);
             if (precision == Precision::float64) {
-                draw<double>(job, layout, *tile_functions_double(set), record, tell, image);
+                draw<double>(job, layout, *tile_functions<double>(set), record, tell, image);
             } else {
-                draw<float>(job, layout, *tile_functions_float(set), record, tell, image);
+                draw<float>(job, layout, *tile_functions<float>(set), record, tell, image);
             }
         } catch (const std::bad_alloc&) {
             forget();
             out_of_memory();
         } catch (...) {
-            // What was begun is let go: tiles that were left half-way are no start for others.
+            // Scratch memory may hold half a tile: the next picture starts afresh.
             forget();
             throw;
         }
@@ -526,7 +325,7 @@ void CpuRenderer::absorb(const Job& job, int every, LightVolume& volume) {
         out_of_memory();
     }
     const AbsorptionRecord record{volume.values.data(), row, plane, planes, every};
-    // Other views than the picture's must not cost it what was sorted for it.
+    // What was sorted for the picture is kept: the next one may reuse it.
     std::unique_ptr<SortedView> kept = std::move(state_->sorted);
     Image none;
     Report tell(job.progress);

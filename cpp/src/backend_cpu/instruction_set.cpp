@@ -40,17 +40,6 @@ bool runs_here(InstructionSet set) {
 constexpr InstructionSet all_sets[] = {InstructionSet::avx512, InstructionSet::avx2, InstructionSet::sse4,
                                        InstructionSet::neon, InstructionSet::baseline};
 
-bool usable(InstructionSet set) { return tile_functions_float(set) != nullptr && runs_here(set); }
-
-InstructionSet best() {
-    for (const InstructionSet set : all_sets) {
-        if (usable(set)) {
-            return set;
-        }
-    }
-    return InstructionSet::baseline;
-}
-
 std::atomic<int> forced{-1};
 
 } // namespace
@@ -70,8 +59,18 @@ const char* to_string(InstructionSet set) {
     }
 }
 
+std::vector<InstructionSet> usable_instruction_sets() {
+    std::vector<InstructionSet> found;
+    for (const InstructionSet set : all_sets) {
+        if (tile_functions<float>(set) != nullptr && runs_here(set)) {
+            found.push_back(set);
+        }
+    }
+    return found;
+}
+
 InstructionSet chosen_instruction_set() {
-    static const InstructionSet found = best();
+    static const InstructionSet found = usable_instruction_sets().front();
     const int set = forced.load(std::memory_order_relaxed);
     return set < 0 ? found : static_cast<InstructionSet>(set);
 }
@@ -84,10 +83,8 @@ std::string instruction_set() {
 
 std::vector<std::string> instruction_sets() {
     std::vector<std::string> names;
-    for (const InstructionSet set : all_sets) {
-        if (usable(set)) {
-            names.emplace_back(to_string(set));
-        }
+    for (const InstructionSet set : usable_instruction_sets()) {
+        names.emplace_back(to_string(set));
     }
     return names;
 }
@@ -98,14 +95,12 @@ void choose_instruction_set(const std::string& name) {
         return;
     }
     std::string known;
-    for (const InstructionSet set : all_sets) {
-        if (usable(set)) {
-            if (name == to_string(set)) {
-                forced.store(static_cast<int>(set));
-                return;
-            }
-            known += (known.empty() ? "" : ", ") + std::string(to_string(set));
+    for (const InstructionSet set : usable_instruction_sets()) {
+        if (name == to_string(set)) {
+            forced.store(static_cast<int>(set));
+            return;
         }
+        known += (known.empty() ? "" : ", ") + std::string(to_string(set));
     }
     throw InvalidInput(
         Complaint{"the instruction set cannot be chosen", "\"" + name + "\"", "one of " + known, "correct the name"});

@@ -4,11 +4,11 @@
 // floating-point exceptions invalid, overflow or division by zero.
 // Polynomials: interpolation at Chebyshev nodes, error below u / 10 of the result; erf: least largest weighted error.
 
-#if defined(SHEETSPLAT_SIMD_MATH_INL) == defined(HWY_TARGET_TOGGLE)
-#ifdef SHEETSPLAT_SIMD_MATH_INL
-#undef SHEETSPLAT_SIMD_MATH_INL
+#if defined(SHEETSPLAT_CPU_MATH_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_MATH_INL
+#undef SHEETSPLAT_CPU_MATH_INL
 #else
-#define SHEETSPLAT_SIMD_MATH_INL
+#define SHEETSPLAT_CPU_MATH_INL
 #endif
 
 #include <cstddef>
@@ -200,4 +200,4 @@ HWY_INLINE V erf(D d, V x) {
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif // SHEETSPLAT_SIMD_MATH_INL
+#endif // SHEETSPLAT_CPU_MATH_INL

@@ -46,10 +46,10 @@ ThreadPool::ThreadPool(int threads) : process_(this_process()) {
         try {
             workers_.emplace_back([this, thread] { work(thread); });
         } catch (const std::system_error&) {
-            // A system that is short of threads draws with those that it gave: the picture is the same.
+            // The system has no more threads: the picture is the same with fewer.
             break;
         } catch (const std::bad_alloc&) {
-            // (Those that run already must not be left without an owner.)
+            // Threads that run already keep their owner.
             break;
         }
     }

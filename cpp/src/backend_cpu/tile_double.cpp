@@ -5,51 +5,9 @@
 #define HWY_TARGET_INCLUDE "tile_double.cpp"
 #include "hwy/foreach_target.h"
 // (foreach_target includes this file once for each set, ahead of the others.)
-#include "feed-inl.hpp"
-#include "hwy/highway.h"
-#include "tile_loop-inl.hpp"
-
-HWY_BEFORE_NAMESPACE();
-namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
-
-const TileFunctions<double>* functions_double() {
-    static constexpr TileFunctions<double> functions{&feed_rows<double>, &tile_rects, &feed_kernels<double>,
-                                                     &run_tile<double>};
-    return &functions;
-}
-
-} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
-HWY_AFTER_NAMESPACE();
+#include "tile_functions-inl.hpp"
 
 #if HWY_ONCE
-
-namespace sheetsplat::backend_cpu {
-
-const TileFunctions<double>* tile_functions_double(InstructionSet set) {
-    switch (set) {
-    case InstructionSet::baseline:
-        return HWY_STATIC_DISPATCH(functions_double)();
-#if HWY_TARGETS & HWY_SSE4
-    case InstructionSet::sse4:
-        return N_SSE4::functions_double();
-#endif
-#if HWY_TARGETS & HWY_AVX2
-    case InstructionSet::avx2:
-        return N_AVX2::functions_double();
-#endif
-#if HWY_TARGETS & HWY_AVX3
-    case InstructionSet::avx512:
-        return N_AVX3::functions_double();
-#endif
-#if HWY_TARGETS & HWY_NEON
-    case InstructionSet::neon:
-        return N_NEON::functions_double();
-#endif
-    default:
-        return nullptr;
-    }
-}
-
-} // namespace sheetsplat::backend_cpu
-
+template const sheetsplat::backend_cpu::TileFunctions<double>*
+sheetsplat::backend_cpu::tile_functions<double>(InstructionSet set);
 #endif

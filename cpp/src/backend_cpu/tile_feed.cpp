@@ -1,4 +1,5 @@
 #include "backend_cpu/tile_feed.hpp"
+#include "backend_cpu/measured.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,9 +13,6 @@
 namespace sheetsplat::backend_cpu {
 
 namespace {
-
-/// Samples of a row that are sorted together in perspective.
-constexpr std::uint32_t part_length = 32;
 
 /// Calls visit(chunk, emit) for every chunk twice, first to count, then to write, chunks side by side: emit(tile,
 /// item). Items stand in the order of their chunks, whatever the threads do.
@@ -75,7 +73,7 @@ Samples samples_between(double at, double step, double low, double high, std::ui
     if (from > to) {
         std::swap(from, to);
     }
-    // A sample more on each side costs nothing; one that is missing would be seen.
+    // Rounding must not lose a sample: one more on each side costs next to nothing.
     from = std::clamp(std::ceil(from - 1e-3), static_cast<double>(begin), static_cast<double>(end));
     to = std::clamp(std::floor(to + 1e-3) + 1.0, static_cast<double>(begin), static_cast<double>(end));
     const auto first = static_cast<std::uint32_t>(from), last = static_cast<std::uint32_t>(to);

@@ -1,8 +1,10 @@
 #include "shading_pass.hpp"
 
+#include <numeric>
 #include <vector>
 
 #include "interop.h"
+#include "shader_variants.hpp"
 #include "shading_uniforms.hpp"
 #include "view/kept_slices.hpp"
 
@@ -27,10 +29,17 @@ gl::Texture make_clip(const TileScope& scope) {
     return texture;
 }
 
+ShadingInputs make_inputs(const TileScope& scope) {
+    const Scene& scene = *scope.job.scene;
+    const std::vector<double> pivots = pivots_of(scope.plan, scene);
+    return make_shading_inputs(scene, *scope.job.camera, scope.frame, scope.plan,
+                               std::accumulate(pivots.begin(), pivots.end(), 0.0));
+}
+
 } // namespace
 
 ShadingPass::ShadingPass(const TileScope& scope, const Classification* classification)
-    : scope_(scope), classification_(classification) {
+    : scope_(scope), classification_(classification), inputs_(make_inputs(scope)) {
     if (scope.plan.clip) {
         kept_ = make_clip(scope);
     }
@@ -87,7 +96,7 @@ void ShadingPass::shade(const TouchedPixels& touched, std::int64_t pass) const {
         kept_.bind(UNIT_CLIP);
         program.set("clip_texture", UNIT_CLIP);
     }
-    set_shading(program, scope_, classification_, pass);
+    set_shading(program, scope_, inputs_, classification_, pass);
     if (plan.read_image) {
         // Each texel is read by the one fragment that writes it: the barrier orders passes, copies stand in where there
         // is none.

@@ -5,6 +5,7 @@
 #include "gl/objects.hpp"
 #include "tile_scope.hpp"
 #include "touched_pixels.hpp"
+#include "view/shading_inputs.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -19,6 +20,7 @@ class ShadingPass {
 
     const TileScope& scope_;
     const Classification* classification_;
+    const ShadingInputs inputs_;
     gl::Texture kept_; ///< where a clip cuts: of each pixel the first slice that it keeps, and the last one
 };
 

@@ -3,11 +3,12 @@
 
 #include "classification.hpp"
 #include "tile_scope.hpp"
+#include "view/shading_inputs.hpp"
 
 namespace sheetsplat::backend_gl {
 
 /// classification: null where the mode has none.
-void set_shading(const gl::Program& program, const TileScope& scope, const Classification* classification,
-                 std::int64_t pass);
+void set_shading(const gl::Program& program, const TileScope& scope, const ShadingInputs& inputs,
+                 const Classification* classification, std::int64_t pass);
 
 } // namespace sheetsplat::backend_gl

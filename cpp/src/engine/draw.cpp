@@ -103,7 +103,7 @@ void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, con
     for (std::size_t part = 0; part < views.size(); ++part) {
         const GridEntry& entry = *indexed.grids[part];
         job.ellipsoids.push_back(
-            {prepared.ellipsoid_fields[part], entry.kernels, &views[part], &entry.grid, &entry.visible, entry.version});
+            {prepared.ellipsoid_fields[part], entry.kernels, &views[part], &entry.visible, entry.version});
     }
     image.stats["seconds_view"] = seconds_since(viewing);
 

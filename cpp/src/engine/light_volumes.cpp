@@ -116,8 +116,8 @@ LightVolume absorption(const Request& request, const DrawPlan& plan, const Index
         const GridEntry& entry = *indexed.grids[part];
         scattered.emplace_back(*entry.kernels, view.camera, frame, Sampling::point,
                                plan.filter ? Filter::ewa : Filter::none, plan.value_unit, 1.0);
-        job.ellipsoids.push_back({prepared.ellipsoid_fields[part], entry.kernels, &scattered.back(), &entry.grid,
-                                  &entry.visible, entry.version});
+        job.ellipsoids.push_back(
+            {prepared.ellipsoid_fields[part], entry.kernels, &scattered.back(), &entry.visible, entry.version});
     }
     job.scene = &scene;
     job.camera = &view.camera;

@@ -39,7 +39,7 @@ bool needs_surroundings(const Scene& scene) {
 }
 
 void check_memory(Size size, const Scene& scene, const Request& request, std::size_t pictures) {
-    // One product, so that no sum of two can run over: pictures lack the border, but that is little.
+    // One product, which cannot overflow as a sum of two might; the border is neglected.
     const std::uint64_t pixels =
         static_cast<std::uint64_t>(size.width + 2LL) * static_cast<std::uint64_t>(size.height + 2LL);
     const bool scalar = is_scalar(scene.mode);

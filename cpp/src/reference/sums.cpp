@@ -21,7 +21,7 @@ namespace {
 // end decides.
 constexpr double margin = 1e-3;
 
-// Columns: up to here a row's own end is not worth its search.
+// Columns: in boxes up to this width the end of each row is not searched for.
 constexpr int narrow = 16;
 
 std::size_t pixels_with_border(const Screen& screen) {

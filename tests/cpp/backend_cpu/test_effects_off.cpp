@@ -1,20 +1,4 @@
 // A scene without lights never touches what gradients are made of: counted on what is handed to the shading of a slab.
-#include "plan/make_plan.hpp"
-#include "shade-inl.hpp"
-
-HWY_BEFORE_NAMESPACE();
-namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
-namespace {
-
-void shade_one(const Shading<float>& shading, const TileShape& shape, const SlabWindow<float>& window,
-               TilePicture<float>& picture) {
-    shade_slab(shading, shape, window, picture);
-}
-
-} // namespace
-} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
-HWY_AFTER_NAMESPACE();
-
 #include <algorithm>
 #include <array>
 #include <limits>
@@ -23,6 +7,8 @@ HWY_AFTER_NAMESPACE();
 
 #include <gtest/gtest.h>
 
+#include "backend_cpu/instruction_set.hpp"
+#include "plan/make_plan.hpp"
 #include "support/facts.hpp"
 
 namespace sheetsplat::backend_cpu {
@@ -73,7 +59,7 @@ struct Tile {
         picture.alpha = planes[3].data();
         picture.row_alive = alive.data();
         picture.alive = edge * edge;
-        HWY_STATIC_DISPATCH(shade_one)(shading, shape, window, picture);
+        tile_functions<float>(chosen_instruction_set())->shade(shading, shape, window, picture);
     }
 
     [[nodiscard]] std::vector<float> pixels() const {

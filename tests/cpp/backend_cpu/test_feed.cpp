@@ -163,13 +163,7 @@ std::vector<std::shared_ptr<const Field>> fields() {
 /// section claims hold all of it.
 template <class T>
 void check_sums(const Shot& shot, const CpuDrawing& drawing, double most_error, const std::string& name) {
-    const TileFunctions<T>& functions = []() -> const TileFunctions<T>& {
-        if constexpr (sizeof(T) == 4) {
-            return *tile_functions_float(chosen_instruction_set());
-        } else {
-            return *tile_functions_double(chosen_instruction_set());
-        }
-    }();
+    const TileFunctions<T>& functions = *tile_functions<T>(chosen_instruction_set());
     const Frame& frame = drawing.frame();
     const Field& field = *shot.scene.fields[0];
     const Kernels world = kernels_of(field);
@@ -182,7 +176,7 @@ void check_sums(const Shot& shot, const CpuDrawing& drawing, double most_error, 
         rows = bucket_rows(*job.regular[0].view, *job.regular[0].runs, frame, layout, pool);
     } else {
         indices = bucket_kernels(*job.ellipsoids[0].view, *job.ellipsoids[0].visible, layout,
-                                 tile_functions_float(chosen_instruction_set())->rects, pool);
+                                 tile_functions<float>(chosen_instruction_set())->rects, pool);
     }
     const bool perspective = frame.projection == Projection::perspective;
     const double k = field.kernel().falloff;
@@ -331,7 +325,7 @@ TEST(Feed, BucketsDoNotDependOnThreads) {
                 if (scattered) {
                     const auto found =
                         bucket_kernels(*drawing.job().ellipsoids[0].view, *drawing.job().ellipsoids[0].visible, layout,
-                                       tile_functions_float(chosen_instruction_set())->rects, pool);
+                                       tile_functions<float>(chosen_instruction_set())->rects, pool);
                     own_offsets = found.offset;
                     own_items.assign(found.begin(0), found.end(layout.tiles() - 1));
                 } else {
@@ -367,7 +361,7 @@ TEST(Feed, CanBeEndedAmongManyKernels) {
             const Job& job = drawing.job();
             const TileLayout layout(shot.size, 20);
             const TileShape shape = layout.shape(0);
-            const TileFunctions<float>& functions = *tile_functions_float(chosen_instruction_set());
+            const TileFunctions<float>& functions = *tile_functions<float>(chosen_instruction_set());
             ThreadPool pool(1);
             int asked_of_buckets = 0;
             const std::function<void()> ask = [&] { ++asked_of_buckets; };
@@ -435,7 +429,7 @@ TEST(TileLoop, AsksAfterEverySliceAndEndsWhereItIsTold) {
     ASSERT_EQ(layout.tiles(), 1U);
     const TileShape shape = layout.shape(0);
     ThreadPool pool(1);
-    const TileFunctions<float>& functions = *tile_functions_float(chosen_instruction_set());
+    const TileFunctions<float>& functions = *tile_functions<float>(chosen_instruction_set());
     const auto found = bucket_kernels(*drawing.job().ellipsoids[0].view, *drawing.job().ellipsoids[0].visible, layout,
                                       functions.rects, pool);
     TileScratch<float> room;

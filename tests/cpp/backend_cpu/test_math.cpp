@@ -79,8 +79,12 @@ HWY_AFTER_NAMESPACE();
 
 #include <gtest/gtest.h>
 
+#include "support/traps.hpp"
+
 namespace sheetsplat::backend_cpu {
 namespace {
+
+using test::Traps;
 
 template <class T>
 struct Variant {
@@ -139,24 +143,6 @@ class Random {
 
   private:
     std::mt19937_64 engine_{3};
-};
-
-class Traps {
-  public:
-    Traps() {
-        std::feclearexcept(FE_ALL_EXCEPT);
-#ifdef __GLIBC__
-        feenableexcept(FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW);
-#endif
-    }
-    ~Traps() {
-#ifdef __GLIBC__
-        fedisableexcept(FE_ALL_EXCEPT);
-#endif
-        EXPECT_EQ(std::fetestexcept(FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW), 0);
-    }
-    Traps(const Traps&) = delete;
-    Traps& operator=(const Traps&) = delete;
 };
 
 template <class T>

@@ -15,7 +15,6 @@
 #include <glm/geometric.hpp>
 
 #include "backend_cpu/cpu_renderer.hpp"
-#include "index/spatial_grid.hpp"
 #include "index/visible_runs.hpp"
 #include "plan/make_plan.hpp"
 #include "reference/reference.hpp"
@@ -68,7 +67,7 @@ class CpuDrawing {
         }
         for (std::size_t part = 0; part < ellipsoid_views_.size(); ++part) {
             job_.ellipsoids.push_back({scattered_[part].first, scattered_[part].second, &ellipsoid_views_[part],
-                                       &grids_[part], &visible_[part], next_version()});
+                                       &visible_[part], next_version()});
         }
         job_.scene = &shot_.scene;
         job_.camera = &shot_.camera;
@@ -112,7 +111,6 @@ class CpuDrawing {
             return;
         }
         auto kernels = std::static_pointer_cast<const EllipsoidField>(field);
-        grids_.push_back(SpatialGrid::of(*kernels));
         visible_.emplace_back(kernels->size(), std::uint8_t{1});
         ellipsoid_views_.emplace_back(*kernels, shot_.camera, frame_, shot_.scene.sampling,
                                       plan_.filter ? Filter::ewa : Filter::none, plan_.value_unit, 1.0);
@@ -127,7 +125,6 @@ class CpuDrawing {
     std::vector<FieldView> views_;
     std::vector<std::pair<std::size_t, std::shared_ptr<const EllipsoidField>>> scattered_;
     std::vector<EllipsoidView> ellipsoid_views_;
-    std::vector<SpatialGrid> grids_;
     std::vector<std::vector<std::uint8_t>> visible_;
     backend_cpu::Job job_;
 };

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "backend_cpu/threads.hpp"
-#include "index/spatial_grid.hpp"
 #include "index/visible_runs.hpp"
 #include "plan/make_plan.hpp"
 #include "sheetsplat/image.hpp"
@@ -32,7 +31,6 @@ struct EllipsoidPart {
     std::size_t field = 0;
     std::shared_ptr<const EllipsoidField> kernels;
     const EllipsoidView* view = nullptr;
-    const SpatialGrid* grid = nullptr;
     const std::vector<std::uint8_t>* visible = nullptr; ///< one flag a kernel
     /// Changes whenever `visible` does, so that what was sorted for the one is not used for the other.
     std::uint64_t visible_version = 0;

@@ -1,11 +1,10 @@
-// Everything that turns finished slices into a picture, made once a frame in the number format of the sheets: the
-// transfer function, lights, material, scales. Source: IMAGE FORMATION sections 4 to 7.
+// Everything that turns finished slices into a picture, made once a frame in the number format of the sheets from
+// view/shading_inputs: the transfer function, lights, material, scales. Source: IMAGE FORMATION sections 4 to 7.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <vector>
 
+#include "backend_cpu/transfer_table.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
 #include "facts/frame.hpp"
@@ -16,60 +15,6 @@ struct DrawPlan;
 }
 
 namespace sheetsplat::backend_cpu {
-
-/// Where to look for the stretch that a value is in: the cell of a value, put between first and last, is
-/// (value - first) * per_unit, rounded down and not above last_cell.
-template <class T>
-struct Cells {
-    /// Of each cell the place, in records, of the stretch that its smallest values are in.
-    std::vector<std::int32_t> records;
-    T first = T(0), last = T(0), per_unit = T(0), last_cell = T(0);
-};
-
-/// The transfer function over rho in the sheets' unit, as stretches over which colour and opacity are linear, stretches
-/// of no width left out: exact, steps not smeared, of two points at one value the later one holds from there on. The
-/// first stretch holds with its first looks for all smaller values too, the last one for all larger ones.
-template <class T>
-struct TransferTable {
-    /// Stretches that fit registers, one a lane.
-    static constexpr int most_in_lanes = 16;
-    /// Numbers of one stretch: from, to, opacity, its slope | red, slope, green, slope | blue, slope, 0, 0.
-    static constexpr int record = 12;
-    static constexpr int numbers = 10;
-
-    int stretches = 0;
-    std::vector<T> records;
-    /// By number of `record`, then by stretch: the same for up to most_in_lanes stretches.
-    alignas(64) T lanes[numbers][most_in_lanes] = {};
-    Cells<T> cells;
-    /// Opacity is 0 where rho <= below and where rho >= above.
-    T below = T(0), above = T(0);
-};
-
-/// A stretch of the transfer function for means over ramps: opacity is at most 1 - 2^-24 and linear.
-template <class T>
-struct RampStretch {
-    T from = T(0), to = T(0);
-    T per_width = T(0); ///< 1 / (to - from); 0 where everything is constant
-    T opacity = T(0), opacity_step = T(0);
-    T clearness = T(0), clearness_step = T(0); ///< 1 - opacity, with its own digits
-    T color[3] = {}, color_step[3] = {};
-};
-
-/// All stretches of RampStretch, from the smallest number to the largest.
-template <class T>
-struct RampTable {
-    std::vector<RampStretch<T>> stretches;
-    /// Up to so many are gone through one after the other, of more each ramp looks for its first and last one.
-    static constexpr std::size_t most_to_walk = 12;
-    /// Numbers of one stretch: from, to, per_width, 0 | opacity, step, clearness, step | red, step, green, step | blue,
-    /// step, then the integrals over rho up to `from` of absorption and of absorption times red, green and blue, each
-    /// as a number and what it has lost: two more fours and a half. One record more than stretches; only where there
-    /// are many.
-    static constexpr int record = 24;
-    std::vector<T> records;
-    Cells<T> cells;
-};
 
 /// A directional light, with what the material makes of it.
 template <class T>
@@ -164,12 +109,5 @@ extern template Shading<float> make_shading<float>(const Scene&, const Camera&, 
                                                    const LightVolumes*);
 extern template Shading<double> make_shading<double>(const Scene&, const Camera&, const Frame&, const DrawPlan&,
                                                      const LightVolumes*);
-
-/// For tests: the transfer function alone. value_unit: the amount of rho that sheets call 1.
-template <class T>
-TransferTable<T> make_transfer_table(const TransferFunction& function, double value_unit);
-
-extern template TransferTable<float> make_transfer_table<float>(const TransferFunction&, double);
-extern template TransferTable<double> make_transfer_table<double>(const TransferFunction&, double);
 
 } // namespace sheetsplat::backend_cpu

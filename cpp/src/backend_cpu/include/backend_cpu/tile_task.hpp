@@ -7,17 +7,13 @@
 #include <new>
 #include <vector>
 
+#include "backend_cpu/measured.hpp"
 #include "backend_cpu/sections.hpp"
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/tile.hpp"
 #include "backend_cpu/tile_feed.hpp"
 
 namespace sheetsplat::backend_cpu {
-
-/// Slices that one drawing of a kernel covers; a kernel that meets more is drawn again.
-constexpr int covered_slices = 8;
-/// Sheets of the ring: what a drawing covers, and the four slices around an interval.
-constexpr int ring_slots = 16;
 
 /// How the kernels of one field are splatted.
 template <class T>
@@ -68,7 +64,6 @@ struct LoopSetup {
     bool stops = false;     ///< a tile whose pixels are all finished is left
     double first_depth = 0.0;
     double slice_spacing = 1.0;
-    std::int64_t slices = 0;
 };
 
 /// Memory that starts at a whole line of the cache.
@@ -128,6 +123,9 @@ struct TileFunctions {
     /// between is called between slices; returning false (or throwing) ends the tile.
     void (*run)(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch,
                 const std::function<bool()>& between);
+    /// One slab of it by itself, for tests: slice n, or the interval from slice n to n + 1.
+    void (*shade)(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
+                  TilePicture<T>& picture);
 };
 
 /// An instruction set that was compiled.
@@ -135,7 +133,9 @@ enum class InstructionSet { baseline, sse4, avx2, avx512, neon };
 const char* to_string(InstructionSet set);
 
 /// Null where the set was not compiled.
-const TileFunctions<float>* tile_functions_float(InstructionSet set);
-const TileFunctions<double>* tile_functions_double(InstructionSet set);
+template <class T>
+const TileFunctions<T>* tile_functions(InstructionSet set);
+extern template const TileFunctions<float>* tile_functions<float>(InstructionSet set);
+extern template const TileFunctions<double>* tile_functions<double>(InstructionSet set);
 
 } // namespace sheetsplat::backend_cpu

@@ -65,7 +65,7 @@ class Compositor {
     /// True where the point is neither empty nor cut off.
     [[nodiscard]] bool open(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
     [[nodiscard]] Vec3 gradient(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
-    /// What the opacity is multiplied by: 1 but for gradient opacity.
+    /// The factor of gradient opacity; 1 without it.
     [[nodiscard]] double gradient_share(const Vec3& gradient) const;
     /// The colour that is composited: lit, and faded with depth.
     [[nodiscard]] Vec3 shaded(const Pixel& pixel, const Vec3& color, const Vec3& gradient, double depth) const;
@@ -77,7 +77,7 @@ class Compositor {
     const Slices& slices_;
     const Shader& shader_;
     const Clipping& clipping_;
-    const Surroundings* surroundings_; ///< nothing where nobody needs them
+    const Surroundings* surroundings_; ///< null without shadows and ambient occlusion
     bool needs_gradient_;
     double rho_shift_; // world's rho, what the nudge comes to
     double stop_;

@@ -15,11 +15,11 @@ namespace sheetsplat::reference {
 Vec3 gradient_eye(const Screen& screen, const Sheet& before, const Sheet& here, const Sheet& after, double depth,
                   double spacing, int column, int row);
 
-/// A point that is shaded, and what may take its light.
+/// A point that is shaded, and what may shadow it.
 struct Lighting {
     Vec3 to_viewer{0.0, 0.0, 1.0};              ///< V
     Vec3 point{0.0};                            ///< eye space
-    const Surroundings* surroundings = nullptr; ///< nothing where the scene has neither shadows nor ambient occlusion
+    const Surroundings* surroundings = nullptr; ///< null without shadows and ambient occlusion
     double rho_shift = 0.0;                     ///< of the surroundings, as a nudge of section 9
 };
 

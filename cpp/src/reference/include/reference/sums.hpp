@@ -23,8 +23,8 @@ class Sheet {
 
     std::vector<double> rho;            ///< 0 where empty
     std::vector<unsigned char> reached; ///< 1 where any kernel reaches; the others are empty
-    std::vector<double> weight;         ///< W of all fields together; without elements where nobody asked
-    std::vector<Vec3> gradient;         ///< analytic, eye space; without elements where nobody asked
+    std::vector<double> weight;         ///< W of all fields together; empty unless requested
+    std::vector<Vec3> gradient;         ///< analytic, eye space; empty unless requested
 
   private:
     std::size_t stride_;

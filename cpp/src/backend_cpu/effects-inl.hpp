@@ -1,0 +1,187 @@
+// Effects beyond the papers: gradients (analytic too), gradient opacity, light that shadows and ambient occlusion dim,
+// depth cue. One loop an effect over a row of pixels.
+
+#if defined(SHEETSPLAT_CPU_EFFECTS_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_EFFECTS_INL
+#undef SHEETSPLAT_CPU_EFFECTS_INL
+#else
+#define SHEETSPLAT_CPU_EFFECTS_INL
+#endif
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+#include "effect_row-inl.hpp"
+#include "hwy/highway.h"
+#include "light-inl.hpp"
+#include "light_volume-inl.hpp"
+#include "slab-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
+
+template <bool perspective, bool analytic, bool between, class T>
+HWY_NOINLINE void find_gradients(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
+    const typename Slab<T>::D d;
+    row.for_each(row.seen, [&](int x, int number, auto) {
+        const auto ray = slab.template ray_if<perspective>(d, x, row.y);
+        const std::ptrdiff_t at = slab.in_sheet(row.y) + x;
+        const auto of = [&](int ahead) {
+            if constexpr (analytic) {
+                return against_slope<perspective>(d, slab.window.slope[ahead], at, scale.across[ahead], scale.along,
+                                                  ray);
+            } else {
+                return slab.template difference<perspective>(d, ahead, at, scale, ray);
+            }
+        };
+        auto against = of(0);
+        if constexpr (between) {
+            against = mix(d, against, of(1), hn::Load(d, row.share + number));
+        }
+        hn::Store(against.x, d, row.against_x + number);
+        hn::Store(against.y, d, row.against_y + number);
+        hn::Store(against.z, d, row.against_z + number);
+    });
+}
+
+/// What gradient opacity leaves; 1 without it.
+template <class T>
+HWY_NOINLINE void fade(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
+    const typename Slab<T>::D d;
+    if (!slab.shading.gradient_opacity) {
+        row.fill(row.faded, T(1));
+        return;
+    }
+    const auto full = hn::Set(d, scale.full);
+    row.for_each(row.seen, [&](int, int number, auto) {
+        hn::Store(hn::Div(hn::Min(length(d, row.against(d, number)), full), full), d, row.faded + number);
+    });
+}
+
+template <bool perspective, class T>
+HWY_NOINLINE void light(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
+    const typename Slab<T>::D d;
+    row.for_each(row.alpha, [&](int x, int number, auto visible) {
+        row.set_color(d, number,
+                      phong<perspective>(d, slab.shading, row.color(d, number), row.against(d, number), scale.weakest,
+                                         slab.template ray_if<perspective>(d, x, row.y), visible));
+    });
+}
+
+/// The same where shadows or ambient occlusion take from the light.
+template <bool perspective, class T>
+HWY_NOINLINE void light_dimmed(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
+    using D = typename Slab<T>::D;
+    const D d;
+    const Shading<T>& shading = slab.shading;
+    const double depth = slab.depth();
+    const auto in = [&](const VolumeLookup& lookup) {
+        return VolumeRow<T>(lookup, perspective, slab.shape.x, slab.shape.y + row.y, depth, shading.slice_spacing);
+    };
+    std::vector<VolumeRow<T>> rows;
+    if (shading.shadows) {
+        for (const VolumeLookup& lookup : shading.shadow_of) {
+            rows.push_back(in(lookup));
+        }
+    }
+    const VolumeRow<T> openness = in(shading.openness);
+    row.for_each(row.alpha, [&](int x, int number, auto visible) {
+        const Dimming<D> dimming{d,
+                                 rows,
+                                 shading.occlusion ? &openness : nullptr,
+                                 shading.occlusion_strength,
+                                 hn::Iota(d, static_cast<T>(x)),
+                                 hn::Load(d, row.share + number)};
+        Color<D> color = row.color(d, number);
+        if (shading.lit) {
+            color = phong<perspective>(d, shading, color, row.against(d, number), scale.weakest,
+                                       slab.template ray_if<perspective>(d, x, row.y), visible, dimming);
+        } else {
+            const auto ambient = dimming.ambient();
+            color = {hn::Mul(color.red, ambient), hn::Mul(color.green, ambient), hn::Mul(color.blue, ambient)};
+        }
+        row.set_color(d, number, color);
+    });
+}
+
+template <class T>
+HWY_NOINLINE void cue(const Slab<T>& slab, EffectRow<T>& row) {
+    using V = typename Slab<T>::V;
+    const typename Slab<T>::D d;
+    const Shading<T>& shading = slab.shading;
+    const auto share_of = [](double share) { return static_cast<T>(std::clamp(share, -1e30, 1e30)); };
+    const V at_slice = hn::Set(d, share_of((slab.depth() - shading.cue_start) * shading.cue_per_depth));
+    const V per_slice = hn::Set(d, share_of(shading.slice_spacing * shading.cue_per_depth));
+    const V strength = hn::Set(d, shading.cue_strength), zero = hn::Zero(d), one = hn::Set(d, T(1));
+    row.for_each(row.alpha, [&](int, int number, auto) {
+        const V way = hn::MulAdd(hn::Load(d, row.share + number), per_slice, at_slice);
+        const V share = hn::Mul(hn::Min(hn::Max(way, zero), one), strength);
+        const auto color = row.color(d, number);
+        const auto towards = [&](V from, T to) { return hn::MulAdd(share, hn::Sub(hn::Set(d, to), from), from); };
+        row.set_color(d, number,
+                      {towards(color.red, shading.cue_color[0]), towards(color.green, shading.cue_color[1]),
+                       towards(color.blue, shading.cue_color[2])});
+    });
+}
+
+template <bool surface, class T>
+HWY_NOINLINE void put(const Slab<T>& slab, const EffectRow<T>& row) {
+    const typename Slab<T>::D d;
+    row.for_each(row.alpha, [&](int x, int number, auto visible) {
+        const std::ptrdiff_t at = slab.in_plane(row.y) + x;
+        if constexpr (surface) {
+            slab.put_surface(d, at, row.y, visible, hn::Load(d, row.share + number), row.color(d, number));
+        } else {
+            slab.put_behind(d, at, row.y, visible, hn::LoadU(d, slab.picture.alpha + at),
+                            hn::Load(d, row.alpha + number), row.color(d, number));
+        }
+    });
+}
+
+/// Kind: Slices, Intervals, SecondOrder or Crossings.
+template <class Kind, bool perspective, class T>
+HWY_NOINLINE void go_through_effects(const Slab<T>& slab) {
+    const Shading<T>& shading = slab.shading;
+    const GradientScale<T> scale(shading, slab.window.n);
+    const Rect& rect = slab.window.rect;
+    EffectRow<T> row;
+    for (row.y = rect.y0; row.y < rect.y1; ++row.y) {
+        if (slab.picture.row_alive[row.y] == 0) {
+            continue;
+        }
+        const Columns whole{rect.x0, rect.x1};
+        const Columns here = shading.clip ? slab.columns_kept(row.y, 0) : whole;
+        const Columns after = shading.clip && Kind::between ? slab.columns_kept(row.y, 1) : whole;
+        for (row.begin = slab.first_column(); row.begin < rect.x1; row.begin += EffectRow<T>::room) {
+            row.past = std::min(row.begin + EffectRow<T>::room, rect.x1);
+            if (!Kind::see(slab, row, here, after)) {
+                continue;
+            }
+            if (shading.gradient) {
+                shading.analytic_gradient ? find_gradients<perspective, true, Kind::between>(slab, row, scale)
+                                          : find_gradients<perspective, false, Kind::between>(slab, row, scale);
+            }
+            if constexpr (Kind::has_opacity) {
+                fade(slab, row, scale);
+            }
+            if (!Kind::template classify<perspective>(slab, row)) {
+                continue;
+            }
+            if (shading.shadows || shading.occlusion) {
+                light_dimmed<perspective>(slab, row, scale);
+            } else if (shading.lit) {
+                light<perspective>(slab, row, scale);
+            }
+            if (shading.depth_cue) {
+                cue(slab, row);
+            }
+            put<!Kind::has_opacity>(slab, row);
+        }
+    }
+}
+
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_CPU_EFFECTS_INL

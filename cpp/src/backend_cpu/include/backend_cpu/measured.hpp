@@ -1,0 +1,73 @@
+// Constants of this backend that were found by measurement or by an error bound: one table, each entry with the test
+// that holds it (tests/cpp/backend_cpu). Those of speed alone may be set to anything within their stated range:
+// pictures stay the same within rounding, which the named test checks.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace sheetsplat::backend_cpu {
+
+// Tiles. CpuRenderer.TilesLeaveNoSeam
+
+/// Edge of a tile: a channel of the ring takes 330 kB in float32; larger and smaller tiles were measured slower.
+constexpr int usual_tile = 62;
+/// Rows of kernels have room for so many pixels, with the tile's border and whole vectors (most_edge).
+constexpr int largest_tile = 126;
+constexpr int smallest_tile = 24;
+/// Tiles, at least, as long as they are not smaller than smallest_tile: enough for a dozen threads. It must not depend
+/// on how many threads there are, since rounding depends on the corner of a tile.
+constexpr std::int64_t enough_tiles = 48;
+/// Most pixels along an edge of a tile's sheets, rounded up to whole vectors.
+constexpr int most_edge = 160;
+
+// Slice loop. TileLoop.AsksAfterEverySliceAndEndsWhereItIsTold, Matrix
+
+/// Slices that one drawing of a kernel covers; a kernel that meets more is drawn again.
+constexpr int covered_slices = 8;
+/// Sheets of the ring: what a drawing covers, and the four slices around an interval.
+constexpr int ring_slots = 16;
+
+// Questions whether to go on, some milliseconds apart. Faults.MeasuresHowSoonAPictureEnds
+
+/// Kernels that are splatted between two questions; scattered kernels and samples of a lattice that are fed.
+constexpr unsigned splats_between_polls = 512;
+constexpr std::ptrdiff_t kernels_between_polls = 8192;
+constexpr std::size_t samples_between_polls = 32768;
+/// Seconds between two calls of the progress callback.
+constexpr double between_calls = 0.004;
+
+// Splat loops of ellipses. CpuRenderer.ThinEllipsoidsKeepTheirRows, CpuRenderer.ExtremeKernelsRaiseNothing
+
+/// Rows that one Gaussian is walked along before it is computed anew: errors grow with the square, to some 50
+/// roundings.
+template <class T>
+constexpr int walked_rows = sizeof(T) == 4 ? 20 : 48;
+/// Powers of two that a vector may span before its least lanes vanish: less than the format has, by what a walk adds.
+template <class T>
+constexpr T deepest_span = sizeof(T) == 4 ? T(118) : T(1000);
+
+// Slab sampling. CpuRenderer.XRayOfOneKernelIsItsChordSum, Matrix
+
+/// Below this many of the Gaussian's own lengths a slab is integrated by quadrature: six nodes are exact there to the
+/// rounding of T (the remainder of 6-point Gauss-Legendre at a length of 1.4 is 1e-8, at 0.25 4e-17).
+template <class T>
+constexpr T thin_slab = sizeof(T) == 4 ? T(1.4) : T(0.25);
+
+// Transfer functions. ShadeSlab (functions of few and of many stretches)
+
+/// Stretches of a pre-integrated transfer function that are gone through one after the other; of more each ramp looks
+/// for its first and last one.
+constexpr std::size_t most_stretches_to_walk = 12;
+/// Cells a stretch, so that a search rarely goes on beyond the first stretch of its cell; and cells in all.
+constexpr std::size_t cells_per_stretch = 4;
+constexpr std::size_t most_cells = 1U << 14;
+
+// Sorting by tiles. Feed.SectionsAreTheKernels, Feed.BucketsDoNotDependOnThreads
+
+/// Samples of a row that are sorted together in perspective.
+constexpr std::uint32_t part_length = 32;
+/// Kernels ahead that are fetched into the cache: those of one tile are anywhere in memory.
+constexpr std::ptrdiff_t fetched_ahead = 12;
+
+} // namespace sheetsplat::backend_cpu

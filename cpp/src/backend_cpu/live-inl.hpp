@@ -1,0 +1,113 @@
+// Early termination: pixels of a tile that are finished are neither splatted nor shaded.
+
+#if defined(SHEETSPLAT_CPU_LIVE_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_LIVE_INL
+#undef SHEETSPLAT_CPU_LIVE_INL
+#else
+#define SHEETSPLAT_CPU_LIVE_INL
+#endif
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "backend_cpu/tile.hpp"
+#include "backend_cpu/tile_task.hpp"
+#include "hwy/highway.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// What of a tile's sheets can still be seen, in blocks of 8 by 8 pixels.
+struct Live {
+    static constexpr int blocks = 8;
+    static constexpr int block_edge = 8;
+
+    Rect rect;
+    std::uint64_t alive = ~std::uint64_t{0}; ///< bit 8 row + column
+
+    explicit Live(const TileShape& shape) : rect{0, 0, shape.width + 2, shape.height + 2} {}
+
+    /// bits: a row of pixels each.
+    void set(const std::vector<std::uint64_t>& bits) {
+        alive = 0;
+        for (std::size_t y = 0; y < bits.size(); ++y) {
+            std::uint64_t row = bits[y];
+            // A byte that holds any bit becomes 1.
+            row |= row >> 4;
+            row |= row >> 2;
+            row |= row >> 1;
+            row &= 0x0101010101010101ULL;
+            alive |= ((row * 0x0102040810204080ULL) >> 56) << (8 * std::min<std::size_t>(y / block_edge, 7));
+        }
+    }
+
+    /// Whether some block that a box touches is alive. Pixels beyond column 63 and row 63 belong to the last blocks.
+    [[nodiscard]] HWY_INLINE bool sees(int x0, int y0, int x1, int y1) const {
+        if (alive == ~std::uint64_t{0}) {
+            return true;
+        }
+        const int left = std::min(x0 / block_edge, 7), right = std::min((x1 - 1) / block_edge, 7);
+        const int top = std::min(y0 / block_edge, 7), bottom = std::min((y1 - 1) / block_edge, 7);
+        const std::uint64_t columns =
+            ((std::uint64_t{2} << right) - (std::uint64_t{1} << left)) * 0x0101010101010101ULL;
+        const std::uint64_t rows = (~std::uint64_t{0} << (8 * top)) & (~std::uint64_t{0} >> (8 * (7 - bottom)));
+        return (alive & columns & rows) != 0;
+    }
+};
+
+/// Updates what of the sheets unfinished pixels still read, for themselves or for gradients.
+template <class T>
+void shrink(Live& live, T stop_at, const TileShape& shape, TileScratch<T>& scratch, bool look_at_blocks) {
+    const int* rows = scratch.planes.row_alive;
+    int first = 0, past = shape.height;
+    while (first < past && rows[first] == 0) {
+        ++first;
+    }
+    while (past > first && rows[past - 1] == 0) {
+        --past;
+    }
+    live.rect.y0 = first;
+    live.rect.y1 = past + 2;
+    if (shape.width + 2 > Live::blocks * Live::block_edge || !look_at_blocks) {
+        return;
+    }
+    // One bit a pixel that is alive, with its neighbours; then one a block.
+    const hn::CappedTag<T, 16> d;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto stop = hn::Set(d, stop_at);
+    std::vector<std::uint64_t>& bits = scratch.alive_rows;
+    bits.assign(static_cast<std::size_t>(shape.height) + 2, 0);
+    const std::uint64_t inside = (std::uint64_t{1} << shape.width) - 1;
+    for (int y = first; y < past; ++y) {
+        if (rows[y] == 0) {
+            continue;
+        }
+        std::uint64_t row = 0;
+        for (int x = 0; x < shape.width; x += lanes) {
+            const auto alive =
+                hn::Lt(hn::LoadU(d, scratch.planes.alpha + static_cast<std::ptrdiff_t>(y) * shape.stride + x), stop);
+            std::uint8_t packed[8] = {};
+            hn::StoreMaskBits(d, alive, packed);
+            std::uint64_t word = 0;
+            std::memcpy(&word, packed, sizeof word);
+            row |= word << x;
+        }
+        row &= inside;
+        // Pixel x of the picture is column x + 1 of the sheets.
+        const std::uint64_t spread = row | row << 1 | row << 2;
+        for (int around = 0; around < 3; ++around) {
+            bits[static_cast<std::size_t>(y + around)] |= spread;
+        }
+    }
+    live.set(bits);
+}
+
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_CPU_LIVE_INL

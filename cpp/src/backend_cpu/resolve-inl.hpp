@@ -1,0 +1,90 @@
+// The resolve pass: rho of a finished slice from its sums, by the weights of each field. Source: IMAGE FORMATION
+// section 2.
+
+#if defined(SHEETSPLAT_CPU_RESOLVE_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_RESOLVE_INL
+#undef SHEETSPLAT_CPU_RESOLVE_INL
+#else
+#define SHEETSPLAT_CPU_RESOLVE_INL
+#endif
+
+#include <cstddef>
+#include <cstdint>
+
+#include "backend_cpu/tile_task.hpp"
+#include "hwy/highway.h"
+#include "sheet_ring-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// A row of the derivatives of rho, in the place of those of the sums of the fields that share sheets; while the
+/// sums themselves are still there.
+template <class T>
+void divide_slopes(const LoopSetup<T>& setup, const SheetRing<T>& ring, std::int64_t n, std::ptrdiff_t row,
+                   const Rect& rect) {
+    const hn::CappedTag<T, 16> d;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    for (int x = rect.x0; x < rect.x1; x += lanes) {
+        const std::ptrdiff_t at = row + x;
+        const auto load = [&](int channel) { return hn::LoadU(d, ring.plane(n, channel) + at); };
+        // (D' W - D W') / W^2 where W > w0, else D' / w0.
+        const auto quotient = [&](int value, int weight, int slope, int weight_slope, T w0) {
+            const auto least = hn::Set(d, w0), w = load(weight);
+            const auto per_divisor = hn::Div(hn::Set(d, T(1)), hn::Max(least, w));
+            const auto rho = hn::IfThenElseZero(hn::Gt(w, least), hn::Mul(load(value), per_divisor));
+            return hn::Mul(hn::NegMulAdd(rho, load(weight_slope), load(slope)), per_divisor);
+        };
+        for (int axis = 0; axis < 3; ++axis) {
+            auto sum = setup.threshold ? quotient(0, setup.weight_channel, setup.slope_channel + axis,
+                                                  setup.weight_slope_channel + axis, setup.w0)
+                                       : load(setup.slope_channel + axis);
+            for (const OwnSheets<T>& own : setup.own) {
+                sum = hn::Add(sum, quotient(own.value_channel, own.weight_channel, own.slope_channel + axis,
+                                            own.weight_slope_channel + axis, own.w0));
+            }
+            hn::StoreU(sum, d, ring.plane(n, setup.slope_channel + axis) + at);
+        }
+    }
+}
+
+/// rho of a slice, in the place of the sums of the fields that share sheets; W of all in its own channel.
+template <class T>
+void divide(const LoopSetup<T>& setup, const SheetRing<T>& ring, const TileShape& shape, std::int64_t n,
+            const Rect& rect) {
+    const hn::CappedTag<T, 16> d;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    if (!setup.threshold && setup.own.empty()) {
+        return;
+    }
+    for (int y = rect.y0; y < rect.y1; ++y) {
+        const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * shape.stride;
+        T* rho = ring.plane(n, 0) + at;
+        T* weight = setup.weight_channel >= 0 ? ring.plane(n, setup.weight_channel) + at : nullptr;
+        if (setup.slope_channel >= 0) {
+            divide_slopes(setup, ring, n, at, rect);
+        }
+        for (int x = rect.x0; x < rect.x1; x += lanes) {
+            auto sum = hn::LoadU(d, rho + x);
+            if (setup.threshold) {
+                sum = hn::Div(sum, hn::Max(hn::Set(d, setup.w0), hn::LoadU(d, weight + x)));
+            }
+            for (const OwnSheets<T>& own : setup.own) {
+                const auto own_weight = hn::LoadU(d, ring.plane(n, own.weight_channel) + at + x);
+                sum = hn::Add(sum, hn::Div(hn::LoadU(d, ring.plane(n, own.value_channel) + at + x),
+                                           hn::Max(hn::Set(d, own.w0), own_weight)));
+                if (setup.keep_weight) {
+                    hn::StoreU(hn::Add(hn::LoadU(d, weight + x), own_weight), d, weight + x);
+                }
+            }
+            hn::StoreU(sum, d, rho + x);
+        }
+    }
+}
+
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_CPU_RESOLVE_INL

@@ -1,0 +1,199 @@
+// One slab of a tile: what every pass over its pixels reads and writes.
+
+#if defined(SHEETSPLAT_CPU_SLAB_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_SLAB_INL
+#undef SHEETSPLAT_CPU_SLAB_INL
+#else
+#define SHEETSPLAT_CPU_SLAB_INL
+#endif
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "backend_cpu/shading.hpp"
+#include "backend_cpu/tile.hpp"
+#include "hwy/highway.h"
+#include "light-inl.hpp"
+#include "transfer-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// Of a lambda: inlined wherever it is called, so that loops stay in registers, and arithmetic is fused in one way
+/// alone.
+#define SHEETSPLAT_CPU_INLINE __attribute__((always_inline))
+
+/// Columns x0 <= x < x1.
+struct Columns {
+    int x0 = 0, x1 = 0;
+};
+
+/// The slab that is shaded. Pixels are those of the tile, without its border; passes go over them in vectors of `lanes`
+/// columns.
+template <class T>
+struct Slab {
+    using D = hn::CappedTag<T, TileShape::padding>;
+    using V = hn::Vec<D>;
+    using M = hn::Mask<D>;
+    static constexpr int lanes = static_cast<int>(hn::MaxLanes(D()));
+
+    const Shading<T>& shading;
+    const TileShape& shape;
+    const SlabWindow<T>& window;
+    TilePicture<T>& picture;
+
+    /// Element of a sheet and of a plane at the start of a row.
+    [[nodiscard]] std::ptrdiff_t in_sheet(int y) const { return static_cast<std::ptrdiff_t>(y + 1) * shape.stride + 1; }
+    [[nodiscard]] std::ptrdiff_t in_plane(int y) const { return static_cast<std::ptrdiff_t>(y) * shape.stride; }
+    /// rho of slice n - 1 + number, from a row and column on.
+    HWY_INLINE V rho(D d, int number, int y, int x) const { return hn::LoadU(d, window.rho[number] + in_sheet(y) + x); }
+    [[nodiscard]] double depth() const {
+        return shading.first_depth + static_cast<double>(window.n) * shading.slice_spacing;
+    }
+
+    /// Planes are read and written in whole cache lines.
+    [[nodiscard]] int first_column() const { return window.rect.x0 / lanes * lanes; }
+    /// Lanes that are inside of the rectangle: right of it sheets have borders and paddings.
+    HWY_INLINE M inside(D d, M mask, int x) const {
+        const int skipped = window.rect.x0 - x, left = window.rect.x1 - x;
+        if (HWY_UNLIKELY(skipped > 0)) {
+            mask = hn::AndNot(hn::FirstN(d, static_cast<std::size_t>(skipped)), mask);
+        }
+        if (left < lanes) {
+            mask = hn::And(mask, hn::FirstN(d, static_cast<std::size_t>(left)));
+        }
+        return mask;
+    }
+    /// Lanes whose point of slice n (ahead 1: n + 1) some kernel reaches, where that is looked at.
+    HWY_INLINE M reached(D d, M mask, int ahead, int y, int x) const {
+        return shading.empty_test
+                   ? hn::And(mask, hn::Ne(hn::LoadU(d, window.weight[ahead] + in_sheet(y) + x), hn::Zero(d)))
+                   : mask;
+    }
+
+    HWY_INLINE Ray<D> ray(D d, int x, int y) const {
+        const V pixel = hn::Set(d, static_cast<T>(shading.pixel));
+        const V column = hn::Iota(d, static_cast<T>(shape.x + x - shading.axis_x));
+        const V over = hn::Mul(column, pixel);
+        const V up = hn::Set(d, static_cast<T>((shading.axis_y - (shape.y + y)) * shading.pixel));
+        return {over, up, hn::Sqrt(hn::MulAdd(over, over, hn::MulAdd(up, up, hn::Set(d, T(1)))))};
+    }
+    template <bool perspective>
+    HWY_INLINE Ray<D> ray_if(D d, int x, int y) const {
+        if constexpr (perspective) {
+            return ray(d, x, y);
+        } else {
+            return {hn::Zero(d), hn::Zero(d), hn::Set(d, T(1))};
+        }
+    }
+
+    /// Minus the gradient at slice n + ahead, by differences of neighbours; at: element of a sheet.
+    template <bool perspective>
+    HWY_INLINE Normal<D> difference(D d, int ahead, std::ptrdiff_t at, const GradientScale<T>& scale,
+                                    const Ray<D>& ray) const {
+        return against_gradient<perspective>(d, window.rho[ahead] + at, window.rho[ahead + 1] + at,
+                                             window.rho[ahead + 2] + at, shape.stride, scale.across[ahead], scale.along,
+                                             ray);
+    }
+
+    /// Composites alpha > 0, 0 outside of `visible`, behind what a plane holds; counts the pixels that end.
+    HWY_INLINE void put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha,
+                               const Color<D>& color) const {
+        const V share = hn::Mul(hn::Sub(hn::Set(d, T(1)), so_far), alpha);
+        const V opacity = hn::Add(so_far, share);
+        const auto add = [&](T* plane, V channel) {
+            hn::StoreU(hn::MulAdd(share, channel, hn::LoadU(d, plane + at)), d, plane + at);
+        };
+        add(picture.red, color.red);
+        add(picture.green, color.green);
+        add(picture.blue, color.blue);
+        hn::StoreU(opacity, d, picture.alpha + at);
+        if (picture.depth != nullptr) {
+            const V half = hn::Set(d, T(0.5));
+            const auto reached_half = hn::And(visible, hn::And(hn::Lt(so_far, half), hn::Ge(opacity, half)));
+            hn::StoreU(
+                hn::IfThenElse(reached_half, hn::Set(d, static_cast<T>(depth())), hn::LoadU(d, picture.depth + at)), d,
+                picture.depth + at);
+        }
+        end_pixels(d, y, hn::And(visible, hn::Ge(opacity, hn::Set(d, shading.stop))));
+    }
+
+    /// Writes an opaque surface, in front of everything, `share` slice distances behind slice n.
+    HWY_INLINE void put_surface(D d, std::ptrdiff_t at, int y, M found, V share, const Color<D>& color) const {
+        const auto store = [&](T* plane, V value) {
+            hn::StoreU(hn::IfThenElse(found, value, hn::LoadU(d, plane + at)), d, plane + at);
+        };
+        store(picture.red, color.red);
+        store(picture.green, color.green);
+        store(picture.blue, color.blue);
+        store(picture.alpha, hn::Set(d, T(1)));
+        if (picture.depth != nullptr) {
+            store(picture.depth, hn::MulAdd(share, hn::Set(d, static_cast<T>(shading.slice_spacing)),
+                                            hn::Set(d, static_cast<T>(depth()))));
+        }
+        end_pixels(d, y, found);
+    }
+
+    HWY_INLINE void end_pixels(D d, int y, M ended) const {
+        if (!hn::AllFalse(d, ended)) {
+            const int count = static_cast<int>(hn::CountTrue(d, ended));
+            picture.row_alive[y] -= count;
+            picture.alive -= count;
+        }
+    }
+
+    /// Columns of a row of slice n + ahead that clipping keeps: one interval, since half spaces are convex. In float64.
+    [[nodiscard]] Columns columns_kept(int y, int ahead) const {
+        const Rect& rect = window.rect;
+        double first = rect.x0, past = rect.x1;
+        const double at_depth = shading.first_depth + static_cast<double>(window.n + ahead) * shading.slice_spacing;
+        const double wide = shading.pixel * (shading.perspective ? at_depth : 1.0);
+        const double up = (shading.axis_y - (shape.y + y)) * wide;
+        for (const KeptHalfSpace& half : shading.kept) {
+            const double step = half.normal.x * wide;
+            const double at_0 = half.normal.x * ((shape.x - shading.axis_x) * wide) + half.normal.y * up -
+                                half.normal.z * at_depth + half.distance;
+            if (std::abs(step) * 1024.0 <= std::abs(at_0) || step == 0.0) {
+                // No column of a tile lies where this changes.
+                past = at_0 >= 0.0 ? past : first;
+            } else if (step > 0.0) {
+                first = std::max(first, std::ceil(-at_0 / step));
+            } else {
+                past = std::min(past, std::floor(at_0 / -step) + 1.0);
+            }
+        }
+        if (!(first < past)) {
+            return {rect.x0, rect.x0};
+        }
+        return {static_cast<int>(first), static_cast<int>(past)};
+    }
+
+    /// Lanes whose columns are in an interval.
+    HWY_INLINE M within(D d, M mask, int x, const Columns& columns) const {
+        const int skipped = columns.x0 - x, left = columns.x1 - x;
+        if (skipped > 0) {
+            mask = hn::AndNot(hn::FirstN(d, static_cast<std::size_t>(std::min(skipped, lanes))), mask);
+        }
+        if (left < lanes) {
+            mask = hn::And(mask, hn::FirstN(d, static_cast<std::size_t>(std::max(left, 0))));
+        }
+        return mask;
+    }
+};
+
+/// Where an isosurface lies between two slices, as a share of their distance; `found`: lanes in which there is one.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V crossing(D d, V front, V back, V iso, hn::Mask<D> found) {
+    const V zero = hn::Zero(d), one = hn::Set(d, hn::TFromD<D>(1));
+    const V step = hn::IfThenElse(found, hn::Sub(back, front), one);
+    const V way = hn::IfThenElseZero(found, hn::Sub(iso, front));
+    return hn::Min(hn::Max(hn::Div(way, step), zero), one);
+}
+
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_CPU_SLAB_INL

@@ -1,0 +1,175 @@
+// The splat loop of slab sampling: means over each pixel's chord through a kernel. Source: IMAGE FORMATION section 3.
+
+#if defined(SHEETSPLAT_CPU_SPLAT_SLABS_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_SPLAT_SLABS_INL
+#undef SHEETSPLAT_CPU_SPLAT_SLABS_INL
+#else
+#define SHEETSPLAT_CPU_SPLAT_SLABS_INL
+#endif
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "backend_cpu/tile_task.hpp"
+#include "hwy/highway.h"
+#include "math-inl.hpp"
+#include "splat_target-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
+
+/// Gauss-Legendre nodes on [-1, 1], one of each pair.
+template <class T>
+struct Nodes6 {
+    static constexpr int pairs = 3;
+    static constexpr T node[3] = {T(0.23861918608319691), T(0.66120938646626451), T(0.93246951420315203)};
+    static constexpr T share[3] = {T(0.46791393457269104), T(0.36076157304813861), T(0.17132449237917036)};
+};
+
+template <bool slopes, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE V quadrature(D d, V low, V high, V nearest, V scale, V beside, V& moment) {
+    using Nodes = Nodes6<T>;
+    const V half = hn::Mul(hn::Sub(high, low), hn::Set(d, T(0.5)));
+    const V middle = hn::Sub(hn::Mul(hn::Add(high, low), hn::Set(d, T(0.5))), nearest);
+    V sum = hn::Zero(d), weighted = hn::Zero(d);
+    for (int n = 0; n < Nodes::pairs; ++n) {
+        const V off = hn::Mul(half, hn::Set(d, Nodes::node[n]));
+        const V a = hn::Sub(middle, off), b = hn::Add(middle, off);
+        const V bell_a = exp2_nonpositive(d, hn::Mul(scale, hn::Mul(a, a)));
+        const V bell_b = exp2_nonpositive(d, hn::Mul(scale, hn::Mul(b, b)));
+        sum = hn::MulAdd(hn::Set(d, Nodes::share[n]), hn::Add(bell_a, bell_b), sum);
+        if constexpr (slopes) {
+            weighted = hn::MulAdd(hn::Set(d, Nodes::share[n]), hn::MulAdd(a, bell_a, hn::Mul(b, bell_b)), weighted);
+        }
+    }
+    if constexpr (slopes) {
+        moment = hn::Mul(hn::Mul(weighted, half), beside);
+    }
+    return hn::Mul(hn::Mul(sum, half), beside);
+}
+
+/// Integral of p exp2(scale p^2) times `beside` over p = low - nearest ... high - nearest; scale = -log2(e) rate^2.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE V moment_over(D d, V low, V high, V nearest, V scale, V rate, V beside) {
+    const V a = hn::Sub(low, nearest), b = hn::Sub(high, nearest);
+    const V over =
+        hn::Sub(exp2_nonpositive(d, hn::Mul(scale, hn::Mul(a, a))), exp2_nonpositive(d, hn::Mul(scale, hn::Mul(b, b))));
+    return hn::Div(hn::Mul(hn::Mul(over, beside), hn::Set(d, T(0.5))), hn::Mul(rate, rate));
+}
+
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE V closed_form(D d, V low, V high, V nearest, V rate, V beside) {
+    const V a = erf(d, hn::Mul(rate, hn::Sub(low, nearest)));
+    const V b = erf(d, hn::Mul(rate, hn::Sub(high, nearest)));
+    const V half_root_pi = hn::Set(d, T(0.88622692545275801));
+    return hn::Mul(hn::Mul(beside, half_root_pi), hn::Div(hn::Sub(b, a), rate));
+}
+
+/// Means over slabs along the rays of the pixels: closed form over the chord where it is long against the Gaussian,
+/// quadrature where the difference of two erf would cancel.
+template <bool with_weight, class T, bool slopes>
+HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight_t, const RowShape<T>& shape,
+                         int count, const Rect& box) {
+    if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
+        return 0;
+    }
+    const hn::CappedTag<T, 16> d;
+    using V = hn::Vec<decltype(d)>;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1)), half_slab = hn::Set(d, T(0.5));
+    const V k = hn::Set(d, -splat.profile.falloff_log2), edge = hn::Set(d, splat.profile.edge);
+    const V root_k = hn::Set(d, splat.profile.root_falloff);
+    const V value = hn::Set(d, section.value), weight = hn::Set(d, weight_t);
+    const V steep_value = hn::Set(d, splat.steep() * section.value),
+            steep_weight = hn::Set(d, splat.steep() * weight_t);
+    const V w3 = hn::Set(d, shape.ds);
+    int drawn = 0;
+    for (int slice = 0; slice < count; ++slice) {
+        const std::int32_t n = splat.n + slice;
+        const T along = static_cast<T>(n - section.first);
+        const T t = splat.setup.perspective ? splat.depth_of(n) : T(1);
+        const T X = shape.X * t, Y1 = shape.Y1 * t, Y2 = shape.Y2 * t;
+        // Along a pixel's ray q changes by w from slice to slice; in perspective rays part.
+        const T spread = splat.setup.perspective ? static_cast<T>(splat.setup.slice_spacing) : T(0);
+        const T a1 = section.a1 + along * shape.d1, a2 = section.a2 + along * shape.d2;
+        const V q3 = hn::Set(d, section.s + along * shape.ds);
+        const Target<T>& to = splat.targets[slice];
+        bool any = false;
+        for (int y = box.y0; y < box.y1; ++y) {
+            const T row = static_cast<T>(y);
+            const V q2 = hn::Set(d, Y2 * row + a2), b = hn::Set(d, Y1 * row + a1);
+            const V w2 = hn::Set(d, spread * shape.Y2 * row + shape.d2);
+            const V w1_row = hn::Set(d, spread * shape.Y1 * row + shape.d1);
+            const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * to.stride;
+            for (int x = box.x0; x < box.x1; x += lanes) {
+                const V column = hn::Iota(d, static_cast<T>(x));
+                const V q1 = hn::MulAdd(hn::Set(d, X), column, b);
+                const V w1 = hn::MulAdd(hn::Set(d, spread * shape.X), column, w1_row);
+                // The ray's nearest approach to the centre, by the cross product: nothing cancels there.
+                const V c1 = hn::MulSub(q2, w3, hn::Mul(q3, w2));
+                const V c2 = hn::MulSub(q3, w1, hn::Mul(q1, w3));
+                const V c3 = hn::MulSub(q1, w2, hn::Mul(q2, w1));
+                const V speed2 = hn::MulAdd(w1, w1, hn::MulAdd(w2, w2, hn::Mul(w3, w3)));
+                const V per_speed2 = hn::Div(one, speed2);
+                const V p2 = hn::Mul(hn::MulAdd(c1, c1, hn::MulAdd(c2, c2, hn::Mul(c3, c3))), per_speed2);
+                const V nearest = hn::Neg(hn::Mul(hn::MulAdd(q1, w1, hn::MulAdd(q2, w2, hn::Mul(q3, w3))), per_speed2));
+                const V half_chord = hn::Sqrt(hn::Mul(hn::Max(hn::Sub(one, p2), zero), per_speed2));
+                const V low = hn::Min(hn::Max(hn::Sub(nearest, half_chord), hn::Neg(half_slab)), half_slab);
+                const V high = hn::Min(hn::Max(hn::Add(nearest, half_chord), low), half_slab);
+                const V length = hn::Sub(high, low);
+                if (hn::AllTrue(d, hn::Le(length, zero))) {
+                    continue;
+                }
+                any = true;
+                const V rate = hn::Mul(root_k, hn::Sqrt(speed2)); // Gaussian's own lengths per slab
+                const V widest = hn::Mul(rate, length);
+                const V beside = exp2_nonpositive(d, hn::Mul(k, p2));
+                V mean;
+                // Of the way along the ray from its nearest approach, times the Gaussian: where slopes are summed.
+                V moment = zero;
+                if (hn::AllTrue(d, hn::Lt(widest, hn::Set(d, thin_slab<T>)))) {
+                    mean = quadrature<slopes>(d, low, high, nearest, hn::Mul(k, speed2), beside, moment);
+                } else {
+                    mean = closed_form(d, low, high, nearest, rate, beside);
+                    if constexpr (slopes) {
+                        moment = moment_over(d, low, high, nearest, hn::Mul(k, speed2), rate, beside);
+                    }
+                }
+                if constexpr (slopes) {
+                    // The mean of q times the Gaussian: at the ray's nearest approach q is w x (q x w) / w^2.
+                    const V share = hn::Mul(mean, per_speed2);
+                    const V m1 = hn::MulAdd(moment, w1, hn::Mul(share, hn::MulSub(w2, c3, hn::Mul(w3, c2))));
+                    const V m2 = hn::MulAdd(moment, w2, hn::Mul(share, hn::MulSub(w3, c1, hn::Mul(w1, c3))));
+                    const V m3 = hn::MulAdd(moment, w3, hn::Mul(share, hn::MulSub(w1, c2, hn::Mul(w2, c1))));
+                    const Slope<hn::CappedTag<T, 16>> slope{hn::Mul(m1, hn::Set(d, X)),
+                                                            hn::MulAdd(m1, hn::Set(d, Y1), hn::Mul(m2, hn::Set(d, Y2))),
+                                                            hn::MulAdd(m1, w1, hn::MulAdd(m2, w2, hn::Mul(m3, w3)))};
+                    const V there = hn::IfThenElseZero(hn::Gt(length, zero), one);
+                    add_slope<with_weight>(d, there, slope, steep_value, steep_weight, to, at + x);
+                }
+                const V rest = hn::Sub(mean, hn::Mul(edge, length));
+                add_bell<false>(d, rest, value, weight, to.value + at + x, nullptr);
+                if constexpr (with_weight) {
+                    // Where a steep profile has nothing left, or a difference of two erf cancels, the ray still
+                    // meets the support: the point is not empty.
+                    const V least = hn::IfThenElseZero(hn::Gt(length, zero), hn::Set(d, std::numeric_limits<T>::min()));
+                    T* weights = to.weight + at + x;
+                    const V added = hn::Max(hn::Mul(weight, hn::Max(rest, zero)), least);
+                    hn::StoreU(hn::Add(hn::LoadU(d, weights), added), d, weights);
+                }
+            }
+        }
+        if (any) {
+            splat.single[slice].add(box);
+            ++drawn;
+        }
+    }
+    return drawn;
+}
+
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_CPU_SPLAT_SLABS_INL

@@ -1,0 +1,204 @@
+// The splat loop of kernels whose axes are those of the picture in orthographic views, spheres among them: one Gaussian
+// along rows, one along columns and one along depth. Source: [NM05] section 4.2.
+
+#if defined(SHEETSPLAT_CPU_SPLAT_SPHERES_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_SPLAT_SPHERES_INL
+#undef SHEETSPLAT_CPU_SPLAT_SPHERES_INL
+#else
+#define SHEETSPLAT_CPU_SPLAT_SPHERES_INL
+#endif
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <type_traits>
+
+#include "backend_cpu/tile_task.hpp"
+#include "hwy/highway.h"
+#include "math-inl.hpp"
+#include "splat_target-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
+
+/// exp2(-falloff (at + i step)^2) for i = 0 ... count - 1, whole vectors.
+template <class D, class T = hn::TFromD<D>>
+HWY_INLINE void bells(D d, T falloff_log2, T at, T step, int count, T* out) {
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto scale = hn::Set(d, -falloff_log2);
+    const auto steps = hn::Set(d, step);
+    for (int i = 0; i < count; i += lanes) {
+        const auto place = hn::MulAdd(steps, hn::Iota(d, static_cast<T>(i)), hn::Set(d, at));
+        hn::Store(exp2_nonpositive(d, hn::Mul(scale, hn::Mul(place, place))), d, out + i);
+    }
+}
+
+/// Rows of `slices` sections whose Gaussian is a product of one along x, which starts at pixel x0, one along y and one
+/// along depth. The sections' sheets are written side by side, so that one loop serves all of them.
+template <bool with_weight, int slices, class D, class T = hn::TFromD<D>>
+HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z, T edge_t,
+                               T value_t, T weight_t, int x0, int x1, int y0, int y1) {
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto edge = hn::Set(d, edge_t);
+    const auto value = hn::Set(d, value_t);
+    const auto weight = hn::Set(d, weight_t);
+    const int stride = to[0].stride;
+    // Copies, since the compiler must think that sheets might hold these.
+    T* values[slices];
+    T* weights[slices];
+    T z[slices];
+    for (int slice = 0; slice < slices; ++slice) {
+        values[slice] = to[slice].value;
+        weights[slice] = to[slice].weight;
+        z[slice] = bell_z[slice];
+    }
+    // Column by column of vectors, whose Gaussian along x stays in a register.
+    for (int x = x0; x < x1; x += lanes) {
+        const auto bell = hn::LoadU(d, bell_x + (x - x0));
+        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * stride + x;
+        for (int y = 0; y < y1 - y0; ++y, at += stride) {
+            const auto here = hn::Mul(bell, hn::Set(d, bell_y[y]));
+            for (int slice = 0; slice < slices; ++slice) {
+                add_bell<with_weight>(d, hn::MulSub(here, hn::Set(d, z[slice]), edge), value, weight,
+                                      values[slice] + at, with_weight ? weights[slice] + at : nullptr);
+            }
+        }
+    }
+}
+
+/// (at + i step) step for i = 0 ... count - 1, whole vectors.
+template <class D, class T = hn::TFromD<D>>
+HWY_INLINE void lines(D d, T at, T step, int count, T* out) {
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto steps = hn::Set(d, step);
+    for (int i = 0; i < count; i += lanes) {
+        const auto place = hn::MulAdd(steps, hn::Iota(d, static_cast<T>(i)), hn::Set(d, at));
+        hn::Store(hn::Mul(place, steps), d, out + i);
+    }
+}
+
+/// As separable_rows of one slice, with the derivatives.
+template <bool with_weight, class D, class T = hn::TFromD<D>>
+HWY_INLINE void separable_slopes(D d, const Target<T>& to, const T* bell_x, const T* bell_y, T bell_z, const T* slope_x,
+                                 const T* slope_y, T slope_z, T edge_t, T value_t, T weight_t, T steep, int x0, int x1,
+                                 int y0, int y1) {
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto edge = hn::Set(d, edge_t), value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
+    const auto steep_value = hn::Set(d, steep * value_t), steep_weight = hn::Set(d, steep * weight_t);
+    const Target<T> sheets = to;
+    for (int x = x0; x < x1; x += lanes) {
+        const auto column = hn::Mul(hn::LoadU(d, bell_x + (x - x0)), hn::Set(d, bell_z));
+        Slope<D> slope{hn::LoadU(d, slope_x + (x - x0)), hn::Zero(d), hn::Set(d, slope_z)};
+        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * sheets.stride + x;
+        for (int y = 0; y < y1 - y0; ++y, at += sheets.stride) {
+            const auto bell = hn::Mul(column, hn::Set(d, bell_y[y]));
+            slope.row = hn::Set(d, slope_y[y]);
+            add_bell<with_weight>(d, hn::Sub(bell, edge), value, weight, sheets.value + at,
+                                  with_weight ? sheets.weight + at : nullptr);
+            add_slope<with_weight>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight, sheets, at);
+        }
+    }
+}
+
+/// One Gaussian along each of x, y and depth serves all sections of a kernel.
+template <bool with_weight, class T, bool slopes>
+HWY_INLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
+                           T per_X, int count) {
+    const T per_Y = T(1) / std::abs(shape.Y2);
+    const T middle_x = -section.a1 * per_X, middle_y = shape.Y2 < T(0) ? section.a2 * per_Y : -section.a2 * per_Y;
+    const Rect box{whole(std::ceil(middle_x - per_X), splat.live.rect.x0, splat.live.rect.x1),
+                   whole(std::ceil(middle_y - per_Y), splat.live.rect.y0, splat.live.rect.y1),
+                   whole(std::floor(middle_x + per_X) + T(1), splat.live.rect.x0, splat.live.rect.x1),
+                   whole(std::floor(middle_y + per_Y) + T(1), splat.live.rect.y0, splat.live.rect.y1)};
+    if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
+        return 0;
+    }
+    HWY_ALIGN T bell_x[most_edge];
+    HWY_ALIGN T bell_y[most_edge];
+    HWY_ALIGN T bell_z[covered_slices + 16];
+    const T k = splat.profile.falloff_log2;
+    // The narrowest vectors that hold a row: wider ones cost more where they are made of two halves.
+    const hn::CappedTag<T, 4> narrow;
+    const hn::CappedTag<T, 8> middling;
+    const hn::CappedTag<T, 16> wide;
+    const int width = box.x1 - box.x0, height = box.y1 - box.y0;
+    const int size = width <= 4 ? 0 : width <= 24 ? 1 : 2;
+    const int lanes = static_cast<int>(size == 0   ? hn::Lanes(narrow)
+                                       : size == 1 ? hn::Lanes(middling)
+                                                   : hn::Lanes(wide));
+    const int start = start_of<T>(box.x0, box.x1, lanes);
+    const T at_x = section.a1 + shape.X * static_cast<T>(start);
+    const T at_y = section.a2 + shape.Y2 * static_cast<T>(box.y0);
+    const T at_z = section.s + static_cast<T>(splat.n - section.first) * shape.ds;
+    if (box.x1 - start <= 8 && height <= 8) {
+        bells(middling, k, at_x, shape.X, 8, bell_x);
+        bells(middling, k, at_y, shape.Y2, 8, bell_y);
+    } else {
+        bells(wide, k, at_x, shape.X, box.x1 - start, bell_x);
+        bells(wide, k, at_y, shape.Y2, height, bell_y);
+    }
+    bells(middling, k, at_z, shape.ds, covered_slices, bell_z);
+    splat.through[count - 1].add(box);
+    if constexpr (slopes) {
+        HWY_ALIGN T slope_x[most_edge];
+        HWY_ALIGN T slope_y[most_edge];
+        HWY_ALIGN T slope_z[covered_slices + 16];
+        lines(wide, at_x, shape.X, box.x1 - start, slope_x);
+        lines(wide, at_y, shape.Y2, height, slope_y);
+        lines(middling, at_z, shape.ds, covered_slices, slope_z);
+        const auto slice_by_slice = [&](auto d) {
+            for (int slice = 0; slice < count; ++slice) {
+                separable_slopes<with_weight>(d, splat.targets[slice], bell_x, bell_y, bell_z[slice], slope_x, slope_y,
+                                              slope_z[slice], splat.profile.edge, section.value, weight, splat.steep(),
+                                              start, box.x1, box.y0, box.y1);
+            }
+        };
+        if (size == 0) {
+            slice_by_slice(narrow);
+        } else if (size == 1) {
+            slice_by_slice(middling);
+        } else {
+            slice_by_slice(wide);
+        }
+    } else {
+        const auto rows = [&](auto d) {
+            for (int slice = 0; slice < count;) {
+                const auto add = [&](auto together) {
+                    separable_rows<with_weight, together.value>(d, splat.targets + slice, bell_x, bell_y,
+                                                                bell_z + slice, splat.profile.edge, section.value,
+                                                                weight, start, box.x1, box.y0, box.y1);
+                    slice += together.value;
+                };
+                switch (std::min(count - slice, 5)) {
+                case 1:
+                    add(std::integral_constant<int, 1>());
+                    break;
+                case 2:
+                    add(std::integral_constant<int, 2>());
+                    break;
+                case 3:
+                    add(std::integral_constant<int, 3>());
+                    break;
+                case 4:
+                    add(std::integral_constant<int, 4>());
+                    break;
+                default:
+                    add(std::integral_constant<int, 5>());
+                }
+            }
+        };
+        if (size == 0) {
+            rows(narrow);
+        } else if (size == 1) {
+            rows(middling);
+        } else {
+            rows(wide);
+        }
+    }
+    return count;
+}
+
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_CPU_SPLAT_SPHERES_INL

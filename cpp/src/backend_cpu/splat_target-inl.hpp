@@ -1,0 +1,132 @@
+// What kernels are added to, the sheets of a few slices of a tile, and how a vector of pixels is added.
+
+#if defined(SHEETSPLAT_CPU_SPLAT_TARGET_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_SPLAT_TARGET_INL
+#undef SHEETSPLAT_CPU_SPLAT_TARGET_INL
+#else
+#define SHEETSPLAT_CPU_SPLAT_TARGET_INL
+#endif
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "backend_cpu/tile_task.hpp"
+#include "hwy/highway.h"
+#include "live-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// The sheets of one slice that a part adds to.
+template <class T>
+struct Target {
+    T* value;
+    T* weight; ///< null: not summed
+    int stride;
+    /// Of derivatives of both over columns, rows and slices: three sheets each, one after the other. Null: not summed.
+    T* slope;
+    T* weight_slope;
+    std::size_t sheet; ///< elements from one sheet to the next
+};
+
+/// A pixel coordinate, clamped to low ... high before it is converted.
+template <class T>
+HWY_INLINE int whole(T at, int low, int high) {
+    return static_cast<int>(std::min(std::max(at, static_cast<T>(low)), static_cast<T>(high)));
+}
+
+/// Adds t = max(0, bell - edge) times value (and weight) to a vector of pixels.
+template <bool with_weight, class D, class V = hn::Vec<D>>
+HWY_INLINE void add_bell(D d, V bell_less_edge, V value, V weight, hn::TFromD<D>* values, hn::TFromD<D>* weights) {
+    const V t = hn::Max(bell_less_edge, hn::Zero(d));
+    hn::StoreU(hn::MulAdd(value, t, hn::LoadU(d, values)), d, values);
+    if constexpr (with_weight) {
+        hn::StoreU(hn::MulAdd(weight, t, hn::LoadU(d, weights)), d, weights);
+    }
+}
+
+/// Half the derivative of -r^2 over columns, rows and slices, and what they are multiplied by.
+template <class D>
+struct Slope {
+    hn::Vec<D> column, row, slice;
+};
+
+/// Adds bell times slope times `value` (and `weight`) to sheets of derivatives, at element `at`. Those of 2^(-falloff
+/// r^2) are this with 2 falloff in value and weight.
+template <bool with_weight, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void add_slope(D d, V bell, const Slope<D>& slope, V value, V weight, const Target<T>& to,
+                          std::ptrdiff_t at) {
+    const V slopes[3] = {slope.column, slope.row, slope.slice};
+    const auto add = [&](V much, T* sheets) {
+        for (const V& one : slopes) {
+            hn::StoreU(hn::MulAdd(much, one, hn::LoadU(d, sheets + at)), d, sheets + at);
+            sheets += to.sheet;
+        }
+    };
+    add(hn::Mul(bell, value), to.slope);
+    if constexpr (with_weight) {
+        add(hn::Mul(bell, weight), to.weight_slope);
+    }
+}
+
+/// The Gaussian inside its support, else 0.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V inside_support(D d, V bell, V edge) {
+    (void)d;
+    return hn::IfThenElseZero(hn::Gt(bell, edge), bell);
+}
+
+/// Where vectors start so that none straddles a line of the cache, which costs several times as much: at x0 or a little
+/// before it. Rows of sheets start at whole lines.
+template <class T>
+HWY_INLINE int start_of(int x0, int x1, int lanes) {
+    constexpr int line = 64 / static_cast<int>(sizeof(T));
+    const int in_line = x0 & (line - 1);
+    if (x1 - x0 <= lanes && in_line + (x1 - x0) <= line) {
+        return std::min(x0, x0 - in_line + line - lanes);
+    }
+    return x0 & ~(lanes - 1);
+}
+
+/// Kernels of one field on their way to the sheets of slices n ... n + covered_slices - 1; with_slopes: their
+/// derivatives are summed too.
+template <class T, bool with_slopes>
+struct Splat {
+    static constexpr bool slopes = with_slopes;
+    const LoopSetup<T>& setup;
+    const PartProfile<T>& profile;
+    const Live& live; ///< where anything can still be seen
+    std::int32_t n;
+    const Target<T>* targets;          ///< the sheets of these slices
+    Rect through[covered_slices] = {}; ///< added to slices n ... n + i
+    Rect single[covered_slices] = {};  ///< added to slice n + i alone
+
+    /// What a derivative of 2^(-falloff r^2) is multiplied by beside half that of -r^2.
+    [[nodiscard]] HWY_INLINE T steep() const { return T(-2) * profile.root_falloff * profile.root_falloff; }
+    [[nodiscard]] HWY_INLINE T depth_of(std::int32_t slice) const {
+        return static_cast<T>(setup.first_depth + static_cast<double>(slice) * setup.slice_spacing);
+    }
+
+    /// Calls touch(slice, rect) for what was added to, in pixels of the sheets.
+    template <class Touch>
+    void tell(const Touch& touch) const {
+        Rect common;
+        for (int slice = covered_slices - 1; slice >= 0; --slice) {
+            common.add(through[slice]);
+            Rect rect = single[slice];
+            rect.add(common);
+            if (!rect.empty()) {
+                touch(n + slice, rect);
+            }
+        }
+    }
+};
+
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_CPU_SPLAT_TARGET_INL

@@ -1,0 +1,67 @@
+// What tile_float.cpp and tile_double.cpp compile once for each instruction set, and how one is chosen.
+
+#include "feed_kernels-inl.hpp"
+#include "feed_rows-inl.hpp"
+#include "hwy/highway.h"
+#include "tile_loop-inl.hpp"
+
+#if defined(SHEETSPLAT_CPU_TILE_FUNCTIONS_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_TILE_FUNCTIONS_INL
+#undef SHEETSPLAT_CPU_TILE_FUNCTIONS_INL
+#else
+#define SHEETSPLAT_CPU_TILE_FUNCTIONS_INL
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
+
+template <class T>
+void shade_tile(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
+                TilePicture<T>& picture) {
+    shade_slab(shading, shape, window, picture);
+}
+
+template <class T>
+const TileFunctions<T>* functions() {
+    static constexpr TileFunctions<T> all{&feed_rows<T>, &tile_rects, &feed_kernels<T>, &run_tile<T>, &shade_tile<T>};
+    return &all;
+}
+
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_CPU_TILE_FUNCTIONS_INL
+
+#if HWY_ONCE
+
+namespace sheetsplat::backend_cpu {
+
+template <class T>
+const TileFunctions<T>* tile_functions(InstructionSet set) {
+    switch (set) {
+    case InstructionSet::baseline:
+        return HWY_STATIC_DISPATCH(functions<T>)();
+#if HWY_TARGETS & HWY_SSE4
+    case InstructionSet::sse4:
+        return N_SSE4::functions<T>();
+#endif
+#if HWY_TARGETS & HWY_AVX2
+    case InstructionSet::avx2:
+        return N_AVX2::functions<T>();
+#endif
+#if HWY_TARGETS & HWY_AVX3
+    case InstructionSet::avx512:
+        return N_AVX3::functions<T>();
+#endif
+#if HWY_TARGETS & HWY_NEON
+    case InstructionSet::neon:
+        return N_NEON::functions<T>();
+#endif
+    default:
+        return nullptr;
+    }
+}
+
+} // namespace sheetsplat::backend_cpu
+
+#endif

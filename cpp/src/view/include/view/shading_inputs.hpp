@@ -1,0 +1,56 @@
+// The numbers that turn finished slices into a picture: opacity correction, lights, gradient scales, isosurface, depth
+// cue. Derived once a frame, in float64, for every backend, which only rounds them to its own number format. What is
+// drawn for want of a number that a format can hold is decided here. Source: IMAGE FORMATION sections 4 to 7 and 10.
+#pragma once
+
+#include <vector>
+
+#include "sheetsplat/camera.hpp"
+#include "sheetsplat/scene.hpp"
+#include "facts/frame.hpp"
+
+namespace sheetsplat {
+
+struct DrawPlan;
+
+/// Values of rho are in the sheets' unit (DrawPlan::value_unit), lengths of gradients in reference lengths, everything
+/// else in world units.
+struct ShadingInputs {
+    /// A directional light in eye space: unit length, towards the light.
+    struct EyeLight {
+        Vec3 direction{0.0}, color{0.0};
+    };
+
+    /// Opacity correction: reference lengths between two slices, at most 1e30. Larger ones change no opacity, and
+    /// infinity times an opacity of 0 would be no number.
+    double exponent = 1.0;
+    /// Pixels are finished at this opacity; above 0 in float32 too, so that an empty pixel goes on. 1 where the plan
+    /// stops nowhere.
+    double opacity_stop = 1.0;
+    /// What 1 in a sheet stands for in the picture's scalars: x-ray: world value times world length; else world value.
+    double scalar_step = 1.0;
+
+    double iso_value = 0.0;
+    TransferPoint iso_point{}; ///< the transfer function at the iso value
+
+    std::vector<EyeLight> lights; ///< as in the scene; none where the plan has no gradient
+    Material material{};          ///< shininess at most 1e30
+
+    /// Gradients are differences of rho between neighbours times these; in perspective that across is divided by the
+    /// depth.
+    double gradient_across = 0.0, gradient_along = 0.0;
+    double weakest_gradient = 0.0; ///< g0
+    double full_gradient = 1.0;    ///< g1
+
+    /// Depth cue: the share of its colour at depth t is cue_strength clamp((t - cue_start) cue_per_depth, 0, 1).
+    double cue_start = 0.0, cue_per_depth = 0.0, cue_strength = 0.0;
+    Vec3 cue_color{0.0};
+
+    double occlusion_strength = 0.0; ///< of ambient occlusion
+};
+
+/// pivot: what the sheets' values are less by than rho, in the scalar's unit.
+ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
+                                  double pivot = 0.0);
+
+} // namespace sheetsplat

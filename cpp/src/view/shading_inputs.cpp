@@ -1,0 +1,73 @@
+#include "view/shading_inputs.hpp"
+
+#include <algorithm>
+
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include "plan/make_plan.hpp"
+#include "scene/mode_rules.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+/// The least stop: just above the least normal number of float32.
+constexpr double smallest_stop = 1.2e-38;
+/// A depth cue over less than this share of the slice distance is a step: no point lies between its ends, and its slope
+/// stays within float32.
+constexpr double shortest_cue = 1e-6;
+constexpr double largest_factor = 1e30;
+/// g0 as a share of the range of the transfer function a reference length (conventions, section 5).
+constexpr double weakest_share = 1e-3;
+
+ShadingInputs::EyeLight in_eye_space(const Light& light, const Camera& camera) {
+    // Scaled first: the length of a direction may be beyond float64's squares.
+    const Vec3 size = glm::abs(light.direction);
+    const Vec3 unit = glm::normalize(light.direction / std::max({size.x, size.y, size.z}));
+    return {light.space == LightSpace::world ? glm::normalize(camera.direction_to_eye(unit)) : unit, light.color};
+}
+
+} // namespace
+
+ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
+                                  double pivot) {
+    ShadingInputs inputs;
+    inputs.exponent = std::min(frame.slice_spacing / frame.reference_length, largest_factor);
+    if (plan.stop) {
+        inputs.opacity_stop = std::max(scene.opacity_stop, smallest_stop);
+    }
+    inputs.scalar_step = scalar_unit(plan.mode, plan.value_unit, frame.slice_spacing);
+
+    const TransferFunction& function = scene.transfer_function;
+    if (plan.mode == Mode::isosurface) {
+        inputs.iso_value = (*scene.iso_value - pivot) / plan.value_unit;
+        inputs.iso_point = function.at(*scene.iso_value);
+    }
+    inputs.material = scene.material;
+    inputs.material.shininess = std::min(inputs.material.shininess, largest_factor);
+    if (plan.gradient) {
+        for (const Light& light : scene.lights) {
+            inputs.lights.push_back(in_eye_space(light, camera));
+        }
+        inputs.gradient_across = 0.5 * frame.reference_length / frame.pixel;
+        inputs.gradient_along = 0.5 * frame.reference_length / frame.slice_spacing;
+        inputs.weakest_gradient = weakest_share * (function.v_max() - function.v_min()) / plan.value_unit;
+    }
+    if (plan.gradient_opacity) {
+        inputs.full_gradient = *scene.gradient_opacity / plan.value_unit * frame.reference_length;
+    }
+    if (plan.depth_cue) {
+        const DepthCue& cue = *scene.depth_cue;
+        inputs.cue_start = cue.start;
+        inputs.cue_per_depth = 1.0 / std::max(cue.end - cue.start, shortest_cue * frame.slice_spacing);
+        inputs.cue_strength = cue.strength;
+        inputs.cue_color = cue.color;
+    }
+    if (plan.ambient_occlusion) {
+        inputs.occlusion_strength = scene.ambient_occlusion->strength;
+    }
+    return inputs;
+}
+
+} // namespace sheetsplat

@@ -38,6 +38,21 @@ void register_plan(py::module_& module) {
             }
             return shares;
         });
+    module.def("known_effects", [] {
+        const auto names = [](const std::vector<Backend>& backends) {
+            py::list all;
+            for (const Backend backend : backends) {
+                all.append(to_string(backend));
+            }
+            return all;
+        };
+        py::list effects;
+        for (const EffectInfo& effect : known_effects()) {
+            effects.append(py::make_tuple(effect.name, effect.meaning, effect.decided_by, names(effect.listed_by),
+                                          names(effect.forcible_on)));
+        }
+        return effects;
+    });
 }
 
 } // namespace sheetsplat::bindings

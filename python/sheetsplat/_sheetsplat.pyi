@@ -206,6 +206,9 @@ class RenderPlan:
     @property
     def error_budget(self) -> list[tuple[str, float]]: ...
 
+def known_effects() -> list[tuple[str, str, str, list[str], list[str]]]:
+    """All effects: name, meaning, what decides it (or ""), backends that list it, and that can force it."""
+
 class Image:
     @property
     def size(self) -> tuple[int, int]: ...

@@ -15,6 +15,7 @@ from click.testing import CliRunner
 from image_checks import FLOAT32, FLOAT32_HARD, distance
 
 import sheetsplat as ss
+from sheetsplat import _sheetsplat as native
 from sheetsplat.cli.main import main as command_line
 
 SIZE = (44, 36)
@@ -23,11 +24,19 @@ BACKENDS = [pytest.param("gl", marks=pytest.mark.gl), "cpu"]
 
 def forcible(backend: str) -> list[str]:
     """Return the names that a backend says it can force."""
-    with pytest.raises(ss.InvalidInput) as caught:
-        ss.Renderer(backend, effects={"no such thing": True}).plan(*some_scene(0), size=SIZE)
-    found = re.search(rf"one of those of backend {backend}: ([a-z_, ]+)", str(caught.value))
-    assert found, str(caught.value)
-    return found.group(1).split(", ")
+    return [name for name, _, _, _, forced_by in native.known_effects() if backend in forced_by]
+
+
+def test_the_table_of_effects_in_the_docs_is_the_engines() -> None:
+    """Each effect, once, with its backends and its meaning; forcible ones have a star."""
+    shown = {"gl": "gl", "cpu": "cpu"}
+    rows = []
+    for name, meaning, _, listed, forced_by in native.known_effects():
+        backends = ", ".join(shown[b] + (" *" if b in forced_by else "") for b in listed if b in shown)
+        rows.append(f"| `{name}` | {backends} | {meaning} |")
+    text = (Path(__file__).parents[2] / "python" / "docs" / "effects.md").read_text(encoding="utf-8")
+    table = text[text.index("| effect | backends | on means |") :].split("\n\n")[0].splitlines()[2:]
+    assert table == rows, "\n".join(rows)
 
 
 def some_field(rng: np.random.Generator, kind: int) -> ss.RegularField | ss.EllipsoidField:

@@ -23,6 +23,17 @@ struct Effect {
     double error = 0.0;  ///< root mean square error that it adds to the picture: its shares of the error budget
 };
 
+/// What is known of an effect, for lists and documentation.
+struct EffectInfo {
+    std::string name;
+    std::string meaning;              ///< of being on, in a few words
+    std::string decided_by;           ///< what it follows from; empty where some backend can force it
+    std::vector<Backend> listed_by;   ///< backends whose plans list it
+    std::vector<Backend> forcible_on; ///< backends on which RendererOptions::effects can force it
+};
+/// All effects, in a fixed order.
+std::vector<EffectInfo> known_effects();
+
 /// One place where a picture may differ from the reference.
 struct ErrorShare {
     std::string cause;

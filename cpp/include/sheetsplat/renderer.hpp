@@ -24,7 +24,7 @@ struct RendererOptions {
     bool allow_inexact = false;            ///< lets settings through that cannot keep the error bound
     int tile_size = 0;                     ///< largest edge of an image tile in pixels; 0: what the device can do
     int tags_per_clear = 0; ///< depth tags before the depth buffer is cleared; 0: what its resolution allows
-    int threads = 0;        ///< of backend cpu, at most 1024; 0: as many as the process may run on at once
+    int threads = 0;        ///< of backend cpu, at most most_threads; 0: as many as the process may run on at once
     /// Root mean square distance from the converged picture (ErrorEstimate::rmse) that pictures may have, at least
     /// least_max_error: the renderer takes the cheapest settings that keep it, in place of those of the scene that are
     /// at their defaults (slice_spacing, sampling, preintegration, opacity_stop). What differs from the default stays.
@@ -36,6 +36,8 @@ struct RendererOptions {
 
 /// What float32 pictures resolve.
 constexpr double least_max_error = 6e-8;
+/// Threads of backend cpu, at most.
+constexpr int most_threads = 1024;
 
 /// Called between slices with the share that is done, 0 to 1. Returning false stops the rendering (Cancelled).
 using Progress = std::function<bool(double)>;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -12,16 +11,15 @@
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/tile_feed.hpp"
 #include "backend_cpu/tile_task.hpp"
+#include "base/clock.hpp"
 #include "base/memory.hpp"
+#include "base/poll.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat::backend_cpu {
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 constexpr double log2_e = 1.4426950408889634;
 /// Edge of a tile: a channel of the ring takes 330 kB in float32; larger and smaller tiles were measured slower.
@@ -169,7 +167,7 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     setup.keep_weight = plan.empty_test || plan.coverage;
     setup.slab = plan.sampling == Sampling::slab;
     setup.perspective = frame.projection == Projection::perspective;
-    setup.intervals = plan.mode == Mode::isosurface || (plan.mode == Mode::composite && plan.preintegration);
+    setup.intervals = uses_intervals(plan.mode, plan.preintegration);
     setup.stops = (plan.stop || plan.mode == Mode::isosurface) && !plan.coverage;
     setup.first_depth = frame.first_depth;
     setup.slice_spacing = frame.slice_spacing;
@@ -231,7 +229,7 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
 /// Planes of a tile's picture, cleared.
 template <class T>
 void clear_picture(const DrawPlan& plan, const TileShape& shape, TileScratch<T>& scratch) {
-    const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
+    const bool scalar = is_scalar(plan.mode);
     const std::size_t elements = shape.picture_elements();
     const std::size_t planes = (scalar ? 1U : 4U) + (plan.depth ? 1U : 0U) + (plan.coverage ? 1U : 0U);
     scratch.picture.assign(planes * elements, T(0));
@@ -302,14 +300,11 @@ class Report {
         if (progress_ == nullptr || !*progress_) {
             return;
         }
-        const auto now = Clock::now();
-        if (std::chrono::duration<double>(now - called_).count() < between_calls) {
+        if (seconds_since(called_) < between_calls) {
             return;
         }
-        called_ = now;
-        if (!(*progress_)(share)) {
-            throw Cancelled();
-        }
+        called_ = Clock::now();
+        report_progress(*progress_, share);
     }
 
   private:
@@ -501,7 +496,7 @@ void CpuRenderer::render(const Job& job, Image& image) {
     try {
         const Size size = job.frame->size;
         const auto pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
-        const bool scalar = job.plan->mode == Mode::xray || job.plan->mode == Mode::mip;
+        const bool scalar = is_scalar(job.plan->mode);
         image.rgba.assign(scalar ? 0 : 4 * pixels, 0.0F);
         image.scalar.assign(scalar ? pixels : 0, 0.0F);
         image.coverage.assign(job.plan->coverage ? pixels : 0, 0.0F);

@@ -8,6 +8,7 @@
 #include <glm/geometric.hpp>
 
 #include "plan/make_plan.hpp"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat::backend_cpu {
 
@@ -391,7 +392,7 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.stop = plan.mode == Mode::isosurface ? T(0.5)
                    : plan.stop ? std::max(static_cast<T>(scene.opacity_stop), std::numeric_limits<T>::min())
                                : T(1);
-    shading.scalar_step = number<T>(plan.mode == Mode::xray ? plan.value_unit * frame.slice_spacing : plan.value_unit);
+    shading.scalar_step = number<T>(scalar_unit(plan.mode, plan.value_unit, frame.slice_spacing));
     shading.coverage_step = number<T>(frame.slice_spacing);
 
     const TransferFunction& function = scene.transfer_function;

@@ -1,10 +1,12 @@
 #include "picture.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <limits>
 #include <numeric>
 
+#include "base/clock.hpp"
+#include "base/poll.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 #include "tile_loop.hpp"
 
@@ -12,12 +14,8 @@ namespace sheetsplat::backend_gl {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 /// Largest edge of a tile, pixels: a viewport that is widened for sprites must fit too.
 constexpr int most_pixels = 4096;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 /// Tiles of at most `edge` pixels that cover a picture, as equal as they can be.
 std::vector<Tile> tiles_of(Size size, int edge) {
@@ -141,10 +139,12 @@ void Picture::upload() {
 
 const Targets& Picture::draw_tile(const Tile& tile, std::size_t number, std::size_t tiles) {
     const auto report = [&](double share) {
-        if (job_.progress != nullptr && *job_.progress &&
-            !(*job_.progress)((static_cast<double>(number) + share) / static_cast<double>(tiles))) {
+        try {
+            report_progress(job_.progress != nullptr ? *job_.progress : Progress(),
+                            (static_cast<double>(number) + share) / static_cast<double>(tiles));
+        } catch (const Cancelled&) {
             context_.api().Finish();
-            throw Cancelled();
+            throw;
         }
     };
     if (const Targets* targets = hooks_.draw_tile(job_, tile, report, drawn_)) {
@@ -162,7 +162,7 @@ const Targets& Picture::draw_tile(const Tile& tile, std::size_t number, std::siz
 void Picture::read(const Targets& targets, const Tile& tile) {
     const double distance = job_.frame->slice_spacing;
     if (is_scalar()) {
-        const double scale = plan_.mode == Mode::xray ? plan_.value_unit * distance : plan_.value_unit;
+        const double scale = scalar_unit(plan_.mode, plan_.value_unit, distance);
         read_channels(targets, tile, 0, 1, scale, image_.scalar);
     } else {
         read_channels(targets, tile, 0, 4, 1.0, image_.rgba);

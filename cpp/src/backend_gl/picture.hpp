@@ -8,6 +8,7 @@
 #include "classification.hpp"
 #include "gl/context.hpp"
 #include "resources.hpp"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -25,7 +26,7 @@ class Picture {
     void read(const Targets& targets, const Tile& tile);
     void read_channels(const Targets& targets, const Tile& tile, int attachment, std::size_t channels, double scale,
                        std::vector<float>& to);
-    [[nodiscard]] bool is_scalar() const { return plan_.mode == Mode::xray || plan_.mode == Mode::mip; }
+    [[nodiscard]] bool is_scalar() const { return sheetsplat::is_scalar(plan_.mode); }
 
     const Job& job_;
     const DrawPlan& plan_;

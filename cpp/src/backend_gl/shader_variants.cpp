@@ -5,6 +5,7 @@
 
 #include "backend_gl/gl_renderer.hpp"
 #include "plan/pivot.hpp"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -57,7 +58,7 @@ std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene) {
 Steps make_steps(const DrawPlan& plan, const Frame& frame) {
     Steps steps;
     const std::int64_t n = frame.slices;
-    const bool intervals = plan.mode == Mode::isosurface || plan.preintegration;
+    const bool intervals = uses_intervals(plan.mode, plan.preintegration);
     if (plan.packing == Packing::wide) {
         // The last slice of pass p is 4 p + 2, its last interval starts at 4 p + 1.
         const std::int64_t last = intervals ? n - 2 : n - 3;

@@ -10,7 +10,7 @@
 #include "gl/program.hpp"
 #include "plan/make_plan.hpp"
 #include "view/ellipsoid_view.hpp"
-#include "view/frame.hpp"
+#include "view/field_view.hpp"
 #include "view/slab_batches.hpp"
 
 namespace sheetsplat::backend_gl {

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <charconv>
+#include <sstream>
 
 namespace sheetsplat {
 
@@ -19,7 +20,18 @@ std::string text_of(double value) {
 
 std::string text_of(const Vec3& v) { return "(" + text_of(v.x) + ", " + text_of(v.y) + ", " + text_of(v.z) + ")"; }
 
+std::string text_of(double value, int digits) {
+    std::ostringstream text;
+    text.precision(digits);
+    text << value;
+    return text.str();
+}
+
 std::string text_of_count(std::uint64_t count) { return std::to_string(count); }
+
+std::string text_of_count(std::uint64_t count, const char* noun) {
+    return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
+}
 
 std::string text_of_bytes(std::uint64_t bytes) {
     if (bytes < 1024) {

@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "sheetsplat/error.hpp"
+
 namespace sheetsplat {
 
 namespace {
@@ -21,6 +23,12 @@ void PollScope::ask_now_and_then() {
     if (ask_ && now - asked_ >= between_questions) {
         asked_ = now;
         ask_();
+    }
+}
+
+void report_progress(const std::function<bool(double)>& progress, double share) {
+    if (progress && !progress(share)) {
+        throw Cancelled();
     }
 }
 

@@ -33,7 +33,7 @@ double volume_of(const Field& field, const ViewFacts& view) {
         return static_cast<double>(field.size()) * 4.0 / 3.0 * pi * axes.x * axes.y * axes.z;
     }
     const Vec3 box = field.supports_world().extent();
-    return view.largest_overlap * box.x * box.y * box.z;
+    return view.overlap.typical * box.x * box.y * box.z;
 }
 
 } // namespace
@@ -41,7 +41,7 @@ double volume_of(const Field& field, const ViewFacts& view) {
 Work work_of(const Scene& scene, const ViewFacts& view) {
     Work work;
     double sections = 0.0, radii = 0.0;
-    const double pixel = std::sqrt(view.smallest_pixel * view.largest_pixel);
+    const double pixel = std::sqrt(view.frame.smallest_pixel * view.frame.largest_pixel);
     for (const auto& field : scene.fields) {
         if (field->size() == 0) {
             continue;
@@ -50,16 +50,16 @@ Work work_of(const Scene& scene, const ViewFacts& view) {
         const double volume = volume_of(*field, view);
         const double radius = std::cbrt(volume / kernels * 3.0 / (4.0 * pi));
         work.kernels += kernels;
-        sections += kernels * 2.0 * radius / view.slice_spacing;
+        sections += kernels * 2.0 * radius / view.frame.slice_spacing;
         radii += kernels * radius / pixel;
-        work.splats += volume / view.slice_spacing / (pixel * pixel);
+        work.splats += volume / view.frame.slice_spacing / (pixel * pixel);
     }
     if (work.kernels > 0.0) {
         work.slices_each = sections / work.kernels;
         work.radius_px = radii / work.kernels;
     }
-    work.pixels =
-        static_cast<double>(view.size.width) * static_cast<double>(view.size.height) * static_cast<double>(view.slices);
+    work.pixels = static_cast<double>(view.frame.size.width) * static_cast<double>(view.frame.size.height) *
+                  static_cast<double>(view.frame.slices);
     // No kernel covers more than the picture.
     work.splats = std::min(work.splats, work.kernels * work.pixels);
     return work;

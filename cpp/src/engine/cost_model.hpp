@@ -1,7 +1,7 @@
 // What a picture costs, before it is drawn.
 #pragma once
 
-#include "plan/make_plan.hpp"
+#include "facts/view_facts.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
 

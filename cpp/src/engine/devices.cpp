@@ -1,5 +1,6 @@
 #include "sheetsplat/device.hpp"
 
+#include "backend_choice.hpp"
 #include "backend_cpu/cpu_renderer.hpp"
 #include "backend_gl/gl_renderer.hpp"
 
@@ -15,9 +16,7 @@ std::vector<DeviceReport> devices() {
     DeviceReport processor;
     processor.backend = "cpu";
     processor.available = true;
-    const int threads = backend_cpu::usable_threads();
-    processor.description =
-        backend_cpu::instruction_set() + ", " + std::to_string(threads) + (threads == 1 ? " thread" : " threads");
+    processor.description = describe_cpu(thread_count(0));
     processor.extensions = backend_cpu::instruction_sets();
     reports.push_back(processor);
     for (DeviceReport& report : backend_gl::survey()) {

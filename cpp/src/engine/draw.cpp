@@ -1,12 +1,12 @@
 #include "draw.hpp"
 
 #include <algorithm>
-#include <chrono>
 
 #include "backend_cpu/cpu_renderer.hpp"
 #include "backend_gl/gl_renderer.hpp"
+#include "base/clock.hpp"
+#include "base/poll.hpp"
 #include "reference/reference.hpp"
-#include "sheetsplat/error.hpp"
 #include "view/cell_walk.hpp"
 #include "view/ellipsoid_view.hpp"
 #include "view/slab_batches.hpp"
@@ -14,10 +14,6 @@
 namespace sheetsplat {
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 std::vector<EllipsoidView> views_of(const Request& request, const Prepared& prepared, const Indexed& indexed) {
     std::vector<EllipsoidView> views;
@@ -27,13 +23,6 @@ std::vector<EllipsoidView> views_of(const Request& request, const Prepared& prep
                            prepared.plan.filter ? Filter::ewa : Filter::none, prepared.plan.value_unit, 1.0);
     }
     return views;
-}
-
-/// Throws Cancelled.
-void report(const Progress& progress, double share) {
-    if (progress && !progress(share)) {
-        throw Cancelled();
-    }
 }
 
 } // namespace
@@ -58,8 +47,8 @@ void draw_on_reference(const Request& request, Image& image) {
     image.stats["seconds_draw"] = seconds_since(drawing);
 }
 
-void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const RendererOptions& options,
-                const Prepared& prepared, const Indexed& indexed, Image& image) {
+void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const Prepared& prepared,
+                const Indexed& indexed, Image& image) {
     const auto viewing = Clock::now();
     const backend_gl::Setup setup = backend_gl::set_up(prepared.plan, request.scene, renderer.capabilities());
     const DrawPlan& plan = setup.plan;
@@ -94,8 +83,8 @@ void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const 
     job.camera = &request.camera;
     job.frame = &prepared.frame;
     job.plan = &plan;
-    job.tile_size = options.tile_size;
-    job.tags_per_clear = options.tags_per_clear;
+    job.tile_size = request.options.tile_size;
+    job.tags_per_clear = request.options.tags_per_clear;
     job.volumes = &indexed.volumes;
     job.progress = &request.progress;
     renderer.render(job, image);
@@ -103,8 +92,8 @@ void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const 
     image.stats["bytes_view"] = static_cast<double>(bytes);
 }
 
-void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, const RendererOptions& options,
-                 const Prepared& prepared, const Indexed& indexed, Image& image) {
+void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, const Prepared& prepared,
+                 const Indexed& indexed, Image& image) {
     const auto viewing = Clock::now();
     backend_cpu::Job job;
     for (std::size_t part = 0; part < indexed.runs.size(); ++part) {
@@ -122,14 +111,14 @@ void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, con
     job.camera = &request.camera;
     job.frame = &prepared.frame;
     job.plan = &prepared.plan;
-    job.tile_size = options.tile_size;
-    job.threads = options.threads;
+    job.tile_size = request.options.tile_size;
+    job.threads = request.options.threads;
     job.progress = &request.progress;
     job.volumes = &indexed.volumes;
     // Pictures can be done before the renderer finds time to ask.
-    report(request.progress, 0.0);
+    report_progress(request.progress, 0.0);
     renderer.render(job, image);
-    report(request.progress, 1.0);
+    report_progress(request.progress, 1.0);
 }
 
 } // namespace sheetsplat

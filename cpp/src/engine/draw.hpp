@@ -9,7 +9,7 @@
 #include "plan/make_plan.hpp"
 #include "sheetsplat/image.hpp"
 #include "sheetsplat/renderer.hpp"
-#include "view/frame.hpp"
+#include "view/field_view.hpp"
 #include "view/light_volume.hpp"
 
 namespace sheetsplat {
@@ -21,13 +21,20 @@ namespace backend_cpu {
 class CpuRenderer;
 }
 
-/// What is asked for.
+/// A picture that was asked for, and the options that it is drawn with.
 struct Request {
     const Scene& scene;
     const Camera& camera;
     Size size{};
     const Outputs& outputs;
     const Progress& progress;
+    const RendererOptions& options;
+
+    /// The same picture of another scene, or with other options.
+    [[nodiscard]] Request with(const Scene& other) const { return {other, camera, size, outputs, progress, options}; }
+    [[nodiscard]] Request with(const RendererOptions& other) const {
+        return {scene, camera, size, outputs, progress, other};
+    }
 };
 
 /// Everything that is derived from scene, camera and size before a backend draws.
@@ -50,9 +57,9 @@ struct Indexed {
 
 /// Each fills the picture, and its stats: kernels_drawn, bytes_view and bytes_device (not the reference), seconds_draw.
 void draw_on_reference(const Request& request, Image& image);
-void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const RendererOptions& options,
-                const Prepared& prepared, const Indexed& indexed, Image& image);
-void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, const RendererOptions& options,
-                 const Prepared& prepared, const Indexed& indexed, Image& image);
+void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const Prepared& prepared,
+                const Indexed& indexed, Image& image);
+void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, const Prepared& prepared,
+                 const Indexed& indexed, Image& image);
 
 } // namespace sheetsplat

@@ -5,7 +5,9 @@
 #include <optional>
 #include <utility>
 
+#include "plan/effect_table.hpp"
 #include "renderer_state.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -103,7 +105,7 @@ void check_origin(const Image& image, const Scene& scene) {
                    std::to_string(spacing) + " in the scene",
                "the scene that the picture shows", "pass the scene and camera that it was rendered with");
     }
-    const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
+    const bool scalar = is_scalar(scene.mode);
     const std::size_t pixels = static_cast<std::size_t>(image.size.width) * static_cast<std::size_t>(image.size.height);
     if (channels_of(image).size() != (scalar ? 1U : 4U) * pixels || image.rgba.empty() != scalar) {
         refuse("a picture of another mode than the scene's", "the scene that the picture shows",
@@ -113,13 +115,24 @@ void check_origin(const Image& image, const Scene& scene) {
 
 } // namespace
 
-bool is_of_model(const ErrorShare& share) { return share.effect == "shadows" || share.effect == "ambient_occlusion"; }
+bool is_of_model(const ErrorShare& share) {
+    return share.effect == name_of(EffectId::shadows) || share.effect == name_of(EffectId::ambient_occlusion);
+}
 
 double model_error(const std::vector<ErrorShare>& budget) { return expected(budget, true); }
 
 double richardson_share(const Scene& scene) {
     const bool plain = scene.mode == Mode::xray || (scene.mode == Mode::composite && !scene.preintegration);
     return plain ? plain_share : smooth_share;
+}
+
+RendererOptions exact_options(const RendererOptions& options) {
+    RendererOptions exact;
+    exact.backend = Backend::cpu;
+    exact.precision = Precision::float64;
+    exact.allow_inexact = true;
+    exact.threads = options.threads;
+    return exact;
 }
 
 Scene with_settings(const Scene& scene, const Settings& settings) {
@@ -197,13 +210,14 @@ ErrorEstimate Renderer::State::estimate_error(const Image& image, const Scene& s
     Scene halved = unstopped;
     halved.slice_spacing = 0.5 * *unstopped.slice_spacing;
 
-    const bool stops = image.plan->has("opacity_stop") && scene.opacity_stop < 1.0;
+    const bool stops = image.plan->has(name_of(EffectId::opacity_stop)) && scene.opacity_stop < 1.0;
     double done = 0.0;
     double part = halved_work;
     const Outputs none;
+    const RendererOptions in_float64 = exact_options(options_);
     const auto draw = [&](const Scene& what, bool exact) {
         const Progress watch = [&](double share) { return !progress || progress(done + part * share); };
-        Image drawn = render_with(exact ? exact_options() : options_, {what, camera, image.size, none, watch});
+        Image drawn = render({what, camera, image.size, none, watch, exact ? in_float64 : options_});
         done += part;
         return drawn;
     };

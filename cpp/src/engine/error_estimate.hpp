@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sheetsplat/image.hpp"
+#include "sheetsplat/renderer.hpp"
 #include "sheetsplat/scene.hpp"
 
 namespace sheetsplat {
@@ -13,6 +14,9 @@ namespace sheetsplat {
 /// errors fall at second order. Where slices meet kernels, or steps, by chance, the finer picture's error is
 /// independent of the coarser one's, and this is about 1.
 double richardson_share(const Scene& scene);
+
+/// Backend cpu in float64, whatever the scene is.
+RendererOptions exact_options(const RendererOptions& options);
 
 /// The scene with other settings.
 Scene with_settings(const Scene& scene, const Settings& settings);

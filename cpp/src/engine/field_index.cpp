@@ -7,6 +7,7 @@
 #include <glm/geometric.hpp>
 
 #include "base/memory.hpp"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat {
 
@@ -91,7 +92,7 @@ std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
 int slices_beyond(const DrawPlan& plan) {
     // (Second order looks at four slices.)
     return (plan.second_order ? 2 : 0) + (plan.sampling == Sampling::slab ? 1 : 0) +
-           (plan.mode == Mode::isosurface || plan.preintegration ? 1 : 0);
+           (uses_intervals(plan.mode, plan.preintegration) ? 1 : 0);
 }
 
 /// Whether what a classification of slices cannot show may still be left out: the cubic of second order overshoots, and
@@ -102,7 +103,7 @@ bool may_cull(const DrawPlan& plan) {
 }
 
 const TransferFunction* asked_function(const Scene& scene, const DrawPlan& plan) {
-    return plan.mode == Mode::xray || plan.mode == Mode::mip ? nullptr : &scene.transfer_function;
+    return is_scalar(plan.mode) ? nullptr : &scene.transfer_function;
 }
 
 template <class Entry>

@@ -7,11 +7,11 @@
 #include <memory>
 #include <vector>
 
+#include "facts/frame.hpp"
 #include "index/spatial_grid.hpp"
 #include "index/visible_runs.hpp"
 #include "plan/make_plan.hpp"
 #include "sheetsplat/scene.hpp"
-#include "view/frame.hpp"
 
 namespace sheetsplat {
 

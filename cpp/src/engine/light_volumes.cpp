@@ -1,7 +1,6 @@
 #include "light_volumes.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <new>
@@ -9,6 +8,9 @@
 #include <glm/geometric.hpp>
 
 #include "backend_cpu/cpu_renderer.hpp"
+#include "base/clock.hpp"
+#include "plan/limits_common.hpp"
+#include "same_scene.hpp"
 #include "sheetsplat/error.hpp"
 #include "view/ellipsoid_view.hpp"
 
@@ -16,17 +18,6 @@ namespace sheetsplat {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-/// Of one volume, elements: 96 MiB.
-constexpr double most_elements = 24.0 * (1 << 20);
-/// What surroundings leave open is a mean over directions and distances, which hardly changes from one slice to the
-/// next: 16 MiB.
-constexpr double most_open_elements = 4.0 * (1 << 20);
-/// Of all volumes together: 256 MiB.
-constexpr double most_elements_of_all = 64.0 * (1 << 20);
 /// Those of a few scenes, or of the stages of one picture.
 constexpr std::size_t most_kept = 32;
 /// Grids are this much coarser until they fit.
@@ -107,8 +98,7 @@ LightView view_of(const Scene& scene, const Vec3& towards_light, double step, do
 
 /// -ln of what is left of light on its way to the planes of a volume.
 LightVolume absorption(const Request& request, const DrawPlan& plan, const Indexed& indexed, const Prepared& prepared,
-                       const RendererOptions& options, const Reach& reach, const LightView& view,
-                       backend_cpu::CpuRenderer& processor) {
+                       const Reach& reach, const LightView& view, backend_cpu::CpuRenderer& processor) {
     const Scene& scene = request.scene;
     const Frame frame = make_frame(scene, view.camera, view.size, reach);
     backend_cpu::Job job;
@@ -133,8 +123,8 @@ LightVolume absorption(const Request& request, const DrawPlan& plan, const Index
     job.camera = &view.camera;
     job.frame = &frame;
     job.plan = &plan;
-    job.tile_size = options.tile_size;
-    job.threads = options.threads;
+    job.tile_size = request.options.tile_size;
+    job.threads = request.options.threads;
     // (The picture itself has not begun.)
     const Progress nothing_yet =
         request.progress ? Progress([&request](double) { return request.progress(0.0); }) : Progress();
@@ -234,17 +224,10 @@ void add(const LightVolume& from, LightVolume& to) {
     }
 }
 
-bool same(const std::vector<TransferPoint>& a, const std::vector<TransferPoint>& b) {
+bool same_opacities(const std::vector<TransferPoint>& a, const std::vector<TransferPoint>& b) {
     return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const TransferPoint& x, const TransferPoint& y) {
         return x.value == y.value && x.opacity == y.opacity;
     });
-}
-
-bool same(const Clip& a, const Clip& b) {
-    const auto first = a.half_spaces(), second = b.half_spaces();
-    return std::equal(
-        first.begin(), first.end(), second.begin(), second.end(),
-        [](const Clip::Plane& x, const Clip::Plane& y) { return x.normal == y.normal && x.offset == y.offset; });
 }
 
 /// The light's direction in the world, of unit length.
@@ -259,7 +242,7 @@ Vec3 world_direction(const Light& light, const Camera& camera) {
 } // namespace
 
 bool LightVolumeCache::Origin::operator==(const Origin& other) const {
-    return fields == other.fields && versions == other.versions && same(points, other.points) &&
+    return fields == other.fields && versions == other.versions && same_opacities(points, other.points) &&
            same(clip, other.clip) && slice_spacing == other.slice_spacing &&
            reference_length == other.reference_length && filter == other.filter && precision == other.precision;
 }
@@ -281,15 +264,16 @@ void LightVolumeCache::tidy(const Scene& scene, std::size_t used) {
     entries_.erase(std::remove_if(entries_.begin(), entries_.end(),
                                   [&](const Entry& entry) {
                                       elements += static_cast<double>(entry.volume->values.size());
-                                      return ++number > used && (entry.turns || entry.origin.fields != scene.fields ||
-                                                                 elements > most_elements_of_all || number > most_kept);
+                                      return ++number > used &&
+                                             (entry.turns || entry.origin.fields != scene.fields ||
+                                              elements > static_cast<double>(most_light_elements_of_all) ||
+                                              number > most_kept);
                                   }),
                    entries_.end());
 }
 
 LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepared, const Indexed& indexed,
-                                  const RendererOptions& options, const Reach& reach,
-                                  backend_cpu::CpuRenderer& processor, Image& image) {
+                                  const Reach& reach, backend_cpu::CpuRenderer& processor, Image& image) {
     const auto start = Clock::now();
     const Scene& scene = request.scene;
     const DrawPlan plan = through(prepared.plan, scene);
@@ -311,7 +295,8 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
     LightVolumes volumes;
     const double spacing = prepared.frame.slice_spacing;
     const std::size_t grids = (prepared.plan.shadows ? scene.lights.size() : 0) + 1;
-    const double elements = std::min(most_elements, most_elements_of_all / static_cast<double>(grids));
+    const double elements = std::min(static_cast<double>(most_light_elements),
+                                     static_cast<double>(most_light_elements_of_all) / static_cast<double>(grids));
     try {
         if (prepared.plan.shadows && prepared.frame.slices > 0) {
             const double step = light_step(prepared.frame);
@@ -322,7 +307,7 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                         return entry.direction == direction && entry.step == step && entry.origin == origin;
                     },
                     [&] {
-                        LightVolume made = absorption(request, plan, indexed, prepared, options, reach,
+                        LightVolume made = absorption(request, plan, indexed, prepared, reach,
                                                       view_of(scene, direction, step, elements, reach), processor);
                         for (float& value : made.values) {
                             value = std::exp(-std::min(value, 80.0F));
@@ -344,12 +329,12 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                     return entry.direction == Vec3(0.0) && entry.radius == steps && entry.origin == origin;
                 },
                 [&] {
-                    LightVolume open = world_grid(scene, open_step(spacing, steps), most_open_elements);
+                    const auto most_elements = static_cast<double>(most_occlusion_elements);
+                    LightVolume open = world_grid(scene, open_step(spacing, steps), most_elements);
                     const double step = 1.0 / open.per_step[0].x;
                     for (const Vec3& direction : directions()) {
-                        const LightView view = view_of(scene, direction, step, 4.0 * most_open_elements, reach);
-                        LightVolume around =
-                            absorption(request, plan, indexed, prepared, options, reach, view, processor);
+                        const LightView view = view_of(scene, direction, step, 4.0 * most_elements, reach);
+                        LightVolume around = absorption(request, plan, indexed, prepared, reach, view, processor);
                         look_around(view.every, steps, around);
                         add(around, open);
                     }

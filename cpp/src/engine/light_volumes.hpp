@@ -18,9 +18,8 @@ class LightVolumeCache {
   public:
     /// For a plan with shadows or ambient occlusion; volumes that it does not call for are left out. Adds to the stats
     /// seconds_light and bytes_light. Throws OutOfMemory, Cancelled.
-    LightVolumes of(const Request& request, const Prepared& prepared, const Indexed& indexed,
-                    const RendererOptions& options, const Reach& reach, backend_cpu::CpuRenderer& processor,
-                    Image& image);
+    LightVolumes of(const Request& request, const Prepared& prepared, const Indexed& indexed, const Reach& reach,
+                    backend_cpu::CpuRenderer& processor, Image& image);
 
   private:
     /// What a volume was made from; the fields are kept so that no other one gets their address.

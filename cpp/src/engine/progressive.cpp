@@ -140,14 +140,15 @@ struct Stages::State {
     double difference = 0.0; ///< between the last two; 0: not known yet
 
     void choose_steps(double first_seconds) {
-        const Prepared prepared = renderer->prepare({scene, camera, size, outputs, {}});
+        const Prepared prepared = renderer->prepare({scene, camera, size, outputs, {}, renderer->options()});
         frame = prepared.frame;
         const Backend backend = prepared.plan.summary.backend;
+        const int threads = thread_count(renderer->options().threads);
         const double most_spacing = largest_spacing * scene.default_slice_spacing() / frame.slice_spacing;
         const auto expected = [&](int pixels) {
-            return expected_seconds(prepared.work, pixels, spacing_of(pixels, most_spacing), renderer->threads());
+            return expected_seconds(prepared.work, pixels, spacing_of(pixels, most_spacing), threads);
         };
-        const auto seconds = [&](int pixels) { return renderer->pace(backend, pixels > 1) * expected(pixels); };
+        const auto seconds = [&](int pixels) { return renderer->paces().last(backend, pixels > 1) * expected(pixels); };
         const int largest = std::max(size.width, size.height);
         int first = 1;
         if (seconds(1) > first_seconds) {
@@ -171,8 +172,9 @@ struct Stages::State {
         Scene coarse_scene = scene;
         coarse_scene.reference_length = frame.reference_length;
         coarse_scene.slice_spacing = frame.slice_spacing * step.spacing;
-        return {step,
-                renderer->render({coarse_scene, through, coarse_size(size, step.pixels), outputs, progress}, &frame)};
+        return {step, renderer->render({coarse_scene, through, coarse_size(size, step.pixels), outputs, progress,
+                                        renderer->options()},
+                                       &frame)};
     }
 
     [[nodiscard]] double order_of(double newer) const {
@@ -231,8 +233,9 @@ Stages::Stages(Renderer& renderer, const Scene& scene, const Camera& camera, Siz
                                      option_ref("first_seconds", std::to_string(first_seconds)), "more than 0",
                                      "leave it out for 0.05", "first_seconds"});
     }
-    if (const Chosen* chosen = renderer.state_->choose({scene, camera, size, outputs, {}})) {
-        state_->scene = with_settings(scene, chosen->choice.settings);
+    if (const Chosen* chosen =
+            renderer.state_->choose({scene, camera, size, outputs, {}, renderer.state_->options()})) {
+        state_->scene = chosen->scene_to_draw();
     }
     state_->choose_steps(first_seconds);
 }
@@ -251,7 +254,8 @@ Image Stages::next(const Progress& progress) {
     const bool last = state.next + 1 == state.steps.size();
     Image image;
     if (last) {
-        image = state.renderer->render_chosen({state.asked, state.camera, state.size, state.outputs, progress});
+        image = state.renderer->render_chosen(
+            {state.asked, state.camera, state.size, state.outputs, progress, state.renderer->options()});
         if (!image.settings) {
             image.stats["estimated_rmse"] = image.plan->expected_error();
         }

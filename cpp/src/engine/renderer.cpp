@@ -1,45 +1,20 @@
 #include "sheetsplat/renderer.hpp"
 
-#include <chrono>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 #include <utility>
 
-#include "backend_cpu/cpu_renderer.hpp"
-#include "backend_gl/gl_renderer.hpp"
+#include "base/clock.hpp"
 #include "base/memory.hpp"
 #include "base/poll.hpp"
 #include "base/unusable.hpp"
 #include "renderer_state.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-Backend requested_backend(Backend option) {
-    if (option != Backend::automatic) {
-        return option;
-    }
-    const char* name = std::getenv("SHEETSPLAT_BACKEND");
-    if (name == nullptr || *name == '\0') {
-        return option;
-    }
-    for (const Backend backend : {Backend::automatic, Backend::gl, Backend::cpu, Backend::reference}) {
-        if (std::string(name) == to_string(backend)) {
-            return backend;
-        }
-    }
-    throw InvalidInput(Complaint{"the backend cannot be chosen", std::string("SHEETSPLAT_BACKEND=") + name,
-                                 "auto, gl, cpu or reference", "correct the environment variable, or unset it"});
-}
-
-constexpr int most_threads = 1024;
 
 void check_options(const RendererOptions& options) {
     if (options.threads < 0 || options.threads > most_threads) {
@@ -69,8 +44,6 @@ void check_picture_memory(Size size, const Outputs& outputs) {
                    "make the picture smaller");
 }
 
-bool is_scalar(const Scene& scene) { return scene.mode == Mode::xray || scene.mode == Mode::mip; }
-
 void check_finite(const std::vector<float>& sums, const char* advice) {
     for (const float value : sums) {
         if (!std::isfinite(value)) {
@@ -96,7 +69,7 @@ Scene with_ambient_colors(const Scene& scene) {
 void leave_blank(const Request& request, Image& image) {
     const std::size_t pixels =
         static_cast<std::size_t>(request.size.width) * static_cast<std::size_t>(request.size.height);
-    if (is_scalar(request.scene)) {
+    if (is_scalar(request.scene.mode)) {
         image.scalar.assign(pixels, 0.0F);
     } else {
         image.rgba.assign(4 * pixels, 0.0F);
@@ -122,94 +95,15 @@ void put_background(std::vector<float>& rgba, const Vec3& background) {
     }
 }
 
-/// What failed and why, without advice.
-Words reason_of(const Complaint& complaint) { return Complaint{complaint.what, complaint.found}.words(); }
-
 } // namespace
 
-Renderer::State::State(const RendererOptions& options) : options_(options) {}
+Renderer::State::State(const RendererOptions& options) : options_(options), backends_(options.device) {}
 Renderer::State::~State() = default;
 
-int Renderer::State::threads() const { return options_.threads > 0 ? options_.threads : backend_cpu::usable_threads(); }
-
-backend_gl::GlRenderer* Renderer::State::gl(bool needed) {
-    if (!sheets_ && (needed || !why_no_gl_)) {
-        try {
-            sheets_ = std::make_unique<backend_gl::GlRenderer>(options_.device);
-        } catch (const DeviceUnavailable& error) {
-            if (needed) {
-                throw;
-            }
-            why_no_gl_ = error.complaint();
-        }
-    }
-    return sheets_.get();
-}
-
-backend_cpu::CpuRenderer& Renderer::State::processor() {
-    if (!processor_) {
-        processor_ = std::make_unique<backend_cpu::CpuRenderer>();
-    }
-    return *processor_;
-}
-
-std::vector<Backend> Renderer::State::candidates() {
-    const Backend asked = requested_backend(options_.backend);
-    if (asked != Backend::automatic) {
-        return {asked};
-    }
-    if (gl(false) == nullptr) {
-        return {Backend::cpu};
-    }
-    // The processor draws faster by itself than as a rasteriser; who names a device wants that one.
-    const bool hardware = !sheets_->capabilities().software || options_.device.has_value();
-    return hardware ? std::vector<Backend>{Backend::gl, Backend::cpu} : std::vector<Backend>{Backend::cpu, Backend::gl};
-}
-
-std::string Renderer::State::why_first() const {
-    if (!sheets_) {
-        return "no OpenGL here: " + reason_of(*why_no_gl_).text();
-    }
-    if (options_.device.has_value()) {
-        return "a device was named";
-    }
-    return sheets_->capabilities().software ? "OpenGL here is software (" + sheets_->capabilities().renderer + ")"
-                                            : "OpenGL here is hardware";
-}
-
-DrawPlan Renderer::State::plan_on(Backend backend, const Request& request, const ViewFacts& view) {
-    const Capabilities* capabilities = backend == Backend::gl ? &gl(true)->capabilities() : nullptr;
-    DrawPlan plan =
-        make_plan(request.scene, view, options_, request.outputs, request.camera.projection(), backend, capabilities);
-    if (backend == Backend::cpu) {
-        plan.summary.device = backend_cpu::instruction_set() + ", " + std::to_string(threads()) +
-                              (threads() == 1 ? " thread" : " threads");
-    }
-    return plan;
-}
-
-DrawPlan Renderer::State::choose_plan(const Request& request, const ViewFacts& view) {
-    const std::vector<Backend> tried = candidates();
-    Words reasons, refusals; // short ones for the plan, whole ones for an error
-    const bool automatic = requested_backend(options_.backend) == Backend::automatic;
-    for (const Backend backend : tried) {
-        try {
-            DrawPlan plan = plan_on(backend, request, view);
-            if (automatic) {
-                plan.summary.device += "; auto: " + (reasons.empty() ? why_first() : reasons.text());
-            }
-            return plan;
-        } catch (const Unsupported& error) {
-            if (!automatic) {
-                throw;
-            }
-            const std::string name = (reasons.empty() ? "backend " : "; backend ") + std::string(to_string(backend));
-            reasons += name + ": " + reason_of(error.complaint());
-            refusals += name + ": " + error.complaint().words();
-        }
-    }
-    throw Unsupported(Complaint{"no backend can draw this scene within its error bound",
-                                refusals + (why_no_gl_ ? "; no OpenGL: " + why_no_gl_->words() : Words())});
+Reach Renderer::State::reach() const {
+    return [this](const Field& field, const Vec3& from, const Vec3& direction) {
+        return index_.reach_along(field, from, direction);
+    };
 }
 
 Prepared Renderer::State::prepare(const Request& request) {
@@ -217,14 +111,12 @@ Prepared Renderer::State::prepare(const Request& request) {
     check_size(request.size);
     scene.validate();
     check_picture_memory(request.size, request.outputs);
+
     Prepared prepared;
-    prepared.frame = make_frame(scene, request.camera, request.size,
-                                [this](const Field& field, const Vec3& from, const Vec3& direction) {
-                                    return index_.reach_along(field, from, direction);
-                                });
-    facts_.forget_others(scene);
-    const ViewFacts facts = facts_of(scene, request.camera, prepared.frame, facts_);
-    prepared.plan = choose_plan(request, facts);
+    prepared.frame = make_frame(scene, request.camera, request.size, reach());
+    surveys_.forget_others(scene);
+    const ViewFacts facts = view_facts(scene, request.camera, prepared.frame, surveys_);
+    prepared.plan = backends_.choose_plan(request, facts);
     prepared.work = work_of(scene, facts);
     set_prices(prepared.work, scene, request.camera.projection(), prepared.plan.precision == Precision::float64);
     for (std::size_t field = 0; field < scene.fields.size(); ++field) {
@@ -242,7 +134,7 @@ Prepared Renderer::State::prepare(const Request& request) {
 
 Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prepared, const Frame& frame) {
     const Scene& scene = request.scene;
-    const double slant = largest_slant(frame);
+    const double slant = frame.largest_slant();
     index_.forget_others(scene);
     Indexed indexed;
     for (const std::size_t field : prepared.view_fields) {
@@ -266,28 +158,23 @@ Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prep
 void Renderer::State::draw(const Request& request, const Prepared& prepared, const Frame& drawn_like, Image& image) {
     if (prepared.plan.ambient_only && !request.scene.lights.empty()) {
         const Scene ambient = with_ambient_colors(request.scene);
-        draw({ambient, request.camera, request.size, request.outputs, request.progress}, prepared, drawn_like, image);
+        draw(request.with(ambient), prepared, drawn_like, image);
         return;
     }
     const auto indexing = Clock::now();
     Indexed indexed = find_drawn(request, prepared, drawn_like);
     image.stats["seconds_index"] = seconds_since(indexing);
     if ((prepared.plan.shadows || prepared.plan.ambient_occlusion) && !prepared.plan.blank) {
-        indexed.volumes = light_.of(
-            request, prepared, indexed, options_,
-            [this](const Field& field, const Vec3& from, const Vec3& direction) {
-                return index_.reach_along(field, from, direction);
-            },
-            processor(), image);
+        indexed.volumes = light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
     }
     if (prepared.plan.blank) {
         leave_blank(request, image);
     } else if (prepared.plan.summary.backend == Backend::gl) {
-        draw_on_gl(*sheets_, request, options_, prepared, indexed, image);
+        draw_on_gl(backends_.gl(), request, prepared, indexed, image);
     } else {
-        draw_on_cpu(processor(), request, options_, prepared, indexed, image);
+        draw_on_cpu(backends_.cpu(), request, prepared, indexed, image);
     }
-    if (request.scene.background && !is_scalar(request.scene)) {
+    if (request.scene.background && !is_scalar(request.scene.mode)) {
         put_background(image.rgba, *request.scene.background);
     }
     auto& stats = image.stats;
@@ -297,26 +184,10 @@ void Renderer::State::draw(const Request& request, const Prepared& prepared, con
     stats["bytes"] = stats["bytes_index"] + stats["bytes_view"] + stats["bytes_device"];
 }
 
-void Renderer::State::note_pace(Backend backend, bool coarse, double pace) {
-    const auto at = static_cast<std::size_t>(backend);
-    const std::size_t kind = coarse ? 1 : 0;
-    auto& recent = recent_paces_[at][kind];
-    if (!timed_[at][kind]) {
-        recent.fill(pace);
-    }
-    recent = {recent[1], recent[2], pace};
-    paces_[at][kind] = pace;
-    timed_[at][kind] = true;
-}
-
 Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     const auto started = Clock::now();
     // Surveys and indices of millions of kernels take long enough to be unwanted before they are done.
-    const PollScope polling([&request] {
-        if (request.progress && !request.progress(0.0)) {
-            throw Cancelled();
-        }
-    });
+    const PollScope polling([&request] { report_progress(request.progress, 0.0); });
     const Prepared prepared = prepare(request);
     const Backend backend = prepared.plan.summary.backend;
     Image image;
@@ -327,7 +198,7 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     } else {
         draw(request, prepared, drawn_like != nullptr ? *drawn_like : prepared.frame, image);
     }
-    if (request.outputs.depth && is_scalar(request.scene)) {
+    if (request.outputs.depth && is_scalar(request.scene.mode)) {
         image.depth.assign(static_cast<std::size_t>(request.size.width) * static_cast<std::size_t>(request.size.height),
                            std::numeric_limits<float>::infinity());
     }
@@ -337,9 +208,10 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     image.stats["slices"] = static_cast<double>(prepared.frame.slices);
     image.stats["seconds_total"] = seconds_since(started);
     image.plan = std::make_shared<const RenderPlan>(prepared.plan.summary);
-    // An index is made once and says nothing about the next picture.
+    // The next picture has the index already.
     const double drawn = seconds_since(drawing) - image.stats["seconds_index"];
-    note_pace(backend, drawn_like != nullptr, drawn / expected_seconds(prepared.work, 1.0, 1.0, threads()));
+    const double expected = expected_seconds(prepared.work, 1.0, 1.0, thread_count(request.options.threads));
+    paces_.note(backend, drawn_like != nullptr, drawn / expected);
     return image;
 }
 
@@ -352,12 +224,12 @@ Renderer::Renderer(Renderer&&) noexcept = default;
 Renderer& Renderer::operator=(Renderer&&) noexcept = default;
 
 RenderPlan Renderer::plan(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs) {
-    return state_->plan_chosen({scene, camera, size, outputs, {}});
+    return state_->plan_chosen({scene, camera, size, outputs, {}, state_->options()});
 }
 
 Image Renderer::render(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
                        const Progress& progress) {
-    return state_->render_chosen({scene, camera, size, outputs, progress});
+    return state_->render_chosen({scene, camera, size, outputs, progress, state_->options()});
 }
 
 } // namespace sheetsplat

@@ -3,16 +3,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <utility>
 
 #include <glm/geometric.hpp>
 
 #include "base/unusable.hpp"
-#include "coarse_view.hpp"
 #include "error_estimate.hpp"
-#include "renderer_state.hpp"
+#include "pilots.hpp"
+#include "plan/effect_table.hpp"
+#include "same_scene.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -23,16 +24,6 @@ namespace {
 /// are at few pixels, on their edges, so nearly all pictures are pilots of themselves.
 constexpr double pilot_pixels = 64.0 * 64.0;
 constexpr double surface_pilot_pixels = 1024.0 * 1024.0;
-/// Slice distances of the picture that a pilot is compared with, in those of the pilot; rounded down to powers of two.
-/// Where slices are close already, errors fall as they should, and less has to be drawn.
-constexpr double converged = 0.25;
-constexpr double converged_close = 0.5;
-constexpr double close_spacing = 0.3;
-/// What the distance to such a picture is of the distance to the converged one.
-constexpr double converged_share = 0.92;
-constexpr double converged_close_share = 0.8;
-/// Errors that are asked for, from which on the picture that a pilot is compared with may be in float32.
-constexpr double plain_reference = 3e-5;
 /// Of the error that is asked for, what float32 may have before float64 is taken.
 constexpr double arithmetic_share = 0.3;
 /// A check looks through pixels of this share of a pilot's width.
@@ -47,67 +38,16 @@ constexpr double lit_found = 0.8;
 constexpr double surface_aim = 0.5;
 constexpr double surface_found = 0.6;
 constexpr double mending_order = 1.5;
-constexpr int timed_pilots = 3;
 constexpr double usual_opacity_stop = 0.98;
 constexpr double least_turn_cosine = 0.9848; ///< of 10 degrees
 constexpr double least_move = 0.125;         ///< of the height of the view
 /// Times that pictures take, over those that they were expected to take: another choice is due beyond.
 constexpr double pace_change = 1.25;
 
-bool same(const Clip& a, const Clip& b) {
-    const std::vector<Clip::Plane> first = a.half_spaces(), second = b.half_spaces();
-    return std::equal(first.begin(), first.end(), second.begin(), second.end(),
-                      [](const Clip::Plane& one, const Clip::Plane& other) {
-                          return one.normal == other.normal && one.offset == other.offset;
-                      });
-}
-
-bool same(const TransferFunction& a, const TransferFunction& b) {
-    return std::equal(a.points().begin(), a.points().end(), b.points().begin(), b.points().end(),
-                      [](const TransferPoint& one, const TransferPoint& other) {
-                          return one.value == other.value && one.color == other.color && one.opacity == other.opacity;
-                      });
-}
-
-bool same(const Light& a, const Light& b) {
-    return a.direction == b.direction && a.color == b.color && a.space == b.space;
-}
-
-bool same(const Material& a, const Material& b) {
-    return a.ambient == b.ambient && a.diffuse == b.diffuse && a.specular == b.specular && a.shininess == b.shininess &&
-           a.two_sided == b.two_sided;
-}
-
-bool same(const std::optional<DepthCue>& a, const std::optional<DepthCue>& b) {
-    return a.has_value() == b.has_value() &&
-           (!a || (a->start == b->start && a->end == b->end && a->color == b->color && a->strength == b->strength));
-}
-
-bool same(const std::optional<AmbientOcclusion>& a, const std::optional<AmbientOcclusion>& b) {
-    return a.has_value() == b.has_value() && (!a || (a->radius == b->radius && a->strength == b->strength));
-}
-
-bool same(const Scene& a, const Scene& b) {
-    return a.fields == b.fields && same(a.transfer_function, b.transfer_function) &&
-           a.slice_spacing == b.slice_spacing && a.sampling == b.sampling && a.reference_length == b.reference_length &&
-           a.mode == b.mode && a.iso_value == b.iso_value &&
-           std::equal(a.lights.begin(), a.lights.end(), b.lights.begin(), b.lights.end(),
-                      [](const Light& one, const Light& other) { return same(one, other); }) &&
-           same(a.material, b.material) && a.opacity_stop == b.opacity_stop && a.preintegration == b.preintegration &&
-           a.second_order == b.second_order && a.filter == b.filter && a.gradient == b.gradient &&
-           same(a.clip, b.clip) && a.gradient_opacity == b.gradient_opacity && same(a.depth_cue, b.depth_cue) &&
-           a.shadows == b.shadows && same(a.ambient_occlusion, b.ambient_occlusion) && a.background == b.background;
-}
-
 double view_height(const Camera& camera) {
     return camera.projection() == Projection::orthographic
                ? camera.height()
                : 2.0 * camera.half_height() * glm::length(camera.eye() - camera.target());
-}
-
-double rmse(const Image& picture, const Image& reference) {
-    return picture.rgba.empty() ? compare(picture.scalar, reference.scalar, 1).rmse
-                                : compare(picture.rgba, reference.rgba, 4).rmse;
 }
 
 Settings settings_of(const Scene& scene) {
@@ -119,9 +59,9 @@ Settings settings_of(const Scene& scene) {
 Freedom freedom_of(const Scene& scene) {
     Freedom free;
     free.spacing = !scene.slice_spacing.has_value();
-    free.preintegration = scene.mode == Mode::composite && !scene.preintegration;
+    free.preintegration = is_composited(scene.mode) && !scene.preintegration;
     free.sampling = scene.sampling == Sampling::point;
-    free.stop = scene.mode == Mode::composite && scene.opacity_stop == usual_opacity_stop;
+    free.stop = is_composited(scene.mode) && scene.opacity_stop == usual_opacity_stop;
     return free;
 }
 
@@ -164,6 +104,16 @@ bool Chosen::serves(const Scene& other, const Camera& from, Size other_size) con
            glm::length(from.target() - camera.target()) <= near && same(scene, other);
 }
 
+Scene Chosen::scene_to_draw() const { return with_settings(scene, choice.settings); }
+
+RendererOptions Chosen::options(const RendererOptions& options) const {
+    RendererOptions chosen = options;
+    if (choice.settings.precision != Precision::automatic) {
+        chosen.precision = choice.settings.precision;
+    }
+    return chosen;
+}
+
 Effect Chosen::told(const RendererOptions& options) const {
     const bool error = options.max_error.has_value(), seconds = options.max_seconds.has_value();
     const Settings& settings = choice.settings;
@@ -199,214 +149,17 @@ Effect Chosen::told(const RendererOptions& options) const {
 
 void Chosen::tell(RenderPlan& plan, const RendererOptions& options) const {
     const Settings& settings = choice.settings;
-    const std::string asked = "asked for", goal = options.max_error ? "max_error" : "max_seconds";
-    for (Effect& effect : plan.effects) {
-        const bool chosen =
-            (effect.name == "preintegration" && settings.preintegration && !scene.preintegration) ||
-            (effect.name == "second_order" && settings.second_order && !scene.second_order) ||
-            (effect.name == "slab_sampling" && settings.sampling == Sampling::slab && scene.sampling != Sampling::slab);
-        if (chosen && effect.reason.compare(0, asked.size(), asked) == 0) {
-            effect.reason.replace(0, asked.size(), "chosen for " + goal);
-        }
-    }
-    plan.effects.push_back(told(options));
-}
-
-/// Draws pilots of a view with a renderer's state.
-class Renderer::State::Pilots : public Judge {
-  public:
-    Pilots(State& state, const Request& request, const Settings& start, int larger)
-        : state_(state), request_(request), start_(start), size_(coarse_size(request.size, larger)),
-          camera_(coarse_camera(request.camera, request.size, larger)),
-          watch_([this](double) { return !request_.progress || request_.progress(0.0); }) {
-        const Prepared prepared = state_.prepare(
-            {with_settings(request.scene, start), request.camera, request.size, no_outputs_, request.progress});
-        backend_ = prepared.plan.summary.backend;
-        projection_ = request.camera.projection();
-        work_ = prepared.work;
-        precision_ = prepared.plan.precision;
-        // Of all pilots, the one that kernels reach furthest into.
-        widest_ = prepared.frame;
-        widest_.slice_spacing *= coarsest_spacing;
-        widest_.pixel *= larger;
-    }
-
-    std::optional<double> error(const Settings& settings) override {
-        try {
-            const Image picture = draw(settings, false);
-            const double spacing = settings.slice_spacing / start_.slice_spacing;
-            const Image& reference = converged_for(spacing);
-            const bool far = reference_spacing_ <= converged * spacing * (1.0 + 1e-9);
-            const double distance = rmse(picture, reference) / (far ? converged_share : converged_close_share);
-            return std::hypot(distance, of_model(settings));
-        } catch (const Unsupported&) {
-        } catch (const InvalidInput&) {}
-        return std::nullopt;
-    }
-
-    double stop_error(const Settings& settings) override {
-        if (request_.scene.mode != Mode::composite || settings.opacity_stop >= 1.0) {
-            return 0.0;
-        }
-        Settings unstopped = settings;
-        unstopped.opacity_stop = 1.0;
-        return rmse(draw(settings, false), draw(unstopped, false));
-    }
-
-    double seconds(const Settings& settings) override {
-        Work work = work_;
-        const bool precise = settings.precision == Precision::float64 || precision_ == Precision::float64;
-        set_prices(work, with_settings(request_.scene, settings), projection_, precise);
-        return pace_ * expected_seconds(work, 1.0, settings.slice_spacing / start_.slice_spacing, state_.threads());
-    }
-
-    Floor floor() override {
-        Settings finest = start_;
-        finest.slice_spacing *= request_.scene.slice_spacing ? 1.0 : finest_spacing;
-        double error = 0.0;
-        try {
-            error = of_model(finest);
-        } catch (const Unsupported&) {
-        } catch (const InvalidInput&) {}
-        if (error == 0.0) {
-            return {};
-        }
-        std::string causes;
-        if (request_.scene.shadows) {
-            causes = "shadows";
-        }
-        if (request_.scene.ambient_occlusion) {
-            causes += causes.empty() ? "ambient occlusion" : " and ambient occlusion";
-        }
-        return {error, "the error expected of " + causes + " from volumes",
-                "allow a larger " + option_ref("max_error") + ", leave out " + causes + ", or use " +
-                    option_ref("backend", "reference") + ", which computes them from the kernels"};
-    }
-
-    /// What the renderer's own numbers differ by from float64; 0 where that cannot be had.
-    double arithmetic() {
-        if (precision_ == Precision::float64) {
-            return 0.0;
-        }
-        try {
-            return rmse(draw(start_, false), draw(start_, true));
-        } catch (const Unsupported&) {
-            return 0.0;
-        }
-    }
-
-    /// Times pilots, where no picture was timed yet.
-    void find_pace() {
-        for (int n = 0; n < timed_pilots && !state_.timed_[static_cast<std::size_t>(backend_)][0]; ++n) {
-            draw(start_, false);
-        }
-        pace_ = state_.best_pace(backend_);
-    }
-    [[nodiscard]] double pace() const { return pace_; }
-    [[nodiscard]] Backend backend() const { return backend_; }
-
-  private:
-    [[nodiscard]] bool pre_integrated() const { return request_.scene.mode == Mode::composite; }
-
-    /// What shares of light looked up in volumes are expected to differ by: pilots and what they are compared with both
-    /// have them.
-    double of_model(const Settings& settings) {
-        const Scene& scene = request_.scene;
-        if ((!scene.shadows && !scene.ambient_occlusion) || backend_ == Backend::reference) {
-            return 0.0;
-        }
-        const double spacing = settings.slice_spacing;
-        const auto known = of_model_.find(spacing);
-        if (known != of_model_.end()) {
-            return known->second;
-        }
-        const Prepared prepared =
-            state_.prepare({with_settings(scene, settings), request_.camera, request_.size, no_outputs_, watch_});
-        return of_model_[spacing] = model_error(prepared.plan.summary.error_budget);
-    }
-
-    Image draw(const Settings& settings, bool exact) {
-        // One thread that does everything in float64 would take minutes to say what vectors say as well.
-        const bool slow = backend_ == Backend::reference;
-        RendererOptions options = exact || slow ? state_.exact_options() : state_.options_;
-        if (settings.precision != Precision::automatic) {
-            options.precision = settings.precision;
-        }
-        return state_.render_with(
-            options, {with_settings(request_.scene, settings), camera_, size_, no_outputs_, watch_}, &widest_);
-    }
-
-    const Image& converged_for(double spacing) {
-        const double share = spacing < close_spacing ? converged_close : converged;
-        const double wanted = std::exp2(std::floor(std::log2(share * spacing) + 1e-9));
-        if (!reference_ || wanted < reference_spacing_) {
-            Settings settings = start_;
-            settings.slice_spacing = start_.slice_spacing * wanted;
-            settings.opacity_stop = 1.0;
-            settings.sampling = Sampling::point;
-            settings.preintegration = pre_integrated();
-            settings.second_order = false;
-            Image drawn;
-            try {
-                const bool plain = state_.options_.precision == Precision::automatic &&
-                                   state_.options_.max_error.value_or(plain_reference) >= plain_reference;
-                drawn = draw(settings, !plain);
-            } catch (const Unsupported&) {
-                drawn = draw(settings, false);
+    const auto say_chosen = [&](EffectId id, bool chosen) {
+        for (Effect& effect : plan.effects) {
+            if (chosen && effect.on && effect.name == name_of(id)) {
+                effect.reason = std::string("chosen for ") + (options.max_error ? "max_error" : "max_seconds");
             }
-            reference_ = std::move(drawn);
-            reference_spacing_ = wanted;
         }
-        return *reference_;
-    }
-
-    State& state_;
-    const Request& request_;
-    Settings start_;
-    Size size_;
-    Camera camera_;
-    Progress watch_;
-    Outputs no_outputs_;
-    Frame widest_;
-    Work work_;
-    Backend backend_ = Backend::cpu;
-    Projection projection_ = Projection::orthographic;
-    Precision precision_ = Precision::float32;
-    double pace_ = 1.0;
-    std::optional<Image> reference_;
-    double reference_spacing_ = 1.0;
-    std::map<double, double> of_model_; ///< by slice distance
-};
-
-RendererOptions Renderer::State::exact_options() const {
-    RendererOptions options;
-    options.backend = Backend::cpu;
-    options.precision = Precision::float64;
-    options.allow_inexact = true;
-    options.threads = options_.threads;
-    return options;
-}
-
-RendererOptions Renderer::State::options_for(const Settings& settings) const {
-    RendererOptions options = options_;
-    if (settings.precision != Precision::automatic) {
-        options.precision = settings.precision;
-    }
-    return options;
-}
-
-Image Renderer::State::render_with(const RendererOptions& options, const Request& request, const Frame* drawn_like) {
-    return with_options(options, [&] { return render(request, drawn_like); });
-}
-
-double Renderer::State::best_pace(Backend backend) const {
-    const auto at = static_cast<std::size_t>(backend);
-    const std::size_t coarse = timed_[at][0] || !timed_[at][1] ? 0 : 1;
-    if (!timed_[at][coarse]) {
-        return paces_[at][coarse];
-    }
-    // Other work on the machine only ever makes pictures slower.
-    return *std::min_element(recent_paces_[at][coarse].begin(), recent_paces_[at][coarse].end());
+    };
+    say_chosen(EffectId::preintegration, settings.preintegration && !scene.preintegration);
+    say_chosen(EffectId::second_order, settings.second_order && !scene.second_order);
+    say_chosen(EffectId::slab_sampling, settings.sampling == Sampling::slab && scene.sampling != Sampling::slab);
+    plan.effects.push_back(told(options));
 }
 
 const Chosen* Renderer::State::choose(const Request& request) {
@@ -415,7 +168,7 @@ const Chosen* Renderer::State::choose(const Request& request) {
     }
     request.scene.validate();
     if (chosen_ && chosen_->serves(request.scene, request.camera, request.size)) {
-        const double change = best_pace(chosen_backend_) / chosen_->pace;
+        const double change = paces_.best(chosen_->backend) / chosen_->pace;
         if (!options_.max_seconds || (change < pace_change && change > 1.0 / pace_change)) {
             return chosen_.get();
         }
@@ -426,9 +179,9 @@ const Chosen* Renderer::State::choose(const Request& request) {
     const int larger = static_cast<int>(std::sqrt(std::max(1.0, pixels / wanted)));
     Settings start = settings_of(request.scene);
     Freedom freedom = freedom_of(request.scene);
-    auto made = std::make_unique<Chosen>(Chosen{request.scene, request.camera, request.size, 1.0, Choice{}, false});
+    auto made = std::make_unique<Chosen>(Chosen{request.scene, request.camera, request.size});
     Pilots pilots(*this, request, start, larger);
-    const std::vector<Backend> backends = candidates();
+    const std::vector<Backend> backends = backends_.candidates(options_.backend);
     const bool may_be_float64 = options_.precision == Precision::automatic &&
                                 std::find(backends.begin(), backends.end(), Backend::cpu) != backends.end();
     if (options_.max_error && may_be_float64 && pilots.arithmetic() > arithmetic_share * *options_.max_error) {
@@ -457,7 +210,7 @@ const Chosen* Renderer::State::choose(const Request& request) {
         }
         choice.seconds_kept = !options_.max_seconds || choice.seconds <= *options_.max_seconds;
     }
-    chosen_backend_ = pilots.backend();
+    made->backend = pilots.backend();
     chosen_ = std::move(made);
     return chosen_.get();
 }
@@ -467,10 +220,7 @@ RenderPlan Renderer::State::plan_chosen(const Request& request) {
     if (chosen == nullptr) {
         return prepare(request).plan.summary;
     }
-    const Scene scene = with_settings(request.scene, chosen->choice.settings);
-    RenderPlan plan = with_options(options_for(chosen->choice.settings), [&] {
-        return prepare({scene, request.camera, request.size, request.outputs, request.progress}).plan.summary;
-    });
+    RenderPlan plan = prepare(request.with(chosen->scene_to_draw()).with(chosen->options(options_))).plan.summary;
     chosen->tell(plan, options_);
     return plan;
 }
@@ -480,9 +230,7 @@ Image Renderer::State::render_chosen(const Request& request) {
     if (chosen == nullptr) {
         return render(request);
     }
-    const Scene scene = with_settings(request.scene, chosen->choice.settings);
-    Image image = render_with(options_for(chosen->choice.settings),
-                              {scene, request.camera, request.size, request.outputs, request.progress});
+    Image image = render(request.with(chosen->scene_to_draw()).with(chosen->options(options_)));
     RenderPlan plan = *image.plan;
     chosen->tell(plan, options_);
     image.plan = std::make_shared<const RenderPlan>(std::move(plan));

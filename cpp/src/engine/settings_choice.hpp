@@ -17,12 +17,16 @@ struct Chosen {
     Camera camera;
     Size size{};
     double pace = 1.0; ///< that times were expected with
-    Choice choice;
+    Choice choice{};
     bool mended = false; ///< refined after a check through other pixels
+    Backend backend = Backend::cpu;
 
     /// True where a view has the same scene and size, and differs by less than an eighth of its height, its width and
     /// 10 degrees.
     [[nodiscard]] bool serves(const Scene& other, const Camera& from, Size other_size) const;
+    /// The scene, and the caller's options, with what was chosen.
+    [[nodiscard]] Scene scene_to_draw() const;
+    [[nodiscard]] RendererOptions options(const RendererOptions& options) const;
     /// The row of the plan.
     [[nodiscard]] Effect told(const RendererOptions& options) const;
     /// Adds that row, and says of effects that were chosen what for. Errors of the plan's effects are distances from

@@ -1,9 +1,7 @@
 #include "effects.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <sstream>
 
 #include "sheetsplat/error.hpp"
 
@@ -11,69 +9,15 @@ namespace sheetsplat {
 
 namespace {
 
-/// An effect that can be forced, and the backends that have it.
-struct Forcible {
-    const char* name;
-    bool gl, cpu;
-};
-constexpr std::array<Forcible, 23> forcible = {{{"clip", true, true},
-                                                {"analytic_gradient", true, true},
-                                                {"gradient_opacity", true, true},
-                                                {"depth_cue", true, true},
-                                                {"second_order", true, true},
-                                                {"shadows", true, true},
-                                                {"ambient_occlusion", true, true},
-                                                {"weight", true, true},
-                                                {"gradient", true, true},
-                                                {"specular", true, true},
-                                                {"two_sided", true, true},
-                                                {"opacity_correction", true, true},
-                                                {"opacity_stop", true, true},
-                                                {"general_sections", true, true},
-                                                {"empty_test", true, true},
-                                                {"culling", true, true},
-                                                {"elimination", true, false},
-                                                {"opacity_buffer", true, false},
-                                                {"fine_gradient", true, false},
-                                                {"compensation", true, false},
-                                                {"resident_sections", true, false},
-                                                {"precise_sections", true, false},
-                                                {"paper_slicing", true, false}}};
+Control control_of(const EffectEntry& entry, Backend backend) {
+    return backend == Backend::gl ? entry.gl : backend == Backend::cpu ? entry.cpu : entry.reference;
+}
 
-/// An effect that follows from something else, and from what.
-struct Stated {
-    const char* name;
-    const char* decided_by;
-};
-constexpr std::array<Stated, 23> stated = {{{"classification", "the scene's mode"},
-                                            {"isosurface", "the scene's mode"},
-                                            {"normalization", "the fields' normalization"},
-                                            {"several_fields", "the scene's fields"},
-                                            {"separate_normalization", "the fields' normalization"},
-                                            {"scattered_kernels", "the scene's fields"},
-                                            {"ewa_filter", "the scene's filter"},
-                                            {"slab_sampling", "the scene's sampling"},
-                                            {"preintegration", "the scene's preintegration"},
-                                            {"empty_intervals", "the scene's clip and preintegration"},
-                                            {"perspective", "the camera"},
-                                            {"ambient_only", "the scene's lights and material"},
-                                            {"eye_lights", "the scene's lights"},
-                                            {"world_lights", "the scene's lights"},
-                                            {"background", "the scene's background"},
-                                            {"points", "the camera and the kernels' sizes"},
-                                            {"coverage", "outputs="},
-                                            {"depth", "outputs="},
-                                            {"tagging", "the renderer's tagging"},
-                                            {"sums", "the renderer's precision"},
-                                            {"float64", "the renderer's precision"},
-                                            {"float16", "the renderer's precision"},
-                                            {"packing", "the renderer's packing"}}};
-
-std::string names_of(Backend backend) {
+std::string forcible_names(Backend backend) {
     std::string names;
-    for (const Forcible& one : forcible) {
-        if ((backend == Backend::gl && one.gl) || (backend == Backend::cpu && one.cpu)) {
-            names += names.empty() ? one.name : std::string(", ") + one.name;
+    for (const EffectEntry& entry : effect_table) {
+        if (control_of(entry, backend) == Control::forcible) {
+            names += names.empty() ? entry.name : std::string(", ") + entry.name;
         }
     }
     return names.empty() ? std::string("none: backend ") + to_string(backend) + " draws what the scene says"
@@ -82,60 +26,80 @@ std::string names_of(Backend backend) {
 
 } // namespace
 
-std::string number(double value) {
-    std::ostringstream text;
-    text.precision(4);
-    text << value;
-    return text.str();
-}
-
-std::string kernels(std::size_t count) { return std::to_string(count) + (count == 1 ? " kernel" : " kernels"); }
-
 Effects::Effects(const std::map<std::string, bool>& forced, Backend backend, std::vector<Effect>& list) : list_(list) {
     for (const auto& [name, on] : forced) {
-        const auto same = [&, wanted = name](const auto& one) { return wanted == one.name; };
-        if (const auto* found = std::find_if(stated.begin(), stated.end(), same); found != stated.end()) {
+        const auto* const entry =
+            std::find_if(effect_table.begin(), effect_table.end(),
+                         [&, wanted = name](const EffectEntry& one) { return wanted == one.name; });
+        if (entry == effect_table.end()) {
+            throw InvalidInput(Complaint{"the effects cannot be forced", "the name \"" + name + "\"",
+                                         forcible_names(backend), "correct the name in " + option_ref("effects"),
+                                         "effects"});
+        }
+        if (entry->decided_by != nullptr) {
             throw InvalidInput(Complaint{
-                "the effects cannot be forced", "the effect \"" + name + "\", which follows from " + found->decided_by,
-                names_of(backend),
-                std::string("change ") + found->decided_by + ", and leave the effect out of " + option_ref("effects"),
+                "the effects cannot be forced", "the effect \"" + name + "\", which follows from " + entry->decided_by,
+                forcible_names(backend),
+                std::string("change ") + entry->decided_by + ", and leave the effect out of " + option_ref("effects"),
                 "effects"});
         }
-        if (std::none_of(forcible.begin(), forcible.end(), same)) {
-            throw InvalidInput(Complaint{"the effects cannot be forced", "the name \"" + name + "\"", names_of(backend),
-                                         "correct the name in " + option_ref("effects"), "effects"});
+        if (backend == Backend::reference) {
+            continue;
         }
-    }
-    if (backend != Backend::reference) {
-        forced_ = forced;
+        if (control_of(*entry, backend) == Control::forcible) {
+            forced_.emplace(entry->id, on);
+        } else if (on) {
+            throw Unsupported(Complaint{
+                "the plan cannot be made", "effect " + name + " forced on with backend " + to_string(backend),
+                forcible_names(backend),
+                "use " + option_ref("backend", "gl") + ", or leave the effect out of " + option_ref("effects"),
+                "effects"});
+        }
     }
 }
 
-bool Effects::decide(const char* name, bool on, const std::string& reason, bool needed) {
-    const auto found = forced_.find(name);
+void Effects::state(EffectId effect, bool on, const std::string& reason) {
+    list_.push_back({name_of(effect), on, reason, false});
+}
+
+bool Effects::decide(EffectId effect, bool on, const std::string& reason, bool needed) {
+    const auto found = forced_.find(effect);
     if (found == forced_.end()) {
-        list_.push_back({name, on, reason, false});
+        state(effect, on, reason);
         return on;
     }
     if (needed && on && !found->second) {
-        dropped_.push_back(name);
+        dropped_ += (dropped_.empty() ? "" : ", ") + std::string(name_of(effect));
     }
-    list_.push_back({name, found->second,
+    list_.push_back({name_of(effect), found->second,
                      std::string(found->second ? "forced on" : "forced off") + "; the scene says " +
                          (on ? "on" : "off") + ": " + reason,
                      true});
     return found->second;
 }
 
-bool Effects::decide_given(const char* name, bool given, bool on, const std::string& reason) {
+bool Effects::decide_given(EffectId effect, bool given, bool on, const std::string& reason) {
     if (given) {
-        return decide(name, on, reason, true);
+        return decide(effect, on, reason, true);
     }
-    const auto found = forced_.find(name);
-    const bool forced = found != forced_.end();
-    list_.push_back(
-        {name, false, forced && found->second ? "forced on, with nothing to do: " + reason : reason, forced});
+    const bool forced = forced_.count(effect) != 0;
+    list_.push_back({name_of(effect), false,
+                     forced_on(effect) ? "forced on, but there is nothing to do: " + reason : reason, forced});
     return false;
+}
+
+bool Effects::forced_on(EffectId effect) const {
+    const auto found = forced_.find(effect);
+    return found != forced_.end() && found->second;
+}
+
+void Effects::refuse_dropped() const {
+    if (!dropped_.empty()) {
+        throw Unsupported(
+            Complaint{"the plan cannot be made", "effects forced off that the scene calls for: " + dropped_,
+                      "a picture within its error bound",
+                      "leave them to the plan, or pass " + option_ref("allow_inexact", "true"), "effects"});
+    }
 }
 
 void charge_effects(RenderPlan& plan) {
@@ -148,17 +112,21 @@ void charge_effects(RenderPlan& plan) {
     }
 }
 
-void Effects::refuse_dropped() const {
-    if (dropped_.empty()) {
-        return;
+std::vector<EffectInfo> known_effects() {
+    std::vector<EffectInfo> all;
+    for (const EffectEntry& entry : effect_table) {
+        EffectInfo info{entry.name, entry.meaning, entry.decided_by != nullptr ? entry.decided_by : "", {}, {}};
+        for (const Backend backend : {Backend::gl, Backend::cpu, Backend::reference}) {
+            if (control_of(entry, backend) != Control::absent) {
+                info.listed_by.push_back(backend);
+            }
+            if (control_of(entry, backend) == Control::forcible) {
+                info.forcible_on.push_back(backend);
+            }
+        }
+        all.push_back(std::move(info));
     }
-    std::string names;
-    for (const std::string& name : dropped_) {
-        names += names.empty() ? name : ", " + name;
-    }
-    throw Unsupported(Complaint{"the plan cannot be made", "effects forced off that the scene calls for: " + names,
-                                "a picture within its error bound",
-                                "leave them to the plan, or pass " + option_ref("allow_inexact", "true"), "effects"});
+    return all;
 }
 
 } // namespace sheetsplat

@@ -4,8 +4,10 @@
 #include <limits>
 #include <string>
 
-#include "effects.hpp"
+#include "error_model.hpp"
 #include "occurring.hpp"
+#include "plan/effect_table.hpp"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat {
 
@@ -50,37 +52,9 @@ struct Amounts {
     double least_weight = std::numeric_limits<double>::infinity(); ///< smallest m above 0
 };
 
-double overlap_of(const ViewFacts& view) { return std::max(usual_overlap, view.largest_overlap); }
+double overlap_of(const ViewFacts& view) { return std::max(usual_overlap, view.overlap.typical); }
 
-/// What a filter leaves of a kernel's height, at most: its mass in a kernel of a pixel's and a slice distance's size.
-double filtered_height(const Scene& scene, const ViewFacts& view, const Vec3& axes) {
-    if (scene.filter == Filter::none) {
-        return 1.0;
-    }
-    return std::min(1.0, axes.x / view.smallest_pixel * (axes.y / view.smallest_pixel) * (axes.z / view.slice_spacing));
-}
-
-template <class Height>
-WeightFacts survey_weights(const EllipsoidField& field, Height&& height) {
-    WeightFacts facts;
-    facts.low = std::numeric_limits<double>::infinity();
-    facts.high = -facts.low;
-    for (std::size_t i = 0; i < field.size(); ++i) {
-        const double weight = field.weight(i) * height(field.semi_axes(i));
-        const double product = weight * field.value(i);
-        facts.low = std::min(facts.low, product);
-        facts.high = std::max(facts.high, product);
-        facts.most = std::max(facts.most, weight);
-        if (weight > 0.0) {
-            facts.least = std::min(facts.least, weight);
-        }
-        // m f g / max(w0, W), where W is at least m g.
-        facts.alone = std::max(facts.alone, std::abs(product) / std::max(field.w0(), weight));
-    }
-    return facts;
-}
-
-Amounts amounts_of(const Field& field, const Scene& scene, const ViewFacts& view) {
+Amounts amounts_of(const Field& field, const ViewFacts& view) {
     const double overlap = overlap_of(view);
     Amounts amounts;
     const auto [low, high] = field.value_range();
@@ -97,11 +71,7 @@ Amounts amounts_of(const Field& field, const Scene& scene, const ViewFacts& view
         amounts.largest *= divided ? std::min(1.0, overlap / std::max(field.w0(), 1.0)) : 1.0;
         return amounts;
     }
-    const auto known = view.weights.find(&field);
-    const WeightFacts weights =
-        scene.filter == Filter::none && known != view.weights.end()
-            ? known->second
-            : survey_weights(*ellipsoids, [&](const Vec3& axes) { return filtered_height(scene, view, axes); });
+    const WeightFacts& weights = view.weights.at(&field);
     Amounts weighted;
     weighted.low = weights.low;
     weighted.high = weights.high;
@@ -126,7 +96,7 @@ double crowd_of(const Scene& scene, const ViewFacts& view) {
             crowd += ball / regular->kernel().unit_mass() * regular->lattice_constant();
         }
     }
-    return std::max({1.0, crowd, 2.0 * view.densest_overlap, view.largest_overlap});
+    return std::max({1.0, crowd, 2.0 * view.overlap.densest, view.overlap.typical});
 }
 
 /// Root mean square of the slopes of opacity, times a factor, and of colours over the part of a range that the transfer
@@ -158,7 +128,7 @@ double mean_slope(const TransferFunction& function, const Range& values, double 
 double unit_of_values(const Scene& scene, const ViewFacts& view) {
     double largest = 0.0;
     for (const auto& field : scene.fields) {
-        largest = std::max(largest, amounts_of(*field, scene, view).largest);
+        largest = std::max(largest, amounts_of(*field, view).largest);
     }
     if (largest == 0.0) {
         largest = 1.0;
@@ -172,10 +142,6 @@ double unit_of_values(const Scene& scene, const ViewFacts& view) {
     return std::max(largest, least_unit);
 }
 
-WeightFacts survey_weights(const EllipsoidField& field) {
-    return survey_weights(field, [](const Vec3&) { return 1.0; });
-}
-
 SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& plan) {
     const double unit = plan.value_unit;
     SumFacts facts;
@@ -183,7 +149,7 @@ SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& pl
     facts.least_scale = std::numeric_limits<double>::infinity();
     double spread = 0.0;
     for (const auto& field : scene.fields) {
-        const Amounts amounts = amounts_of(*field, scene, view);
+        const Amounts amounts = amounts_of(*field, view);
         facts.largest = std::max(facts.largest, amounts.largest);
         spread = std::max(spread, amounts.high - amounts.low);
         facts.sum = std::max({facts.sum, facts.overlap * amounts.heaviest / unit, facts.overlap * amounts.most_weight});
@@ -195,8 +161,8 @@ SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& pl
     }
     facts.resolved = plan.mode == Mode::isosurface && spread > 0.0 ? spread : unit;
     facts.ratio = facts.largest / facts.resolved;
-    const bool scalar = plan.mode == Mode::xray || plan.mode == Mode::mip;
-    const double per_length = view.slice_spacing * view.largest_slant / view.reference_length;
+    const bool scalar = is_scalar(plan.mode);
+    const double per_length = view.frame.slice_spacing * view.frame.largest_slant / view.frame.reference_length;
     facts.steepness = scalar || plan.mode == Mode::isosurface
                           ? 1.0
                           : std::max(1.0, scene.transfer_function.steepest() * unit * per_length);
@@ -243,27 +209,29 @@ void expect_errors(const ViewFacts& view, const SumFacts& sums, double noise, Dr
     // Numbers of 8 bits have fixed steps, all others steps of their own size.
     const double times = plan.precision == Precision::uint8 ? std::max(1.0, sums.ratio) : sums.ratio;
     const std::string in = std::string(" in ") + to_string(plan.precision);
-    budget.push_back({"sums" + in, std::min(noise * times * sums.bend, 1.0), "sums"});
+    budget.push_back({"sums" + in, std::min(noise * times * sums.bend, 1.0), name_of(EffectId::sums)});
     if (plan.lit) {
-        const double nearest = std::min(view.smallest_pixel, view.slice_spacing);
+        const double nearest = view.frame.smallest_step();
         const bool splatted = plan.fine_gradient || plan.analytic_gradient;
-        const double magnified = splatted ? 1.0 : std::max(1.0, view.reference_length / nearest);
+        const double magnified = splatted ? 1.0 : std::max(1.0, view.frame.reference_length / nearest);
         const bool few_bits = plan.precision == Precision::float16 || plan.precision == Precision::uint8;
         const double turned = !few_bits                ? gradient_noise
                               : lights_quotients(plan) ? quotient_noise_16
                                                        : gradient_noise_16;
         const double rounding = sum_noise(plan.precision, false, sums.crowd);
-        budget.push_back({"gradients" + in, std::min(rounding * times * turned * magnified, 1.0), "gradient"});
+        budget.push_back(
+            {"gradients" + in, std::min(rounding * times * turned * magnified, 1.0), name_of(EffectId::gradient)});
     }
-    budget.push_back({"pictures in float32", float32_epsilon, "classification"});
+    budget.push_back({"pictures in float32", float32_epsilon, name_of(EffectId::classification)});
 }
 
 void expect_light_errors(const Scene& scene, const ViewFacts& view, double opacity, DrawPlan& plan) {
     if (!plan.shadows && !plan.ambient_occlusion) {
         return;
     }
-    const double length = std::max(view.slice_spacing, view.largest_pixel);
-    const double taken = -std::expm1(std::log1p(-std::min(opacity, largest_absorbed)) * length / view.reference_length);
+    const double length = std::max(view.frame.slice_spacing, view.frame.largest_pixel);
+    const double taken =
+        -std::expm1(std::log1p(-std::min(opacity, largest_absorbed)) * length / view.frame.reference_length);
     double brightest = 0.0;
     const bool surface = scene.mode == Mode::isosurface;
     for (const TransferPoint& point : surface ? std::vector<TransferPoint>{scene.transfer_function.at(*scene.iso_value)}
@@ -271,10 +239,10 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
         brightest = std::max({brightest, std::abs(point.color.x), std::abs(point.color.y), std::abs(point.color.z)});
     }
     // Grids follow what changes over several steps.
-    const double radius = view.smallest_radius_px * view.largest_pixel;
+    const double radius = view.screen_px.smallest * view.frame.largest_pixel;
     double hardness = std::max(1.0, std::pow(resolved_radius * length / radius, hardness_of_thin));
     const double steps =
-        scene.transfer_function.steepest() * plan.value_unit * view.slice_spacing / view.reference_length;
+        scene.transfer_function.steepest() * plan.value_unit * view.frame.slice_spacing / view.frame.reference_length;
     hardness *=
         scene.transfer_function.has_steps() ? most_of_steps : std::clamp(steps / gentle_steps, 1.0, most_of_steps);
     hardness *= scene.transfer_function.transparent_over(0.0, 0.0) ? 1.0 : hardness_of_borders;
@@ -290,13 +258,14 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
             light += std::max({std::abs(one.color.x), std::abs(one.color.y), std::abs(one.color.z)});
         }
         owe("shadows from a volume", shadow_error,
-            light * (std::abs(scene.material.diffuse) * brightest + std::abs(scene.material.specular)), "shadows");
+            light * (std::abs(scene.material.diffuse) * brightest + std::abs(scene.material.specular)),
+            name_of(EffectId::shadows));
     }
     if (plan.ambient_occlusion) {
         const double share = plan.lit || plan.ambient_only ? std::abs(scene.material.ambient) : 1.0;
         const double far = std::clamp(scene.ambient_occlusion->radius / (near_steps * length), 1.0, most_of_far);
         owe("occlusion from a volume", occlusion_error * far, share * brightest * scene.ambient_occlusion->strength,
-            "ambient_occlusion");
+            name_of(EffectId::ambient_occlusion));
     }
 }
 

@@ -7,18 +7,12 @@
 #include <limits>
 #include <utility>
 
-#include "effects.hpp"
 #include "occurring.hpp"
+#include "parts.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
-
-namespace {
-
-/// Below this share of a semi-axis, squared, the filter changes nothing within any bound.
-constexpr double least_filtering = 1e-6;
-
-} // namespace
 
 void divide_apart(const Scene& scene, const Outputs& outputs, Effects& effects, DrawPlan& plan, bool always) {
     // Quotients add up only once each is taken.
@@ -30,9 +24,9 @@ void divide_apart(const Scene& scene, const Outputs& outputs, Effects& effects, 
         plan.threshold = false;
         plan.weight = outputs.coverage || plan.empty_test;
     }
-    effects.state("separate_normalization", !plan.own_sheets.empty(),
+    effects.state(EffectId::separate_normalization, !plan.own_sheets.empty(),
                   !plan.own_sheets.empty() ? "fields are divided by their own weight sums before they are added"
-                                           : "one division, or none, serves the whole scene");
+                                           : "at most one division is needed for the whole scene");
 }
 
 bool lights_quotients(const DrawPlan& plan) { return plan.gradient && (plan.threshold || !plan.own_sheets.empty()); }
@@ -41,9 +35,9 @@ bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t sl
     if (scene.mode == Mode::isosurface || opacity >= 1.0) {
         return true;
     }
-    const double exponent = view.slice_spacing / view.reference_length * view.largest_slant;
+    const double exponent = view.frame.slice_spacing / view.frame.reference_length * view.frame.largest_slant;
     const double reach =
-        -std::expm1(std::log1p(-opacity) * exponent * static_cast<double>(std::min(slices, view.slices)));
+        -std::expm1(std::log1p(-opacity) * exponent * static_cast<double>(std::min(slices, view.frame.slices)));
     return reach >= scene.opacity_stop;
 }
 
@@ -58,7 +52,7 @@ struct SceneShows {
 
 SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
     SceneShows shows;
-    if (scene.mode == Mode::xray || scene.mode == Mode::mip) {
+    if (is_scalar(scene.mode)) {
         return shows;
     }
     const Range values = occurring_values(scene, view);
@@ -77,10 +71,6 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
     return shows;
 }
 
-std::string counted(std::size_t count, const char* what) {
-    return std::to_string(count) + " " + what + (count == 1 ? "" : "s");
-}
-
 void state_fields(const Scene& scene, Effects& effects) {
     std::array<std::size_t, 3> count{};
     for (const auto& field : scene.fields) {
@@ -94,22 +84,23 @@ void state_fields(const Scene& scene, Effects& effects) {
     };
     add(Normalization::lattice, "sums of values are divided by a constant, once for all kernels");
     add(Normalization::threshold, "sums of values are divided by those of weights, at each point");
-    add(Normalization::none, "sums of values are the scalar");
-    effects.state("normalization", count[static_cast<std::size_t>(Normalization::none)] < scene.fields.size(), how);
-    effects.state("several_fields", scene.fields.size() > 1,
-                  scene.fields.size() > 1 ? "the scalars of " + counted(scene.fields.size(), "field") + " add up"
+    add(Normalization::none, "sums of values are the scalar as they are");
+    effects.state(EffectId::normalization, count[static_cast<std::size_t>(Normalization::none)] < scene.fields.size(),
+                  how);
+    effects.state(EffectId::several_fields, scene.fields.size() > 1,
+                  scene.fields.size() > 1 ? "the scalars of " + text_of_count(scene.fields.size(), "field") + " add up"
                                           : "there is one field");
 }
 
 void plan_clip(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
     const bool given = !scene.clip.empty();
     const Kept kept = kept_by(scene, view);
-    plan.clip = effects.decide_given("clip", given, given && kept != Kept::everything,
-                                     !given                     ? "the scene has no clip"
-                                     : kept == Kept::everything ? "the clip keeps all that kernels reach"
-                                     : kept == Kept::nothing
-                                         ? "the clip leaves nothing of what kernels reach: the picture is empty"
-                                         : "planes or a box cut off what kernels reach");
+    plan.clip =
+        effects.decide_given(EffectId::clip, given, given && kept != Kept::everything,
+                             !given                     ? "the scene has no clip"
+                             : kept == Kept::everything ? "the clip keeps all that kernels reach"
+                             : kept == Kept::nothing ? "the clip cuts off all that kernels reach: the picture is empty"
+                                                     : "planes or a box cut off part of what kernels reach");
     plan.blank = plan.clip && kept == Kept::nothing;
 }
 
@@ -118,7 +109,7 @@ bool black(const Vec3& color) { return color.x == 0.0 && color.y == 0.0 && color
 /// Lights, gradients and what only they need.
 void plan_light(const Scene& scene, const ViewFacts& view, Backend backend, const SceneShows& shows, Effects& effects,
                 DrawPlan& plan) {
-    const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
+    const bool scalar = is_scalar(scene.mode);
     const Material& material = scene.material;
     const bool lights = !scene.lights.empty() && !scalar && shows.anything;
     const bool shining =
@@ -131,18 +122,18 @@ void plan_light(const Scene& scene, const ViewFacts& view, Backend backend, cons
                              : scene.lights.empty() ? "there are no lights"
                              : !shows.anything      ? shows.why_nothing
                              : !shining             ? "all lights are black"
-                             : !matt && !shiny      ? "the material gives back ambient light alone"
+                             : !matt && !shiny      ? "the material reflects ambient light only"
                                                     : "";
     const bool composite = scene.mode == Mode::composite;
     const bool faded = scene.gradient_opacity && composite;
-    plan.gradient_opacity = effects.decide_given("gradient_opacity", faded, faded && shows.anything,
+    plan.gradient_opacity = effects.decide_given(EffectId::gradient_opacity, faded, faded && shows.anything,
                                                  !scene.gradient_opacity ? "not asked for"
                                                  : !composite            ? "the mode has no opacity to multiply"
                                                  : shows.anything ? "asked for: opacity follows the gradient up to " +
                                                                         number(*scene.gradient_opacity)
                                                                   : shows.why_nothing);
     const bool called = lit || plan.gradient_opacity;
-    plan.gradient = effects.decide("gradient", called,
+    plan.gradient = effects.decide(EffectId::gradient, called,
                                    lit                     ? "lights need normals"
                                    : plan.gradient_opacity ? "opacity follows the gradient"
                                                            : dark,
@@ -156,65 +147,65 @@ void plan_light(const Scene& scene, const ViewFacts& view, Backend backend, cons
     plan.gradient_opacity = plan.gradient_opacity && plan.gradient;
     const bool analytic = scene.gradient == Gradient::analytic;
     plan.analytic_gradient =
-        effects.decide_given("analytic_gradient", analytic && !scalar, analytic && plan.gradient,
+        effects.decide_given(EffectId::analytic_gradient, analytic && !scalar, analytic && plan.gradient,
                              !analytic       ? "differences of sheets were asked for"
                              : plan.gradient ? "asked for: sums of the kernels' own derivatives"
-                                             : "asked for, but nothing calls for gradients: " + dark) &&
+                                             : "asked for, but gradients are not needed: " + dark) &&
         plan.gradient;
-    effects.state("ambient_only", plan.ambient_only,
+    effects.state(EffectId::ambient_only, plan.ambient_only,
                   plan.ambient_only ? dark + ": colours are multiplied by the ambient coefficient"
-                  : lit             ? "lights shine on what gives them back"
+                  : lit             ? "the material reflects the lights"
                                     : dark);
     const bool specular = lit && shiny;
-    plan.specular = effects.decide("specular", specular,
+    plan.specular = effects.decide(EffectId::specular, specular,
                                    specular ? "the material reflects"
                                    : lit    ? "the material's specular coefficient is 0, or all lights are black"
                                             : dark,
                                    true) &&
                     plan.gradient;
     // Forced on, it would turn normals that the scene leaves as they are.
-    plan.two_sided = effects.decide_given("two_sided", material.two_sided && !scalar, lit && material.two_sided,
+    plan.two_sided = effects.decide_given(EffectId::two_sided, material.two_sided && !scalar, lit && material.two_sided,
                                           !lit                 ? dark
                                           : material.two_sided ? "asked for by the material"
-                                                               : "normals keep their side") &&
+                                                               : "the material is one-sided") &&
                      plan.gradient;
     const auto world = static_cast<std::size_t>(std::count_if(
         scene.lights.begin(), scene.lights.end(), [](const Light& light) { return light.space == LightSpace::world; }));
     const std::size_t eye = scene.lights.size() - world;
-    effects.state("eye_lights", plan.lit && eye > 0,
+    effects.state(EffectId::eye_lights, plan.lit && eye > 0,
                   !lit      ? dark
-                  : eye > 0 ? counted(eye, "light") + " of the camera"
+                  : eye > 0 ? text_of_count(eye, "light") + " of the camera"
                             : "no light moves with the camera");
-    effects.state("world_lights", plan.lit && world > 0,
+    effects.state(EffectId::world_lights, plan.lit && world > 0,
                   !lit        ? dark
-                  : world > 0 ? counted(world, "light") + " of the world, turned with each view"
+                  : world > 0 ? text_of_count(world, "light") + " of the world, turned with each view"
                               : "no light is fixed to the world");
-    const std::string clear = "opacity is 0 over all values that can occur: nothing lies in the way of light";
+    const std::string clear = "opacity is 0 over all values that can occur: nothing dims light";
     const bool shadows = scene.shadows && !scalar && !scene.lights.empty();
-    plan.shadows = effects.decide_given("shadows", shadows, shadows && lit && shows.opacity > 0.0,
+    plan.shadows = effects.decide_given(EffectId::shadows, shadows, shadows && lit && shows.opacity > 0.0,
                                         !scene.shadows         ? "not asked for"
                                         : !lit                 ? "asked for, but " + dark
                                         : shows.opacity == 0.0 ? clear
-                                                               : "asked for: what lies between a point and a light "
-                                                                 "dims it") &&
+                                                               : "asked for: matter between a point and a light "
+                                                                 "dims the light") &&
                    plan.lit;
     const auto& occlusion = scene.ambient_occlusion;
     const bool ambient = scene.lights.empty() || material.ambient != 0.0;
     const bool occluded = occlusion && occlusion->strength > 0.0 && ambient && shows.opacity > 0.0 && shows.anything;
     plan.ambient_occlusion =
-        effects.decide_given("ambient_occlusion", occlusion && !scalar, occluded && !scalar,
+        effects.decide_given(EffectId::ambient_occlusion, occlusion && !scalar, occluded && !scalar,
                              !occlusion                   ? "not asked for"
                              : scalar                     ? "asked for, but the mode is not shaded"
                              : !shows.anything            ? shows.why_nothing
                              : occlusion->strength == 0.0 ? "asked for with a strength of 0"
-                             : !ambient                   ? "asked for, but the material gives back no ambient light"
+                             : !ambient                   ? "asked for, but the material reflects no ambient light"
                              : shows.opacity == 0.0       ? clear
-                                                          : "asked for: what lies around a point dims ambient light");
-    const double share = fine_gradient_below * view.reference_length;
-    const bool close = std::min(view.smallest_pixel, view.slice_spacing) < share;
-    const bool fine = called && close && backend != Backend::reference && !plan.analytic_gradient;
-    plan.fine_gradient = backend != Backend::cpu &&
-                         effects.decide("fine_gradient", fine,
+                                                          : "asked for: matter around a point dims ambient light");
+    const double share = fine_gradient_below * view.frame.reference_length;
+    const bool close = view.frame.smallest_step() < share;
+    const bool fine = called && close && !plan.analytic_gradient;
+    plan.fine_gradient = backend == Backend::gl &&
+                         effects.decide(EffectId::fine_gradient, fine,
                                         fine ? "a pixel or the slice spacing is so small that differences of sums "
                                                "would lose the gradient: differences are splatted"
                                         : plan.analytic_gradient ? "no differences are taken"
@@ -222,24 +213,25 @@ void plan_light(const Scene& scene, const ViewFacts& view, Backend backend, cons
                                                                    "digits",
                                         true) &&
                          plan.gradient && !plan.analytic_gradient;
-    plan.fine_across = plan.fine_gradient && (view.smallest_pixel < share || !fine);
-    plan.fine_along = plan.fine_gradient && (view.slice_spacing < share || !fine);
+    plan.fine_across = plan.fine_gradient && (view.frame.smallest_pixel < share || !fine);
+    plan.fine_along = plan.fine_gradient && (view.frame.slice_spacing < share || !fine);
 }
 
 void plan_depth_cue(const Scene& scene, const ViewFacts& view, const SceneShows& shows, Effects& effects,
                     DrawPlan& plan) {
-    const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
+    const bool scalar = is_scalar(scene.mode);
     const bool given = scene.depth_cue && !scalar;
     const bool strong = given && scene.depth_cue->strength > 0.0;
-    const bool reached = given && view.farthest_depth > scene.depth_cue->start;
-    plan.depth_cue = effects.decide_given("depth_cue", given, strong && reached && shows.anything,
-                                          !scene.depth_cue ? "not asked for"
-                                          : scalar         ? "the mode shows rho itself"
-                                          : !strong        ? "asked for with a strength of 0"
-                                          : !reached       ? "it starts at depth " + number(scene.depth_cue->start) +
-                                                           ", behind the last slice at " + number(view.farthest_depth)
-                                          : shows.anything ? "asked for: colours fade with depth"
-                                                           : shows.why_nothing);
+    const bool reached = given && view.frame.farthest_depth > scene.depth_cue->start;
+    plan.depth_cue =
+        effects.decide_given(EffectId::depth_cue, given, strong && reached && shows.anything,
+                             !scene.depth_cue ? "not asked for"
+                             : scalar         ? "the mode shows the scalar itself"
+                             : !strong        ? "asked for with a strength of 0"
+                             : !reached       ? "it starts at depth " + number(scene.depth_cue->start) +
+                                              ", behind the last slice at " + number(view.frame.farthest_depth)
+                             : shows.anything ? "asked for: colours fade with depth"
+                                              : shows.why_nothing);
 }
 
 } // namespace
@@ -253,13 +245,13 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     plan.mode = scene.mode;
     plan.value_unit = unit_of_values(scene, view);
     summary.backend = backend;
-    summary.size = view.size;
-    summary.slice_spacing = view.slice_spacing;
-    summary.first_slice = view.first_slice;
-    summary.slices = view.slices;
+    summary.size = view.frame.size;
+    summary.slice_spacing = view.frame.slice_spacing;
+    summary.first_slice = view.frame.first_slice;
+    summary.slices = view.frame.slices;
     Effects effects(options.effects, backend, summary.effects);
 
-    const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
+    const bool scalar = is_scalar(scene.mode);
     const SceneShows shows = shown_of(scene, view);
     bool threshold = false;
     for (const auto& field : scene.fields) {
@@ -267,34 +259,35 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     }
 
     // Classification and what it needs.
-    effects.state("classification", !scalar, scalar ? "the mode shows rho itself" : "the mode shows colours");
-    effects.state("isosurface", scene.mode == Mode::isosurface,
+    effects.state(EffectId::classification, !scalar,
+                  scalar ? "the mode shows the scalar itself" : "the mode shows colours");
+    effects.state(EffectId::isosurface, scene.mode == Mode::isosurface,
                   scene.mode == Mode::isosurface ? "the mode shows the first crossing of the iso value"
-                                                 : "the mode is another one");
+                                                 : "the mode is not isosurface");
     state_fields(scene, effects);
     const bool visible_at_zero = !scene.transfer_function.transparent_over(0.0, 0.0) && scene.mode == Mode::composite;
     plan.threshold = threshold;
     plan.coverage = outputs.coverage;
     plan.depth = outputs.depth && !scalar;
-    plan.empty_test = effects.decide("empty_test", visible_at_zero,
+    plan.empty_test = effects.decide(EffectId::empty_test, visible_at_zero,
                                      visible_at_zero ? "opacity at 0 is above 0, and empty points must stay transparent"
                                      : scalar        ? "empty points count as 0"
-                                                     : "what is 0 is transparent anyway",
+                                                     : "a scalar of 0 is transparent anyway",
                                      true);
     const bool weight = threshold || outputs.coverage || plan.empty_test;
-    plan.weight = effects.decide("weight", weight,
+    plan.weight = effects.decide(EffectId::weight, weight,
                                  threshold          ? "rho is divided by the weight sum"
                                  : outputs.coverage ? "coverage is the weight sum"
                                  : plan.empty_test  ? "only the weight tells an empty point from one whose sum is 0"
-                                                    : "no normalisation by weights, no coverage, and opacity at 0 is 0",
+                                                    : "no division by weights, no coverage, and opacity at 0 is 0",
                                  true) ||
                   plan.empty_test;
-    const bool unresolved = view.unresolved > 0;
-    const bool filtering = scene.filter == Filter::ewa && view.largest_filtering > least_filtering;
-    const std::string small = kernels(view.unresolved) + (view.unresolved == 1 ? " is" : " are") +
+    const bool unresolved = view.kernels.unresolved > 0;
+    const bool filtering = scene.filter == Filter::ewa && view.shapes.largest_filtering > least_filtering;
+    const std::string small = kernels(view.kernels.unresolved) + (view.kernels.unresolved == 1 ? " is" : " are") +
                               " smaller than a pixel or thinner than a slice distance";
     plan.filter = filtering;
-    effects.state("ewa_filter", filtering,
+    effects.state(EffectId::ewa_filter, filtering,
                   filtering                     ? unresolved ? "asked for, and " + small
                                                              : "asked for: it widens kernels by a pixel and a slice distance"
                   : scene.filter == Filter::ewa ? "asked for, but every kernel is so large that it would change nothing"
@@ -308,62 +301,69 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         lattices = lattices || (ellipsoids == nullptr && !filtering);
         spheres = spheres || (ellipsoids != nullptr && ellipsoids->size() > 0 && ellipsoids->isotropic() && !filtering);
     }
-    effects.state("scattered_kernels", view.ellipsoids || filtering,
-                  view.ellipsoids ? "a field holds ellipsoids: each is sliced by itself"
-                  : filtering     ? "the filter turns the samples of lattices into ellipsoids of their own"
-                                  : "all fields are lattices");
-    effects.state("slab_sampling", scene.sampling == Sampling::slab,
+    effects.state(EffectId::scattered_kernels, view.kernels.ellipsoids || filtering,
+                  view.kernels.ellipsoids ? "a field holds ellipsoids: each is sliced by itself"
+                  : filtering             ? "the filter turns the samples of lattices into ellipsoids"
+                                          : "all fields are lattices");
+    effects.state(EffectId::slab_sampling, scene.sampling == Sampling::slab,
                   scene.sampling == Sampling::slab ? "asked for: slices are means over their slabs"
-                                                   : "slices are points in depth");
-    effects.state("perspective", projection == Projection::perspective,
+                                                   : "slices are samples at one depth");
+    effects.state(EffectId::perspective, projection == Projection::perspective,
                   projection == Projection::perspective ? "the camera is perspective" : "the camera is orthographic");
     plan.general = effects.decide(
-        "general_sections", lattices && (view.sheared || projection == Projection::perspective),
-        !lattices                               ? "no lattice is drawn, and every ellipsoid has sections of its own"
-        : view.sheared                          ? "cross-sections lean: spacing is unequal and seen askew"
-        : projection == Projection::perspective ? "cross-sections scale from slab to slab"
-                                                : "all sections of a lattice's kernel share one place on the screen",
+        EffectId::general_sections, lattices && (view.shapes.sheared || projection == Projection::perspective),
+        !lattices             ? "no lattice is drawn, and every ellipsoid has sections of its own"
+        : view.shapes.sheared ? "cross-sections lean: unequal sample spacing, seen at an angle"
+        : projection == Projection::perspective
+            ? "cross-sections scale from slab to slab"
+            : "all sections of a lattice's kernel have the same place on the screen",
         true);
 
     plan_clip(scene, view, effects, plan);
     plan_light(scene, view, backend, shows, effects, plan);
 
     // Opacity.
-    const double exponent = view.slice_spacing / view.reference_length;
+    const double exponent = view.frame.slice_spacing / view.frame.reference_length;
     const bool correction = scene.mode == Mode::composite && !scene.preintegration &&
                             (exponent != 1.0 || (projection == Projection::perspective));
-    plan.opacity_correction = effects.decide("opacity_correction", correction,
+    plan.opacity_correction = effects.decide(EffectId::opacity_correction, correction,
                                              correction ? "slices are not one reference length apart along every ray"
                                                         : "opacity per reference length is opacity per slice here",
                                              true);
     plan.preintegration = scene.preintegration;
-    effects.state("preintegration", scene.preintegration, scene.preintegration ? "asked for" : "not asked for");
-    plan.second_order = effects.decide_given("second_order", scene.preintegration && scene.second_order,
-                                             scene.preintegration && scene.second_order && shows.anything,
-                                             !scene.second_order     ? "not asked for"
-                                             : !scene.preintegration ? "intervals are not pre-integrated"
-                                             : shows.anything        ? "asked for: rho bends inside intervals"
-                                                                     : shows.why_nothing);
+    effects.state(EffectId::preintegration, scene.preintegration, scene.preintegration ? "asked for" : "not asked for");
+    plan.second_order =
+        effects.decide_given(EffectId::second_order, scene.preintegration && scene.second_order,
+                             scene.preintegration && scene.second_order && shows.anything,
+                             !scene.second_order     ? "not asked for"
+                             : !scene.preintegration ? "intervals are not pre-integrated"
+                             : shows.anything        ? "asked for: the curvature of the scalar inside intervals counts"
+                                                     : shows.why_nothing);
     plan_depth_cue(scene, view, shows, effects, plan);
-    const bool saturates = !scalar && shows.anything && saturates_within(scene, view, view.slices, shows.opacity);
+    const bool saturates = !scalar && shows.anything && saturates_within(scene, view, view.frame.slices, shows.opacity);
     const bool stops = saturates && (scene.opacity_stop < 1.0 || scene.mode == Mode::isosurface);
-    plan.stop = effects.decide("opacity_stop", stops && scene.mode == Mode::composite,
+    plan.stop = effects.decide(EffectId::opacity_stop, stops && scene.mode == Mode::composite,
                                scalar                           ? "the mode has no opacity"
                                : scene.mode == Mode::isosurface ? "an isosurface is opaque at its first crossing"
                                : !shows.anything                ? shows.why_nothing
-                               : stops                          ? "opacity can reach A_stop"
-                               : saturates                      ? "A_stop is 1"
-                                           : "opacity cannot reach A_stop under this transfer function",
+                               : stops                          ? "opacity can reach opacity_stop"
+                               : saturates                      ? "opacity_stop is 1"
+                                           : "opacity cannot reach opacity_stop with this transfer function",
                                true) &&
                 scene.mode == Mode::composite;
 
-    // How it is drawn.
-    if (backend != Backend::reference && !plan.empty_test) {
-        const bool intervals = intervals_may_be_empty(scene, sum_facts(scene, view, plan), plan);
-        effects.state("empty_intervals", intervals,
-                      intervals ? "intervals that nothing reaches must be told from those whose ends are 0"
-                                : "intervals whose ends are 0 are transparent anyway");
-        plan.empty_test = intervals;
+    effects.state(EffectId::background, scene.background.has_value() && !scalar,
+                  scene.background ? "a background was given" : "no background was given");
+    effects.state(EffectId::coverage, outputs.coverage, outputs.coverage ? "asked for" : "not asked for");
+    effects.state(EffectId::depth, outputs.depth, outputs.depth ? "asked for" : "not asked for");
+
+    if (backend != Backend::reference) {
+        const bool intervals = !plan.empty_test && intervals_may_be_empty(scene, sum_facts(scene, view, plan), plan);
+        effects.state(EffectId::empty_intervals, intervals,
+                      intervals         ? "intervals that no kernel reaches must be told from those whose ends are 0"
+                      : plan.empty_test ? "the empty test tells them already"
+                                        : "intervals whose ends are 0 are transparent anyway");
+        plan.empty_test = plan.empty_test || intervals;
         plan.weight = plan.weight || intervals;
     }
     if (backend == Backend::reference) {
@@ -378,18 +378,14 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         summary.packing = Packing::wide;
         summary.tagging = Tagging::off;
         summary.device = "float64, one thread";
-        effects.state("background", scene.background.has_value() && !scalar,
-                      scene.background ? "a background was given" : "no background was given");
-        effects.state("coverage", outputs.coverage, outputs.coverage ? "asked for" : "not asked for");
-        effects.state("depth", outputs.depth, outputs.depth ? "asked for" : "not asked for");
-        effects.state("separate_normalization", scene.fields.size() > 1 && plan.threshold,
+        effects.state(EffectId::separate_normalization, scene.fields.size() > 1 && plan.threshold,
                       scene.fields.size() > 1 && plan.threshold ? "each field is divided before all are added"
-                                                                : "one division, or none, serves the whole scene");
-        effects.state("culling", false, "every kernel is looked at");
-        effects.state("elimination", false, "every slice of a pixel is summed, whatever lies before it");
-        effects.state("opacity_buffer", false, "every kernel is looked at");
-        effects.state("tagging", false, "every pixel of every slice is looked at");
-        effects.state("sums", true, "kernels are summed in float64");
+                                                                : "at most one division is needed for the whole scene");
+        effects.state(EffectId::culling, false, "the reference looks at every kernel");
+        effects.state(EffectId::elimination, false, "the reference sums every slice of every pixel");
+        effects.state(EffectId::opacity_buffer, false, "the reference looks at every kernel");
+        effects.state(EffectId::tagging, false, "the reference looks at every pixel of every slice");
+        effects.state(EffectId::sums, true, "kernels are summed in float64");
     } else if (backend == Backend::cpu) {
         plan_cpu(scene, view, options, outputs, effects, plan);
     } else {

@@ -6,8 +6,6 @@
 
 #include <glm/geometric.hpp>
 
-#include "index/visible_runs.hpp"
-
 namespace sheetsplat {
 
 namespace {
@@ -17,16 +15,6 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double rounding = 1e-5;
 /// Points so many slice distances before a plane count as on it.
 constexpr double on_the_plane = 1e-6;
-
-/// The most that kernels of value 1 and weight 1 add up to anywhere, over the divisor of normalisation lattice.
-double peak_of(const Field& field, const ViewFacts& view) {
-    const auto known = view.lattice_peaks.find(&field);
-    if (known != view.lattice_peaks.end()) {
-        return known->second;
-    }
-    const RegularField* regular = as_regular(&field);
-    return regular != nullptr ? lattice_ripple(*regular).upper : infinity;
-}
 
 /// 0 stays 0, however often it is added.
 double times(double value, double factor) { return value == 0.0 ? 0.0 : value * factor; }
@@ -43,8 +31,8 @@ Range values_of(const Field& field, const Scene& scene, const ViewFacts& view) {
     double factor = infinity;
     // Widened kernels of a lattice keep their mass but no longer lie as the bound of the ripple takes them.
     if (const RegularField* regular = as_regular(&field); regular != nullptr && scene.filter == Filter::none) {
-        factor =
-            peak_of(field, view) * (field.normalization() == Normalization::none ? regular->lattice_constant() : 1.0);
+        factor = view.lattice_peaks.at(&field) *
+                 (field.normalization() == Normalization::none ? regular->lattice_constant() : 1.0);
     }
     return {times(range.lower, factor), times(range.upper, factor)};
 }
@@ -108,12 +96,12 @@ Kept kept_by(const Scene& scene, const ViewFacts& view) {
     }
     // A slab reaches half a slice distance beyond its middle, and a crossing has an end beyond the supports.
     const double slices = (scene.sampling == Sampling::slab ? 0.5 : 0.0) + (scene.mode == Mode::isosurface ? 1.0 : 0.0);
-    const double margin = slices * view.slice_spacing * view.largest_slant;
+    const double margin = slices * view.frame.slice_spacing * view.frame.largest_slant;
     bool everything = true;
     for (const Clip::Plane& plane : scene.clip.half_spaces()) {
         const Range reach = along(supports, plane.normal);
         const double beyond = margin * glm::length(plane.normal);
-        const double closed = on_the_plane * view.slice_spacing * glm::length(plane.normal);
+        const double closed = on_the_plane * view.frame.slice_spacing * glm::length(plane.normal);
         if (reach.upper + beyond + closed < plane.offset) {
             return Kept::nothing;
         }

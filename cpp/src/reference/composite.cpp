@@ -6,14 +6,13 @@
 #include <limits>
 
 #include "reference/classify.hpp"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat::reference {
 
 namespace {
 
 constexpr double never = std::numeric_limits<double>::infinity();
-
-bool is_scalar(Mode mode) { return mode == Mode::xray || mode == Mode::mip; }
 
 } // namespace
 

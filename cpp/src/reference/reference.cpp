@@ -12,6 +12,7 @@
 #include "reference/slices.hpp"
 #include "reference/sums.hpp"
 #include "reference/surroundings.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat::reference {
@@ -41,7 +42,7 @@ void check_memory(Size size, const Scene& scene, const Request& request, std::si
     // One product, so that no sum of two can run over: pictures lack the border, but that is little.
     const std::uint64_t pixels =
         static_cast<std::uint64_t>(size.width + 2LL) * static_cast<std::uint64_t>(size.height + 2LL);
-    const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
+    const bool scalar = is_scalar(scene.mode);
     const bool slopes = has_analytic_gradients(scene);
     const std::uint64_t a_sheet =
         sizeof(double) + 1 + (request.coverage ? sizeof(double) : 0) + (slopes ? sizeof(Vec3) : 0);
@@ -194,7 +195,7 @@ std::vector<unsigned char> ambiguous_pixels(const Scene& scene, const Camera& ca
     check_size(size);
     check_memory(size, scene, request, 5);
     std::vector<unsigned char> marks(static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height), 0);
-    if (scene.mode == Mode::xray || scene.mode == Mode::mip) {
+    if (is_scalar(scene.mode)) {
         return marks;
     }
     Request quiet = request;

@@ -6,6 +6,7 @@
 #include <glm/common.hpp>
 
 #include "base/checks.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -107,7 +108,7 @@ constexpr const char* together = "two options cannot be used together";
 void check_effects(const Scene& scene) {
     const Words in_mode = " with " + option_ref("mode", name_of(scene.mode));
     const Words composite = option_ref("mode", "composite");
-    const bool scalar = scene.mode == Mode::xray || scene.mode == Mode::mip;
+    const bool scalar = is_scalar(scene.mode);
     const Words opacity =
         option_ref("gradient_opacity", scene.gradient_opacity ? text_of(*scene.gradient_opacity) : std::string());
     const auto need_colors = [&](bool on, const Words& name) {

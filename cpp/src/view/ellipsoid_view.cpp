@@ -7,6 +7,9 @@
 #include <glm/geometric.hpp>
 #include <glm/vec2.hpp>
 
+#include "plan/limits_gl.hpp"
+#include "plan/slab_nodes.hpp"
+
 namespace sheetsplat {
 
 namespace {
@@ -16,10 +19,6 @@ constexpr double least_weight = 1e-30;
 constexpr double log2_e = 1.4426950408889634;
 /// Powers of two that float32 has room for.
 constexpr double largest_exponent = 115.0;
-/// sqrt(k) |w| ds / h up to which 4 and 6 nodes integrate a slab to 1e-7.
-constexpr double thin_slab = 0.6;
-constexpr double medium_slab = 1.5;
-
 /// R of a QR factorisation of the stacked rows of B^T and diag(d), by Householder reflections: R^T R = B B^T + d^2.
 /// columns: 3 columns of 6 numbers. Returns R's rows.
 std::array<Vec3, 3> stacked_qr(std::array<std::array<double, 6>, 3> columns) {
@@ -246,7 +245,8 @@ SectionGroup EllipsoidView::group(std::size_t i, const Depths& depths, double sp
     double shortest = std::min({axes.x, axes.y, axes.z});
     const double pixel =
         frame_->projection == Projection::perspective ? frame_->pixel * std::abs(depths.center) : frame_->pixel;
-    const bool tiny = std::isfinite(precise_aspect) && filter_ == Filter::none && shortest < least_plain_px * pixel;
+    const bool tiny =
+        std::isfinite(precise_aspect) && filter_ == Filter::none && shortest < gl_limits::least_plain_px * pixel;
     if (sampling_ == Sampling::point && spheres_ && !tiny && depths.half / frame_->pixel <= sprite_px) {
         return SectionGroup::sprite;
     }
@@ -270,13 +270,13 @@ SectionGroup EllipsoidView::group(std::size_t i, const Depths& depths, double sp
         }
         const double width = std::sqrt(field_->kernel().falloff) * ray * step_s;
         if (precise) {
-            return width < thin_slab     ? SectionGroup::precise_thin
-                   : width < medium_slab ? SectionGroup::precise_medium
-                                         : SectionGroup::precise_thick;
+            return width < four_node_slab  ? SectionGroup::precise_thin
+                   : width < six_node_slab ? SectionGroup::precise_medium
+                                           : SectionGroup::precise_thick;
         }
-        return width < thin_slab     ? SectionGroup::thin
-               : width < medium_slab ? SectionGroup::medium
-                                     : SectionGroup::thick;
+        return width < four_node_slab  ? SectionGroup::thin
+               : width < six_node_slab ? SectionGroup::medium
+                                       : SectionGroup::thick;
     }
     if (precise) {
         return SectionGroup::precise_plain;

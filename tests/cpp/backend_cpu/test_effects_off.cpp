@@ -23,6 +23,8 @@ HWY_AFTER_NAMESPACE();
 
 #include <gtest/gtest.h>
 
+#include "support/facts.hpp"
+
 namespace sheetsplat::backend_cpu {
 namespace {
 
@@ -89,15 +91,16 @@ struct Tile {
 
 Shading<float> shading_of(const Scene& scene) {
     ViewFacts view;
-    view.size = {edge, edge};
-    view.slices = 4;
+    view.frame.size = {edge, edge};
+    view.frame.slices = 4;
     Frame frame;
-    frame.size = view.size;
+    frame.size = view.frame.size;
     frame.slices = 4;
     const Camera camera = Camera::orthographic({0.0, 0.0, 5.0}, {0.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, 2.0);
     RendererOptions options;
     options.precision = Precision::float32;
-    const DrawPlan plan = make_plan(scene, view, options, {}, Projection::orthographic, Backend::cpu, nullptr);
+    const DrawPlan plan =
+        make_plan(scene, test::surveyed(scene, view), options, {}, Projection::orthographic, Backend::cpu, nullptr);
     return make_shading<float>(scene, camera, frame, plan);
 }
 

@@ -7,6 +7,7 @@
 #include "plan/make_plan.hpp"
 #include "sheetsplat/error.hpp"
 #include "support.hpp"
+#include "support/facts.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -24,8 +25,8 @@ Scene plain_scene(Normalization normalization = Normalization::lattice) {
 
 ViewFacts facts() {
     ViewFacts view;
-    view.size = {64, 64};
-    view.slices = 6;
+    view.frame.size = {64, 64};
+    view.frame.slices = 6;
     return view;
 }
 
@@ -42,7 +43,8 @@ Capabilities software() {
 DrawPlan plan_of(const Scene& scene, const RendererOptions& options = {}, const Outputs& outputs = {},
                  ViewFacts view = facts(), Capabilities capabilities = software(),
                  Projection projection = Projection::orthographic) {
-    return make_plan(scene, view, options, outputs, projection, Backend::gl, &capabilities);
+    return make_plan(scene, test::surveyed(scene, std::move(view)), options, outputs, projection, Backend::gl,
+                     &capabilities);
 }
 
 TEST(Plan, LeavesOutWhatTheSceneDoesNotCallFor) {
@@ -87,10 +89,10 @@ TEST(Plan, FollowsTheScene) {
     EXPECT_FALSE(plan_of(scene).stop);
 
     ViewFacts view = facts();
-    view.slice_spacing = 0.5;
+    view.frame.slice_spacing = 0.5;
     EXPECT_TRUE(plan_of(plain_scene(), {}, {}, view).opacity_correction);
     view = facts();
-    view.largest_splat_px = 200.0;
+    view.screen_px.largest_lattice = 200.0;
     EXPECT_FALSE(plan_of(plain_scene(), {}, {}, view).points) << "larger than the largest point";
 }
 
@@ -107,7 +109,7 @@ TEST(Plan, EliminatesOnHardwareWhereSomethingSaturates) {
     Scene slow = plain_scene();
     slow.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.1}});
     ViewFacts deep = facts();
-    deep.slices = 100;
+    deep.frame.slices = 100;
     EXPECT_FALSE(plan_of(slow, {}, {}, deep).elimination);
     EXPECT_TRUE(plan_of(slow, {}, {}, deep, hardware).elimination);
     EXPECT_FALSE(plan_of(scene, {}, {true, false}, facts(), hardware).elimination)
@@ -195,11 +197,11 @@ Scene scene_of(std::vector<std::shared_ptr<const Field>> fields) {
 
 ViewFacts ellipsoid_facts() {
     ViewFacts view = facts();
-    view.ellipsoids = true;
-    view.most_ellipsoids = 2;
-    view.largest_aspect = 4.0;
-    view.largest_splat_px = 0.0;
-    view.largest_overlap = 5.0;
+    view.kernels.ellipsoids = true;
+    view.kernels.most_ellipsoids = 2;
+    view.shapes.largest_aspect = 4.0;
+    view.screen_px.largest_lattice = 0.0;
+    view.overlap.typical = 5.0;
     return view;
 }
 
@@ -245,12 +247,12 @@ TEST(PlanOfEllipsoids, SaysWhatTheFilterIsFor) {
     EXPECT_FALSE(plan.summary.has("ewa_filter"));
     expect_parts(reason_of(plan, "ewa_filter"), {"not asked for", "no kernel is smaller than a pixel"});
 
-    view.unresolved = 123456;
-    view.largest_filtering = 4.0;
+    view.kernels.unresolved = 123456;
+    view.shapes.largest_filtering = 4.0;
     plan = plan_of(scene, {}, {}, view);
     EXPECT_FALSE(plan.filter) << "only where it is asked for";
     expect_parts(reason_of(plan, "ewa_filter"), {"not asked for, though 123456 kernels are smaller", "the filter ewa"});
-    view.unresolved = 1;
+    view.kernels.unresolved = 1;
     expect_parts(reason_of(plan_of(scene, {}, {}, view), "ewa_filter"), {"1 kernel is smaller"});
 
     scene.filter = Filter::ewa;
@@ -258,12 +260,12 @@ TEST(PlanOfEllipsoids, SaysWhatTheFilterIsFor) {
     EXPECT_TRUE(plan.filter);
     EXPECT_TRUE(plan.summary.has("ewa_filter"));
     expect_parts(reason_of(plan, "ewa_filter"), {"asked for, and 1 kernel is smaller"});
-    view.unresolved = 0;
-    view.largest_filtering = 1e-3;
+    view.kernels.unresolved = 0;
+    view.shapes.largest_filtering = 1e-3;
     plan = plan_of(scene, {}, {}, view);
     EXPECT_TRUE(plan.filter);
     expect_parts(reason_of(plan, "ewa_filter"), {"asked for: it widens kernels by a pixel and a slice distance"});
-    view.largest_filtering = 1e-7;
+    view.shapes.largest_filtering = 1e-7;
     plan = plan_of(scene, {}, {}, view);
     EXPECT_FALSE(plan.filter);
     expect_parts(reason_of(plan, "ewa_filter"), {"every kernel is so large that it would change nothing"});
@@ -271,7 +273,7 @@ TEST(PlanOfEllipsoids, SaysWhatTheFilterIsFor) {
 
 TEST(PlanOfEllipsoids, TellsLatticesFromScatteredKernels) {
     ViewFacts lattice = facts();
-    lattice.largest_filtering = 1.0;
+    lattice.shapes.largest_filtering = 1.0;
     EXPECT_FALSE(plan_of(plain_scene(), {}, {}, lattice).summary.has("scattered_kernels"));
     EXPECT_EQ(reason_of(plan_of(plain_scene(), {}, {}, lattice), "scattered_kernels"), "all fields are lattices");
     Scene filtered = plain_scene();
@@ -285,7 +287,7 @@ TEST(PlanOfEllipsoids, TellsLatticesFromScatteredKernels) {
         return plan_of(scene, {}, {}, std::move(view), software(), projection);
     };
     ViewFacts sheared = facts();
-    sheared.sheared = true;
+    sheared.shapes.sheared = true;
     EXPECT_TRUE(general(plain_scene(), facts(), Projection::perspective).general);
     EXPECT_TRUE(general(plain_scene(), sheared, Projection::orthographic).general);
     EXPECT_FALSE(general(plain_scene(), facts(), Projection::orthographic).general);
@@ -314,7 +316,7 @@ TEST(PlanOfEllipsoids, DrawsSmallSpheresAsPoints) {
     Scene wide = scene_of({round});
     wide.filter = Filter::ewa;
     ViewFacts small = view;
-    small.largest_filtering = 1.0;
+    small.shapes.largest_filtering = 1.0;
     EXPECT_FALSE(plan_of(wide, {}, {}, small).points);
     const DrawPlan deep = plan_of(scene_of({round}), {}, {}, view, software(), Projection::perspective);
     EXPECT_FALSE(deep.points);
@@ -346,7 +348,7 @@ TEST(PlanOfEllipsoids, DividesFieldsByTheirOwnWeights) {
     Scene close = scene_of({scattered(), none});
     close.lights = {Light{}};
     ViewFacts near = view;
-    near.smallest_pixel = 0.01;
+    near.frame.smallest_pixel = 0.01;
     EXPECT_THROW(plan_of(close, {}, {}, near), Unsupported);
     EXPECT_TRUE(plan_of(close, {}, {}, view).gradient);
 }
@@ -373,10 +375,10 @@ TEST(PlanOfEllipsoids, SlicesOnTheDeviceWhereThatIsExactAndPays) {
     };
     refused(plain_scene(), facts(), hardware(), "no field holds ellipsoids");
     ViewFacts slender = view;
-    slender.largest_aspect = 2000.0;
-    refused(scene, slender, hardware(), "1:2000 are sliced anew for each batch");
+    slender.shapes.largest_aspect = 2000.0;
+    refused(scene, slender, hardware(), "1:2000 are sliced for each batch");
     ViewFacts many = view;
-    many.most_ellipsoids = 12345678;
+    many.kernels.most_ellipsoids = 12345678;
     refused(scene, many, hardware(), "12345678 kernels are sliced batch by batch");
     Capabilities old = hardware();
     old.version = "4.0 of old";
@@ -385,7 +387,7 @@ TEST(PlanOfEllipsoids, SlicesOnTheDeviceWhereThatIsExactAndPays) {
     Scene filtered = scene;
     filtered.filter = Filter::ewa;
     ViewFacts small = view;
-    small.largest_filtering = 1.0;
+    small.shapes.largest_filtering = 1.0;
     refused(filtered, small, hardware(), "filtered kernels are sliced by the processor");
 
     // A device in software can, but does not gain by it.
@@ -402,7 +404,7 @@ TEST(PlanOfEllipsoids, PlacesNeedlesInFloat64) {
     const Scene scene = scene_of({scattered()});
     ViewFacts view = ellipsoid_facts();
     EXPECT_EQ(plan_of(scene, {}, {}, view, hardware()).precise_aspect, std::numeric_limits<double>::infinity());
-    view.largest_aspect = 1e5;
+    view.shapes.largest_aspect = 1e5;
     DrawPlan plan = plan_of(scene, {}, {}, view, hardware());
     EXPECT_TRUE(plan.summary.has("precise_sections"));
     EXPECT_LT(plan.precise_aspect, 1e4);
@@ -416,7 +418,7 @@ TEST(PlanOfEllipsoids, PlacesNeedlesInFloat64) {
     inexact.allow_inexact = true;
     plan = plan_of(scene, inexact, {}, view, old);
     EXPECT_EQ(plan.precise_aspect, std::numeric_limits<double>::infinity());
-    view.largest_aspect = 1e4;
+    view.shapes.largest_aspect = 1e4;
     EXPECT_NO_THROW(plan_of(scene, {}, {}, view, old));
 }
 
@@ -478,7 +480,7 @@ TEST(PlanOfEllipsoids, BudgetGrowsWithTheOverlap) {
     const Scene scene = scene_of({scattered()});
     const auto noise = [&](double overlap, Precision precision) {
         ViewFacts view = ellipsoid_facts();
-        view.largest_overlap = overlap;
+        view.overlap.typical = overlap;
         RendererOptions options;
         options.precision = precision;
         options.allow_inexact = true;
@@ -493,7 +495,7 @@ TEST(PlanOfEllipsoids, BudgetGrowsWithTheOverlap) {
     // Stores that cut off drift with the number of sums, rounding ones with its root.
     EXPECT_NEAR(noise(4000.0, Precision::float16) / noise(400.0, Precision::float16), 10.0, 1e-9);
     ViewFacts crowded = ellipsoid_facts();
-    crowded.largest_overlap = 400.0;
+    crowded.overlap.typical = 400.0;
     RendererOptions half;
     half.precision = Precision::float16;
     EXPECT_THROW(plan_of(scene, half, {}, crowded, hardware()), Unsupported);
@@ -548,8 +550,8 @@ TEST(PlanOfEllipsoids, BoundsValuesByWhatWeightsLeaveOfThem) {
 
 TEST(PlanOfEllipsoids, RefusesLitQuotientsOfNextToNothing) {
     ViewFacts view = ellipsoid_facts();
-    view.kernels = 2;
-    view.smallest_radius_px = 4.0;
+    view.kernels.all = 2;
+    view.screen_px.smallest = 4.0;
     const auto draw = [&](double w0, bool lit, bool analytic, Mode mode = Mode::composite) {
         Scene scene = scene_of({scattered({0.5, 0.7}, {}, Normalization::threshold, w0)});
         scene.lights = lit ? std::vector<Light>{Light{}} : std::vector<Light>{};
@@ -559,7 +561,7 @@ TEST(PlanOfEllipsoids, RefusesLitQuotientsOfNextToNothing) {
         static_cast<void>(plan_of(scene, {}, {}, view));
     };
     EXPECT_NO_THROW(draw(1e-9, true, false)) << "neighbouring quotients are no splatted differences";
-    view.smallest_pixel = view.largest_pixel = view.reference_length / 10.0;
+    view.frame.smallest_pixel = view.frame.largest_pixel = view.frame.reference_length / 10.0;
     EXPECT_NO_THROW(draw(1.0 / 45.0, true, false));
     EXPECT_THROW(draw(1e-5, true, false), Unsupported);
     EXPECT_NO_THROW(draw(1e-9, false, false)) << "not lit";
@@ -574,17 +576,17 @@ TEST(PlanOfEllipsoids, RefusesLitQuotientsThatAreFarMagnified) {
     ViewFacts view = ellipsoid_facts();
     Scene scene = scene_of({scattered({0.5, 0.7})});
     scene.lights = {Light{}};
-    view.kernels = 2;
-    view.densest_overlap = 1000.0;
-    view.slices = 1000;
-    view.smallest_radius_px = 1.0;
-    view.smallest_pixel = view.largest_pixel = view.reference_length / 700.0;
+    view.kernels.all = 2;
+    view.overlap.densest = 1000.0;
+    view.frame.slices = 1000;
+    view.screen_px.smallest = 1.0;
+    view.frame.smallest_pixel = view.frame.largest_pixel = view.frame.reference_length / 700.0;
     EXPECT_NO_THROW(plan_of(scene, {}, {}, view));
-    view.smallest_pixel = view.largest_pixel = view.reference_length / 900.0;
+    view.frame.smallest_pixel = view.frame.largest_pixel = view.frame.reference_length / 900.0;
     EXPECT_THROW(plan_of(scene, {}, {}, view), Unsupported);
-    view.smallest_radius_px = 2.0;
+    view.screen_px.smallest = 2.0;
     EXPECT_NO_THROW(plan_of(scene, {}, {}, view)) << "what changes over two pixels";
-    view.smallest_radius_px = 1.0;
+    view.screen_px.smallest = 1.0;
     scene.gradient = Gradient::analytic;
     EXPECT_NO_THROW(plan_of(scene, {}, {}, view));
 }

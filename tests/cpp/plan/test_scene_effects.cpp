@@ -5,9 +5,11 @@
 
 #include <gtest/gtest.h>
 
+#include "plan/effect_table.hpp"
 #include "plan/make_plan.hpp"
 #include "sheetsplat/error.hpp"
 #include "support.hpp"
+#include "support/facts.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -32,11 +34,11 @@ Scene lit_scene() {
 DrawPlan plan_of(const Scene& scene, Backend backend = Backend::reference, const RendererOptions& options = {},
                  double farthest = 10.0) {
     ViewFacts view;
-    view.size = {64, 64};
-    view.slices = 6;
-    view.kernels = 8;
-    view.smallest_radius_px = 10.0;
-    view.farthest_depth = farthest;
+    view.frame.size = {64, 64};
+    view.frame.slices = 6;
+    view.kernels.all = 8;
+    view.screen_px.smallest = 10.0;
+    view.frame.farthest_depth = farthest;
     Capabilities capabilities;
     capabilities.renderer = "a device";
     capabilities.version = "4.5";
@@ -44,7 +46,7 @@ DrawPlan plan_of(const Scene& scene, Backend backend = Backend::reference, const
     capabilities.version_minor = 5;
     capabilities.software = true;
     capabilities.max_point_size = 255.0F;
-    return make_plan(scene, view, options, {}, Projection::orthographic, backend,
+    return make_plan(scene, test::surveyed(scene, view), options, {}, Projection::orthographic, backend,
                      backend == Backend::gl ? &capabilities : nullptr);
 }
 
@@ -64,51 +66,54 @@ RendererOptions forcing(const std::string& name, bool on) {
 
 constexpr std::array<Backend, 3> backends{Backend::gl, Backend::cpu, Backend::reference};
 
-TEST(SceneEffects, EveryBackendListsAllOnce) {
+Control control_of(const EffectEntry& entry, Backend backend) {
+    return backend == Backend::gl ? entry.gl : backend == Backend::cpu ? entry.cpu : entry.reference;
+}
+
+TEST(EffectTable, IsWhatPlansList) {
     for (const Backend backend : backends) {
-        std::multiset<std::string> names;
+        std::multiset<std::string> listed, known;
         for (const Effect& effect : plan_of(lit_scene(), backend).summary.effects) {
             EXPECT_GT(effect.reason.size(), 10U) << effect.name;
-            names.insert(effect.name);
+            listed.insert(effect.name);
         }
-        for (const char* name : {"normalization",
-                                 "weight",
-                                 "gradient",
-                                 "eye_lights",
-                                 "world_lights",
-                                 "specular",
-                                 "two_sided",
-                                 "clip",
-                                 "preintegration",
-                                 "second_order",
-                                 "opacity_stop",
-                                 "elimination",
-                                 "tagging",
-                                 "opacity_buffer",
-                                 "ewa_filter",
-                                 "perspective",
-                                 "slab_sampling",
-                                 "several_fields",
-                                 "isosurface",
-                                 "ambient_only",
-                                 "background",
-                                 "coverage",
-                                 "depth",
-                                 "shadows",
-                                 "gradient_opacity",
-                                 "depth_cue",
-                                 "ambient_occlusion",
-                                 "analytic_gradient",
-                                 "separate_normalization",
-                                 "culling",
-                                 "empty_test",
-                                 "opacity_correction",
-                                 "classification",
-                                 "sums"}) {
-            EXPECT_EQ(names.count(name), 1U) << name << " on " << to_string(backend);
+        for (const EffectEntry& entry : effect_table) {
+            if (control_of(entry, backend) != Control::absent) {
+                known.insert(entry.name);
+            }
         }
-        for (const std::string& name : names) {
-            EXPECT_EQ(names.count(name), 1U) << name << " on " << to_string(backend);
+        EXPECT_EQ(listed, known) << to_string(backend);
+    }
+}
+
+TEST(EffectTable, IsInOrderAndComplete) {
+    for (std::size_t n = 0; n < effect_table.size(); ++n) {
+        const EffectEntry& entry = effect_table[n];
+        EXPECT_EQ(static_cast<std::size_t>(entry.id), n) << entry.name;
+        const bool forcible = entry.gl == Control::forcible || entry.cpu == Control::forcible;
+        EXPECT_EQ(entry.decided_by == nullptr, forcible) << entry.name;
+        EXPECT_NE(entry.reference, Control::forcible) << entry.name;
+    }
+    EXPECT_EQ(known_effects().size(), effect_table.size());
+    EXPECT_EQ(known_effects().back().name, effect_table.back().name);
+}
+
+TEST(EffectTable, SaysWhatCanBeForced) {
+    for (const Backend backend : {Backend::gl, Backend::cpu}) {
+        for (const EffectEntry& entry : effect_table) {
+            const auto force = [&](bool on) { (void)plan_of(lit_scene(), backend, forcing(entry.name, on)); };
+            if (entry.decided_by != nullptr) {
+                expect_parts(message_of<InvalidInput>([&] { force(true); }), {entry.name, entry.decided_by});
+            } else if (control_of(entry, backend) == Control::forcible) {
+                RendererOptions options = forcing(entry.name, false);
+                options.allow_inexact = true;
+                const DrawPlan plan = plan_of(lit_scene(), backend, options);
+                EXPECT_FALSE(row(plan, entry.name).on) << entry.name;
+                EXPECT_TRUE(row(plan, entry.name).forced) << entry.name;
+            } else {
+                expect_parts(message_of<Unsupported>([&] { force(true); }), {entry.name, to_string(backend)});
+                EXPECT_NO_THROW(force(false)) << entry.name << " off is what this backend does anyway";
+            }
         }
     }
 }
@@ -321,7 +326,7 @@ TEST(SceneEffects, WhatHasNoNumbersCannotBeForcedOn) {
         const DrawPlan plan = plan_of(lit_scene(), Backend::cpu, forcing(name, true));
         EXPECT_FALSE(row(plan, name).on) << name;
         EXPECT_TRUE(row(plan, name).forced) << name;
-        expect_parts(row(plan, name).reason, {"forced on, with nothing to do"});
+        expect_parts(row(plan, name).reason, {"forced on, but there is nothing to do"});
     }
     Scene clipped = lit_scene();
     clipped.clip.planes = {{{1, 0, 0}, -100.0}};

@@ -21,7 +21,7 @@
 #include "reference/reference.hpp"
 #include "sheetsplat/image.hpp"
 #include "view/ellipsoid_view.hpp"
-#include "view/frame.hpp"
+#include "view/field_view.hpp"
 
 namespace sheetsplat::test {
 
@@ -50,29 +50,15 @@ class CpuDrawing {
     CpuDrawing(Shot shot, Precision precision)
         : shot_(std::move(shot)), frame_(make_frame(shot_.scene, shot_.camera, shot_.size)) {
         const Scene& scene = shot_.scene;
-        ViewFacts facts;
-        facts.size = frame_.size;
-        facts.first_slice = frame_.first_slice;
-        facts.slices = frame_.slices;
-        facts.slice_spacing = frame_.slice_spacing;
-        facts.reference_length = frame_.reference_length;
-        facts.smallest_pixel = frame_.slices > 0 ? frame_.smallest_pixel() : frame_.reference_length;
-        facts.largest_pixel = frame_.largest_pixel();
-        facts.cut_by_near = frame_.cut_by_near;
-        facts.largest_filtering = std::numeric_limits<double>::infinity(); // a filter that is asked for is applied
-        if (frame_.projection == Projection::perspective) {
-            const double x = 0.5 * frame_.pixel * frame_.size.width, y = 0.5 * frame_.pixel * frame_.size.height;
-            facts.largest_slant = std::sqrt(1.0 + x * x + y * y);
-        }
+        FieldSurveys surveys;
+        ViewFacts facts = view_facts(scene, shot_.camera, frame_, surveys);
+        facts.shapes.largest_filtering =
+            std::numeric_limits<double>::infinity(); // a filter that is asked for is applied
         RendererOptions options;
         options.backend = Backend::cpu;
         options.precision = precision;
-        // The facts above are not all that there are; what a precision is good for is judged by the tests.
+        // What a precision is good for is judged by the tests.
         options.allow_inexact = true;
-        for (const auto& field : scene.fields) {
-            facts.kernels += field->size();
-            facts.ellipsoids = facts.ellipsoids || field->kind() == FieldKind::ellipsoid;
-        }
         plan_ = make_plan(scene, facts, options, shot_.outputs, shot_.camera.projection(), Backend::cpu, nullptr);
         for (std::size_t field = 0; field < scene.fields.size(); ++field) {
             add(scene.fields[field], field);

@@ -15,7 +15,7 @@
 #include "sheetsplat/image.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "view/ellipsoid_view.hpp"
-#include "view/frame.hpp"
+#include "view/field_view.hpp"
 #include "view/light_volume.hpp"
 
 namespace sheetsplat::backend_cpu {

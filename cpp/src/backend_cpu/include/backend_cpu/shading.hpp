@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "facts/frame.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
-#include "view/frame.hpp"
 #include "view/light_volume.hpp"
 
 namespace sheetsplat {

@@ -12,7 +12,7 @@
 #include "backend_cpu/tile.hpp"
 #include "index/visible_runs.hpp"
 #include "view/ellipsoid_view.hpp"
-#include "view/frame.hpp"
+#include "view/field_view.hpp"
 
 namespace sheetsplat::backend_cpu {
 

@@ -17,8 +17,12 @@ inline bool is_finite(const Vec3& v) { return std::isfinite(v.x) && std::isfinit
 std::string text_of(double value);
 /// "(x, y, z)", each number as above.
 std::string text_of(const Vec3& v);
+/// At most so many significant digits.
+std::string text_of(double value, int digits);
 /// Whole numbers in digits.
 std::string text_of_count(std::uint64_t count);
+/// "1 kernel", "2 kernels".
+std::string text_of_count(std::uint64_t count, const char* noun);
 /// Bytes in the largest binary unit that leaves a number of at least 1, with two decimals: "1.50 GiB".
 std::string text_of_bytes(std::uint64_t bytes);
 

@@ -1,4 +1,4 @@
-// Whether long work is still wanted, for layers that know nothing of pictures and their callbacks.
+// Progress reports and cancellation, for every layer.
 #pragma once
 
 #include <chrono>
@@ -24,7 +24,10 @@ class PollScope {
     PollScope* outer_;
 };
 
-/// Throws what the caller's question throws; nothing where nobody asks.
+/// Calls `progress`, if it is set, with the share that is done (0 to 1). Throws Cancelled where it returns false.
+void report_progress(const std::function<bool(double)>& progress, double share);
+
+/// Throws what the caller's question throws; does nothing outside every PollScope.
 void poll();
 
 /// The same for the i-th of very many short steps.

@@ -3,78 +3,17 @@
 
 #include <cstdint>
 #include <limits>
-#include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/capabilities.hpp"
+#include "facts/view_facts.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/render_plan.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "sheetsplat/scene.hpp"
 
 namespace sheetsplat {
-
-/// What the weights m and values f of a scattered field come to: the same in every view.
-struct WeightFacts {
-    double low = 0.0, high = 0.0;                           ///< of m f
-    double most = 0.0;                                      ///< largest m
-    double least = std::numeric_limits<double>::infinity(); ///< smallest m above 0
-    double alone = 0.0;                                     ///< largest |m f| / max(w0, m): one kernel's rho
-};
-WeightFacts survey_weights(const EllipsoidField& field);
-
-/// Slabs this many times thicker than a leaning kernel's half-depth: beyond, float32 loses where the kernel is in them
-/// (at 1e4 the 99.9th percentile was seen at 1.2e-3).
-constexpr double thick_slab = 3e3;
-
-/// What the plan needs to know of a view. Lengths in world units.
-struct ViewFacts {
-    Size size{};
-    std::int64_t first_slice = 0;
-    std::int64_t slices = 0;
-    double slice_spacing = 1.0;
-    double reference_length = 1.0;
-    double smallest_pixel = 1.0;
-    double largest_pixel = 1.0;
-    double largest_slant = 1.0; ///< largest s = 1 / cos(theta) over the picture
-    bool cut_by_near = false;
-    bool sheared = false; ///< cross-sections of some field lean (unequal spacing, seen askew)
-    double largest_splat_px =
-        1.0; ///< largest radius of a kernel on the screen, pixels (perspective: at the nearest slice)
-    double smallest_falloff = 8.0; ///< over the fields
-    double widest_slab = 1.0;      ///< largest sqrt(k) |w| ds / h over the fields
-    std::int64_t longest_span = 4; ///< most slices that one kernel meets
-    bool ellipsoids = false;       ///< some field is scattered
-    double largest_aspect = 1.0;   ///< longest over shortest semi-axis of one ellipsoid
-    /// Smallest semi-axis of an ellipsoid in pixels at its centre's depth.
-    double smallest_px = std::numeric_limits<double>::infinity();
-    std::size_t most_ellipsoids = 0; ///< kernels of the largest scattered field
-    std::size_t unresolved = 0;      ///< ellipsoids smaller than a pixel or thinner than a slice distance
-    double largest_filtering = 0.0;  ///< largest square of pixel or slice distance over a semi-axis
-    double largest_overlap = 33.5;   ///< kernels that overlap at a point: a bound or an estimate
-    double densest_overlap = 0.0;    ///< the same of scattered kernels where they are densest: an estimate
-    double most_alike = 0.0;         ///< ellipsoids of one size at one place
-    /// Longest semi-axis of an ellipsoid in pixels; in perspective in those at a distance of one unit of length.
-    double largest_px = 0.0;
-    double thin_loss = 0.0; ///< of leaning ellipsoids thinner than 1 / thick_slab: see survey_slabs
-    double thin_peak = 0.0;
-    double largest_weight = 1.0;
-    /// Longest semi-axis of an ellipsoid in pixels of the nearest slice.
-    double largest_radius_px = 0.0;
-    /// Smallest semi-axis of any kernel in pixels, lattices included.
-    double smallest_radius_px = std::numeric_limits<double>::infinity();
-    double thickest_slab = 0.0; ///< sampling slab: largest ds / h of any kernel, or a bound of it
-    std::size_t kernels = 0;    ///< of all fields
-    /// What is known of weighted fields; of others it is looked for in all kernels.
-    std::map<const Field*, WeightFacts> weights{};
-    /// What is known of lattices: largest W / C; of others it is computed.
-    std::map<const Field*, double> lattice_peaks{};
-    /// Depths between which slices, slabs and crossings lie, world units.
-    double nearest_depth = -std::numeric_limits<double>::infinity();
-    double farthest_depth = std::numeric_limits<double>::infinity();
-};
 
 /// Everything that the slice loops switch on. One flag an effect; the summary lists them with reasons. What is a way of
 /// drawing on GL stays off on the processor.

@@ -9,15 +9,12 @@
 
 #include <glm/vec2.hpp>
 
+#include "facts/frame.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
-#include "view/frame.hpp"
 #include "view/slab_batches.hpp"
 
 namespace sheetsplat {
-
-/// float32 knows places to 6e-8 of a pixel: kernels smaller than this are placed in float64.
-constexpr double least_plain_px = 1e-2;
 
 /// One kernel in eye space. With n = B^T e_z / h the direction of slicing in the unit sphere, h = |B^T e_z|, and u, v
 /// completing n to a basis such that B u and B v are orthogonal on the screen, the section at height s along n is the

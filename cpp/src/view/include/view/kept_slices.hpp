@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "facts/frame.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
-#include "view/frame.hpp"
 
 namespace sheetsplat {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "index/visible_runs.hpp"
-#include "view/frame.hpp"
+#include "view/field_view.hpp"
 
 namespace sheetsplat {
 

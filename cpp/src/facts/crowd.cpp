@@ -1,4 +1,4 @@
-#include "view/crowd.hpp"
+#include "facts/crowd.hpp"
 
 #include <algorithm>
 #include <cmath>

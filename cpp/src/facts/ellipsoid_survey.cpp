@@ -1,4 +1,4 @@
-#include "view/ellipsoid_survey.hpp"
+#include "facts/ellipsoid_survey.hpp"
 
 #include <algorithm>
 #include <cmath>

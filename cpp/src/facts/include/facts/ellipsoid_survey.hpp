@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <limits>
 
+#include "facts/crowd.hpp"
+#include "facts/frame.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/field.hpp"
-#include "view/crowd.hpp"
-#include "view/frame.hpp"
 
 namespace sheetsplat {
 

@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include "facts/crowd.hpp"
 #include "index/ellipsoid_fields.hpp"
-#include "view/crowd.hpp"
 
 namespace sheetsplat {
 namespace {

@@ -1,0 +1,14 @@
+// Times of stages, for stats.
+#pragma once
+
+#include <chrono>
+
+namespace sheetsplat {
+
+using Clock = std::chrono::steady_clock;
+
+inline double seconds_since(Clock::time_point start) {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,128 @@
+#include "backend_choice.hpp"
+
+#include <cstdlib>
+
+#include "backend_cpu/cpu_renderer.hpp"
+#include "backend_gl/gl_renderer.hpp"
+#include "base/checks.hpp"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+/// The option, or the environment's choice where it is automatic.
+Backend requested_backend(Backend option) {
+    if (option != Backend::automatic) {
+        return option;
+    }
+    const char* name = std::getenv("SHEETSPLAT_BACKEND");
+    if (name == nullptr || *name == '\0') {
+        return option;
+    }
+    for (const Backend backend : {Backend::automatic, Backend::gl, Backend::cpu, Backend::reference}) {
+        if (std::string(name) == to_string(backend)) {
+            return backend;
+        }
+    }
+    throw InvalidInput(Complaint{"the backend cannot be chosen", std::string("SHEETSPLAT_BACKEND=") + name,
+                                 "auto, gl, cpu or reference", "correct the environment variable, or unset it"});
+}
+
+/// What failed and why, without advice.
+Words reason_of(const Complaint& complaint) { return Complaint{complaint.what, complaint.found}.words(); }
+
+} // namespace
+
+int thread_count(int asked) { return asked > 0 ? asked : backend_cpu::usable_threads(); }
+
+std::string describe_cpu(int threads) {
+    return backend_cpu::instruction_set() + ", " + text_of_count(static_cast<std::uint64_t>(threads), "thread");
+}
+
+BackendChoice::BackendChoice(std::optional<int> device) : device_(device) {}
+BackendChoice::~BackendChoice() = default;
+
+backend_gl::GlRenderer& BackendChoice::gl() {
+    if (!gl_) {
+        gl_ = std::make_unique<backend_gl::GlRenderer>(device_);
+    }
+    return *gl_;
+}
+
+bool BackendChoice::open_gl() {
+    if (!gl_ && !why_no_gl_) {
+        try {
+            gl();
+        } catch (const DeviceUnavailable& error) {
+            why_no_gl_ = error.complaint();
+        }
+    }
+    return gl_ != nullptr;
+}
+
+backend_cpu::CpuRenderer& BackendChoice::cpu() {
+    if (!cpu_) {
+        cpu_ = std::make_unique<backend_cpu::CpuRenderer>();
+    }
+    return *cpu_;
+}
+
+std::vector<Backend> BackendChoice::candidates(Backend asked) {
+    const Backend backend = requested_backend(asked);
+    if (backend != Backend::automatic) {
+        return {backend};
+    }
+    if (!open_gl()) {
+        return {Backend::cpu};
+    }
+    // The processor draws faster by itself than through OpenGL in software; a caller who names a device wants that one.
+    const bool hardware = !gl_->capabilities().software || device_.has_value();
+    return hardware ? std::vector<Backend>{Backend::gl, Backend::cpu} : std::vector<Backend>{Backend::cpu, Backend::gl};
+}
+
+std::string BackendChoice::why_first() const {
+    if (!gl_) {
+        return "no OpenGL here: " + reason_of(*why_no_gl_).text();
+    }
+    if (device_.has_value()) {
+        return "a device was named";
+    }
+    return gl_->capabilities().software ? "OpenGL here is software (" + gl_->capabilities().renderer + ")"
+                                        : "OpenGL here is hardware";
+}
+
+DrawPlan BackendChoice::plan_on(Backend backend, const Request& request, const ViewFacts& facts) {
+    const Capabilities* capabilities = backend == Backend::gl ? &gl().capabilities() : nullptr;
+    DrawPlan plan = make_plan(request.scene, facts, request.options, request.outputs, request.camera.projection(),
+                              backend, capabilities);
+    if (backend == Backend::cpu) {
+        plan.summary.device = describe_cpu(thread_count(request.options.threads));
+    }
+    return plan;
+}
+
+DrawPlan BackendChoice::choose_plan(const Request& request, const ViewFacts& facts) {
+    const bool automatic = requested_backend(request.options.backend) == Backend::automatic;
+    Words reasons, refusals; // short ones for the plan, whole ones for an error
+    for (const Backend backend : candidates(request.options.backend)) {
+        try {
+            DrawPlan plan = plan_on(backend, request, facts);
+            if (automatic) {
+                plan.summary.device += "; auto: " + (reasons.empty() ? why_first() : reasons.text());
+            }
+            return plan;
+        } catch (const Unsupported& error) {
+            if (!automatic) {
+                throw;
+            }
+            const std::string name = (reasons.empty() ? "backend " : "; backend ") + std::string(to_string(backend));
+            reasons += name + ": " + reason_of(error.complaint());
+            refusals += name + ": " + error.complaint().words();
+        }
+    }
+    throw Unsupported(Complaint{"no backend can draw this scene within its error bound",
+                                refusals + (why_no_gl_ ? "; no OpenGL: " + why_no_gl_->words() : Words())});
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,170 @@
+#include "pilots.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "coarse_view.hpp"
+#include "error_estimate.hpp"
+#include "scene/mode_rules.hpp"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+/// Slice distances of the picture that a pilot is compared with, in those of the pilot; rounded down to powers of two.
+/// Where slices are close already, errors fall as they should, and less has to be drawn.
+constexpr double converged = 0.25;
+constexpr double converged_close = 0.5;
+constexpr double close_spacing = 0.3;
+/// What the distance to such a picture is of the distance to the converged one.
+constexpr double converged_share = 0.92;
+constexpr double converged_close_share = 0.8;
+/// Errors that are asked for, from which on the picture that a pilot is compared with may be in float32.
+constexpr double plain_reference = 3e-5;
+constexpr int timed_pilots = 3;
+
+double rmse(const Image& picture, const Image& reference) {
+    return picture.rgba.empty() ? compare(picture.scalar, reference.scalar, 1).rmse
+                                : compare(picture.rgba, reference.rgba, 4).rmse;
+}
+
+} // namespace
+
+Renderer::State::Pilots::Pilots(State& state, const Request& request, const Settings& start, int larger)
+    : state_(state), request_(request), start_(start), size_(coarse_size(request.size, larger)),
+      camera_(coarse_camera(request.camera, request.size, larger)),
+      watch_([this](double) { return !request_.progress || request_.progress(0.0); }) {
+    const Prepared prepared = state_.prepare(whole(with_settings(request.scene, start), request.progress));
+    backend_ = prepared.plan.summary.backend;
+    projection_ = request.camera.projection();
+    work_ = prepared.work;
+    precision_ = prepared.plan.precision;
+    // Of all pilots, the one that kernels reach furthest into.
+    widest_ = prepared.frame;
+    widest_.slice_spacing *= coarsest_spacing;
+    widest_.pixel *= larger;
+}
+
+std::optional<double> Renderer::State::Pilots::error(const Settings& settings) {
+    try {
+        const Image picture = draw(settings, false);
+        const double spacing = settings.slice_spacing / start_.slice_spacing;
+        const Image& reference = converged_for(spacing);
+        const bool far = reference_spacing_ <= converged * spacing * (1.0 + 1e-9);
+        const double distance = rmse(picture, reference) / (far ? converged_share : converged_close_share);
+        return std::hypot(distance, of_model(settings));
+    } catch (const Unsupported&) {
+    } catch (const InvalidInput&) {}
+    return std::nullopt;
+}
+
+double Renderer::State::Pilots::stop_error(const Settings& settings) {
+    if (!is_composited(request_.scene.mode) || settings.opacity_stop >= 1.0) {
+        return 0.0;
+    }
+    Settings unstopped = settings;
+    unstopped.opacity_stop = 1.0;
+    return rmse(draw(settings, false), draw(unstopped, false));
+}
+
+double Renderer::State::Pilots::seconds(const Settings& settings) {
+    Work work = work_;
+    const bool precise = settings.precision == Precision::float64 || precision_ == Precision::float64;
+    set_prices(work, with_settings(request_.scene, settings), projection_, precise);
+    return pace_ * expected_seconds(work, 1.0, settings.slice_spacing / start_.slice_spacing,
+                                    thread_count(request_.options.threads));
+}
+
+Judge::Floor Renderer::State::Pilots::floor() {
+    Settings finest = start_;
+    finest.slice_spacing *= request_.scene.slice_spacing ? 1.0 : finest_spacing;
+    double error = 0.0;
+    try {
+        error = of_model(finest);
+    } catch (const Unsupported&) {
+    } catch (const InvalidInput&) {}
+    if (error == 0.0) {
+        return {};
+    }
+    std::string causes;
+    if (request_.scene.shadows) {
+        causes = "shadows";
+    }
+    if (request_.scene.ambient_occlusion) {
+        causes += causes.empty() ? "ambient occlusion" : " and ambient occlusion";
+    }
+    return {error, "the error expected of " + causes + " from volumes",
+            "allow a larger " + option_ref("max_error") + ", leave out " + causes + ", or use " +
+                option_ref("backend", "reference") + ", which computes them from the kernels"};
+}
+
+double Renderer::State::Pilots::arithmetic() {
+    if (precision_ == Precision::float64) {
+        return 0.0;
+    }
+    try {
+        return rmse(draw(start_, false), draw(start_, true));
+    } catch (const Unsupported&) {
+        return 0.0;
+    }
+}
+
+void Renderer::State::Pilots::find_pace() {
+    for (int n = 0; n < timed_pilots && !state_.paces().knows_pictures(backend_); ++n) {
+        draw(start_, false);
+    }
+    pace_ = state_.paces().best(backend_);
+}
+
+double Renderer::State::Pilots::of_model(const Settings& settings) {
+    const Scene& scene = request_.scene;
+    if ((!scene.shadows && !scene.ambient_occlusion) || backend_ == Backend::reference) {
+        return 0.0;
+    }
+    const double spacing = settings.slice_spacing;
+    const auto known = of_model_.find(spacing);
+    if (known != of_model_.end()) {
+        return known->second;
+    }
+    const Prepared prepared = state_.prepare(whole(with_settings(scene, settings), watch_));
+    return of_model_[spacing] = model_error(prepared.plan.summary.error_budget);
+}
+
+Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {
+    // The reference would take minutes for what backend cpu in float64 tells as well.
+    const bool slow = backend_ == Backend::reference;
+    RendererOptions options = exact || slow ? exact_options(request_.options) : request_.options;
+    if (settings.precision != Precision::automatic) {
+        options.precision = settings.precision;
+    }
+    return state_.render({with_settings(request_.scene, settings), camera_, size_, no_outputs_, watch_, options},
+                         &widest_);
+}
+
+const Image& Renderer::State::Pilots::converged_for(double spacing) {
+    const double share = spacing < close_spacing ? converged_close : converged;
+    const double wanted = std::exp2(std::floor(std::log2(share * spacing) + 1e-9));
+    if (!reference_ || wanted < reference_spacing_) {
+        Settings settings = start_;
+        settings.slice_spacing = start_.slice_spacing * wanted;
+        settings.opacity_stop = 1.0;
+        settings.sampling = Sampling::point;
+        settings.preintegration = is_composited(request_.scene.mode);
+        settings.second_order = false;
+        Image drawn;
+        try {
+            const bool plain = request_.options.precision == Precision::automatic &&
+                               request_.options.max_error.value_or(plain_reference) >= plain_reference;
+            drawn = draw(settings, !plain);
+        } catch (const Unsupported&) {
+            drawn = draw(settings, false);
+        }
+        reference_ = std::move(drawn);
+        reference_spacing_ = wanted;
+    }
+    return *reference_;
+}
+
+} // namespace sheetsplat

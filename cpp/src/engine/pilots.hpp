@@ -1,0 +1,59 @@
+// Pilots: pictures of few pixels of a view, which tell errors and times of settings before the picture is drawn.
+#pragma once
+
+#include <map>
+#include <optional>
+
+#include "renderer_state.hpp"
+#include "settings_search.hpp"
+
+namespace sheetsplat {
+
+/// Draws pilots with a renderer's state, which must outlive it, as must the request.
+class Renderer::State::Pilots : public Judge {
+  public:
+    /// larger: width of a pilot's pixels, in pixels of the picture. start: the settings that others are compared with.
+    Pilots(State& state, const Request& request, const Settings& start, int larger);
+
+    std::optional<double> error(const Settings& settings) override;
+    double stop_error(const Settings& settings) override;
+    double seconds(const Settings& settings) override;
+    Floor floor() override;
+
+    /// What the renderer's own numbers differ by from float64; 0 where that cannot be had.
+    double arithmetic();
+    /// Times pilots, where no picture was timed yet.
+    void find_pace();
+    [[nodiscard]] double pace() const { return pace_; }
+    [[nodiscard]] Backend backend() const { return backend_; }
+
+  private:
+    /// The error expected of light looked up in volumes, which pilots share with what they are compared with.
+    double of_model(const Settings& settings);
+    /// exact: in float64.
+    Image draw(const Settings& settings, bool exact);
+    /// The picture that pilots of a slice spacing are compared with.
+    const Image& converged_for(double spacing);
+    [[nodiscard]] Request whole(const Scene& scene, const Progress& progress) const {
+        return {scene, request_.camera, request_.size, no_outputs_, progress, request_.options};
+    }
+
+    State& state_;
+    const Request& request_;
+    Settings start_;
+    Size size_;
+    Camera camera_;
+    Progress watch_;
+    Outputs no_outputs_;
+    Frame widest_;
+    Work work_;
+    Backend backend_ = Backend::cpu;
+    Projection projection_ = Projection::orthographic;
+    Precision precision_ = Precision::float32;
+    double pace_ = 1.0;
+    std::optional<Image> reference_;
+    double reference_spacing_ = 1.0;
+    std::map<double, double> of_model_; ///< by slice spacing
+};
+
+} // namespace sheetsplat

@@ -1,0 +1,75 @@
+#include "facts/field_survey.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "index/visible_runs.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+/// height(semi-axes): what is left of a kernel's height.
+template <class Height>
+WeightFacts survey(const EllipsoidField& field, Height&& height) {
+    WeightFacts facts;
+    facts.low = std::numeric_limits<double>::infinity();
+    facts.high = -facts.low;
+    for (std::size_t i = 0; i < field.size(); ++i) {
+        const double weight = field.weight(i) * height(field.semi_axes(i));
+        const double product = weight * field.value(i);
+        facts.low = std::min(facts.low, product);
+        facts.high = std::max(facts.high, product);
+        facts.most = std::max(facts.most, weight);
+        if (weight > 0.0) {
+            facts.least = std::min(facts.least, weight);
+        }
+        // m f g / max(w0, W), where W is at least m g.
+        facts.alone = std::max(facts.alone, std::abs(product) / std::max(field.w0(), weight));
+    }
+    return facts;
+}
+
+} // namespace
+
+WeightFacts survey_weights(const EllipsoidField& field) {
+    return survey(field, [](const Vec3&) { return 1.0; });
+}
+
+WeightFacts survey_filtered_weights(const EllipsoidField& field, double pixel, double slice_spacing) {
+    return survey(field, [&](const Vec3& axes) {
+        return std::min(1.0, axes.x / pixel * (axes.y / pixel) * (axes.z / slice_spacing));
+    });
+}
+
+const FieldSurvey& FieldSurveys::of(const std::shared_ptr<const Field>& field) {
+    for (const auto& survey : surveys_) {
+        if (survey->field == field) {
+            return *survey;
+        }
+    }
+    auto made = std::make_unique<FieldSurvey>();
+    made->field = field;
+    if (const EllipsoidField* ellipsoids = as_ellipsoids(field.get())) {
+        made->kernels = survey_kernels(*ellipsoids);
+        if (!ellipsoids->arrays().weights.empty()) {
+            made->weights = survey_weights(*ellipsoids);
+        }
+    }
+    if (const RegularField* regular = as_regular(field.get()); regular != nullptr && regular->size() > 0) {
+        made->lattice_peak = lattice_ripple(*regular).upper;
+    }
+    surveys_.push_back(std::move(made));
+    return *surveys_.back();
+}
+
+void FieldSurveys::forget_others(const Scene& scene) {
+    surveys_.erase(std::remove_if(surveys_.begin(), surveys_.end(),
+                                  [&](const std::unique_ptr<FieldSurvey>& survey) {
+                                      return std::find(scene.fields.begin(), scene.fields.end(), survey->field) ==
+                                             scene.fields.end();
+                                  }),
+                   surveys_.end());
+}
+
+} // namespace sheetsplat

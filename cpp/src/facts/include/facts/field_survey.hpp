@@ -1,0 +1,45 @@
+// What fields are like in every view: surveyed once a field, since it takes a look at every kernel.
+#pragma once
+
+#include <limits>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "facts/ellipsoid_survey.hpp"
+#include "sheetsplat/field.hpp"
+#include "sheetsplat/scene.hpp"
+
+namespace sheetsplat {
+
+/// What the weights m and values f of a scattered field amount to.
+struct WeightFacts {
+    double low = 0.0, high = 0.0;                           ///< of m f
+    double most = 0.0;                                      ///< largest m
+    double least = std::numeric_limits<double>::infinity(); ///< smallest m above 0
+    double alone = 0.0;                                     ///< largest |m f| / max(w0, m): one kernel's rho
+};
+WeightFacts survey_weights(const EllipsoidField& field);
+/// The same under a filter that widens kernels by a pixel across and a slice spacing along the view, world units, at
+/// the same mass: a weight is multiplied by what is left of its kernel's height, at most.
+WeightFacts survey_filtered_weights(const EllipsoidField& field, double pixel, double slice_spacing);
+
+struct FieldSurvey {
+    std::shared_ptr<const Field> field;
+    KernelFacts kernels;                ///< scattered fields
+    std::optional<WeightFacts> weights; ///< weighted ones
+    std::optional<double> lattice_peak; ///< lattices: largest W / C anywhere
+};
+
+/// Keeps the surveys of a scene's fields between pictures.
+class FieldSurveys {
+  public:
+    const FieldSurvey& of(const std::shared_ptr<const Field>& field);
+    /// Drops what belongs to fields that the scene does not hold.
+    void forget_others(const Scene& scene);
+
+  private:
+    std::vector<std::unique_ptr<FieldSurvey>> surveys_;
+};
+
+} // namespace sheetsplat

@@ -1,0 +1,42 @@
+// The numbers of one view: its pixels and its slices. Source: IMAGE FORMATION sections 1 to 3.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+
+#include "sheetsplat/camera.hpp"
+#include "sheetsplat/scene.hpp"
+
+namespace sheetsplat {
+
+/// Pixels and slices of a view. Slices are counted from 0 here: slice m lies at depth first_depth + m * slice_spacing.
+struct Frame {
+    Projection projection = Projection::orthographic;
+    Size size{};
+    double pixel = 1.0;         ///< width of a pixel: world units (orthographic), per unit of depth (perspective)
+    double slice_spacing = 1.0; ///< world units
+    double reference_length = 1.0;
+    double near = 0.0;            ///< perspective: slices at depth <= near do not exist
+    double first_depth = 0.0;     ///< depth of slice 0
+    std::int64_t first_slice = 0; ///< n of slice 0 in t_n = t_c + (n + 1/2) ds
+    std::int64_t slices = 0;
+    bool cut_by_near = false; ///< slices are missing in front because of `near`
+
+    [[nodiscard]] double depth_of(std::int64_t slice) const {
+        return first_depth + static_cast<double>(slice) * slice_spacing;
+    }
+    /// Width of a pixel in world units where it is smallest and largest over all slices.
+    [[nodiscard]] double smallest_pixel() const;
+    [[nodiscard]] double largest_pixel() const;
+    /// Largest s = 1 / cos(theta) over the picture (IMAGE FORMATION section 4).
+    [[nodiscard]] double largest_slant() const;
+};
+
+/// How far a field reaches along a direction of unit length: Field::reach_along, or a faster way to the same numbers.
+using Reach = std::function<std::array<double, 2>(const Field& field, const Vec3& from, const Vec3& direction)>;
+
+/// Throws InvalidInput for sizes below 1 and for more than 10^7 slices.
+Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reach& reach = {});
+
+} // namespace sheetsplat

@@ -1,0 +1,109 @@
+#include "facts/view_facts.hpp"
+
+#include <cmath>
+
+#include "facts/lattice_section.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+FrameFacts frame_facts(const Frame& frame) {
+    FrameFacts facts;
+    facts.size = frame.size;
+    facts.first_slice = frame.first_slice;
+    facts.slices = frame.slices;
+    facts.slice_spacing = frame.slice_spacing;
+    facts.reference_length = frame.reference_length;
+    facts.smallest_pixel = frame.slices > 0 ? frame.smallest_pixel() : frame.reference_length;
+    facts.largest_pixel = frame.largest_pixel();
+    facts.largest_slant = frame.largest_slant();
+    // A crossing or an interval ends beyond its slice.
+    facts.farthest_depth = frame.depth_of(frame.slices);
+    return facts;
+}
+
+void add_lattice(const RegularField& field, const Camera& camera, const Frame& frame, ViewFacts& facts) {
+    const LatticeSection section = lattice_section(field, camera);
+    facts.shapes.sheared = facts.shapes.sheared || section.sheared;
+    const Vec3 axes = field.semi_axes_world();
+    const double thinnest = std::min({axes.x, axes.y, axes.z});
+    const double coarse = std::max(frame.largest_pixel(), frame.slice_spacing);
+    facts.shapes.largest_filtering = std::max(facts.shapes.largest_filtering, coarse * coarse / (thinnest * thinnest));
+    facts.kernels.unresolved +=
+        2.0 * thinnest < std::max(frame.smallest_pixel(), frame.slice_spacing) ? field.size() : 0;
+    if (frame.slices == 0 || field.size() == 0) {
+        return;
+    }
+    ScreenSizes& screen = facts.screen_px;
+    screen.smallest = std::min(screen.smallest, thinnest / frame.largest_pixel());
+    screen.largest_lattice = std::max(
+        {screen.largest_lattice, section.extent_x / frame.smallest_pixel(), section.extent_y / frame.smallest_pixel()});
+    // |w| ds / h: how far a ray gets through the unit sphere in one slab. Its part along n is ds / h; the smallest
+    // semi-axis bounds it all.
+    const double along = frame.slice_spacing / section.half_depth;
+    const double across = frame.projection == Projection::perspective || section.sheared
+                              ? frame.slice_spacing * facts.frame.largest_slant / thinnest
+                              : along;
+    facts.slabs.thickest = std::max(facts.slabs.thickest, along);
+    facts.slabs.widest = std::max(facts.slabs.widest, std::sqrt(field.kernel().falloff) * std::max(along, across));
+}
+
+void add_ellipsoids(const EllipsoidField& field, const FieldSurvey& survey, const Scene& scene, const Camera& camera,
+                    const Frame& frame, ViewFacts& facts) {
+    const EllipsoidFacts own = survey_ellipsoids(field, survey.kernels, camera, frame);
+    facts.kernels.ellipsoids = facts.kernels.ellipsoids || field.size() > 0;
+    facts.kernels.most_ellipsoids = std::max(facts.kernels.most_ellipsoids, field.size());
+    facts.kernels.unresolved += own.unresolved;
+    facts.shapes.largest_aspect = std::max(facts.shapes.largest_aspect, own.largest_aspect);
+    facts.shapes.largest_filtering = std::max(facts.shapes.largest_filtering, own.largest_change);
+    ScreenSizes& screen = facts.screen_px;
+    screen.smallest_ellipsoid = std::min(screen.smallest_ellipsoid, own.smallest_px);
+    screen.smallest = std::min(screen.smallest, own.smallest_px);
+    if (frame.slices > 0) {
+        screen.largest_ellipsoid = std::max(screen.largest_ellipsoid, field.scale_range()[1] / frame.smallest_pixel());
+    }
+    screen.largest_ellipsoid_at_unit = std::max(screen.largest_ellipsoid_at_unit, field.scale_range()[1] / frame.pixel);
+    facts.overlap.typical = std::max(facts.overlap.typical, own.mean_overlap);
+    facts.overlap.densest = std::max(facts.overlap.densest, survey.kernels.crowd.overlap);
+    facts.overlap.alike = std::max(facts.overlap.alike, survey.kernels.crowd.alike);
+    facts.slabs.thickest = std::max(facts.slabs.thickest, frame.slice_spacing / survey.kernels.thinnest);
+    if (scene.sampling == Sampling::slab && scene.filter == Filter::none) {
+        const ThinInSlabs thin = survey_slabs(field, camera, frame, thick_slab);
+        facts.slabs.ellipsoids.loss = std::max(facts.slabs.ellipsoids.loss, thin.loss);
+        facts.slabs.ellipsoids.peak = std::max(facts.slabs.ellipsoids.peak, thin.peak);
+    }
+    if (survey.weights) {
+        facts.weights.emplace(
+            &field, scene.filter == Filter::none
+                        ? *survey.weights
+                        : survey_filtered_weights(field, facts.frame.smallest_pixel, facts.frame.slice_spacing));
+    }
+}
+
+} // namespace
+
+ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& frame, FieldSurveys& surveys) {
+    ViewFacts facts;
+    facts.frame = frame_facts(frame);
+    facts.slabs.widest = 0.0;
+    facts.screen_px.largest_lattice = 0.0;
+    facts.overlap.typical = 0.0;
+    facts.shapes.smallest_falloff = std::numeric_limits<double>::infinity();
+    for (const auto& field : scene.fields) {
+        facts.shapes.smallest_falloff = std::min(facts.shapes.smallest_falloff, field->kernel().falloff);
+        facts.kernels.all += field->size();
+        const FieldSurvey& survey = surveys.of(field);
+        if (const EllipsoidField* ellipsoids = as_ellipsoids(field.get())) {
+            add_ellipsoids(*ellipsoids, survey, scene, camera, frame, facts);
+        } else {
+            add_lattice(*as_regular(field.get()), camera, frame, facts);
+        }
+        if (survey.lattice_peak) {
+            facts.lattice_peaks.emplace(field.get(), *survey.lattice_peak);
+        }
+    }
+    return facts;
+}
+
+} // namespace sheetsplat

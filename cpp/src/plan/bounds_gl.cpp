@@ -1,0 +1,389 @@
+#include "bounds_gl.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "plan/limits_gl.hpp"
+#include "plan/pivot.hpp"
+#include "scene/mode_rules.hpp"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat {
+
+using namespace gl_limits;
+
+namespace {
+
+/// Sums of many equal numbers drift, where those of different ones walk at random.
+void check_crowds(const ViewFacts& view, const DrawPlan& plan, bool lit_quotient, double ratio) {
+    const double times = std::max(1.0, ratio);
+    double most = most_alike_unlit / times;
+    if (lit_quotient) {
+        const double nearest = view.frame.smallest_step();
+        most = most_alike_lit / times / std::max(1.0, view.frame.reference_length / nearest) /
+               (plan.fine_gradient ? fine_alike_factor : 1.0);
+    }
+    most = std::max(most, least_alike);
+    const Words advice =
+        lit_quotient ? "make one kernel of them, of their weights' sum and the mean of their values, leave "
+                       "out the lights, use " +
+                           option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")
+                     : "make one kernel of them, use " + option_ref("backend", "reference") + ", or pass " +
+                           option_ref("allow_inexact", "true");
+    const char* failed = "the picture cannot be made within its error bound in 32-bit sheets";
+    if (view.overlap.alike > most) {
+        throw Unsupported(
+            Complaint{failed, "about " + number(view.overlap.alike) + " ellipsoids of one size at one place",
+                      "at most " + number(std::floor(most)) + (lit_quotient ? " where they are lit" : ""), advice});
+    }
+    if (lit_quotient && view.overlap.densest * times > densest_lit) {
+        throw Unsupported(Complaint{failed, "about " + number(view.overlap.densest) + " ellipsoids at a point",
+                                    "at most " + number(densest_lit / times) + " where they are lit",
+                                    "use fewer or smaller ellipsoids, leave out the lights, use " +
+                                        option_ref("backend", "reference") +
+                                        ", or "
+                                        "pass " +
+                                        option_ref("allow_inexact", "true")});
+    }
+}
+
+bool sums_go_beyond(const Scene& scene) {
+    return std::any_of(scene.fields.begin(), scene.fields.end(),
+                       [](const auto& field) { return field->normalization() != Normalization::lattice; });
+}
+
+/// Largest values over what is resolved where those of quotients are counted from their middle.
+double ratio_from_middle(const Scene& scene, double resolved) {
+    double largest = 0.0;
+    for (const auto& field : scene.fields) {
+        if (field->normalization() == Normalization::threshold) {
+            const double pivot = pivot_of(*field);
+            const std::array<double, 2> range = field->value_range();
+            largest = std::max({largest, std::abs(range[0] - pivot), std::abs(range[1] - pivot)});
+        }
+    }
+    return largest / resolved;
+}
+
+/// What float32 loses of gradients of quotients that are near their kernels' ends, or far magnified. ratio: of values
+/// over what is resolved.
+void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts, double ratio) {
+    if (view.kernels.all == 0 || view.frame.slices == 0 || !(plan.fine_gradient || plan.analytic_gradient)) {
+        return;
+    }
+    const char* failed = "the picture cannot be made within its error bound in 32-bit sheets";
+    const double ell = view.frame.reference_length;
+    const bool gentle = facts.steepness <= gentle_steepness && ell <= gentle_pixels * view.frame.smallest_pixel;
+    const auto most_of = [&](const WeightRange& range) {
+        return (gentle ? range.gentle : range.steep) / std::max(1.0, ratio);
+    };
+    const bool isosurface = plan.mode == Mode::isosurface;
+    const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
+    double most = most_of(plan.analytic_gradient ? widest_derivatives
+                          : isosurface           ? widest_isosurface
+                                                 : widest_differences);
+    const double change = std::max(axis, view.frame.smallest_pixel);
+    if (isosurface && plan.fine_gradient && ell > magnified_isosurface * change) {
+        const double times = ell / change / magnified_isosurface;
+        most = std::min(most, widest_magnified_isosurface / times / times / std::max(1.0, ratio));
+    }
+    if (isosurface && plan.analytic_gradient) {
+        const double by_axis = most_of(widest_by_semi_axis) / (ell / axis) / (ell / axis);
+        most = std::min(most, std::max(by_axis, widest_isosurface_of_derivatives / std::max(1.0, ratio)));
+    }
+    const Words way_out =
+        (plan.analytic_gradient
+             ? "leave out " + option_ref("gradient", "analytic") + ", use a larger " + option_ref("w0")
+             : "use a larger " + option_ref("w0") + " or " + option_ref("gradient", "analytic")) +
+        Words(", use " + option_ref("backend", "cpu") + ", or pass " + option_ref("allow_inexact", "true"));
+    if (facts.weight_range > most) {
+        throw Unsupported(Complaint{failed,
+                                    "weights of up to " + number(facts.weight_range) +
+                                        " times w0, whose quotients are lit where kernels end",
+                                    "at most " + number(most) + " times w0", way_out});
+    }
+    // What a ray goes through is no more opaque than its length lets it be. Surfaces are where differences are large.
+    const double seen = std::min(ell, view.frame.slice_spacing * static_cast<double>(view.frame.slices));
+    const double magnified = std::max(1.0, ratio) * seen / change;
+    const double most_magnified = magnified_quotients / std::sqrt(std::max(1.0, view.overlap.densest));
+    if (plan.fine_gradient && !isosurface && magnified > most_magnified) {
+        throw Unsupported(Complaint{
+            failed,
+            "quotients of sums that are lit where a reference length is " + number(magnified) + " pixels or semi-axes",
+            "at most " + number(std::floor(most_magnified)) + " with about " + number(view.overlap.densest) +
+                " ellipsoids at a point",
+            "use " + option_ref("gradient", "analytic") + ", a smaller " + option_ref("reference_length") + " or " +
+                option_ref("backend", "cpu") + ", or pass " + option_ref("allow_inexact", "true")});
+    }
+}
+
+/// Why the slicing of [NM06] cannot draw a scene; empty where it can.
+std::string unfit_for_paper_slicing(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
+                                    const Effects& effects, const DrawPlan& plan, bool float64) {
+    if (!view.kernels.ellipsoids) {
+        return "a scene without scattered ellipsoids";
+    }
+    if (plan.projection == Projection::perspective) {
+        return "a perspective camera";
+    }
+    if (plan.sampling == Sampling::slab) {
+        return "slab sampling";
+    }
+    if (plan.filter) {
+        return "a filter";
+    }
+    if (plan.fine_gradient) {
+        return "effect fine_gradient, whose differences it does not draw";
+    }
+    if (plan.analytic_gradient) {
+        return "analytic gradients, whose derivatives it does not draw";
+    }
+    if (view.screen_px.largest_ellipsoid_at_unit > largest_paper_px && !options.allow_inexact) {
+        return "kernels of " + number(view.screen_px.largest_ellipsoid_at_unit) + " pixels, of " +
+               number(largest_paper_px) + " at most";
+    }
+    if (view.kernels.most_ellipsoids > most_resident_kernels) {
+        return number(static_cast<double>(view.kernels.most_ellipsoids)) + " kernels in one field, of " +
+               number(static_cast<double>(most_resident_kernels)) + " at most";
+    }
+    if (effects.forced_on(EffectId::resident_sections)) {
+        return "effect resident_sections, which slices kernels in another way";
+    }
+    const double most = float64 ? largest_paper_extent : largest_paper_extent_in_float32;
+    for (const auto& field : scene.fields) {
+        const EllipsoidField* ellipsoids = as_ellipsoids(field.get());
+        if (ellipsoids == nullptr) {
+            continue;
+        }
+        if (field->kernel().falloff > largest_paper_falloff) {
+            return "a falloff of " + number(field->kernel().falloff) + ", where a texture of the Gaussian serves " +
+                   number(largest_paper_falloff) + " at most";
+        }
+        const Vec3 extent = ellipsoids->centres_world().extent();
+        const double half = 0.5 * std::max({extent.x, extent.y, extent.z});
+        if (half > most * ellipsoids->scale_range()[0] && !options.allow_inexact) {
+            return "a semi-axis of " + number(ellipsoids->scale_range()[0]) + " in a field that reaches " +
+                   number(half) + " from its centre, where float32 textures know centres for 1:" + number(most) +
+                   " at most";
+        }
+    }
+    if (view.shapes.largest_aspect > largest_paper_aspect && !options.allow_inexact) {
+        return "kernels of 1:" + number(view.shapes.largest_aspect) +
+               ", where float32 textures know rotations for 1:" + number(largest_paper_aspect) + " at most";
+    }
+    if (view.screen_px.smallest_ellipsoid < least_plain_px && !options.allow_inexact) {
+        return "kernels of " + number(view.screen_px.smallest_ellipsoid) + " pixels, of " + number(least_plain_px) +
+               " at least";
+    }
+    return options.packing == Packing::wide ? "packing wide" : "";
+}
+
+} // namespace
+
+std::string why_float32(const Scene& scene, const ViewFacts& view, const Capabilities& capabilities,
+                        const DrawPlan& plan) {
+    if (capabilities.software) {
+        return "a rasteriser in software gains nothing by 16 bits";
+    }
+    if (!capabilities.float16_blend_rounds) {
+        return "this device cuts off sums in 16 bits";
+    }
+    if (plan.mode != Mode::composite || plan.coverage) {
+        return "numbers are shown, which 16 bits would round";
+    }
+    if (plan.gradient) {
+        return "gradients are differences of sums, which 16 bits would lose";
+    }
+    if (plan.empty_test || !plan.own_sheets.empty() || plan.paper_slicing) {
+        return "this way of drawing tells sums apart that 16 bits would not";
+    }
+    const SumFacts facts = sum_facts(scene, view, plan);
+    if (facts.least_scale < least_float16_scale || facts.sum > largest_float16) {
+        return "weights or sums leave what 16 bits hold";
+    }
+    const double noise = sum_noise(Precision::float16, false, facts.crowd) * facts.ratio;
+    if (noise * facts.bend > float16_bound || noise * facts.steepness > float16_worst) {
+        return "up to " + number(facts.crowd) + " kernels at a point and values of " + number(facts.ratio) +
+               " times the window would make an error of " + number(noise * facts.bend) + " in 16 bits, and of " +
+               number(noise * facts.steepness) + " where colours are steepest";
+    }
+    return "";
+}
+
+void check_precision(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
+                     const Capabilities& capabilities, DrawPlan& plan) {
+    const SumFacts facts = sum_facts(scene, view, plan);
+    const auto& [overlap, largest, resolved, ratio, sum, steepness, least_scale, weight_range, crowd, bend] = facts;
+    const bool lost = least_scale < least_divisor;
+    const double sums = float32_epsilon * std::sqrt(overlap) * ratio;
+    // Sheets of 8 bits end at 1, which sums of weights, and of values that are not divided, go beyond.
+    const bool ends = plan.precision == Precision::uint8 && sums_go_beyond(scene);
+    const double noise = ends ? 1.0 : sum_noise(plan.precision, !capabilities.float16_blend_rounds, crowd);
+    expect_errors(view, facts, noise, plan);
+    if (options.allow_inexact) {
+        return;
+    }
+    const double expected = plan.summary.expected_error();
+    const double worst = noise * ratio * steepness;
+    if (plan.precision == Precision::uint8 ||
+        (plan.precision == Precision::float16 && (expected > float16_bound || worst > float16_worst))) {
+        throw Unsupported(
+            Complaint{std::string("the picture cannot be made with ") + to_string(plan.precision) + " sheets",
+                      "an expected error of " + number(expected) + ", and of " + number(worst) +
+                          " where colours are steepest: up to " + number(crowd) + " kernels at a point",
+                      "at most " + number(float16_bound) + " and " + number(float16_worst),
+                      "use " + option_ref("precision", "float32") + ", or pass " + option_ref("allow_inexact", "true"),
+                      "precision"});
+    }
+    const double largest_sum = plan.precision == Precision::float16 ? largest_float16 : largest_float32;
+    if (sum > largest_sum || lost) {
+        throw Unsupported(
+            Complaint{std::string("the picture cannot be made with ") + to_string(plan.precision) + " sheets",
+                      lost ? "a w0 and weights below " + number(least_divisor)
+                           : "sums of weights, or of weighted values over what is resolved, of up to " + number(sum),
+                      lost ? "a w0 or weights of at least that" : "at most " + number(largest_sum),
+                      "scale the weights and " + option_ref("w0") + " by one factor, use " +
+                          option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")});
+    }
+    // Errors of single slices partly cancel along a ray; what a steep ramp adds, it adds at few pixels.
+    const double picture = 0.25 * sums * std::min(steepness, 4.0);
+    const bool lit_quotient = lights_quotients(plan);
+    // Quotients in sheets of their own are counted from the middle of the values, however far that is from 0.
+    const bool from_middle = !plan.own_sheets.empty() && !plan.paper_slicing;
+    const double lit_ratio = from_middle ? std::min(ratio, ratio_from_middle(scene, resolved)) : ratio;
+    const bool too_far = lit_quotient && lit_ratio > largest_lit_ratio;
+    const double most_times = 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0);
+    if (plan.precision == Precision::float32 && (picture > float32_bound || too_far)) {
+        throw Unsupported(Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
+                                    "values up to " + number(largest) + " where " + number(resolved) + " is resolved",
+                                    "values of at most " +
+                                        number(too_far ? std::min(largest_lit_ratio, most_times) : most_times) +
+                                        " times that",
+                                    "subtract an offset from the values, use " + option_ref("backend", "reference") +
+                                        ", or pass " + option_ref("allow_inexact", "true")});
+    }
+    if (plan.gradient_opacity) {
+        const double nearest = view.frame.smallest_step();
+        const bool differences = !plan.analytic_gradient && !plan.fine_gradient;
+        const double least = least_full_gradient * std::max(1.0, lit_ratio) *
+                             (differences ? std::max(1.0, view.frame.reference_length / nearest) : 1.0);
+        if (*scene.gradient_opacity * view.frame.reference_length < least * plan.value_unit) {
+            throw Unsupported(Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
+                                        option_ref("gradient_opacity", number(*scene.gradient_opacity)) +
+                                            ", near which gradients are lost to rounding",
+                                        "at least " + number(least * plan.value_unit / view.frame.reference_length),
+                                        "use a larger one, use " + option_ref("backend", "reference") + ", or pass " +
+                                            option_ref("allow_inexact", "true"),
+                                        "gradient_opacity"});
+        }
+    }
+    if (lit_quotient) {
+        check_quotients(view, plan, facts, lit_ratio);
+    }
+    check_crowds(view, plan, lit_quotient, ratio);
+    const double measure = plan.mode == Mode::xray ? view.frame.slice_spacing : 1.0;
+    const double seen = is_scalar(plan.mode) ? std::max(1.0, measure * view.slabs.ellipsoids.peak) : resolved;
+    if (plan.sampling == Sampling::slab && !plan.filter &&
+        measure * view.slabs.ellipsoids.loss / seen * std::min(steepness, 4.0) > thick_slab) {
+        throw Unsupported(
+            Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
+                      "slabs of " + number(view.frame.slice_spacing) +
+                          ", in which float32 loses the place of ellipsoids that are so much thinner",
+                      "slabs of at most " + number(thick_slab) + " times the half-depth of ellipsoids that show",
+                      "use a smaller " + option_ref("slice_spacing") + ", " + option_ref("filter", "ewa") + " or " +
+                          option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")});
+    }
+}
+
+void check_lights(const Scene& scene, const Capabilities& capabilities, const DrawPlan& plan) {
+    if (scene.lights.size() > most_lights) {
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn with backend gl", std::to_string(scene.lights.size()) + " lights",
+            "at most " + std::to_string(most_lights), "use fewer lights, or " + option_ref("backend", "reference")});
+    }
+    if (plan.shadows && scene.lights.size() > most_shadowing_lights) {
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn with backend gl", std::to_string(scene.lights.size()) + " lights with shadows",
+            "at most " + std::to_string(most_shadowing_lights),
+            "use fewer lights, leave out " + option_ref("shadows") + ", or use " + option_ref("backend", "reference")});
+    }
+    if ((plan.shadows || plan.ambient_occlusion) && capabilities.max_buffer_texels < most_light_elements_of_all) {
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
+                                    "shadows or ambient occlusion on a device whose buffer textures hold " +
+                                        std::to_string(capabilities.max_buffer_texels) + " texels",
+                                    "at least " + std::to_string(most_light_elements_of_all) +
+                                        ", for the opacity along rays to lights",
+                                    "use " + option_ref("backend", "cpu")});
+    }
+}
+
+void check_kernels(const ViewFacts& view, const Capabilities& capabilities, const DrawPlan& plan) {
+    const bool float64 = capabilities.at_least(4, 0);
+    if (!float64 && view.shapes.largest_aspect > largest_plain_aspect) {
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn within its error bound",
+            "ellipsoids of 1:" + number(view.shapes.largest_aspect) + " on OpenGL " + capabilities.version,
+            "OpenGL 4.0 for places in float64, or at most 1:" + number(largest_plain_aspect),
+            "pass " + option_ref("min_scale", "...") + " to the field, or use " + option_ref("backend", "reference")});
+    }
+    if (!plan.filter && !float64 && view.screen_px.smallest_ellipsoid < smallest_plain_px) {
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn within its error bound",
+            "ellipsoids of " + number(view.screen_px.smallest_ellipsoid) + " pixels on OpenGL " + capabilities.version,
+            "OpenGL 4.0 for places in float64, or at least " + number(smallest_plain_px),
+            "pass " + option_ref("min_scale", "...") + " to the field, use " + option_ref("filter", "ewa") +
+                ", or use " + option_ref("backend", "reference")});
+    }
+    if (view.frame.slices > most_imprecise_slices && !float64) {
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn within its error bound",
+            std::to_string(view.frame.slices) + " slices on OpenGL " + capabilities.version,
+            "OpenGL 4.0 for compensated sums, or at most " + std::to_string(most_imprecise_slices) + " slices",
+            "use a larger " + option_ref("slice_spacing") + ", or " + option_ref("backend", "reference")});
+    }
+    const bool deep = plan.projection == Projection::perspective;
+    if (view.frame.slices > 0 &&
+        view.screen_px.largest_ellipsoid_at_unit > (deep ? largest_deep_px : largest_splat_px)) {
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
+                                    "ellipsoids of " + number(view.screen_px.largest_ellipsoid_at_unit) + " pixels" +
+                                        (deep ? " at a distance of one unit of length" : ""),
+                                    "at most " + number(deep ? largest_deep_px : largest_splat_px),
+                                    deep ? "use a larger unit of length, or " + option_ref("backend", "reference")
+                                         : "magnify less, or use " + option_ref("backend", "reference")});
+    }
+    if (view.screen_px.largest_lattice > largest_splat_px) {
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
+                                    "kernels of " + number(view.screen_px.largest_lattice) + " pixels",
+                                    "at most " + number(largest_splat_px),
+                                    "magnify less, or use " + option_ref("backend", "reference")});
+    }
+    const double place_error = std::max(view.frame.size.width, view.frame.size.height) * float32_epsilon;
+    if (view.frame.slices > 0 && view.screen_px.largest_lattice > 0.0 &&
+        place_error > largest_place_error * view.screen_px.largest_lattice) {
+        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
+                                    "kernels of " + number(view.screen_px.largest_lattice) +
+                                        " pixels, whose positions float32 resolves to " + number(place_error),
+                                    "positions resolved to " + number(largest_place_error) + " of a radius",
+                                    "move the camera closer, or use " + option_ref("backend", "reference")});
+    }
+    if (view.shapes.smallest_falloff < smallest_falloff) {
+        throw Unsupported(Complaint{
+            "the scene cannot be drawn with backend gl",
+            "a falloff of " + number(view.shapes.smallest_falloff) + ", whose differences float32 cannot resolve",
+            "at least " + number(smallest_falloff),
+            "use a larger " + option_ref("falloff") + ", or " + option_ref("backend", "reference")});
+    }
+}
+
+void check_paper_slicing(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
+                         const Effects& effects, const DrawPlan& plan, bool float64) {
+    const std::string unfit = unfit_for_paper_slicing(scene, view, options, effects, plan, float64);
+    if (!unfit.empty()) {
+        throw Unsupported(Complaint{"the plan cannot be made with effect paper_slicing", unfit,
+                                    "ellipsoids in orthographic view, point-sampled, unfiltered, packing paper",
+                                    "leave it out of " + option_ref("effects"), "effects"});
+    }
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,45 @@
+// What the sums of a scene's kernels amount to, and the errors that follow.
+#pragma once
+
+#include "plan/limits_common.hpp"
+#include "plan/make_plan.hpp"
+
+namespace sheetsplat {
+
+/// What the sums of a scene come to, against what its picture resolves.
+struct SumFacts {
+    double overlap = 0.0;      ///< kernels at a point
+    double largest = 0.0;      ///< bound on |rho|
+    double resolved = 1.0;     ///< the transfer function's window; for an isosurface the spread of the values
+    double ratio = 1.0;        ///< of the former two
+    double sum = 0.0;          ///< bound on sums of weights, and of weighted values in the sheets' unit
+    double steepness = 1.0;    ///< of opacity and colours over the window, a slice
+    double least_scale = 0.0;  ///< of fields that are divided: the larger of w0 and the smallest weight above 0
+    double weight_range = 0.0; ///< of fields that are divided: largest m / w0
+    double crowd = 1.0; ///< kernels at a point where they are densest: exact for lattices, else twice an estimate
+    double bend = 1.0;  ///< root mean square of colours' and opacity's slopes over the values that occur, at least 1
+};
+SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& plan);
+
+/// Whether an interval that is empty must be told from one whose ends are 0: where clipping leaves one end of an
+/// interval, which shows only if a kernel reaches it, and where the cubic of second order is not 0 between two ends
+/// that are.
+bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan);
+
+/// True where quotients of sums are lit.
+bool lights_quotients(const DrawPlan& plan);
+
+/// Root mean square rounding of the sum of so many kernels, over its size. `truncates`: stores in 16 bits cut off.
+double sum_noise(Precision precision, bool truncates, double crowd);
+
+/// The shares of sums, of the gradients made of them, and of the picture. noise: of sum_noise.
+void expect_errors(const ViewFacts& view, const SumFacts& sums, double noise, DrawPlan& plan);
+
+/// The amount of rho that sheets call 1.
+double unit_of_values(const Scene& scene, const ViewFacts& view);
+
+/// The shares of light that is left, looked up in volumes. What their numbers differ by from sums along each ray grows
+/// with what a step takes away. opacity: largest that occurs.
+void expect_light_errors(const Scene& scene, const ViewFacts& view, double opacity, DrawPlan& plan);
+
+} // namespace sheetsplat

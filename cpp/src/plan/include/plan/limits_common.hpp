@@ -1,0 +1,40 @@
+// Numbers found by measurement that all backends share, each with the test that holds it, and limits of memory.
+// "seen": an error measured against backend reference; P99.9: of the largest channel difference of a pixel.
+#pragma once
+
+#include <cstdint>
+
+namespace sheetsplat {
+
+/// Root mean square error that float32 pictures may have (IMAGE FORMATION section 9). Test: CpuFloat32.EndsAt/ratio.
+constexpr double float32_bound = 1e-4;
+/// Rounding of one number, with what sums of several add.
+constexpr double float32_epsilon = 6e-8;
+constexpr double float64_epsilon = 1.2e-16;
+
+/// Below this share of the reference length a pixel or a slice spacing loses gradients in differences of float32 sums.
+/// Test: CpuFloat32.EndsAt/close_pixels.
+constexpr double fine_gradient_below = 1.0 / 8.0;
+/// Values over window, where quotients of sums are lit: seen at 7e-4 (P99.9) at 30, at 2e-3 at 100. Test:
+/// GlRefuses.Beyond/lit_ratio.
+constexpr double largest_lit_ratio = 40.0;
+/// Slices of a composite in plain float32: seen 2e-6 off at 28,000, 4e-5 at 280,000, 6e-4 at 1,750,000. Test:
+/// CpuFloat32.EndsAt/slices.
+constexpr std::int64_t most_plain_slices = 1 << 14;
+/// What sums are divided by: weights of 0 are drawn as 1e-30, which tells what they reach from what is empty. Test:
+/// CpuFloat64.EndsAt/divisor.
+constexpr double least_divisor = 1e-22;
+/// Kernels larger than this cannot be placed, pixels. Test: CpuFloat64.EndsAt/largest_px.
+constexpr double largest_splat_px = 1e12;
+/// The square of a pixel or slice spacing over a semi-axis below which a filter changes nothing within any bound. Test:
+/// PlanOfEllipsoids.SaysWhatTheFilterIsFor.
+constexpr double least_filtering = 1e-6;
+
+/// Elements (of 4 bytes) of one light volume: 96 MiB. Of ambient occlusion, a mean over directions and distances that
+/// hardly changes from one slice to the next: 16 MiB. Of all volumes together: 256 MiB, which a device must hold in one
+/// buffer texture.
+constexpr std::int64_t most_light_elements = 24 << 20;
+constexpr std::int64_t most_occlusion_elements = 4 << 20;
+constexpr std::int64_t most_light_elements_of_all = 64 << 20;
+
+} // namespace sheetsplat

@@ -1,0 +1,128 @@
+// What backend gl keeps its error bound for: numbers found by measurement, each with the test that holds it.
+// "seen": an error measured against backend reference; P99.9: of the largest channel difference of a pixel.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "plan/limits_common.hpp"
+
+namespace sheetsplat::gl_limits {
+
+// ---- numbers of things that programs and buffers hold (tests: GlRefuses.Beyond/<name>)
+
+constexpr std::size_t most_lights = 64;
+/// Each of them is looked up in eight places at every point.
+constexpr std::size_t most_shadowing_lights = 16;
+/// Slices of a composite without the compensated sums that OpenGL 4.0 allows.
+constexpr std::int64_t most_imprecise_slices = 1 << 17;
+/// exp(-k r^2) - exp(-k) is known to 1e-7 / k of itself: smallest falloff k.
+constexpr double smallest_falloff = 0.05;
+
+// ---- sheets of 16 bits (IMAGE FORMATION section 9; test: Plan.TakesSixteenBitsOnlyWhereTheyKeepTheirBound)
+
+constexpr double float16_bound = 1.0 / 510.0; ///< root mean square error
+constexpr double float16_worst = 1.0 / 85.0;  ///< where colours are steepest
+/// w0 or weights: below, quotients would see the steps of small weights. Test: GlFloat16.EndsAt/scale.
+constexpr double least_float16_scale = 0.1;
+/// What sums in a sheet may come to. Tests: GlFloat16.EndsAt/sum, GlRefuses.Beyond/sum.
+constexpr double largest_float16 = 6e4;
+constexpr double largest_float32 = 1e36;
+
+// ---- where ellipsoids are placed
+
+/// Longest over shortest semi-axis from which on float64 places them: sections in float32 are known to 6e-8 of it; a
+/// picture of 1:100,000 was seen 1e-3 off at its worst pixels. Test: GlChooses.PreciseFrom/aspect.
+constexpr double least_precise_aspect = 4096.0;
+/// ... and where there is no float64, beyond which they are refused. Test: GlRefuses.Beyond/plain_aspect.
+constexpr double largest_plain_aspect = 32768.0;
+/// Semi-axis, pixels, below which float64 places them: float32 knows places to 6e-8 of a pixel. Test:
+/// GlChooses.PreciseFrom/px.
+constexpr double least_plain_px = 1e-2;
+/// ... and where there is no float64, below which they are refused: at 1e-5 seen at 1e-2 (P99.9). Test:
+/// GlRefuses.Beyond/plain_px.
+constexpr double smallest_plain_px = 1e-4;
+/// A record on the device serves all slices of a kernel, and knows its sections to 6e-8 of the aspect. Test:
+/// GlChooses.ResidentUpTo/aspect.
+constexpr double largest_resident_aspect = 1024.0;
+/// Kernels of one field whose sections stay on the device: 112 bytes each. Test: GlChooses.ResidentUpTo/kernels.
+constexpr std::size_t most_resident_kernels = 1U << 20;
+
+// ---- paper_slicing, whose textures hold float32 (tests: GlRefuses.Beyond/paper_<name>)
+
+/// Bilinear mixing is off by at most falloff / 2 over the square of a texture's cells: 4e-6.
+constexpr double largest_paper_falloff = 32.0;
+constexpr int paper_cells_at_8 = 1024;
+/// A quaternion in float32 turns a needle by 6e-8 of its length: at 1:1,000 seen at 1e-4 (P99.9).
+constexpr double largest_paper_aspect = 1024.0;
+/// Half a field's extent over its smallest semi-axis. Centres in float32 are known to 6e-8 of the former: seen were
+/// 4e-8 times the quotient where they are moved in float64, 1.5e-7 where in float32.
+constexpr double largest_paper_extent = 2048.0;
+constexpr double largest_paper_extent_in_float32 = 512.0;
+/// Semi-axis, pixels: seen right at 1e8, 1e-2 off at 1e9.
+constexpr double largest_paper_px = 1e7;
+
+// ---- kernels that are alike or crowded (tests: GlRefuses.Beyond/<name>)
+
+/// Kernels of one size at one place, where quotients of sums are lit, times the values over the window and the
+/// reference length over the distance of samples: their errors add up. At 3,300 seen at 9e-4 (P99.9).
+constexpr double most_alike_lit = 1000.0;
+/// Differences that are splatted lose more: at 2,000 kernels seen at 1.9e-2.
+constexpr double fine_alike_factor = 10.0;
+/// So many are never refused.
+constexpr double least_alike = 64.0;
+/// Kernels of one size at one place without light: at 100,000 seen at 8e-4 (P99.9).
+constexpr double most_alike_unlit = 1e5;
+/// Kernels at a point, where quotients are lit: at 100,000 seen at 3e-4 (P99.9), at 500,000 at 1.3e-3.
+constexpr double densest_lit = 2e5;
+
+// ---- gradients of quotients (tests: GlRefuses.Beyond/<name>)
+
+/// Values over the window beyond which quotients that are lit are counted from the middle of the values: at 31 seen at
+/// 4e-4 (P99.9), and then at 2e-5. Test: GlChooses.CountsFromTheMiddleFrom.
+constexpr double largest_plain_lit_ratio = 8.0;
+/// gradient_opacity, in windows per reference length, where quotients are divided: where the kernels that overlap have
+/// one value their gradient is rounding alone. At 1e-4 seen at 7e-4 (P99.9).
+constexpr double least_full_gradient = 2e-4;
+/// Largest weight over w0, where gradients of quotients are lit that are made of splatted differences or derivatives:
+/// quotients of next to nothing, near where kernels end, turn rounding into light. Gentle scenes are held to 2e-4
+/// (P99.9), others to 1e-3. Seen were, of differences 1e-4 at 30, 3e-4 at 200, 9e-4 at 1,000 and 4e-3 at 10,000; of
+/// derivatives 1e-4 at 10, 2e-4 at 100, 8e-4 at 10,000 and 5e-3 at 1e6; of differences at isosurfaces 3e-5 at 10,000,
+/// 3e-4 at 300,000 and 3e-3 at 1e6. Plain differences of neighbouring quotients keep their bound throughout.
+struct WeightRange {
+    double gentle, steep;
+};
+constexpr WeightRange widest_differences{50.0, 700.0};
+constexpr WeightRange widest_derivatives{100.0, 1e4};
+constexpr WeightRange widest_isosurface{3e4, 1e5};
+/// ... times the square of this many reference lengths over what quotients change over: 1e-3 was seen at 280 with a
+/// range of 10,000, 2e-3 at 2,880 with one of 100.
+constexpr double magnified_isosurface = 100.0, widest_magnified_isosurface = 3e4;
+/// Derivatives at isosurfaces in the shells where kernels end, beyond this: seen was 3e-5 times the root of the range
+/// and the reference length over the smallest semi-axis.
+constexpr double widest_isosurface_of_derivatives = 20.0;
+constexpr WeightRange widest_by_semi_axis{40.0, 1000.0};
+/// A scene is gentle up to this steepness of opacity and colours (over the window, a slice) and so many pixels to a
+/// reference length.
+constexpr double gentle_steepness = 10.0, gentle_pixels = 100.0;
+/// Reference lengths over what sums of quotients change over, where they are lit by splatted differences, times the
+/// root of the kernels at a point: of 1,000 kernels seen at 3e-4 (P99.9) at 288, at 3.5e-3 at 2,880; of 7 at 4e-9 at
+/// 3,300.
+constexpr double magnified_quotients = 25e3;
+
+// ---- sizes on the screen
+
+/// Semi-axis of an ellipsoid in perspective, pixels at a distance of one unit of length: seen right at 1e15; at 1e21
+/// squares leave float32. Test: GlRefuses.Beyond/deep_px.
+constexpr double largest_deep_px = 1e15;
+/// Radius, pixels, beyond which the square of a distance leaves float32 and a kernel is no product of two Gaussians.
+/// Test: GlChooses.SeparableUpTo.
+constexpr double largest_separable_px = 1e6;
+/// Share of a kernel's radius that its place on the screen may be off. Test: GlRefuses.Beyond/place.
+constexpr double largest_place_error = 1e-3;
+
+/// On a rasteriser in software elimination pays where pixels can become opaque within so many slices: measured 0.65 to
+/// 0.76 of the time. Test: Plan.EliminatesOnHardwareWhereSomethingSaturates.
+constexpr std::int64_t soon_opaque_slices = 16;
+
+} // namespace sheetsplat::gl_limits

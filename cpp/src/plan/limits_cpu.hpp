@@ -1,0 +1,66 @@
+// What backend cpu keeps its error bound for: numbers found by measurement, each with the test that holds it.
+// "seen": an error measured against backend reference; P99.9: of the largest channel difference of a pixel.
+#pragma once
+
+#include "plan/limits_common.hpp"
+
+namespace sheetsplat::cpu_limits {
+
+// ---- beyond these a scene is drawn in float64 (tests: CpuFloat32.EndsAt/<name>)
+
+/// Longest over shortest semi-axis of an ellipsoid: its sections are known to epsilon times that.
+constexpr double largest_aspect = 512.0;
+/// Semi-axis, pixels: places are counted from the corner of an image tile, and known to some 4e-6 pixels.
+constexpr double least_px = 0.05;
+/// Shortest semi-axis, pixels, of lit ellipsoids that hardly overlap. In their middles gradients are 0, and what
+/// rounding of places makes of them shows: needles of 1:3 of 0.8 to 2.1 pixels were seen at 2e-4 to 4e-4 (P99.9).
+/// Larger ones have too few middles for that. The second: where opacity is steep.
+constexpr double least_lit_px = 16.0, least_steep_lit_px = 0.3;
+/// ... of at most so many kernels at a point, of an aspect of at least this, and of a steepness of opacity and colours
+/// (over the window, a slice) up to which a transfer function counts as gentle.
+constexpr double few_overlaps = 3.0, sphere_aspect = 1.001, gentle_steepness = 10.0;
+/// Radius, pixels: float32 resolves squares of distances beside that of a pixel.
+constexpr double largest_px = 1e6;
+/// Slab thickness over half-depth: beyond, differences of erf lose what a thin kernel adds.
+constexpr double thickest_slab = 100.0;
+/// The profile exp(-k r^2) - exp(-k) is a difference of nearly equal numbers: at 0.07 and 0.2 seen at the bound.
+constexpr double least_falloff = 0.5;
+/// Falloff, where empty points are told from those of 0: steeper kernels leave nothing in the sheets near their ends.
+constexpr double steepest_falloff = 20.0;
+/// What sums may come to.
+constexpr double largest_sum = 1e30;
+/// Kernels at a point, where quotients are lit: beyond, they lose digits to the many kernels that they are made of.
+constexpr double largest_lit_overlap = 1000.0;
+/// Kernels of one size at one place, which round alike, times values over what is resolved.
+constexpr double most_alike = 5000.0;
+/// The same where quotients are lit, times the reference length over a pixel or slice spacing (at 700 seen at the
+/// bound).
+constexpr double most_alike_lit = 200.0;
+/// Where quotients hardly change, their rounding is lit. Seen were 1e-6 (RMSE) times values over what is resolved, the
+/// root of the kernels at a point, and the reference length over a pixel or slice spacing: the largest such product.
+constexpr double largest_lit_noise = 80.0;
+/// Slice spacing in perspective, world units, and its inverse: beyond, squares of lengths leave float32.
+constexpr double largest_unit = 1e8;
+
+// ---- beyond these a scene is refused (tests: CpuFloat64.EndsAt/<name>)
+
+constexpr double largest_sum_float64 = 1e250;
+constexpr double least_falloff_float64 = 1e-8;
+constexpr double steepest_falloff_float64 = 600.0;
+/// Reference length over a pixel or slice spacing: differences of float64 sums lose gradients that show.
+constexpr double largest_magnification_float64 = 1e11;
+/// Values over window where quotients are lit: the same share of the digits as in float32.
+constexpr double largest_lit_ratio_float64 = largest_lit_ratio * (float32_epsilon / float64_epsilon);
+
+// ---- errors and memory
+
+/// Gaussians of a column each follow from the one before: relative error, as seen. Test:
+/// PlanOfCpu.ErrorsExpectedOfScatteredKernels.
+constexpr double walked_noise = 2e-7;
+/// Largest error of gradient_opacity that no picture shows. Test: CpuFloat32.EndsAt/gradient_opacity.
+constexpr double least_seen = 1e-4;
+/// Bytes of a kernel while it is drawn: a flag, and its place in the lists of one or two tiles. Test:
+/// PlanOfCpu.CountsItsMemory.
+constexpr std::uint64_t kernel_bytes = 24;
+
+} // namespace sheetsplat::cpu_limits

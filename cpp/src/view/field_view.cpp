@@ -1,0 +1,47 @@
+#include "view/field_view.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace sheetsplat {
+
+Vec3 FieldView::eye_position(std::size_t i, std::size_t j, std::size_t k) const {
+    Vec3 position =
+        first_eye + static_cast<double>(i) * step_i + static_cast<double>(j) * step_j + static_cast<double>(k) * step_k;
+    if (k % 2 == 1) {
+        position += odd_layer;
+    }
+    return position;
+}
+
+FieldView make_field_view(const RegularField& field, const Camera& camera, const Frame& frame, Sampling sampling,
+                          double value_unit) {
+    FieldView view;
+    static_cast<LatticeSection&>(view) = lattice_section(field, camera);
+    view.field = &field;
+    const Vec3 spacing = field.options().spacing;
+    view.slab_half = sampling == Sampling::slab ? 0.5 * frame.slice_spacing : 0.0;
+    view.first_eye = camera.to_eye(field.options().origin);
+    const bool bcc = field.lattice() == Lattice::bcc;
+    const Vec3 world_step = bcc ? Vec3(spacing.x, spacing.x, 0.5 * spacing.x) : spacing;
+    view.step_i = camera.direction_to_eye(Vec3(world_step.x, 0.0, 0.0));
+    view.step_j = camera.direction_to_eye(Vec3(0.0, world_step.y, 0.0));
+    view.step_k = camera.direction_to_eye(Vec3(0.0, 0.0, world_step.z));
+    if (bcc) {
+        view.odd_layer = 0.5 * (view.step_i + view.step_j);
+    }
+
+    const double gain = field.kernel().gain();
+    view.weight_scale = gain;
+    view.value_scale = gain / value_unit;
+    if (field.normalization() == Normalization::lattice) {
+        view.value_scale /= field.lattice_constant();
+    }
+    const double slices = 2.0 * view.half_depth / frame.slice_spacing;
+    view.longest_span =
+        static_cast<std::int64_t>(std::min(std::floor(slices) + (sampling == Sampling::slab ? 2.0 : 1.0),
+                                           static_cast<double>(std::max<std::int64_t>(frame.slices, 1))));
+    return view;
+}
+
+} // namespace sheetsplat

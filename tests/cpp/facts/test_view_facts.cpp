@@ -1,0 +1,111 @@
+// What a plan is told of fields and views.
+#include <array>
+#include <cmath>
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include "facts/view_facts.hpp"
+
+namespace sheetsplat {
+namespace {
+
+TEST(EllipsoidFacts, CountWhatAPlanAsksFor) {
+    EllipsoidArrays arrays;
+    arrays.centers = {Vec3(-1.0, -1.0, -1.0), Vec3(1.0, 1.0, 1.0), Vec3(0.0), Vec3(0.5, 0.0, 0.0)};
+    arrays.scales = {Vec3(0.5), Vec3(0.5, 0.25, 0.125), Vec3(0.01, 0.5, 0.5), Vec3(0.04, 0.05, 0.04)};
+    arrays.values = {1.0, 1.0, 1.0, 1.0};
+    const auto field = std::make_shared<const EllipsoidField>(std::move(arrays));
+    const Camera camera = Camera::orthographic(Vec3(0.0, 0.0, 5.0), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 4.0);
+    const auto seen = [&](const Camera& by, Size size, double slice_spacing) {
+        Scene scene{{field}, TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.5}})};
+        scene.slice_spacing = slice_spacing;
+        return make_frame(scene, by, size);
+    };
+    const Frame frame = seen(camera, {80, 80}, 0.1); // pixels of 0.05
+    const auto survey = [](const EllipsoidField& of, const Camera& by, const Frame& in) {
+        return survey_ellipsoids(of, survey_kernels(of), by, in);
+    };
+    const EllipsoidFacts facts = survey(*field, camera, frame);
+    EXPECT_NEAR(facts.largest_aspect, 50.0, 1e-12);
+    EXPECT_EQ(facts.unresolved, 2U) << "the disc is thinner than a pixel, the last one than a slice distance";
+    EXPECT_NEAR(facts.largest_change, 100.0, 1e-9);
+    EXPECT_NEAR(facts.smallest_px, 0.2, 1e-12);
+    const Box box = field->supports_world();
+    const Vec3 edge = box.extent();
+    const double volume = 4.0 / 3.0 * 3.14159265358979323846 * (0.125 + 0.015625 + 0.0025 + 0.00008);
+    EXPECT_NEAR(facts.mean_overlap, volume / (edge.x * edge.y * edge.z), 1e-12);
+    // In perspective a pixel grows with depth.
+    const Camera deep = Camera::perspective(Vec3(0.0, 0.0, 50.0), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 10.0);
+    const Frame far = seen(deep, {80, 80}, 0.001);
+    const EllipsoidFacts seen_deep = survey(*field, deep, far);
+    EXPECT_EQ(seen_deep.unresolved, 2U) << "pixels of 0.11: the disc and the last one";
+    EXPECT_NEAR(seen_deep.smallest_px, 0.01 / (50.0 * far.pixel), 1e-12) << "the disc's own depth";
+    // Where bounds tell, no kernel is looked at: a picture in which all are resolved, and one in which none is.
+    EXPECT_EQ(survey(*field, camera, seen(camera, {8000, 8000}, 0.001)).unresolved, 0U);
+    EXPECT_EQ(survey(*field, camera, seen(camera, {2, 2}, 0.001)).unresolved, 4U);
+    const EllipsoidField empty(EllipsoidArrays{});
+    const EllipsoidFacts nothing = survey(empty, camera, frame);
+    EXPECT_EQ(nothing.unresolved, 0U);
+    EXPECT_EQ(nothing.mean_overlap, 0.0);
+}
+
+TEST(WeightFacts, AreExtremesOverTheKernels) {
+    EllipsoidArrays arrays;
+    arrays.centers = {Vec3(0.0), Vec3(1.0), Vec3(2.0)};
+    arrays.radii = {1.0, 1.0, 0.5};
+    arrays.values = {2.0, -3.0, 5.0};
+    arrays.weights = {0.5, 4.0, 0.0};
+    const EllipsoidField field(std::move(arrays));
+    const WeightFacts weights = survey_weights(field);
+    EXPECT_EQ(weights.low, -12.0);
+    EXPECT_EQ(weights.high, 1.0);
+    EXPECT_EQ(weights.most, 4.0);
+    EXPECT_EQ(weights.least, 0.5);
+    EXPECT_EQ(weights.alone, 3.0);
+    // A filter leaves the mass of a kernel, in a volume of a pixel by a pixel by a slice spacing.
+    const WeightFacts filtered = survey_filtered_weights(field, 2.0, 4.0);
+    EXPECT_NEAR(filtered.most, 4.0 / 16.0, 1e-15);
+    EXPECT_NEAR(filtered.low, -12.0 / 16.0, 1e-15);
+    EXPECT_EQ(survey_filtered_weights(field, 0.1, 0.1).low, weights.low) << "kernels are never heightened";
+}
+
+TEST(ViewFacts, GatherTheExtremesOfAllFields) {
+    const auto lattice =
+        std::make_shared<RegularField>(std::vector<float>(8, 1.0F), std::array<std::size_t, 3>{2, 2, 2});
+    EllipsoidArrays arrays;
+    arrays.centers = {Vec3(0.5), Vec3(0.6)};
+    arrays.scales = {Vec3(1.0, 0.5, 0.25), Vec3(0.5)};
+    arrays.values = {1.0, 1.0};
+    arrays.weights = {1.0, 2.0};
+    const auto scattered = std::make_shared<EllipsoidField>(std::move(arrays));
+    Scene scene{{lattice, scattered}, TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.5}})};
+    scene.slice_spacing = 0.5;
+    const Camera camera = Camera::orthographic(Vec3(0.5, 0.5, 9.0), Vec3(0.5), Vec3(0.0, 1.0, 0.0), 8.0);
+    const Frame frame = make_frame(scene, camera, {40, 40}); // pixels of 0.2
+    FieldSurveys surveys;
+    const ViewFacts facts = view_facts(scene, camera, frame, surveys);
+    EXPECT_EQ(facts.frame.size.width, 40);
+    EXPECT_EQ(facts.frame.slices, frame.slices);
+    EXPECT_NEAR(facts.frame.smallest_step(), 0.2, 1e-12);
+    EXPECT_EQ(facts.frame.farthest_depth, frame.depth_of(frame.slices));
+    EXPECT_EQ(facts.kernels.all, 10U);
+    EXPECT_TRUE(facts.kernels.ellipsoids);
+    EXPECT_EQ(facts.kernels.most_ellipsoids, 2U);
+    EXPECT_EQ(facts.kernels.unresolved, 0U);
+    EXPECT_NEAR(facts.shapes.largest_aspect, 4.0, 1e-12);
+    EXPECT_NEAR(facts.shapes.largest_filtering, 4.0, 1e-12) << "a slice spacing over the shortest semi-axis, squared";
+    EXPECT_NEAR(facts.screen_px.largest_lattice, 10.0, 1e-9) << "a radius of 2";
+    EXPECT_NEAR(facts.screen_px.largest_ellipsoid, 5.0, 1e-9);
+    EXPECT_NEAR(facts.screen_px.smallest, 0.25 / 0.2, 1e-9);
+    EXPECT_NEAR(facts.slabs.thickest, 2.0, 1e-12) << "a slab over the shortest semi-axis";
+    EXPECT_NEAR(facts.slabs.widest, std::sqrt(lattice->kernel().falloff) * 0.25, 1e-12);
+    EXPECT_EQ(facts.weights.at(scattered.get()).most, 2.0);
+    EXPECT_GT(facts.lattice_peaks.at(lattice.get()), 0.9);
+    scene.filter = Filter::ewa;
+    const Frame coarse = make_frame(scene, camera, {4, 4});
+    EXPECT_LT(view_facts(scene, camera, coarse, surveys).weights.at(scattered.get()).most, 2.0) << "kernels flatten";
+}
+
+} // namespace
+} // namespace sheetsplat

@@ -192,7 +192,7 @@ def test_numbers_that_no_float32_picture_holds_are_refused(unit: float, mode: st
     field = cloud(8)
     scene = parts(field | {"values": unit * field["values"]}, mode=mode)
     built, camera, size = scene_parts.build(ss, scene)
-    with pytest.raises(ss.Unsupported, match="cannot be shown in float32"):
+    with pytest.raises(ss.Unsupported, match="cannot be represented in float32"):
         ss.Renderer("cpu").render(built, camera, size=size)
 
 

@@ -17,6 +17,7 @@ import scattered_scenes as scattered
 import scene_parts
 from image_checks import FLOAT16, FLOAT32, FLOAT32_HARD, MOST_AMBIGUOUS, assert_close, log, off_by, within
 from numpy.typing import NDArray
+from oracle.kernels import turned as rotations_of
 from random_scenes import random_ellipsoid_scene
 from reference_pictures import ambiguous_pixels, by_reference, may_jump
 from scene_parts import Parts
@@ -249,7 +250,7 @@ def larger(parts: Parts, rng: np.random.Generator) -> None:
 def other_axes(parts: Parts, rng: np.random.Generator) -> None:
     """Give a kernel's axes in another order and handedness: the ellipsoid is the same."""
     for field in parts["fields"]:
-        frames = oracle.turned(field["rotations"])
+        frames = rotations_of(field["rotations"])
         frames = np.stack([frames[:, :, 2], frames[:, :, 1], -frames[:, :, 0]], -1)
         field["rotations"], field["scales"] = frames, field["scales"][:, ::-1]
 

@@ -23,7 +23,6 @@ namespace sheetsplat::backend_cpu {
 
 namespace {
 
-
 int edge_of_tiles(Size size, int asked) {
     if (asked > 0) {
         return std::min(asked, largest_tile);

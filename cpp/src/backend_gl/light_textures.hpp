@@ -5,10 +5,10 @@
 #include <memory>
 #include <vector>
 
+#include "facts/frame.hpp"
 #include "gl/objects.hpp"
 #include "gl/program.hpp"
 #include "sheetsplat/camera.hpp"
-#include "facts/frame.hpp"
 #include "view/light_volume.hpp"
 
 namespace sheetsplat::backend_gl {

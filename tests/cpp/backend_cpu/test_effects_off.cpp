@@ -85,7 +85,8 @@ Shading<float> shading_of(const Scene& scene) {
     const Camera camera = Camera::orthographic({0.0, 0.0, 5.0}, {0.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, 2.0);
     RendererOptions options;
     options.precision = Precision::float32;
-    const DrawPlan plan = make_plan(scene, test::surveyed(scene, view), options, {}, Projection::orthographic, Backend::cpu, nullptr);
+    const DrawPlan plan =
+        make_plan(scene, test::surveyed(scene, view), options, {}, Projection::orthographic, Backend::cpu, nullptr);
     return make_shading<float>(scene, camera, frame, plan);
 }
 

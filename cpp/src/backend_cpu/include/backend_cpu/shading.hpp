@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "backend_cpu/transfer_table.hpp"
+#include "facts/frame.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
-#include "facts/frame.hpp"
 #include "view/light_volume.hpp"
 
 namespace sheetsplat {

@@ -5,9 +5,9 @@
 
 #include <vector>
 
+#include "facts/frame.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
-#include "facts/frame.hpp"
 
 namespace sheetsplat {
 

@@ -424,7 +424,6 @@ TEST(TileLoop, AsksAfterEverySliceAndEndsWhereItIsTold) {
     setup.threshold = true;
     setup.first_depth = drawing.frame().first_depth;
     setup.slice_spacing = drawing.frame().slice_spacing;
-    setup.slices = drawing.frame().slices;
     const TileLayout layout(shot.size, 60);
     ASSERT_EQ(layout.tiles(), 1U);
     const TileShape shape = layout.shape(0);
@@ -444,7 +443,7 @@ TEST(TileLoop, AsksAfterEverySliceAndEndsWhereItIsTold) {
     room.planes.alive = shape.width * shape.height;
 
     // Of each slice: the sections that a drawing of the kernels that begin there, or are drawn again, can cover.
-    std::vector<std::uint64_t> most(static_cast<std::size_t>(setup.slices) + 16, 0);
+    std::vector<std::uint64_t> most(static_cast<std::size_t>(drawing.frame().slices) + 16, 0);
     const TileKernels<float>& kernels = room.kernels[0];
     for (std::size_t i = 0; i < kernels.sections.size(); ++i) {
         for (std::int32_t n = kernels.sections[i].first; n <= kernels.extras[i].last; n += covered_slices) {

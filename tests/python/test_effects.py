@@ -277,7 +277,7 @@ def test_a_clip_that_leaves_nothing_gives_an_empty_picture(backend: str) -> None
     scene, camera = some_scene(0)
     scene = scene.replace(mode="composite", clip=ss.Clip(box=((90, 90, 90), (91, 91, 91))), background=(0.1, 0.2, 0.3))
     image = ss.Renderer(backend).render(scene, camera, size=SIZE, outputs=("coverage", "depth"))  # type: ignore[arg-type]
-    assert image.plan.has("clip") and "leaves nothing" in row(image.plan, "clip").reason
+    assert image.plan.has("clip") and "cuts off all" in row(image.plan, "clip").reason
     assert np.allclose(image.rgba, [0.1, 0.2, 0.3, 1.0])
     assert not image.coverage.any() and np.isinf(image.depth).all()  # type: ignore[union-attr]
 

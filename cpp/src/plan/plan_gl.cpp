@@ -103,7 +103,8 @@ void plan_skipping(const Scene& scene, const ViewFacts& view, const Outputs& out
 /// [NM06] step by step.
 void plan_paper_slicing(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
                         const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
-    plan.paper_slicing = effects.decide(EffectId::paper_slicing, false, "off unless it is forced: for comparison");
+    plan.paper_slicing =
+        effects.decide(EffectId::paper_slicing, false, "not asked for: it draws the same picture, for comparison");
     if (!plan.paper_slicing) {
         return;
     }

@@ -135,7 +135,7 @@ void main() {
 #endif
     edge_u += vec2(-1.0, 1.0) * (margin + 1e-5 * (edge_u.y - edge_u.x));
     edge_v += vec2(-1.0, 1.0) * (margin + 1e-5 * (edge_v.y - edge_v.x));
-    // Along both axes no more than the sheets need: a rasteriser loses its way among corners that are millions of pixels off.
+    // Along both axes no more than the sheets need: rasterisers are inaccurate for corners millions of pixels away.
     vec2 low = vec2(-1.0) - place_at.xy - place_at.zw;
     vec2 high = target_size + 1.0 - place_at.xy - place_at.zw;
     vec2 window_u = vec2(dot(mix(high, low, greaterThan(along_u, vec2(0.0))), along_u), dot(mix(low, high, greaterThan(along_u, vec2(0.0))), along_u));

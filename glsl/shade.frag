@@ -1,5 +1,5 @@
 // Classifies, shades and composites finished slices, front to back: SLICES of them in one pass.
-// Source: IMAGE FORMATION sections 4 to 7; [NM05] sections 4.2 to 4.4.
+// Source: conventions, sections 4 to 7; [NM05] sections 4.2 to 4.4.
 #include "lib/interop.h"
 #include "lib/sheets.glsl"
 #include "lib/compensated.glsl"
@@ -270,7 +270,7 @@ void main() {
         float alpha = classified.a;
 #else
         vec4 classified = ramp(rho[c], rho[c + 1]);
-        float alpha = veil(measure * classified.a);
+        float alpha = opacity_of_absorption(measure * classified.a);
 #endif
 #else
 #ifdef EMPTY_TEST

@@ -99,7 +99,7 @@ void main() {
 #else
     vec2 at = sample_in.xy + (2.0 * corner - 1.0) * half_size;
 #endif
-    // Kernels far larger than the sheets: a rasteriser loses its way among corners that are millions of pixels off.
+    // Kernels far larger than the sheets: rasterisers are inaccurate for corners millions of pixels away.
     at = clamp(at, vec2(-1.0), target_size + 1.0);
     gl_Position = vec4(at / target_size * 2.0 - 1.0, tag, 1.0);
 #endif

@@ -1,4 +1,4 @@
-// The kernel on slices, four at a time. Source: IMAGE FORMATION sections 2 and 3.
+// The kernel on slices, four at a time. Source: conventions, sections 2 and 3.
 // s: heights of the slices in the kernel's unit sphere; ax, ay: the pixel's place in the plane of each, u and v.
 // All return g without the gain 1 / (1 - exp(-k)), which is part of the value.
 

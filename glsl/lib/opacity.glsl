@@ -1,5 +1,5 @@
 // Opacity of a slice from opacity per reference length, with all digits for a -> 0 and a = 1.
-// Source: IMAGE FORMATION section 4.
+// Source: conventions, section 4.
 
 // -ln(1 - a)
 float absorption(float a) {
@@ -12,7 +12,7 @@ float absorption(float a) {
 }
 
 // 1 - exp(-x), x >= 0
-float veil(float x) {
+float opacity_of_absorption(float x) {
     if (x < 0.35) {
         return x * (1.0 - x * 0.5 * (1.0 - x * 0.33333333 * (1.0 - x * 0.25 * (1.0 - x * 0.2 * (1.0 - x * 0.16666667 * (1.0 - x * 0.14285714))))));
     }
@@ -21,5 +21,5 @@ float veil(float x) {
 
 // 1 - (1 - a)^exponent
 float opacity_of(float a, float exponent) {
-    return a >= 1.0 ? 1.0 : veil(exponent * absorption(a));
+    return a >= 1.0 ? 1.0 : opacity_of_absorption(exponent * absorption(a));
 }

@@ -1,4 +1,4 @@
-// Phong shading of a classified point. Source: IMAGE FORMATION section 5.
+// Phong shading of a classified point. Source: conventions, section 5.
 
 #if LIGHTS > 0
 uniform vec3 light_direction[LIGHTS]; // eye space, unit length, towards the light

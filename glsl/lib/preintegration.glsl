@@ -1,5 +1,5 @@
 // Classification of the ramp between two slices, integrated over the piecewise linear transfer function.
-// Source: IMAGE FORMATION section 4; Engel, Kraus and Ertl 2001.
+// Source: conventions, section 4; Engel, Kraus and Ertl 2001.
 
 const float clearest = 5.9604645e-8; // 1 - a is never taken smaller: 2^-24
 
@@ -95,9 +95,9 @@ vec4 bent_ramp(float before, float from, float to, float after, float measure) {
     vec4 whole = ramp(from, to);
     vec4 near = ramp(from, middle);
     vec4 far = ramp(middle, to);
-    float alpha_whole = veil(measure * whole.a);
-    float alpha_near = veil(0.5 * measure * near.a);
-    float alpha_far = (1.0 - alpha_near) * veil(0.5 * measure * far.a);
+    float alpha_whole = opacity_of_absorption(measure * whole.a);
+    float alpha_near = opacity_of_absorption(0.5 * measure * near.a);
+    float alpha_far = (1.0 - alpha_near) * opacity_of_absorption(0.5 * measure * far.a);
     float alpha = clamp((4.0 * (alpha_near + alpha_far) - alpha_whole) / 3.0, 0.0, 1.0);
     vec3 color = max((4.0 * (alpha_near * near.rgb + alpha_far * far.rgb) - alpha_whole * whole.rgb) / 3.0, 0.0);
     return alpha > 0.0 ? vec4(color / alpha, alpha) : vec4(0.0);

@@ -1,5 +1,5 @@
 // Twice the derivatives of rho per pixel and slice where they are splatted (ANALYTIC). Else differences of rho between the neighbours of a pixel, from splatted differences where the differences of sums would lose their digits.
-// x: right less left, y: above less below, z: next slice less the one before. Needs first_slab. Source: IMAGE FORMATION section 5.
+// x: right less left, y: above less below, z: next slice less the one before. Needs first_slab. Source: conventions, section 5.
 
 #ifndef ANALYTIC
 uniform int last_slab; // of all

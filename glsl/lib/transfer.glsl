@@ -1,5 +1,5 @@
 // The transfer function, exact between its points: a table of cells leads to the interval, so that no step is smeared.
-// Values are in the sheets' unit. Source: IMAGE FORMATION section 4.
+// Values are in the sheets' unit. Source: conventions, section 4.
 
 uniform isampler2D transfer_index;   // largest point not above the start of each cell
 uniform sampler2D transfer_points;   // row 0: r, g, b, opacity; row 1: value, next value, 1 / (next - value)

@@ -23,7 +23,7 @@ inline double squared_radius(const EllipsoidField& field, std::size_t i, Vec3 of
     return glm::dot(offset, offset);
 }
 
-/// D and W (IMAGE FORMATION section 2) at each point.
+/// D and W (conventions, section 2) at each point.
 inline std::vector<std::array<double, 2>> sums_at(const EllipsoidField& field, std::vector<Vec3> points) {
     std::vector<std::array<double, 2>> sums(points.size(), {0.0, 0.0});
     const PointTree tree(std::move(points));

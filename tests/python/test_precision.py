@@ -139,7 +139,7 @@ def test_cancellation_takes_float64_and_says_so() -> None:
     image = ss.Renderer("cpu").render(scene, camera, size=SIZE)
     assert image.plan.precision == "float64"
     reason = next(effect.reason for effect in image.plan.effects if effect.name == "float64")
-    assert "is resolved" in reason
+    assert "the transfer function distinguishes" in reason
     assert distance(np.asarray(image), expected).within(FLOAT32_HARD)
     assert distance(np.asarray(image), expected).rmse <= image.plan.expected_error
     # The same in float32 would be wrong, and is refused.

@@ -1,5 +1,5 @@
 // Cameras: orthographic and perspective. Eye space is x right, y up, looking along -z; depth t = -z_eye.
-// Source: IMAGE FORMATION section 1.
+// Source: conventions, section 1.
 #pragma once
 
 #include <optional>

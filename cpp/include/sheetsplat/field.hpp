@@ -1,5 +1,5 @@
 // Fields: sets of kernels whose weighted sums are the scalar that is shown.
-// Source: IMAGE FORMATION section 2; [NM05] section 3 for regular lattices, Theussl et al. 2001 for BCC; [NM06] for
+// Source: conventions, section 2; [NM05] section 3 for regular lattices, Theussl et al. 2001 for BCC; [NM06] for
 // scattered ellipsoids.
 #pragma once
 
@@ -69,7 +69,7 @@ class Field {
     [[nodiscard]] virtual Box supports_world() const = 0;
     /// Smallest and largest value (not weight); 0, 0 for a field without kernels.
     [[nodiscard]] virtual std::array<double, 2> value_range() const = 0;
-    /// The default distance of slices, in world units (IMAGE FORMATION section 3). A field without kernels has none: 0.
+    /// The default distance of slices, in world units (conventions, section 3). A field without kernels has none: 0.
     [[nodiscard]] virtual double default_slice_spacing() const = 0;
     /// Smallest and largest (x - from) . direction over all points of all supports, or bounds of them; direction has
     /// unit length. The first is larger than the second where there are no kernels.

@@ -1,4 +1,4 @@
-// The result of a rendering, and distances between pictures. Source: IMAGE FORMATION sections 6 to 8.
+// The result of a rendering, and distances between pictures. Source: conventions, sections 6 to 8.
 #pragma once
 
 #include <map>

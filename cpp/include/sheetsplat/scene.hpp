@@ -1,4 +1,4 @@
-// A scene: fields, how they are classified, lit and composited. Source: IMAGE FORMATION sections 3 to 7.
+// A scene: fields, how they are classified, lit and composited. Source: conventions, sections 3 to 7.
 #pragma once
 
 #include <memory>
@@ -23,11 +23,11 @@ enum class LightSpace { eye, world };
 /// What is done to kernels before they are sliced.
 enum class Filter {
     none,
-    ewa, ///< widened by a pixel across and a slice distance along the view, at the same mass (IMAGE FORMATION section
+    ewa, ///< widened by a pixel across and a slice distance along the view, at the same mass (conventions section
          ///< 10)
 };
 
-/// Where gradients come from (IMAGE FORMATION section 5; project page, section 10).
+/// Where gradients come from (conventions, section 5; project page, section 10).
 enum class Gradient {
     sheets,   ///< central differences of the sheets' sums
     analytic, ///< sums of the kernels' own derivatives

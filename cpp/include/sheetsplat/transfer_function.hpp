@@ -1,4 +1,4 @@
-// The transfer function: scalar -> colour and opacity, linear between points. Source: IMAGE FORMATION section 4.
+// The transfer function: scalar -> colour and opacity, linear between points. Source: conventions, section 4.
 #pragma once
 
 #include <array>

@@ -198,7 +198,7 @@ struct Intervals {
             const V front = slab.rho(d, 1, row.y, x), back = slab.rho(d, 2, row.y, x);
             const V faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
             const V mean = hn::Mul(ramp_absorption(d, slab.shading.ramps, front, back, seen, color), faded);
-            return veil(d, hn::Mul(exponent_at<perspective>(d, slab, x, row.y), mean));
+            return opacity_of_absorption(d, hn::Mul(exponent_at<perspective>(d, slab, x, row.y), mean));
         });
     }
 };
@@ -235,7 +235,8 @@ struct SecondOrder {
             const V over_half = hn::Mul(over_all, half);
             C whole, first, second;
             const auto opacity = [&](V from, V to, V over, C& looks) {
-                return veil(d, hn::Mul(over, ramp_absorption(d, slab.shading.ramps, from, to, seen, looks)));
+                return opacity_of_absorption(
+                    d, hn::Mul(over, ramp_absorption(d, slab.shading.ramps, from, to, seen, looks)));
             };
             const V whole_alpha = opacity(front, back, over_all, whole);
             const V first_alpha = opacity(front, between_them, over_half, first);

@@ -24,7 +24,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
-/// A weight of 0 still reaches: what it leaves in the sheets tells a point that is 0 from one that is empty.
+/// Kernels of weight 0 are drawn with this weight, so that the points that they reach do not count as empty.
 constexpr double least_weight = 1e-30;
 
 /// The tiles that kernels begin ... end - 1 reach into.

@@ -1,4 +1,4 @@
-// Gradients and Phong shading of a vector of pixels. Source: IMAGE FORMATION section 5.
+// Gradients and Phong shading of a vector of pixels. Source: conventions, section 5.
 
 #if defined(SHEETSPLAT_CPU_LIGHT_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_LIGHT_INL

@@ -125,7 +125,7 @@ HWY_INLINE V exp2_nonpositive(D d, V x) {
 
 /// 1 - exp(-x) for x >= 0, with all digits for x -> 0. Relative error 4 u.
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE V veil(D d, V x) {
+HWY_INLINE V opacity_of_absorption(D d, V x) {
     using T = hn::TFromD<D>;
     using Math = MathOf<T>;
     const hn::RebindToSigned<D> di;
@@ -194,7 +194,7 @@ HWY_INLINE V erf(D d, V x) {
     using Math = MathOf<T>;
     const V size = hn::Min(hn::Abs(x), hn::Set(d, Math::erf_end));
     const V place = hn::MulAdd(size, hn::Set(d, T(2) / Math::erf_end), hn::Set(d, T(-1)));
-    return hn::CopySign(veil(d, hn::Mul(size, polynomial(d, place, Math::erf))), x);
+    return hn::CopySign(opacity_of_absorption(d, hn::Mul(size, polynomial(d, place, Math::erf))), x);
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

@@ -1,4 +1,4 @@
-// Pre-integration: absorption and colour of the linear ramp between the values of two slices. Source: IMAGE FORMATION
+// Pre-integration: absorption and colour of the linear ramp between the values of two slices. Source: conventions
 // section 4; [EKE01].
 
 #if defined(SHEETSPLAT_CPU_RAMP_INL) == defined(HWY_TARGET_TOGGLE)

@@ -1,4 +1,4 @@
-// The resolve pass: rho of a finished slice from its sums, by the weights of each field. Source: IMAGE FORMATION
+// The resolve pass: rho of a finished slice from its sums, by the weights of each field. Source: conventions
 // section 2.
 
 #if defined(SHEETSPLAT_CPU_RESOLVE_INL) == defined(HWY_TARGET_TOGGLE)

@@ -1,5 +1,5 @@
 // Classifies, shades and composites one finished slice, or the interval behind it, over the pixels of a tile: chooses
-// the passes that the scene calls for. Source: IMAGE FORMATION sections 4 to 7; [EKE01] for intervals.
+// the passes that the scene calls for. Source: conventions, sections 4 to 7; [EKE01] for intervals.
 
 #if defined(SHEETSPLAT_CPU_SHADE_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_SHADE_INL

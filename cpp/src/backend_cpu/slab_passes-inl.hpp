@@ -1,5 +1,5 @@
 // Passes over the pixels of a slab in scenes without further effects: slices, pre-integrated intervals, isosurfaces,
-// scalars, and the absorption of light. Source: IMAGE FORMATION sections 4 to 7.
+// scalars, and the absorption of light. Source: conventions, sections 4 to 7.
 
 #if defined(SHEETSPLAT_CPU_SLAB_PASSES_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_SLAB_PASSES_INL
@@ -115,7 +115,8 @@ HWY_NOINLINE void add_intervals(const Slab<T>& slab) {
             Color<typename Slab<T>::D> color;
             const V mean =
                 ramp_absorption(d, shading.ramps, slab.rho(d, 1, y, x), slab.rho(d, 2, y, x), visible, color);
-            const V alpha = veil(d, hn::Mul(perspective ? hn::Mul(exponent, ray.slant) : exponent, mean));
+            const V alpha =
+                opacity_of_absorption(d, hn::Mul(perspective ? hn::Mul(exponent, ray.slant) : exponent, mean));
             visible = hn::Gt(alpha, zero);
             if (hn::AllFalse(d, visible)) {
                 return;

@@ -1,4 +1,4 @@
-// The splat loop of slab sampling: means over each pixel's chord through a kernel. Source: IMAGE FORMATION section 3.
+// The splat loop of slab sampling: means over each pixel's chord through a kernel. Source: conventions, section 3.
 
 #if defined(SHEETSPLAT_CPU_SPLAT_SLABS_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_SPLAT_SLABS_INL

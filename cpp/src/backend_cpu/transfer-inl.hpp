@@ -1,5 +1,5 @@
 // The transfer function of a vector of values, and the correction of its opacities for the slice distance.
-// Source: IMAGE FORMATION section 4.
+// Source: conventions, section 4.
 
 #if defined(SHEETSPLAT_CPU_TRANSFER_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_TRANSFER_INL
@@ -198,7 +198,7 @@ template <class D, class V = hn::Vec<D>>
 HWY_INLINE V corrected_opacity(D d, V a, V exponent) {
     const V one = hn::Set(d, hn::TFromD<D>(1));
     const auto below_one = hn::Lt(a, one);
-    const V alpha = veil(d, hn::Mul(exponent, absorption(d, hn::IfThenElseZero(below_one, a))));
+    const V alpha = opacity_of_absorption(d, hn::Mul(exponent, absorption(d, hn::IfThenElseZero(below_one, a))));
     return hn::IfThenElse(below_one, alpha, one);
 }
 

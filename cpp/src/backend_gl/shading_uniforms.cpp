@@ -18,7 +18,7 @@ void set_places(const gl::Program& program, const TileScope& scope, std::int64_t
     program.set("last_slab", static_cast<int>(frame.slices - 1));
 }
 
-/// Opacities are per reference length: lib/opacity.glsl raises 1 - a to this power, IMAGE FORMATION section 4.
+/// Opacities are per reference length: lib/opacity.glsl raises 1 - a to this power, conventions, section 4.
 void set_opacity_correction(const gl::Program& program, const ShadingInputs& inputs) {
     program.set("exponent", f(inputs.exponent));
 }

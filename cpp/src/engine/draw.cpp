@@ -115,7 +115,7 @@ void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, con
     job.threads = request.options.threads;
     job.progress = &request.progress;
     job.volumes = &indexed.volumes;
-    // Pictures can be done before the renderer finds time to ask.
+    // Short pictures end before the first poll.
     report_progress(request.progress, 0.0);
     renderer.render(job, image);
     report_progress(request.progress, 1.0);

@@ -1,5 +1,5 @@
 // How far a picture is from the converged one, without it. Richardson's idea: what changes from slice distance ds to
-// ds / 2 says what is left at ds. Source: IMAGE FORMATION section 8; the shares were measured (docs, error-estimate).
+// ds / 2 says what is left at ds. Source: conventions, section 8; the shares were measured (docs, error-estimate).
 #pragma once
 
 #include <vector>

@@ -45,7 +45,7 @@ double light_step(const Frame& frame) {
     return frame.slice_spacing * std::exp2(std::floor(std::log2(pixels)));
 }
 
-/// Of openness, a mean over directions and a radius.
+/// Grid step of ambient occlusion, which is a mean over directions and may be coarser.
 double open_step(double slice_spacing, double steps) { return slice_spacing * std::clamp(0.25 * steps, 1.0, 2.0); }
 
 /// A scene that is looked at along a light, towards where it goes.

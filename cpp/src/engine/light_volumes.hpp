@@ -1,5 +1,5 @@
 // What light finds on its way: transmittance of a scene towards each light, and how open the surroundings of each point
-// are, on grids. Made by the processor for all backends. Source: project page of conventions, section 10.
+// are, on grids. Made by the processor for all backends. Source: conventions, section 10.
 #pragma once
 
 #include <array>

@@ -21,14 +21,14 @@ namespace sheetsplat {
 namespace {
 
 /// Pixels of a pilot, at least: errors over so few were seen within some percent of those over all. Those of surfaces
-/// are at few pixels, on their edges, so nearly all pictures are pilots of themselves.
+/// are at few pixels, on their edges, so their pilots have the full size up to 1024 x 1024.
 constexpr double pilot_pixels = 64.0 * 64.0;
 constexpr double surface_pilot_pixels = 1024.0 * 1024.0;
 /// Of the error that is asked for, what float32 may have before float64 is taken.
 constexpr double arithmetic_share = 0.3;
 /// A check looks through pixels of this share of a pilot's width.
 constexpr double check_pixels = 0.75;
-constexpr int most_mendings = 3;
+constexpr int most_corrections = 3;
 /// Of the error that is asked for, what is aimed at, and what a check may find. Light sees differences between pixels,
 /// which larger pixels smooth.
 constexpr double flat_aim = 0.85;
@@ -197,7 +197,7 @@ const Chosen* Renderer::State::choose(const Request& request) {
     if (options_.max_error && made->choice.error_kept && freedom.spacing && larger > 2) {
         Choice& choice = made->choice;
         Pilots check(*this, request, start, std::max(2, static_cast<int>(std::floor(check_pixels * larger))));
-        for (int n = 0; n < most_mendings; ++n) {
+        for (int n = 0; n < most_corrections; ++n) {
             const double found = check.error(choice.settings).value_or(choice.error);
             choice.error = n == 0 ? std::max(choice.error, found) : found;
             if (found <= most_found * *options_.max_error) {

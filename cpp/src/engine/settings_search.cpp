@@ -21,7 +21,7 @@ constexpr int most_stops = 4;
 /// Between a slice distance that suffices and one that does not.
 constexpr int most_steps = 3;
 constexpr double nearly = 0.97;
-constexpr double worth_a_look = 1.08;
+constexpr double least_gain = 1.08;
 constexpr double lowest_order = 0.5;
 /// A kind is given up where halving the slice distance twice leaves more than this of its error, or where the finest
 /// slices would not suffice though errors fell faster by this much of an order than they do.
@@ -154,7 +154,7 @@ class Search {
         if (third > stalled * first) {
             return true;
         }
-        // Of both halvings, the better one: single errors may be lucky.
+        // Of both halvings, the better one: one error may be small by chance.
         const double order = std::max({std::log2(first / second), std::log2(second / third), 1.0}) + faster_order;
         return third * std::pow(finest_spacing / fine, order) > aim_;
     }
@@ -221,7 +221,7 @@ class Search {
                 std::max(lowest_order, std::log(coarse_error / std::max(fine_error, 1e-12)) / std::log(coarse / fine));
             const double step = std::pow(nearly * aim_ / std::max(fine_error, 1e-12), 1.0 / order);
             const double between = std::min(fine * step, nearly * coarse);
-            if (between < worth_a_look * fine) {
+            if (between < least_gain * fine) {
                 return;
             }
             found = error(between);

@@ -23,7 +23,7 @@ constexpr double largest_length = 1e100, smallest_length = 1e-100;
 /// A quaternion this far from unit length is a mistake and not a rounding error.
 constexpr double quaternion_tolerance = 1e-3;
 constexpr double equal_volumes = 1e-6;
-/// IMAGE FORMATION section 3.
+/// conventions, section 3.
 constexpr double slices_of_diagonal = 2048.0;
 
 std::string kernel(std::size_t i) { return " of kernel " + text_of_count(i); }

@@ -45,7 +45,7 @@ void* Buffer::map(std::size_t bytes) {
                                     "", "draw fewer kernels at once, or free memory of the device"});
     };
     if (capacity > most) {
-        refuse("more than an address can name");
+        refuse("more than the address space");
     }
     const bool grows = capacity > capacity_;
     if (grows) {

@@ -155,7 +155,7 @@ void fill_row(const Picture& picture, double scale, std::size_t y, png_byte* row
     }
 }
 
-/// What is left of a message when libpng jumps out.
+/// Copy of libpng's error message, which survives its longjmp.
 struct PngError {
     char text[128] = "";
 };

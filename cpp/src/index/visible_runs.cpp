@@ -153,7 +153,7 @@ struct SeedTest {
 template <typename T>
 void mark_kernels(const T* values, std::size_t n, bool zeros, BitWord* row) {
     if (!zeros) {
-        // Of NaN neither holds.
+        // Both comparisons are false for NaN, which is left out.
         pack_row(values, n, row, [](T v) { return (v < T{0}) | (v > T{0}); });
     } else if constexpr (std::is_integral_v<T>) {
         std::fill(row, row + words_for(n), BitWord{0});

@@ -100,7 +100,7 @@ void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts
     if (facts.weight_range > most) {
         throw Unsupported(Complaint{failed,
                                     "weights of up to " + number(facts.weight_range) +
-                                        " times w0, whose quotients are lit where kernels end",
+                                        " times w0: near the ends of kernels light would show rounding errors",
                                     "at most " + number(most) + " times w0", way_out});
     }
     // What a ray goes through is no more opaque than its length lets it be. Surfaces are where differences are large.
@@ -190,7 +190,7 @@ std::string why_float32(const Scene& scene, const ViewFacts& view, const Capabil
         return "this device cuts off sums in 16 bits";
     }
     if (plan.mode != Mode::composite || plan.coverage) {
-        return "numbers are shown, which 16 bits would round";
+        return "the values themselves are shown, which 16 bits would round";
     }
     if (plan.gradient) {
         return "gradients are differences of sums, which 16 bits would lose";

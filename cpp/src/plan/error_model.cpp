@@ -37,7 +37,7 @@ constexpr double largest_absorbed = 0.999;
 constexpr double ball = 4.18879020478639;
 /// What is lit is this many times as noisy as sums are, where a pixel is a reference length.
 constexpr double gradient_noise = 1.0;
-/// In few bits noise is larger than weak gradients, which turns normals; most where quotients hardly change.
+/// In 16 bits noise exceeds weak gradients and turns normals, most where quotients hardly change.
 constexpr double gradient_noise_16 = 2.0;
 constexpr double quotient_noise_16 = 10.0;
 /// Rounding of a sum that grows from 0 to its size: a third of the last step's in theory, seen at up to a half.

@@ -102,7 +102,8 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "sums reach " + number(sums.sum);
     }
     if (picture_error(sums, float32_epsilon) > float32_bound) {
-        return "values reach " + number(sums.largest) + " where " + number(sums.resolved) + " is resolved";
+        return "values reach " + number(sums.largest) + ", but the transfer function distinguishes " +
+               number(sums.resolved);
     }
     // Distance over which gradients change: of neighbouring samples, or of derivatives over kernels.
     const double change =
@@ -112,8 +113,8 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     if (lights_quotients(plan) &&
         (crowd > limits::largest_lit_overlap ||
          std::max(1.0, sums.ratio) * std::sqrt(crowd) * magnified > limits::largest_lit_noise)) {
-        return "lit quotients of " + number(crowd) + " kernels at a point, with values up to " + number(sums.ratio) +
-               " times what is resolved and " + number(magnified) +
+        return "lit quotients of the sums of " + number(crowd) + " overlapping kernels, with values up to " +
+               number(sums.ratio) + " times the range of the transfer function and " + number(magnified) +
                " pixels or slice spacings to a reference length, would be noisy in float32";
     }
     const double alike = view.overlap.alike * std::max(1.0, sums.ratio);
@@ -169,7 +170,8 @@ void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const Draw
     if (plan.gradient_opacity) {
         const double least = least_faded(scene, view, sums, float64_epsilon);
         if (least > *scene.gradient_opacity) {
-            refuse(option_ref("gradient_opacity", number(*scene.gradient_opacity)) + ", which rounding reaches",
+            refuse(option_ref("gradient_opacity", number(*scene.gradient_opacity)) +
+                       ", not larger than rounding errors of the gradient",
                    "at least " + number(least), "use a larger " + option_ref("gradient_opacity"));
         }
     }
@@ -184,7 +186,8 @@ void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const Draw
     const bool lit = lights_quotients(plan) && sums.ratio > limits::largest_lit_ratio_float64;
     const double error = picture_error(sums, float64_epsilon);
     if (lit || error > float32_bound) {
-        refuse("values up to " + number(sums.largest) + " where " + number(sums.resolved) + " is resolved",
+        refuse("values up to " + number(sums.largest) + ", of which the transfer function distinguishes " +
+                   number(sums.resolved),
                "values of at most " +
                    number(lit ? limits::largest_lit_ratio_float64 : sums.ratio * float32_bound / error) + " times that",
                "subtract an offset from the values");

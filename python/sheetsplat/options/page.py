@@ -20,7 +20,7 @@ positions and kernels. [usage.md](usage.md) explains how the options work togeth
 what they do to the picture.
 
 An option with modes in its last column has a meaning in these modes only: the command line refuses it in others, and
-`sheetsplat.render` logs a warning.
+`sheetsplat.render` logs a warning, or raises an error where the scene itself does not allow it.
 
 This page is made from the definitions in `sheetsplat/options`:
 `python -m sheetsplat.options.page > python/docs/options.md`.

@@ -1,4 +1,4 @@
-// A plain float64 statement of IMAGE FORMATION sections 4 to 7 for one slab: what test_shade compares vectors with.
+// A plain float64 statement of conventions, sections 4 to 7 for one slab: what test_shade compares vectors with.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // What tiles are handed: layouts that hold every pixel once, buckets that miss no kernel that reaches into a tile, and
-// sections whose factored coordinates are the kernels of IMAGE FORMATION section 2.
+// sections whose factored coordinates are the kernels of conventions, section 2.
 #include <algorithm>
 #include <cmath>
 #include <random>

@@ -14,7 +14,7 @@ namespace sheetsplat::backend_cpu {
 template <class T>
 struct MathCalls {
     void (*exp2_nonpositive)(const T*, T*);
-    void (*veil)(const T*, T*);
+    void (*opacity_of_absorption)(const T*, T*);
     void (*ln)(const T*, T*);
     void (*absorption)(const T*, T*);
     void (*erf)(const T*, T*);
@@ -42,7 +42,7 @@ void over_vectors(D d, const T* x, T* y, F f) {
 template <class D, class T = hn::TFromD<D>>
 MathCalls<T> calls_of() {
     return {SHEETSPLAT_ONE_ARGUMENT(exp2_nonpositive),
-            SHEETSPLAT_ONE_ARGUMENT(veil),
+            SHEETSPLAT_ONE_ARGUMENT(opacity_of_absorption),
             SHEETSPLAT_ONE_ARGUMENT(ln),
             SHEETSPLAT_ONE_ARGUMENT(absorption),
             SHEETSPLAT_ONE_ARGUMENT(erf),
@@ -229,10 +229,10 @@ TYPED_TEST(VectorMath, exp2_is_0_below_the_range_and_1_at_0) {
     }
 }
 
-TYPED_TEST(VectorMath, veil) {
+TYPED_TEST(VectorMath, opacity_of_absorption) {
     using T = TypeParam;
     const auto error = largest_error<T>(
-        &MathCalls<T>::veil,
+        &MathCalls<T>::opacity_of_absorption,
         [](Random& random) { return random.coin() ? random.uniform(0.0, 50.0) : random.magnitude(-60.0, 75.0); },
         [](T x, T y) { return relative(y, -std::expm1(-Exact(x))); });
     EXPECT_LE(error, 4.0 * unit<T>);

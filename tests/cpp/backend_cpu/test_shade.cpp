@@ -1,5 +1,5 @@
 // Classification, shading and compositing of one slab, for every instruction set that was compiled and runs here,
-// against a plain float64 statement of IMAGE FORMATION sections 4 to 7.
+// against a plain float64 statement of conventions, sections 4 to 7.
 #include <cfenv>
 #include <cmath>
 #include <random>

@@ -1,4 +1,4 @@
-// The field as IMAGE FORMATION section 2 writes it, with all kernels or with some, in float64 and without any index;
+// The field as conventions, section 2 writes it, with all kernels or with some, in float64 and without any index;
 // and random fields and transfer functions to try the index on.
 #pragma once
 

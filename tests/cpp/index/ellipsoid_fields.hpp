@@ -1,4 +1,4 @@
-// Scattered kernels to try the index on, and the field that they make as IMAGE FORMATION section 2 writes it.
+// Scattered kernels to try the index on, and the field that they make as conventions, section 2 writes it.
 #pragma once
 
 #include <algorithm>

@@ -27,7 +27,7 @@ Mask visible(const EllipsoidField& field, const EllipsoidVisibility& visibility)
     return visible_kernels(field, SpatialGrid::of(field), visibility);
 }
 
-/// The rule of IMAGE FORMATION section 2 over boxes: all pairs of kernels are looked at.
+/// The rule of conventions, section 2 over boxes: all pairs of kernels are looked at.
 Mask by_the_rule(const EllipsoidField& field, const TransferFunction& transfer_function, double reach) {
     Mask mask(field.size(), 0);
     for (std::size_t i = 0; i < field.size(); ++i) {

@@ -1,4 +1,4 @@
-// The page IMAGE FORMATION once more, with nothing in common with cpp/src/reference and every sum over all kernels:
+// The page conventions once more, with nothing in common with cpp/src/reference and every sum over all kernels:
 // what test_brute_force compares the reference with.
 #pragma once
 

@@ -194,7 +194,7 @@ inline double integrate(const std::function<double(double)>& function, double fr
            integrate(function, middle, to, tolerance, depth - 1);
 }
 
-/// g of IMAGE FORMATION section 2.
+/// g of conventions, section 2.
 inline double kernel_value(double r, double falloff) {
     return r >= 1.0 ? 0.0 : (std::exp(-falloff * r * r) - std::exp(-falloff)) / (1.0 - std::exp(-falloff));
 }

@@ -1,4 +1,4 @@
-// The renderer against a second evaluator of IMAGE FORMATION, written against the page and not against the renderer:
+// The renderer against a second evaluator of conventions, written against the page and not against the renderer:
 // for each pixel and slice it visits every kernel, in world space, and integrates slabs and pre-integrated intervals
 // numerically. Kernels are quadratic forms here, inverted and filtered as products: what the renderer avoids.
 #include <map>

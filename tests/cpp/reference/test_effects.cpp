@@ -1,4 +1,4 @@
-// Effects beyond the papers (project page of conventions, section 10), each against a closed form or against numbers
+// Effects beyond the papers (conventions, section 10), each against a closed form or against numbers
 // that are found in another way.
 #include <gtest/gtest.h>
 

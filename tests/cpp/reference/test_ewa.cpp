@@ -1,4 +1,4 @@
-// The EWA filter of IMAGE FORMATION section 10.
+// The EWA filter of conventions, section 10.
 #include <gtest/gtest.h>
 
 #include "reference/kernels.hpp"

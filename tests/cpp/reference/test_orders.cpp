@@ -1,4 +1,4 @@
-// The discretisation error shrinks at its known order (IMAGE FORMATION section 8).
+// The discretisation error shrinks at its known order (conventions, section 8).
 #include <gtest/gtest.h>
 
 #include "support.hpp"

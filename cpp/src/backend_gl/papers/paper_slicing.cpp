@@ -18,7 +18,7 @@ namespace {
 constexpr double log2_e = 1.4426950408889634;
 /// A kernel's polygon is two triangles.
 constexpr std::size_t corners = 6;
-/// A weight of 0 still reaches: what it leaves in the sheets tells a point that is 0 from one that is empty.
+/// Kernels of weight 0 are drawn with this weight, so that the points that they reach do not count as empty.
 constexpr double least_weight = 1e-30;
 
 /// A texture of one texel a kernel, row by row.

@@ -1,6 +1,6 @@
 // The slice loop on the processor: image tiles small enough for the cache, each walked front to back by one thread with
 // a ring of sheets, in vectors of float32 or float64. Pictures do not depend on the number of threads.
-// Source: IMAGE FORMATION; [NM05] figure 5 for the loop, [NM06] for scattered ellipsoids.
+// Source: conventions; [NM05] figure 5 for the loop, [NM06] for scattered ellipsoids.
 #pragma once
 
 #include <cstdint>

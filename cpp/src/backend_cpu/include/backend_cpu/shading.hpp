@@ -1,5 +1,5 @@
 // Everything that turns finished slices into a picture, made once a frame in the number format of the sheets from
-// view/shading_inputs: the transfer function, lights, material, scales. Source: IMAGE FORMATION sections 4 to 7.
+// view/shading_inputs: the transfer function, lights, material, scales. Source: conventions, sections 4 to 7.
 #pragma once
 
 #include <vector>

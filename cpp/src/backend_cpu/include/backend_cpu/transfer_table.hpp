@@ -1,5 +1,5 @@
 // The transfer function in the number format of the sheets: looks of one value, and means over ramps between two.
-// Source: IMAGE FORMATION section 4; [EKE01].
+// Source: conventions, section 4; [EKE01].
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// What a device can do. A plain struct: filled by gl, read by plan and sheet, so that neither of those two needs a
+// What a device can do. A plain struct: filled by gl, read by plan and backend_gl, so that neither of those two needs a
 // context.
 #pragma once
 

@@ -1,4 +1,4 @@
-// The numbers of one view: its pixels and its slices. Source: IMAGE FORMATION sections 1 to 3.
+// The numbers of one view: its pixels and its slices. Source: conventions, sections 1 to 3.
 #pragma once
 
 #include <array>
@@ -29,7 +29,7 @@ struct Frame {
     /// Width of a pixel in world units where it is smallest and largest over all slices.
     [[nodiscard]] double smallest_pixel() const;
     [[nodiscard]] double largest_pixel() const;
-    /// Largest s = 1 / cos(theta) over the picture (IMAGE FORMATION section 4).
+    /// Largest s = 1 / cos(theta) over the picture (conventions, section 4).
     [[nodiscard]] double largest_slant() const;
 };
 

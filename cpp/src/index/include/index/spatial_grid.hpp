@@ -134,7 +134,7 @@ struct EllipsoidVisibility {
     double reach_world = 0.0;
 };
 
-/// One flag a kernel: 0 where it cannot matter (IMAGE FORMATION section 2), 1 elsewhere. What is dropped is invisible
+/// One flag a kernel: 0 where it cannot matter (conventions, section 2), 1 elsewhere. What is dropped is invisible
 /// whichever of the other kernels are drawn. Time is linear in the number of kernels, whatever their sizes and places.
 /// Throws OutOfMemory; InvalidInput for a reach_world that is negative or no number. grid: SpatialGrid::of(field).
 [[nodiscard]] std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const SpatialGrid& grid,

@@ -1,5 +1,5 @@
 // The view-independent, run-length index of the drawn samples of a regular field ([NM05] section 4.5).
-// A sample is left out only where it cannot matter (IMAGE FORMATION section 2).
+// A sample is left out only where it cannot matter (conventions, section 2).
 #pragma once
 
 #include <cstddef>
@@ -63,7 +63,7 @@ class VisibleRuns {
 
 /// Bounds of W / C over all points inside a lattice without borders: 1 -+ the ripple (0.8 % at radius 2, falloff 5); 0
 /// where supports leave gaps. Proven bounds, not samples: wider than the truth, by some 10^-4 where kernels overlap as
-/// those of IMAGE FORMATION section 2 do.
+/// those of conventions, section 2 do.
 struct Ripple {
     double lower = 1.0, upper = 1.0;
 };

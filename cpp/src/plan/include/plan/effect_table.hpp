@@ -1,5 +1,5 @@
 // The one list of effects: which backends have each, whether it can be forced or what decides it, and what it means.
-// Forcing, refusing, listing and the documentation (python/docs/usage.md) follow from this table.
+// Forcing, refusing, listing and the documentation (python/docs/effects.md) follow from this table.
 #pragma once
 
 #include <array>

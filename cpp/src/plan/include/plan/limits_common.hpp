@@ -6,7 +6,7 @@
 
 namespace sheetsplat {
 
-/// Root mean square error that float32 pictures may have (IMAGE FORMATION section 9). Test: CpuFloat32.EndsAt/ratio.
+/// Root mean square error that float32 pictures may have (conventions, section 9). Test: CpuFloat32.EndsAt/ratio.
 constexpr double float32_bound = 1e-4;
 /// Rounding of one number, with what sums of several add.
 constexpr double float32_epsilon = 6e-8;

@@ -19,7 +19,7 @@ constexpr std::int64_t most_imprecise_slices = 1 << 17;
 /// exp(-k r^2) - exp(-k) is known to 1e-7 / k of itself: smallest falloff k.
 constexpr double smallest_falloff = 0.05;
 
-// ---- sheets of 16 bits (IMAGE FORMATION section 9; test: Plan.TakesSixteenBitsOnlyWhereTheyKeepTheirBound)
+// ---- sheets of 16 bits (conventions, section 9; test: Plan.TakesSixteenBitsOnlyWhereTheyKeepTheirBound)
 
 constexpr double float16_bound = 1.0 / 510.0; ///< root mean square error
 constexpr double float16_worst = 1.0 / 85.0;  ///< where colours are steepest

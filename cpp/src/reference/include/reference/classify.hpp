@@ -1,4 +1,4 @@
-// rho -> colour and opacity of a slice or an interval. Source: IMAGE FORMATION section 4; [EKE01] for intervals.
+// rho -> colour and opacity of a slice or an interval. Source: conventions, section 4; [EKE01] for intervals.
 #pragma once
 
 #include <array>

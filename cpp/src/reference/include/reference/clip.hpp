@@ -1,4 +1,4 @@
-// Which points of the world clipping keeps. Source: project page of conventions, section 10 (clipping).
+// Which points of the world clipping keeps. Source: conventions, section 10 (clipping).
 #pragma once
 
 #include <vector>

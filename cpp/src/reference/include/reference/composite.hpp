@@ -1,4 +1,4 @@
-// Pictures that grow front to back from the sheets. Source: IMAGE FORMATION sections 6 and 7.
+// Pictures that grow front to back from the sheets. Source: conventions, sections 6 and 7.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
 // The kernels of a field, in the world and as a camera sees them.
-// Source: IMAGE FORMATION sections 1, 2 and 10; [NM06] section 3.2 for the factored form M = R S.
+// Source: conventions, sections 1, 2 and 10; [NM06] section 3.2 for the factored form M = R S.
 #pragma once
 
 #include <cmath>
@@ -40,7 +40,7 @@ class Profile {
 
     /// Integral of g over the part of a line that begins and ends at `from` and `to` (units of the support's radius
     /// along the line, 0 next to the centre), at the squared distance b_squared < 1 from the centre; both ends are
-    /// inside the ball. Closed form of IMAGE FORMATION section 3, Gauss-Legendre where its differences would cancel.
+    /// inside the ball. Closed form of conventions, section 3, Gauss-Legendre where its differences would cancel.
     [[nodiscard]] double integral(double b_squared, double from, double to) const;
 
   private:
@@ -68,7 +68,7 @@ class KernelShape {
   public:
     /// B = E S. axes_eye: E, whose columns are the kernel's own axes in eye space, unit vectors; semi_axes: S.
     KernelShape(const Mat3& axes_eye, const Vec3& semi_axes);
-    /// The shape after the EWA filter of IMAGE FORMATION section 10: B B^T + diag(across^2, across^2, along^2), by a
+    /// The shape after the EWA filter of conventions, section 10: B B^T + diag(across^2, across^2, along^2), by a
     /// Householder QR of [B^T; diag(across, across, along)], whose triangle is the transpose of the new B.
     static KernelShape filtered(const Mat3& axes_eye, const Vec3& semi_axes, double across, double along);
 

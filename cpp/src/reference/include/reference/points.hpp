@@ -1,5 +1,5 @@
 // rho at any point: what section 3 calls point sampling, away from slices and pixels. For shadows and ambient
-// occlusion. Source: IMAGE FORMATION section 2.
+// occlusion. Source: conventions, section 2.
 #pragma once
 
 #include <array>

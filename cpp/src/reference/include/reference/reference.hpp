@@ -1,4 +1,4 @@
-// The float64 reference renderer: one thread, as plain as IMAGE FORMATION reads. Every faster path is measured by its
+// The float64 reference renderer: one thread, as plain as conventions reads. Every faster path is measured by its
 // distance from this one, so it shares no arithmetic with any of them.
 #pragma once
 
@@ -30,7 +30,7 @@ struct Picture {
 struct Request {
     bool coverage = false;
     bool depth = false;
-    /// Moves the arithmetic a little, to find pixels whose value jumps (IMAGE FORMATION section 9): added to every rho,
+    /// Moves the arithmetic a little, to find pixels whose value jumps (conventions, section 9): added to every rho,
     /// as a share of v_max - v_min, where it is classified or compared with the iso value (scalar modes do not jump:
     /// not there, and gradients do not know of it); factor on all semi-axes minus one (C of normalisation lattice
     /// follows, what the EWA filter adds does not); added to A_stop.

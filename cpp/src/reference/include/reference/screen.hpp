@@ -1,4 +1,4 @@
-// The rays of the pixels in eye space. Source: IMAGE FORMATION section 1.
+// The rays of the pixels in eye space. Source: conventions, section 1.
 #pragma once
 
 #include <vector>

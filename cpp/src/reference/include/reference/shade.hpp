@@ -1,4 +1,4 @@
-// Gradients of rho between sheets, and Phong's light. Source: IMAGE FORMATION section 5.
+// Gradients of rho between sheets, and Phong's light. Source: conventions, section 5.
 #pragma once
 
 #include <vector>

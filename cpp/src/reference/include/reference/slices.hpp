@@ -1,4 +1,4 @@
-// Which slices there are. Source: IMAGE FORMATION section 3.
+// Which slices there are. Source: conventions, section 3.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The sums D and W of the fields on one slice, and rho. Source: IMAGE FORMATION sections 2 and 3.
+// The sums D and W of the fields on one slice, and rho. Source: conventions, sections 2 and 3.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What each mode makes of the slices. The only home of these rules in C++. Source: IMAGE FORMATION section 6.
+// What each mode makes of the slices. The only home of these rules in C++. Source: conventions, section 7.
 #pragma once
 
 #include "sheetsplat/scene.hpp"

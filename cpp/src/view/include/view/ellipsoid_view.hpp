@@ -1,6 +1,6 @@
 // Ellipsoids as a camera sees them, and their cross-sections in factored form. Source: [NM06] sections 3.3 and 4.1
 // (equations 8 to 19), with B = V R S in place of its inverse: no covariance is ever formed, so that needles of
-// 1:100,000 keep their digits. EWA filter: IMAGE FORMATION section 10.
+// 1:100,000 keep their digits. EWA filter: conventions, section 10.
 #pragma once
 
 #include <algorithm>

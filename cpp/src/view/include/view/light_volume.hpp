@@ -1,5 +1,5 @@
 // What light finds on its way, sampled on a grid in the world: made once for several views, looked up by all backends
-// that draw shadows and ambient occlusion. Source: project page of conventions, section 10.
+// that draw shadows and ambient occlusion. Source: conventions, section 10.
 #pragma once
 
 #include <array>

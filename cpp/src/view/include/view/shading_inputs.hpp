@@ -1,6 +1,6 @@
 // The numbers that turn finished slices into a picture: opacity correction, lights, gradient scales, isosurface, depth
 // cue. Derived once a frame, in float64, for every backend, which only rounds them to its own number format. What is
-// drawn for want of a number that a format can hold is decided here. Source: IMAGE FORMATION sections 4 to 7 and 10.
+// drawn for want of a number that a format can hold is decided here. Source: conventions, sections 4 to 7 and 10.
 #pragma once
 
 #include <vector>

@@ -9,7 +9,7 @@ from typing import Any
 
 import sheetsplat as ss
 from bench.lab import lab_renderer
-from bench.measure import Judge, attempt, device_of, difference, frames_and_error, orbit, renderer_for, require
+from bench.measure import Judge, attempt, device_of, difference, frames_and_error, need_gl, orbit, renderer_for, require
 from bench.report import Options, Report, Row, columns, environment
 from sheetsplat import datasets
 from sheetsplat.bcc import resample_to_bcc
@@ -129,7 +129,10 @@ def _stages(options: Options) -> dict[str, Callable[[], _Stage]]:
 def _row(setting: _Setting, stages: dict[str, _Stage], options: Options, judge: Judge) -> Row:
     stage = stages[setting.scene]
     renderer = lab_renderer(options, *setting.comparators, **setting.renderer)
-    require(renderer.plan(stage.scene, stage.cameras[0], size=options.size), setting.renderer)
+    plan = renderer.plan(stage.scene, stage.cameras[0], size=options.size)
+    require(plan, setting.renderer)
+    if any(other.comparators for other in _SETTINGS if other.group == setting.group):
+        need_gl(plan, setting.group)
     names = (setting.group, setting.scene, setting.name)
     row, _, _ = frames_and_error(options, judge, renderer, stage.scene, stage.cameras, *names)
     if stage.cartesian:

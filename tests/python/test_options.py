@@ -22,7 +22,8 @@ from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions
 from sheetsplat.options.spelling import flag_of, flags, spellings
 
-DOCS = Path(__file__).resolve().parents[2] / "python" / "docs"
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "python" / "docs"
 TAKERS = [
     (ss.render, RenderOptions),
     (ss.open, OpenOptions),
@@ -52,7 +53,7 @@ def test_signatures_and_docstrings_have_every_option(taker, group):
 def test_commands_have_every_option(command):
     by_parameter = {one.name: one for one in command.params if isinstance(one, click.Option)}
     for name, defined in definitions(RenderOptions).items():
-        for spelling in defined.option.cli:
+        for spelling in defined.option.spellings:
             option = by_parameter[spelling.parameter or name]
             assert flags(name, spelling).partition("/")[0] in option.opts
             assert option.help and "{" not in option.help
@@ -71,6 +72,42 @@ def test_defaults_are_of_the_types_and_pass_the_checks():
                 assert defined.option.default in choices
             assert defined.option.check is not None, name
             defined.option.check(name, defined.option.default)
+
+
+def cpp_defaults(header: str, start: str) -> dict[str, object]:
+    """Return the defaults (numbers, truth values, names) that a C++ header states between `start` and the next };."""
+    text = (ROOT / "cpp" / "include" / "sheetsplat" / header).read_text(encoding="utf-8")
+    block = text.partition(start)[2].partition(");" if start.endswith("(") else "};")[0]
+    assert block, start
+    found: dict[str, object] = {}
+    for name, value in re.findall(r"(\w+) = ([\w.:]+)", block):
+        word = value.rpartition("::")[2]
+        found[name] = {"true": True, "false": False, "automatic": "auto"}.get(word, word)
+        if re.fullmatch(r"[\d.]+", word):
+            found[name] = float(word)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("header", "start", "taker", "others"),
+    [
+        ("field.hpp", "struct RegularFieldOptions {", ss.RegularField, {}),
+        ("field.hpp", "struct EllipsoidFieldOptions {", ss.EllipsoidField, {}),
+        ("camera.hpp", "Camera fit(", ss.Camera.fit, {"projection": "kind"}),
+        ("scene.hpp", "struct Material {", ss.Material, {}),
+        ("scene.hpp", "struct Scene {", ss.Scene, {}),
+        ("renderer.hpp", "struct RendererOptions {", ss.Renderer, {}),
+    ],
+)
+def test_defaults_are_those_of_cpp(header, start, taker, others):
+    python = {name: one.default for name, one in inspect.signature(taker).parameters.items()}
+    cpp = {others.get(name, name): value for name, value in cpp_defaults(header, start).items()}
+    # Python has it as a value of preintegration.
+    cpp.pop("second_order", None)
+    assert len(cpp) >= 3
+    # What Python leaves out with None is 0 or a name in C++.
+    unset = {"filter": "none", "tile_size": 0.0, "tags_per_clear": 0.0, "threads": 0.0}
+    assert cpp == {name: unset[name] if python[name] is None else python[name] for name in cpp}
 
 
 def test_spellings():

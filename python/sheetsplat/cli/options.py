@@ -103,14 +103,14 @@ def options_of(*groups: type) -> list[Callable[[Any], Any]]:
         _option(defined, spelling)
         for group in groups
         for defined in definitions(group).values()
-        for spelling in defined.option.cli
+        for spelling in defined.option.spellings
     ]
 
 
 def single(group: type, *names: str) -> list[Callable[[Any], Any]]:
     """Return the decorators of some options of a group."""
     known = definitions(group)
-    return [_option(known[name], spelling) for name in names for spelling in known[name].option.cli]
+    return [_option(known[name], spelling) for name in names for spelling in known[name].option.spellings]
 
 
 def scene_options(function: Function) -> Function:
@@ -124,7 +124,7 @@ def check_mode(options: dict[str, Any], outputs: tuple[str, ...] = ()) -> None:
     """Refuse options that the mode does not use; those whose statement is harmless are only a warning."""
     context = click.get_current_context()
     look = definitions(LookOptions)
-    parameters = [spelling.parameter or name for name, one in look.items() for spelling in one.option.cli]
+    parameters = [spelling.parameter or name for name, one in look.items() for spelling in one.option.spellings]
     given = [
         name
         for name in parameters

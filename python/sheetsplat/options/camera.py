@@ -1,14 +1,15 @@
 """The options of a camera that shows all of the data."""
 
-from typing import Annotated, Literal, TypedDict
+from typing import Annotated, TypedDict
 
 from sheetsplat._checks import Vector
-from sheetsplat.options.core import CommandLine, Option
-from sheetsplat.options.values import Numbers, Real, Special
+from sheetsplat.camera import Camera, Kind
+from sheetsplat.options.core import Option, defaults_of
+from sheetsplat.options.values import POSITIVE, Numbers, Real, Special
 
-Projection = Literal["orthographic", "perspective"]
 # Seen from the front a volume shows one face; from here it shows three.
 AZIMUTH, ELEVATION = 25.0, 20.0
+_FIT = defaults_of(Camera.fit)
 
 
 class CameraOptions(TypedDict, total=False):
@@ -20,7 +21,7 @@ class CameraOptions(TypedDict, total=False):
             'World direction of the view: three numbers, or an axis such as "x" or "-z".',
             unset="-z",
             accepts="three numbers or str",
-            cli=(CommandLine(value=Special.DIRECTION),),
+            value=Special.DIRECTION,
         ),
     ]
     up: Annotated[
@@ -29,7 +30,7 @@ class CameraOptions(TypedDict, total=False):
             "World direction that points up in the picture: three numbers, or an axis.",
             unset="y",
             accepts="three numbers or str",
-            cli=(CommandLine(value=Special.DIRECTION),),
+            value=Special.DIRECTION,
         ),
     ]
     azimuth: Annotated[
@@ -37,7 +38,7 @@ class CameraOptions(TypedDict, total=False):
         Option(
             "Angle in degrees by which the eye moves around {up}, to the right.",
             unset=f"{AZIMUTH:g}, or 0 with {{direction}}",
-            cli=(CommandLine(value=Real()),),
+            value=Real(),
         ),
     ]
     elevation: Annotated[
@@ -45,33 +46,29 @@ class CameraOptions(TypedDict, total=False):
         Option(
             "Angle in degrees by which the eye then moves towards {up}.",
             unset=f"{ELEVATION:g}, or 0 with {{direction}}",
-            cli=(CommandLine(value=Real()),),
+            value=Real(),
         ),
     ]
-    zoom: Annotated[float, Option("Enlargement.", default=1.0, cli=(CommandLine(value=Real(above=0.0)),))]
+    zoom: Annotated[float, Option("Enlargement.", default=1.0, value=POSITIVE)]
     target: Annotated[
         Vector | None,
         Option(
             "World point in the middle of the picture.",
             unset="the middle of the fields",
             accepts="three numbers",
-            cli=(CommandLine(value=Numbers("X,Y,Z", 3)),),
+            value=Numbers("X,Y,Z", 3),
         ),
     ]
-    projection: Annotated[Projection, Option("Kind of projection.", default="orthographic")]
+    projection: Annotated[Kind, Option("Kind of projection.", default=_FIT["kind"])]
     fov_y: Annotated[
         float,
         Option(
             "Vertical angle of view of a perspective projection, degrees.",
-            default=30.0,
-            cli=(CommandLine("--fov", value=Real(above=0.0, below=180.0)),),
+            default=_FIT["fov_y"],
+            flag="--fov",
+            value=Real(above=0.0, below=180.0),
         ),
     ]
     margin: Annotated[
-        float,
-        Option(
-            "How much larger than the fields the picture is.",
-            default=1.05,
-            cli=(CommandLine(value=Real(above=0.0)),),
-        ),
+        float, Option("How much larger than the fields the picture is.", default=_FIT["margin"], value=POSITIVE)
     ]

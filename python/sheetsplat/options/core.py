@@ -90,8 +90,10 @@ class Option:
         The backends that use it, for options of the renderer; all unless given.
     check
         Converts a value, for classes that take their options from definitions.
+    flag, value, switch
+        Of the command line, as those of `CommandLine`, where the option has one spelling that needs nothing else.
     cli
-        Its spellings on the command line; none for options that Python alone has.
+        Its spellings on the command line, if not that one; none for options that Python alone has.
     harmless
         On the command line, giving it in a mode that does not use it is a warning, not an error.
     """
@@ -105,8 +107,16 @@ class Option:
     effect: str = ""
     backends: tuple[str, ...] = ()
     check: Check | None = None
-    cli: tuple[CommandLine, ...] = (CommandLine(),)
+    flag: str = ""
+    value: Value | None = None
+    switch: bool = False
+    cli: tuple[CommandLine, ...] | None = None
     harmless: bool = False
+
+    @property
+    def spellings(self) -> tuple[CommandLine, ...]:
+        """All options of the command line that stand for this one."""
+        return (CommandLine(self.flag, value=self.value, switch=self.switch),) if self.cli is None else self.cli
 
 
 @dataclass(eq=False)
@@ -284,6 +294,11 @@ def in_python(text: str) -> str:
 def value_text(value: object) -> str:
     """Return a default value as Python spells it, strings in double quotes."""
     return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def defaults_of(function: Callable[..., Any]) -> dict[str, Any]:
+    """Return the defaults of a function's parameters, for options whose values go to that function."""
+    return {name: one.default for name, one in inspect.signature(function).parameters.items()}
 
 
 def choices_of(kind: Any) -> tuple[str, ...]:

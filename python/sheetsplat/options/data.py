@@ -6,12 +6,13 @@ from typing import Annotated, Literal, TypedDict, get_args
 from numpy.typing import DTypeLike
 
 from sheetsplat._checks import Vector
-from sheetsplat.fields import Lattice, NanPolicy, Normalization
-from sheetsplat.options.core import CommandLine, Option
-from sheetsplat.options.values import Numbers, Real, Special, Whole
+from sheetsplat.fields import EllipsoidField, Lattice, NanPolicy, Normalization, RegularField
+from sheetsplat.options.core import CommandLine, Option, defaults_of, value_text
+from sheetsplat.options.values import POSITIVE, Numbers, Special, Whole
 
 Fit = Literal["delaunay", "nearest"]
 FITS: tuple[str, ...] = get_args(Fit)
+_VOLUME, _SCATTERED = defaults_of(RegularField), defaults_of(EllipsoidField)
 
 
 class PlacementOptions(TypedDict, total=False):
@@ -23,7 +24,7 @@ class PlacementOptions(TypedDict, total=False):
             "World units between samples along x, y, z; of a BCC lattice, x is the edge of its cube.",
             unset="what the file says, else 1",
             accepts="three numbers",
-            cli=(CommandLine(value=Numbers("DX,DY,DZ", 3, positive=True)),),
+            value=Numbers("DX,DY,DZ", 3, positive=True),
         ),
     ]
     origin: Annotated[
@@ -32,10 +33,10 @@ class PlacementOptions(TypedDict, total=False):
             "World position of the first sample.",
             unset="what the file says, else 0",
             accepts="three numbers",
-            cli=(CommandLine(value=Numbers("X,Y,Z", 3)),),
+            value=Numbers("X,Y,Z", 3),
         ),
     ]
-    lattice: Annotated[Lattice | None, Option("Lattice of the samples.", unset='"cartesian"')]
+    lattice: Annotated[Lattice | None, Option("Lattice of the samples.", unset=value_text(_VOLUME["lattice"]))]
 
 
 class KernelOptions(TypedDict, total=False):
@@ -45,31 +46,32 @@ class KernelOptions(TypedDict, total=False):
         float | None,
         Option(
             "Volumes: radius of the kernels' supports in sample distances.",
-            unset="2",
-            cli=(CommandLine(value=Real(above=0.0)),),
+            unset=f"{_VOLUME['radius']:g}",
+            value=POSITIVE,
         ),
     ]
     falloff: Annotated[
         float | None,
         Option(
             "Exponent of the Gaussian at the border of a support.",
-            unset="5 for volumes, 8 for scattered data",
-            cli=(CommandLine(value=Real(above=0.0)),),
+            unset=f"{_VOLUME['falloff']:g} for volumes, {_SCATTERED['falloff']:g} for scattered data",
+            value=POSITIVE,
         ),
     ]
     normalization: Annotated[
         Normalization | None,
         Option(
             "How sums of kernels become values.",
-            unset='"lattice" for volumes; for scattered data what the file says, else "threshold"',
+            unset=f"{value_text(_VOLUME['normalization'])} for volumes; for scattered data what the file says, else "
+            + value_text(_SCATTERED["normalization"]),
         ),
     ]
     w0: Annotated[
         float | None,
         Option(
             'Sum of weights below which normalization "threshold" does not divide.',
-            unset="1",
-            cli=(CommandLine(value=Real(above=0.0)),),
+            unset=f"{_VOLUME['w0']:g}",
+            value=POSITIVE,
         ),
     ]
     prefilter: Annotated[
@@ -77,13 +79,15 @@ class KernelOptions(TypedDict, total=False):
         Option(
             "Volumes: let the sum of the kernels interpolate the samples, which is sharper. Best with {radius} 2.5 and "
             "{falloff} 7.",
-            default=False,
-            cli=(CommandLine(switch=True),),
+            default=_VOLUME["prefilter"],
+            switch=True,
         ),
     ]
     nan: Annotated[
         NanPolicy | None,
-        Option('Volumes: what to do with NaN samples; "skip" leaves their kernels out.', unset='"error"'),
+        Option(
+            'Volumes: what to do with NaN samples; "skip" leaves their kernels out.', unset=value_text(_VOLUME["nan"])
+        ),
     ]
 
 
@@ -112,19 +116,16 @@ class FileOptions(TypedDict, total=False):
         Option(
             'Raw samples: their type as NumPy names it: uint8, int16, ">i2" (big-endian), float32 …',
             accepts="str or numpy.dtype",
-            cli=(CommandLine(value=Special.TEXT),),
+            value=Special.TEXT,
         ),
     ]
-    offset: Annotated[
-        int,
-        Option("Raw samples: number of bytes before the first one.", default=0, cli=(CommandLine(value=Whole(0)),)),
-    ]
+    offset: Annotated[int, Option("Raw samples: number of bytes before the first one.", default=0, value=Whole(0))]
     name: Annotated[str | None, Option("The array of an .npz file to take.")]
     scalar: Annotated[
         str | None,
         Option(
             "Scattered data and .vti: the array to show, by its name in the file; NAME_x is one component of a vector, "
-            "NAME its length. PLOT3D: density, momentum, energy, velocity, pressure, temperature, mach …",
+            "NAME its length. PLOT3D: density, momentum, energy, velocity, pressure, temperature, mach …"
         ),
     ]
     log: Annotated[
@@ -139,7 +140,7 @@ class FileOptions(TypedDict, total=False):
                 CommandLine(
                     "--log-floor",
                     "log_floor",
-                    Real(above=0.0),
+                    POSITIVE,
                     "Show log10(value / FLOOR); values below FLOOR are raised to it.",
                 ),
             ),
@@ -148,9 +149,7 @@ class FileOptions(TypedDict, total=False):
     grid: Annotated[
         str | os.PathLike[str] | None,
         Option(
-            "PLOT3D: the file of the grid; the other file is the solution.",
-            accepts="path",
-            cli=(CommandLine(value=Special.INPUT_FILE),),
+            "PLOT3D: the file of the grid; the other file is the solution.", accepts="path", value=Special.INPUT_FILE
         ),
     ]
     particles: Annotated[
@@ -159,11 +158,7 @@ class FileOptions(TypedDict, total=False):
     ]
     support: Annotated[
         float | None,
-        Option(
-            "HDF5: radius of a kernel in smoothing lengths.",
-            unset="by the densities in the file",
-            cli=(CommandLine(value=Real(above=0.0)),),
-        ),
+        Option("HDF5: radius of a kernel in smoothing lengths.", unset="by the densities in the file", value=POSITIVE),
     ]
     fit: Annotated[
         Fit | None,
@@ -174,18 +169,10 @@ class FileOptions(TypedDict, total=False):
         ),
     ]
     neighbors: Annotated[
-        int | None,
-        Option(
-            'Scattered data: number of neighbours of fit "nearest".',
-            cli=(CommandLine(value=Whole(1, 256)),),
-        ),
+        int | None, Option('Scattered data: number of neighbours of fit "nearest".', value=Whole(1, 256))
     ]
     min_scale: Annotated[
-        float | None,
-        Option(
-            "Scattered data: raise smaller semi-axes to this length, world units.",
-            cli=(CommandLine(value=Real(above=0.0)),),
-        ),
+        float | None, Option("Scattered data: raise smaller semi-axes to this length, world units.", value=POSITIVE)
     ]
 
 

@@ -38,7 +38,7 @@ class TransferOptions(TypedDict, total=False):
             unset="by the histogram",
             accepts="float, sequence of float, or pairs",
             modes=COMPOSITE,
-            cli=(CommandLine(value=Special.OPACITY),),
+            value=Special.OPACITY,
         ),
     ]
     clim: Annotated[
@@ -48,12 +48,11 @@ class TransferOptions(TypedDict, total=False):
             unset="by the histogram; for an isosurface limits that give it a colour from the upper part of the map",
             accepts="two numbers",
             modes=COLORED,
-            cli=(CommandLine(value=Numbers("LOW,HIGH", 2, rising=True)),),
+            value=Numbers("LOW,HIGH", 2, rising=True),
         ),
     ]
     transfer_function: Annotated[
-        TransferFunction | None,
-        Option("Replaces {cmap}, {opacity} and {clim}.", modes=COLORED, cli=()),
+        TransferFunction | None, Option("Replaces {cmap}, {opacity} and {clim}.", modes=COLORED, cli=())
     ]
     shading: Annotated[
         bool,

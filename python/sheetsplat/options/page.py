@@ -49,7 +49,7 @@ def _code(text: str) -> str:
 
 def _row(defined: Defined) -> str:
     option = defined.option
-    spelt = ", ".join(_code(flags(defined.name, one)) for one in option.cli)
+    spelt = ", ".join(_code(flags(defined.name, one)) for one in option.spellings)
     modes = "" if option.modes == MODES else ", ".join(option.modes)
     default = in_python(defined.default_text(chooses=True))
     cells = (_code(defined.name), spelt, defined.type_text, default, in_python(option.help), modes)

@@ -77,7 +77,7 @@ def _modes() -> dict[str, tuple[str, ...]]:
     """Return the modes that use an option or an output, by its names in Python and on the command line."""
     found = dict(_OUTPUT_MODES)
     for name, defined in definitions(LookOptions).items():
-        for known in (name, *(one.parameter for one in defined.option.cli if one.parameter)):
+        for known in (name, *(one.parameter for one in defined.option.spellings if one.parameter)):
             found[known] = defined.option.modes
     return found
 

@@ -7,7 +7,7 @@ from sheetsplat._checks import choice, number, shown, truth, whole
 from sheetsplat.errors import complain, unusable
 from sheetsplat.options.checks import one_of, optional
 from sheetsplat.options.core import CommandLine, Option
-from sheetsplat.options.values import Real, Special, Whole
+from sheetsplat.options.values import POSITIVE, Special, Whole
 
 Backend = Literal["auto", "gl", "cpu", "reference"]
 Precision = Literal["auto", "uint8", "float16", "float32", "float64"]
@@ -83,7 +83,7 @@ class RendererSettings(TypedDict, total=False):
             backends=("gl",),
             unset="the environment variable SHEETSPLAT_EGL_DEVICE, else the first that works",
             check=optional(whole),
-            cli=(CommandLine(value=Whole(0, 2**31 - 1)),),
+            value=Whole(0, 2**31 - 1),
         ),
     ]
     precision: Annotated[
@@ -94,10 +94,7 @@ class RendererSettings(TypedDict, total=False):
             check=one_of(Precision),
         ),
     ]
-    tagging: Annotated[
-        Tagging,
-        Option("How empty pixels are skipped.", default="auto", check=one_of(Tagging)),
-    ]
+    tagging: Annotated[Tagging, Option("How empty pixels are skipped.", default="auto", check=one_of(Tagging))]
     packing: Annotated[
         Packing,
         Option(
@@ -125,13 +122,7 @@ class RendererSettings(TypedDict, total=False):
         ),
     ]
     allow_inexact: Annotated[
-        bool,
-        Option(
-            "Accept settings that cannot keep the error bound.",
-            default=False,
-            check=truth,
-            cli=(CommandLine(switch=True),),
-        ),
+        bool, Option("Accept settings that cannot keep the error bound.", default=False, check=truth, switch=True)
     ]
     threads: Annotated[
         int | None,
@@ -140,7 +131,7 @@ class RendererSettings(TypedDict, total=False):
             backends=("cpu",),
             unset="as many as the process may run on",
             check=optional(_threads),
-            cli=(CommandLine(value=Whole(1, MOST_THREADS)),),
+            value=Whole(1, MOST_THREADS),
         ),
     ]
     max_error: Annotated[
@@ -151,7 +142,7 @@ class RendererSettings(TypedDict, total=False):
             "settings that keep it for {slice_spacing}, {sampling}, {preintegration} and {opacity_stop}, where these "
             "have their defaults.",
             check=optional(_goal),
-            cli=(CommandLine(value=Real(above=0.0)),),
+            value=POSITIVE,
         ),
     ]
     max_seconds: Annotated[
@@ -161,7 +152,7 @@ class RendererSettings(TypedDict, total=False):
             "are expected to keep it. It takes precedence over {max_error}. The first picture takes longer, because "
             "settings are tried.",
             check=optional(_goal),
-            cli=(CommandLine(value=Real(above=0.0)),),
+            value=POSITIVE,
         ),
     ]
 

@@ -10,7 +10,7 @@ from sheetsplat.errors import complain, unusable
 from sheetsplat.light import Light, Material
 from sheetsplat.options.checks import instance_of, one_of, optional, or_default
 from sheetsplat.options.core import COLORED, COMPOSITE, CommandLine, Mode, Option
-from sheetsplat.options.values import Numbers, Real, Special
+from sheetsplat.options.values import POSITIVE, Numbers, Real, Special
 
 Sampling = Literal["point", "slab"]
 Filter = Literal["ewa"]
@@ -24,7 +24,7 @@ _MOST_LIGHTS = 4096
 
 def _lights(what: str, lights: object) -> tuple[Light, ...]:
     if isinstance(lights, Light):
-        return (lights,)
+        return lights
     if not isinstance(lights, Iterable):
         raise complain(unusable(what), shown(lights), "a sequence of lights; () for none")
     found = tuple(itertools.islice(lights, _MOST_LIGHTS + 1))
@@ -77,7 +77,7 @@ class LightOptions(TypedDict, total=False):
             modes=COLORED,
             effect="background",
             check=optional(color),
-            cli=(CommandLine(value=Special.COLOR),),
+            value=Special.COLOR,
         ),
     ]
 
@@ -101,7 +101,8 @@ class ModeOptions(TypedDict, total=False):
             chosen="the value at which the histogram separates objects from background",
             modes=("isosurface",),
             check=optional_number,
-            cli=(CommandLine("--iso", value=Real()),),
+            flag="--iso",
+            value=Real(),
         ),
     ]
 
@@ -116,7 +117,7 @@ class SamplingOptions(TypedDict, total=False):
             unset="the smallest that a field suggests",
             chosen="the smallest that a field suggests; for scattered data and isosurfaces often a smaller one",
             check=optional_number,
-            cli=(CommandLine(value=Real(above=0.0)),),
+            value=POSITIVE,
         ),
     ]
     sampling: Annotated[
@@ -135,7 +136,7 @@ class SamplingOptions(TypedDict, total=False):
             unset="the default slice distance of the fields",
             modes=COLORED,
             check=optional_number,
-            cli=(CommandLine(value=Real(above=0.0)),),
+            value=POSITIVE,
         ),
     ]
     opacity_stop: Annotated[
@@ -145,7 +146,7 @@ class SamplingOptions(TypedDict, total=False):
             default=0.98,
             modes=COMPOSITE,
             check=number,
-            cli=(CommandLine(value=Real(above=0.0, most=1.0)),),
+            value=Real(above=0.0, most=1.0),
             harmless=True,
         ),
     ]
@@ -230,7 +231,7 @@ class EffectOptions(TypedDict, total=False):
             modes=COMPOSITE,
             effect="gradient_opacity",
             check=optional_number,
-            cli=(CommandLine(value=Real(above=0.0)),),
+            value=POSITIVE,
         ),
     ]
     depth_cue: Annotated[
@@ -259,15 +260,7 @@ class EffectOptions(TypedDict, total=False):
         ),
     ]
     shadows: Annotated[
-        bool,
-        Option(
-            "Lights cast shadows.",
-            default=False,
-            modes=COLORED,
-            effect="shadows",
-            check=truth,
-            cli=(CommandLine(switch=True),),
-        ),
+        bool, Option("Lights cast shadows.", default=False, modes=COLORED, effect="shadows", check=truth, switch=True)
     ]
     ambient_occlusion: Annotated[
         AmbientOcclusion | None,
@@ -276,7 +269,7 @@ class EffectOptions(TypedDict, total=False):
             modes=COLORED,
             effect="ambient_occlusion",
             check=optional(instance_of(AmbientOcclusion)),
-            cli=(CommandLine(value=Special.OCCLUSION),),
+            value=Special.OCCLUSION,
         ),
     ]
 

@@ -67,3 +67,4 @@ class Special(Enum):
 
 
 Value = Real | Whole | Numbers | Special
+POSITIVE = Real(above=0.0)

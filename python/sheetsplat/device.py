@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from sheetsplat import _sheetsplat
@@ -37,21 +37,14 @@ class Device:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as dicts, lists and strings, for JSON."""
-        plain = asdict(self)
-        plain["extensions"], plain["workarounds"] = list(self.extensions), list(self.workarounds)
-        return plain
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
 
 
 def devices() -> list[Device]:
     """Return every backend and kind of context with its availability. Tries each of them."""
-    return [
-        Device(
-            backend=report.backend,
-            platform=report.platform,
-            available=report.available,
-            description=report.description,
-            extensions=tuple(report.extensions),
-            workarounds=tuple(report.workarounds),
-        )
-        for report in _sheetsplat.devices()
-    ]
+    found = []
+    for report in _sheetsplat.devices():
+        values: dict[str, Any] = {one.name: getattr(report, one.name) for one in fields(Device)}
+        lists = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
+        found.append(Device(**{**values, **lists}))
+    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from sheetsplat import _sheetsplat
@@ -84,20 +84,9 @@ class RenderPlan:
     @classmethod
     def of_native(cls, native: _sheetsplat.RenderPlan) -> RenderPlan:
         """Return the plan of the native module."""
-        return cls(
-            backend=native.backend,
-            precision=native.precision,
-            packing=native.packing,
-            tagging=native.tagging,
-            device=native.device,
-            size=native.size,
-            slice_spacing=native.slice_spacing,
-            first_slice=native.first_slice,
-            slices=native.slices,
-            memory=native.memory,
-            effects=tuple(Effect(*parts) for parts in native.effects),
-            error_budget=dict(native.error_budget),
-        )
+        same = {one.name: getattr(native, one.name) for one in fields(cls) if hasattr(native, one.name)}
+        effects = tuple(Effect(*parts) for parts in native.effects)
+        return cls(**{**same, "effects": effects, "error_budget": dict(native.error_budget)})
 
     @property
     def expected_error(self) -> float:
@@ -113,11 +102,8 @@ class RenderPlan:
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain dicts, lists, numbers and texts, ready for JSON."""
-        plain = asdict(self)
-        plain["size"] = list(self.size)
-        plain["effects"] = [asdict(effect) for effect in self.effects]
-        plain["expected_error"] = self.expected_error
-        return plain
+        plain = {**asdict(self), "size": list(self.size), "expected_error": self.expected_error}
+        return {**plain, "effects": list(plain["effects"])}
 
     def __str__(self) -> str:
         """Return a table."""

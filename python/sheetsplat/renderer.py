@@ -38,8 +38,22 @@ def _chosen_backend(backend: str) -> str:
     return check_backend("the environment variable SHEETSPLAT_BACKEND", wanted)
 
 
-def _outputs(outputs: object) -> tuple[str, ...]:
+def _names(outputs: object) -> tuple[str, ...]:
     return names("Renderer: outputs", outputs, OUTPUTS)
+
+
+def _asked(scene: Scene, camera: Camera, size: object, outputs: object) -> dict[str, Any]:
+    """Return the checked arguments that all pictures and plans of the native renderer have."""
+    instance("Renderer: scene", scene, Scene)
+    instance("Renderer: camera", camera, Camera)
+    wanted = _names(outputs)
+    also = {name: name in wanted for name in OUTPUTS}
+    return {"scene": scene.native, "camera": camera.native, "size": image_size(size), **also}
+
+
+def _check_progress(progress: object) -> None:
+    if progress is not None and not callable(progress):
+        raise complain(unusable("Renderer: progress"), shown(progress), "a function of one number, or None")
 
 
 def _native(settings: Mapping[str, Any]) -> _sheetsplat.Renderer:
@@ -136,17 +150,7 @@ class Renderer:
         InvalidInput, Unsupported, OutOfMemory
             As `render` would.
         """
-        instance("Renderer: scene", scene, Scene)
-        instance("Renderer: camera", camera, Camera)
-        wanted = _outputs(outputs)
-        native = self.native.plan(
-            scene.native,
-            camera.native,
-            size=image_size(size),
-            coverage="coverage" in wanted,
-            depth="depth" in wanted,
-        )
-        plan = RenderPlan.of_native(native)
+        plan = RenderPlan.of_native(self.native.plan(**_asked(scene, camera, size, outputs)))
         self._warn_of_unused(plan)
         return plan
 
@@ -182,8 +186,6 @@ class Renderer:
         count = whole("Renderer: repeats", repeats)
         if count < 1:
             raise complain(unusable("Renderer: repeats"), str(count), "a whole number of at least 1")
-        wanted = self._checked_outputs(scene, camera, outputs, None)
-        pixels = image_size(size)
         plan = self.plan(scene, camera, size, outputs)
         settings = self._settings | {"backend": plan.backend}
         others: dict[str, _sheetsplat.Renderer] = {}
@@ -198,17 +200,10 @@ class Renderer:
                     forced = settings["effects"] | effects
                     others[key] = _native(settings | {"effects": forced, "allow_inexact": True})
                 native = others[key]
-            image = native.render(
-                drawn.native,
-                camera.native,
-                size=pixels,
-                coverage="coverage" in asked,
-                depth="depth" in asked,
-                progress=None,
-            )
+            image = native.render(**_asked(drawn, camera, size, asked), progress=None)
             return RenderPlan.of_native(image.plan)
 
-        return measured_plan(plan, scene, wanted, draw, count)
+        return measured_plan(plan, scene, _names(outputs), draw, count)
 
     def render(
         self,
@@ -245,17 +240,10 @@ class Renderer:
         Cancelled
             Where `progress` returned False.
         """
-        wanted = self._checked_outputs(scene, camera, outputs, progress)
+        asked = _asked(scene, camera, size, outputs)
+        _check_progress(progress)
         began = time.perf_counter()
-        native = self.native.render(
-            scene.native,
-            camera.native,
-            size=image_size(size),
-            coverage="coverage" in wanted,
-            depth="depth" in wanted,
-            progress=progress,
-        )
-        return self._finished(native, scene, camera, began)
+        return self._finished(self.native.render(**asked, progress=progress), scene, camera, began)
 
     def progressive(
         self,
@@ -290,16 +278,10 @@ class Renderer:
         DeviceUnavailable, Unsupported, OutOfMemory, Cancelled
             As `render`.
         """
-        wanted = self._checked_outputs(scene, camera, outputs, progress)
+        asked = _asked(scene, camera, size, outputs)
+        _check_progress(progress)
         seconds = number("Renderer: first_seconds", first_seconds)
-        stages = self.native.begin_stages(
-            scene.native,
-            camera.native,
-            size=image_size(size),
-            coverage="coverage" in wanted,
-            depth="depth" in wanted,
-            first_seconds=seconds,
-        )
+        stages = self.native.begin_stages(**asked, first_seconds=seconds)
         return self._stages(stages, scene, camera, progress)
 
     def _stages(
@@ -309,13 +291,6 @@ class Renderer:
             began = time.perf_counter()
             native = self.native.next_stage(stages, progress=progress)
             yield self._finished(native, scene, camera, began)
-
-    def _checked_outputs(self, scene: object, camera: object, outputs: object, progress: object) -> tuple[str, ...]:
-        instance("Renderer: scene", scene, Scene)
-        instance("Renderer: camera", camera, Camera)
-        if progress is not None and not callable(progress):
-            raise complain(unusable("Renderer: progress"), shown(progress), "a function of one number, or None")
-        return _outputs(outputs)
 
     def _finished(self, native: _sheetsplat.Image, scene: Scene, camera: Camera, began: float) -> Image:
         def estimate() -> ErrorEstimate:

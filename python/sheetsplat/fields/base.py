@@ -8,6 +8,7 @@ import numpy as np
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, shown, triple
+from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
 
 Normalization = Literal["none", "lattice", "threshold"]
@@ -28,46 +29,26 @@ class Field:
     def __init__(self) -> None:
         raise TypeError("a field is made by RegularField or EllipsoidField")
 
-    @property
-    def falloff(self) -> float:
-        """The k of the kernel's profile."""
-        return self._falloff
+    falloff = Forwarded[float]("_falloff", "The k of the kernel's profile.")
+    normalization = Forwarded[str]("_normalization", 'One of "none", "lattice" and "threshold".')
+    w0 = Forwarded[float]("_w0", 'Threshold of the weight sum, for normalisation "threshold".')
+    size = Forwarded[int]("native.size", "Number of kernels, skipped samples excluded.")
+    bounds = Forwarded[Bounds](
+        "native.supports", "World-aligned box around all supports: its lower and its upper corner."
+    )
+    centre_bounds = Forwarded[Bounds](
+        "native.centres", "World-aligned box around all kernel centres: its lower and its upper corner."
+    )
+    default_slice_spacing = Forwarded[float](
+        "native.default_slice_spacing", "Default distance of slices in scenes, world units. Conventions, section 3."
+    )
 
-    @property
-    def normalization(self) -> str:
-        """One of "none", "lattice" and "threshold"."""
-        return self._normalization
-
-    @property
-    def w0(self) -> float:
-        """Threshold of the weight sum, for normalisation "threshold"."""
-        return self._w0
-
-    @property
-    def size(self) -> int:
-        """Number of kernels, skipped samples excluded."""
-        return self.native.size
-
+    # Regular fields have their own of these two.
     @property
     def value_range(self) -> tuple[float, float]:
         """Smallest and largest value of a kernel; 0, 0 without kernels."""
         low, high = self.native.value_range
         return low, high
-
-    @property
-    def bounds(self) -> Bounds:
-        """World-aligned box around all supports: its lower and its upper corner."""
-        return self.native.supports
-
-    @property
-    def centre_bounds(self) -> Bounds:
-        """World-aligned box around all kernel centres: its lower and its upper corner."""
-        return self.native.centres
-
-    @property
-    def default_slice_spacing(self) -> float:
-        """Default distance of slices in scenes, world units. Conventions, section 3."""
-        return self.native.default_slice_spacing
 
     @property
     def memory(self) -> int:

@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import choice, number, numbers, optional_number
+from sheetsplat._properties import Forwarded
 from sheetsplat.errors import Words, complain, option_ref, unusable
 from sheetsplat.fields.axes import axes_of_covariances, axes_of_frames
 from sheetsplat.fields.base import Field, Normalization
 
 _FEWER = "use fewer kernels at a time"
+_FALLOFF = 8.0
 
 
 def _rows(what: str, array: object, wanted: str, *shapes: tuple[int, ...]) -> NDArray[Any]:
@@ -120,7 +122,7 @@ class EllipsoidField(Field):
         weights: ArrayLike | None = None,
         normalization: Normalization = "threshold",
         w0: float = 1.0,
-        falloff: float = 8.0,
+        falloff: float = _FALLOFF,
         min_scale: float | None = None,
         cell_volume: float | None = None,
     ) -> None:
@@ -197,7 +199,7 @@ class EllipsoidField(Field):
         OutOfMemory
             Where the copies do not fit.
         """
-        k = number("EllipsoidField: falloff", options.get("falloff", 8.0))
+        k = number("EllipsoidField: falloff", options.get("falloff", _FALLOFF))
         given = _rows("covariances", covariances, "(N, 3, 3) covariances", (3, 3))
         deviations, rotations = axes_of_covariances(given, flat=options.get("min_scale") is not None)
         scales = deviations * math.sqrt(2.0 * max(k, 0.0))
@@ -237,62 +239,29 @@ class EllipsoidField(Field):
         scales, rotations = axes_of_frames(given, flat=options.get("min_scale") is not None)
         return cls(centers, scales, rotations, values, **options)
 
-    @property
-    def centers(self) -> NDArray[np.float64]:
-        """Centres, (N, 3), world units; read-only, no copy."""
-        return self.native.centers
-
-    @property
-    def scales(self) -> NDArray[np.float64]:
-        """Semi-axes of the supports, world units: (N,) for spheres, else (N, 3); read-only, no copy."""
-        return self.native.scales
-
-    @property
-    def rotations(self) -> NDArray[np.float64] | None:
-        """Unit quaternions w, x, y, z, (N, 4), or None where no kernel is turned; a read-only copy."""
-        return self.native.rotations
-
-    @property
-    def values(self) -> NDArray[np.float64]:
-        """The scalars, (N,); read-only, no copy."""
-        return self.native.values
-
-    @property
-    def weights(self) -> NDArray[np.float64] | None:
-        """The weights, (N,), or None where each is 1; read-only, no copy."""
-        return self.native.weights
-
-    @property
-    def min_scale(self) -> float | None:
-        """What shorter semi-axes were raised to, world units, or None."""
-        return self._min_scale
-
-    @property
-    def cell_volume(self) -> float | None:
-        """For normalisation "lattice": the volume that one kernel stands for, or None."""
-        return self._cell_volume
-
-    @property
-    def isotropic(self) -> bool:
-        """Whether the kernels were given as spheres."""
-        return self.native.isotropic
-
-    @property
-    def scale_range(self) -> tuple[float, float]:
-        """Smallest and largest semi-axis, world units; 0, 0 without kernels."""
-        low, high = self.native.scale_range
-        return low, high
-
-    @property
-    def weight_range(self) -> tuple[float, float]:
-        """Smallest and largest weight; 1, 1 without kernels."""
-        low, high = self.native.weight_range
-        return low, high
-
-    @property
-    def ghosts(self) -> int:
-        """Number of ghost points, the last ones of the kernels."""
-        return self._ghosts
+    centers = Forwarded[NDArray[np.float64]]("native.centers", "Centres, (N, 3), world units; read-only, no copy.")
+    scales = Forwarded[NDArray[np.float64]](
+        "native.scales", "Semi-axes of the supports, world units: (N,) for spheres, else (N, 3); read-only, no copy."
+    )
+    rotations = Forwarded[NDArray[np.float64] | None](
+        "native.rotations", "Unit quaternions w, x, y, z, (N, 4), or None where no kernel is turned; a read-only copy."
+    )
+    values = Forwarded[NDArray[np.float64]]("native.values", "The scalars, (N,); read-only, no copy.")
+    weights = Forwarded[NDArray[np.float64] | None](
+        "native.weights", "The weights, (N,), or None where each is 1; read-only, no copy."
+    )
+    min_scale = Forwarded[float | None]("_min_scale", "What shorter semi-axes were raised to, world units, or None.")
+    cell_volume = Forwarded[float | None](
+        "_cell_volume", 'For normalisation "lattice": the volume that one kernel stands for, or None.'
+    )
+    isotropic = Forwarded[bool]("native.isotropic", "Whether the kernels were given as spheres.")
+    scale_range = Forwarded[tuple[float, float]](
+        "native.scale_range", "Smallest and largest semi-axis, world units; 0, 0 without kernels.", tuple
+    )
+    weight_range = Forwarded[tuple[float, float]](
+        "native.weight_range", "Smallest and largest weight; 1, 1 without kernels.", tuple
+    )
+    ghosts = Forwarded[int]("_ghosts", "Number of ghost points, the last ones of the kernels.")
 
     def at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the field's scalar at points (M, 3) in the world, shape (M,); 0 where no kernel reaches.

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import Triple, Vector, choice, number, triple, truth
 from sheetsplat._prefilter import Coefficients, require_kernel, solve
+from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields.base import Field, Normalization
 
@@ -172,13 +173,16 @@ class RegularField(Field):
         self._residual = self._condition = self._samples = None
         if truth("RegularField: prefilter", prefilter):
             found = self._prefiltered(samples)
-            self._normalization = "none"
             self._residual, self._condition = found.residual, found.condition
             # The caller may write to the array.
             self._samples = samples.copy()
             self._samples.flags.writeable = False
             samples = found.values
-        self.native = _sheetsplat.RegularField(
+        self.native = self._made(samples)
+
+    def _made(self, samples: NDArray[Any]) -> _sheetsplat.RegularField:
+        """Return the native field of some samples with this field's options."""
+        return _sheetsplat.RegularField(
             samples,
             spacing=self._spacing,
             origin=self._origin,
@@ -191,7 +195,7 @@ class RegularField(Field):
         )
 
     def _prefiltered(self, samples: NDArray[Any]) -> Coefficients:
-        """Return coefficients that interpolate; InvalidInput for options that exclude this."""
+        """Return coefficients that interpolate, and set the normalisation that they need; InvalidInput without any."""
         failed = "RegularField: " + option_ref("prefilter", "true") + " cannot be used"
         if self._normalization == "threshold":
             raise complain(
@@ -200,21 +204,11 @@ class RegularField(Field):
                 option_ref("normalization", "none") + ", which " + option_ref("prefilter", "true") + " sets",
                 "leave out one or the other",
             )
-        kind, spacing, origin = samples.dtype, self._spacing, self._origin
+        self._normalization = "none"
         # The other arguments are checked before the equations are solved.
-        _sheetsplat.RegularField(
-            np.zeros((1, 1, 1) if samples.size else samples.shape, kind),
-            spacing=spacing,
-            origin=origin,
-            lattice=self._lattice,
-            radius=self._radius,
-            falloff=self._falloff,
-            normalization="none",
-            w0=self._w0,
-            nan=self._nan,
-        )
+        self._made(np.zeros((1, 1, 1) if samples.size else samples.shape, samples.dtype))
         require_kernel(self._radius, self._falloff, self._lattice)
-        if kind.kind == "f":
+        if samples.dtype.kind == "f":
             for k, layer in enumerate(samples):
                 bad = ~np.isfinite(layer)
                 if bad.any():
@@ -254,20 +248,15 @@ class RegularField(Field):
         """Whether the kernels' sum passes through the samples."""
         return self._samples is not None
 
-    @property
-    def coefficients(self) -> NDArray[Any]:
-        """Factors of the kernels, [k, j, i]: the samples unless prefiltered; read-only, no copy."""
-        return self.native.values
-
-    @property
-    def prefilter_residual(self) -> float | None:
-        """Largest distance of the sum from a sample, over the largest sample; None unless prefiltered."""
-        return self._residual
-
-    @property
-    def prefilter_condition(self) -> float | None:
-        """Largest amplification of errors from samples to coefficients; None unless prefiltered."""
-        return self._condition
+    coefficients = Forwarded[NDArray[Any]](
+        "native.values", "Factors of the kernels, [k, j, i]: the samples unless prefiltered; read-only, no copy."
+    )
+    prefilter_residual = Forwarded[float | None](
+        "_residual", "Largest distance of the sum from a sample, over the largest sample; None unless prefiltered."
+    )
+    prefilter_condition = Forwarded[float | None](
+        "_condition", "Largest amplification of errors from samples to coefficients; None unless prefiltered."
+    )
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -275,30 +264,11 @@ class RegularField(Field):
         nk, nj, ni = self.values.shape
         return nk, nj, ni
 
-    @property
-    def spacing(self) -> Triple:
-        """World units between samples along x, y, z (BCC: the first is the edge a)."""
-        return self._spacing
-
-    @property
-    def origin(self) -> Triple:
-        """World position of sample (0, 0, 0)."""
-        return self._origin
-
-    @property
-    def lattice(self) -> str:
-        """Either "cartesian" or "bcc"."""
-        return self._lattice
-
-    @property
-    def radius(self) -> float:
-        """Radius of a kernel's support, in sample distances."""
-        return self._radius
-
-    @property
-    def nan(self) -> str:
-        """What a NaN sample is: "error" or "skip"."""
-        return self._nan
+    spacing = Forwarded[Triple]("_spacing", "World units between samples along x, y, z (BCC: the first is the edge a).")
+    origin = Forwarded[Triple]("_origin", "World position of sample (0, 0, 0).")
+    lattice = Forwarded[str]("_lattice", 'Either "cartesian" or "bcc".')
+    radius = Forwarded[float]("_radius", "Radius of a kernel's support, in sample distances.")
+    nan = Forwarded[str]("_nan", 'What a NaN sample is: "error" or "skip".')
 
     def __repr__(self) -> str:
         """Return a short description."""

@@ -24,7 +24,7 @@ _MOST_LIGHTS = 4096
 
 def _lights(what: str, lights: object) -> tuple[Light, ...]:
     if isinstance(lights, Light):
-        return lights
+        return (lights,)
     if not isinstance(lights, Iterable):
         raise complain(unusable(what), shown(lights), "a sequence of lights; () for none")
     found = tuple(itertools.islice(lights, _MOST_LIGHTS + 1))

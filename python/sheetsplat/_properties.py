@@ -18,4 +18,4 @@ class Forwarded(property, Generic[T]):
 
     if TYPE_CHECKING:
 
-        def __get__(self, instance: Any, owner: type | None = None, /) -> T: ...
+        def __get__(self, instance: Any, owner: type | None = None, /) -> T: ...  # type: ignore[override]

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from sheetsplat import _sheetsplat
+from sheetsplat._json import plain
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class Device:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as dicts, lists and strings, for JSON."""
-        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+        report: dict[str, Any] = plain(asdict(self))
+        return report
 
 
 def devices() -> list[Device]:

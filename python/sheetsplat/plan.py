@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from sheetsplat import _sheetsplat
+from sheetsplat._json import plain
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,8 @@ class RenderPlan:
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain dicts, lists, numbers and texts, ready for JSON."""
-        plain = {**asdict(self), "size": list(self.size), "expected_error": self.expected_error}
-        return {**plain, "effects": list(plain["effects"])}
+        report: dict[str, Any] = plain({**asdict(self), "expected_error": self.expected_error})
+        return report
 
     def __str__(self) -> str:
         """Return a table."""

@@ -86,21 +86,10 @@ def accuracy(
     DeviceUnavailable, Unsupported, OutOfMemory
         Where the scene itself cannot be drawn. The row of a setting that cannot be drawn has the reason.
     """
+    asked = dict(locals())
     from sheetsplat.accuracy.measurement import measure_accuracy
 
-    return measure_accuracy(
-        scene,
-        camera,
-        size=size,
-        backend=backend,
-        knobs=knobs,
-        repeats=repeats,
-        reference_seconds=reference_seconds,
-        clock=clock,
-        truth=truth,
-        progress=progress,
-        settings=settings,
-    )
+    return measure_accuracy(**asked)
 
 
 def __getattr__(name: str) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,10 +44,6 @@ class Base:
     precision: str
     settings: dict[str, Any]
 
-    def replace(self, **changes: Any) -> Scene:
-        """Return the scene with some options changed."""
-        return self.scene.replace(**changes)
-
 
 @dataclass(frozen=True)
 class Setting:
@@ -55,46 +51,56 @@ class Setting:
 
     Attributes
     ----------
-    knob, name
-        Which knob it belongs to, and how it is called there.
+    name
+        How it is called among the settings of its knob.
+    changes
+        Options of the scene that differ from the given one; a function is called for the value when it is needed.
     how
-        What to write in Python to use it.
-    make
-        Returns the scene that is drawn.
-    judge
-        Returns the scene that the reference draws, where it is a different one: tables and cut-offs count as
-        arithmetic errors.
-    renderer
-        Options of the renderer, in addition to those of the base.
-    scale
-        Factor by which the drawn picture is smaller than the shown one.
-    truth
-        The picture from which the error is measured.
+        What to write in Python to use it, where that does not follow from `changes`.
+    series
+        The line of the plot to which it belongs: the settings of one series differ in one number.
     current
         The scene has this setting already.
     reason
         Why it is not available, where that is known from the start.
+    judged_as_given
+        The reference draws the given scene: tables and cut-offs count as arithmetic errors.
+    renderer
+        Options of the renderer, in addition to those of the base.
+    scale
+        Factor by which the drawn picture is smaller than the shown one.
     ripple
         Of a constant field: root mean square and maximum, relative.
     is_truth
         It is the field from which the errors of lattices are measured.
-    series
-        The line of the plot to which it belongs: the settings of one series differ in one number.
+    knob, truth
+        The knob, and the picture from which the error is measured; set by `sheetsplat.accuracy.sweeps.sweep`.
     """
 
-    knob: str
     name: str
+    changes: Mapping[str, Any] = field(default_factory=dict)
     how: str = ""
-    make: Callable[[], Scene] | None = None
-    judge: Callable[[], Scene] | None = None
-    renderer: dict[str, Any] = field(default_factory=dict)
-    scale: int = 1
-    truth: str = CONVERGED
+    series: str = ""
     current: bool = False
     reason: str = ""
+    judged_as_given: bool = False
+    renderer: Mapping[str, Any] = field(default_factory=dict)
+    scale: int = 1
     ripple: tuple[float, float] | None = None
     is_truth: bool = False
-    series: str = ""
+    knob: str = ""
+    truth: str = CONVERGED
+
+    @property
+    def code(self) -> str:
+        """What to write in Python to use it; empty for the unchanged scene."""
+        return self.how or (call_text("Scene", self.changes) if self.changes else "")
+
+    def scene(self, base: Base) -> Scene:
+        """Return the scene that is drawn: the given one itself where nothing differs."""
+        if self.current or not self.changes:
+            return base.scene
+        return base.scene.replace(**{name: one() if callable(one) else one for name, one in self.changes.items()})
 
     def gradient(self, base: Base) -> str:
         """Return the kind of gradients with which it is drawn."""
@@ -108,7 +114,7 @@ def calls_for_gradients(scene: Scene) -> bool:
     return lit and scene.mode in COLORED
 
 
-def call_text(name: str, options: dict[str, Any]) -> str:
+def call_text(name: str, options: Mapping[str, Any]) -> str:
     """Return a call as it is written in Python."""
     parts = [f"{key}={value:.6g}" if isinstance(value, float) else f"{key}={value!r}" for key, value in options.items()]
     return f"{name}({', '.join(parts)})"

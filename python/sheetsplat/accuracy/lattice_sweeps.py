@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from sheetsplat.accuracy.knobs import INTERPOLATED, Base, Setting, call_text
+from sheetsplat.accuracy.knobs import Base, Setting, call_text
 from sheetsplat.errors import InvalidInput, Unsupported, complain
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.ripple import lattice_constant, lattice_ripple
@@ -24,55 +26,42 @@ BEST_KERNEL = KERNELS[1]
 
 def regular(one: RegularField, **changes: Any) -> RegularField:
     """Return a regular field with some options changed."""
-    names = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "nan")
-    options: dict[str, Any] = {name: getattr(one, name) for name in names}
-    if getattr(one, "prefilter", False):
-        options["prefilter"] = True
-    return RegularField(one.values, **{**options, **changes})
+    names = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
+    return RegularField(one.values, **{**{name: getattr(one, name) for name in names}, **changes})
 
 
-def _one_lattice(base: Base) -> RegularField | None:
+def _lattice_of(base: Base) -> RegularField:
+    (one,) = base.scene.fields
+    assert isinstance(one, RegularField)
+    return one
+
+
+def no_lattice(base: Base) -> str:
+    """Return why a scene has no lattice to vary, or an empty text."""
     fields = base.scene.fields
-    return fields[0] if len(fields) == 1 and isinstance(fields[0], RegularField) else None
-
-
-_NO_LATTICE = "for scenes of one regular field"
+    return "" if len(fields) == 1 and isinstance(fields[0], RegularField) else "for scenes of one regular field"
 
 
 def _kernel_text(one: RegularField) -> str:
     name = "Cartesian" if one.lattice == "cartesian" else "BCC"
-    filtered = ", prefiltered" if getattr(one, "prefilter", False) else ""
-    return f"{name} ({one.radius:g}, {one.falloff:g}){filtered}"
+    return f"{name} ({one.radius:g}, {one.falloff:g}){', prefiltered' if one.prefilter else ''}"
 
 
-def lattice(base: Base) -> Iterator[Setting]:
-    """Yield the settings of the knob "lattice"."""
-    one = _one_lattice(base)
-    if one is None:
-        yield Setting("lattice", "Cartesian, BCC", truth=INTERPOLATED, reason=_NO_LATTICE)
-        return
-    yield Setting(
-        "lattice",
-        f"{_kernel_text(one)}, as given",
-        "",
-        lambda: base.scene,
-        truth=INTERPOLATED,
-        current=True,
-        series=one.lattice,
-        ripple=ripple_of(one),
-    )
+def _way(one: RegularField) -> str:
+    return "prefilter" if one.prefilter else one.normalization
+
+
+def _lattice(base: Base) -> Iterator[Setting]:
+    one = _lattice_of(base)
+    yield Setting(f"{_kernel_text(one)}, as given", current=True, series=one.lattice, ripple=_ripple_of(one))
     if one.lattice != "cartesian":
-        yield Setting(
-            "lattice", "Cartesian", truth=INTERPOLATED, reason="a BCC lattice is not resampled to a Cartesian one"
-        )
+        yield Setting("Cartesian", reason="a BCC lattice is not resampled to a Cartesian one")
         return
     for edge in _EDGES:
         yield Setting(
-            "lattice",
             f"BCC, {edge**-3 / math.sqrt(2):.2f} of the samples",
+            {"field": partial(_resampled, one, edge)},
             f"resample_to_bcc(field, a={edge:g} × the edge of equal quality)",
-            lambda edge=edge: base.replace(field=_resampled(one, edge)),  # type: ignore[misc]
-            truth=INTERPOLATED,
             series="bcc",
             ripple=_ripple("bcc", one.radius, one.falloff, _way(one), one.w0),
         )
@@ -84,100 +73,74 @@ def _resampled(one: RegularField, edge: float) -> Field:
     if one.nan == "skip":
         raise complain("the volume is not resampled", "a field that skips NaN", "samples everywhere", kind=Unsupported)
     a = edge * BccLattice.matching(one.shape, one.spacing, one.origin).a
-    options: dict[str, Any] = {name: getattr(one, name) for name in ("radius", "falloff", "normalization", "w0")}
-    if getattr(one, "prefilter", False):
-        options["prefilter"] = True
-        del options["normalization"]
+    options = {name: getattr(one, name) for name in ("radius", "falloff", "normalization", "w0", "prefilter")}
     dtype = np.float64 if one.values.dtype == np.float64 else np.float32
     return resample_to_bcc(one, a=a, dtype=dtype).field(**options)
 
 
-def kernel(base: Base) -> Iterator[Setting]:
-    """Yield the settings of the knob "kernel"."""
-    one = _one_lattice(base)
-    if one is None:
-        yield Setting("kernel", "radius, falloff", truth=INTERPOLATED, reason=_NO_LATTICE)
-        return
-    ways = {"lattice": "", "threshold": ", by weights"}
+def _kernel(base: Base) -> Iterator[Setting]:
+    one = _lattice_of(base)
+    ways = {"lattice": "", "threshold": "by weights"}
     now = (one.radius, one.falloff, _way(one))
-    if (one.radius, one.falloff) not in KERNELS or now[2] not in ways:
+    if now[:2] not in KERNELS or now[2] not in ways:
+        yield Setting("as given", current=True, ripple=_ripple_of(one))
+    for (way, series), (radius, falloff) in itertools.product(ways.items(), KERNELS):
+        options: dict[str, Any] = {"radius": radius, "falloff": falloff, "normalization": way}
+        if one.prefilter:
+            options["prefilter"] = False
+        if way == "threshold" and way != one.normalization:
+            # Low enough that only the border of the volume falls below it.
+            options["w0"] = 0.5 * lattice_constant(radius, falloff, "bcc" if one.lattice == "bcc" else "cartesian")
         yield Setting(
-            "kernel", "as given", "", lambda: base.scene, truth=INTERPOLATED, current=True, ripple=ripple_of(one)
+            f"({radius:g}, {falloff:g})" + (f", {series}" if series else ""),
+            {"field": partial(regular, one, **options)},
+            call_text("RegularField", options),
+            series=series,
+            current=(radius, falloff, way) == now,
+            ripple=_ripple(one.lattice, radius, falloff, way, float(options.get("w0", one.w0))),
         )
-    for way, words in ways.items():
-        for radius, falloff in KERNELS:
-            options: dict[str, Any] = {"radius": radius, "falloff": falloff, "normalization": way}
-            if getattr(one, "prefilter", False):
-                options["prefilter"] = False
-            if way == "threshold" and way != one.normalization:
-                # Low enough that only the border of the volume falls below it.
-                options["w0"] = 0.5 * lattice_constant(radius, falloff, "bcc" if one.lattice == "bcc" else "cartesian")
+
+
+def _prefilter(base: Base) -> Iterator[Setting]:
+    one = _lattice_of(base)
+    now = (one.radius, one.falloff) if one.prefilter else None
+    is_listed = now is None or now in KERNELS
+    yield Setting(
+        "as given" if is_listed else _kernel_text(one),
+        current=True,
+        series="" if is_listed else "prefiltered",
+        ripple=_ripple_of(one),
+    )
+    for radius, falloff in KERNELS:
+        if (radius, falloff) != now:
             yield Setting(
-                "kernel",
-                f"({radius:g}, {falloff:g}){words}",
-                call_text("RegularField", options),
-                lambda options=options: base.replace(field=regular(one, **options)),  # type: ignore[misc]
-                truth=INTERPOLATED,
-                series="by weights" if way == "threshold" else "",
-                current=(radius, falloff, way) == now,
-                ripple=_ripple(one.lattice, radius, falloff, way, float(options.get("w0", one.w0))),
+                f"({radius:g}, {falloff:g}), prefiltered",
+                {"field": partial(_prefiltered, one, radius, falloff)},
+                call_text("RegularField", {"radius": radius, "falloff": falloff, "prefilter": True}),
+                series="prefiltered",
+                ripple=_ripple(one.lattice, radius, falloff, "prefilter"),
+                is_truth=(radius, falloff) == BEST_KERNEL,
             )
 
 
-def _way(one: RegularField) -> str:
-    return "prefilter" if getattr(one, "prefilter", False) else one.normalization
+SWEEPS: dict[str, Callable[[Base], Iterator[Setting]]] = {
+    "lattice": _lattice,
+    "kernel": _kernel,
+    "prefilter": _prefilter,
+}
 
 
-def prefilter(base: Base) -> Iterator[Setting]:
-    """Yield the settings of the knob "prefilter"."""
-    one = _one_lattice(base)
-    if one is None:
-        yield Setting("prefilter", "on", truth=INTERPOLATED, reason=_NO_LATTICE)
-        return
-    now = (one.radius, one.falloff) if getattr(one, "prefilter", False) else None
-    yield Setting(
-        "prefilter",
-        "as given" if now in KERNELS or now is None else _kernel_text(one),
-        "",
-        lambda: base.scene,
-        truth=INTERPOLATED,
-        current=True,
-        series="" if now is None or now in KERNELS else "prefiltered",
-        ripple=ripple_of(one),
-    )
-    for radius, falloff in KERNELS:
-        if (radius, falloff) == now:
-            continue
-        options = {"radius": radius, "falloff": falloff, "prefilter": True}
-        yield Setting(
-            "prefilter",
-            f"({radius:g}, {falloff:g}), prefiltered",
-            call_text("RegularField", options),
-            lambda radius=radius, falloff=falloff: base.replace(  # type: ignore[misc]
-                field=prefiltered(one, radius, falloff)
-            ),
-            truth=INTERPOLATED,
-            ripple=_ripple(one.lattice, radius, falloff, "prefilter"),
-            series="prefiltered",
-            is_truth=(radius, falloff) == BEST_KERNEL,
-        )
-
-
-def prefiltered(one: RegularField, radius: float, falloff: float) -> RegularField:
+def _prefiltered(one: RegularField, radius: float, falloff: float) -> RegularField:
     """Return a field whose sum passes through the samples of another one."""
     return regular(one, radius=radius, falloff=falloff, normalization="lattice", prefilter=True)
 
 
 def interpolating(base: Base) -> Scene:
     """Return the scene of the field that passes through the samples, by which lattices are judged."""
-    one = _one_lattice(base)
-    if one is None:
-        raise complain("there is no lattice to judge by", f"{len(base.scene.fields)} fields", "one regular field")
-    return base.replace(field=prefiltered(one, *BEST_KERNEL))
+    return base.scene.replace(field=_prefiltered(_lattice_of(base), *BEST_KERNEL))
 
 
-def ripple_of(one: RegularField) -> tuple[float, float] | None:
-    """Return the ripple of a field's kernels."""
+def _ripple_of(one: RegularField) -> tuple[float, float] | None:
     return _ripple(one.lattice, one.radius, one.falloff, _way(one), one.w0)
 
 

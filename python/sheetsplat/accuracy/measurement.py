@@ -202,7 +202,7 @@ class _Session:
                     # Only gradients by differences have a limit of their own.
                     scene, what = base.scene, "the same field"
                     if name == SLICES:
-                        scene = base.replace(gradient="sheets")
+                        scene = base.scene.replace(gradient="sheets")
                     found = measure.limit(
                         scene, base.camera, base.size, base.settings, watch, analytic=name == CONVERGED
                     )
@@ -235,12 +235,12 @@ class _Session:
         return row
 
     def _measured(self, setting: Setting) -> AccuracyRow:
-        named: dict[str, Any] = {"knob": setting.knob, "setting": setting.name, "how": setting.how}
+        named: dict[str, Any] = {"knob": setting.knob, "setting": setting.name, "how": setting.code}
         named |= {"current": setting.current, "truth": setting.truth, "series": setting.series}
         named["is_truth"] = setting.is_truth and setting.truth == INTERPOLATED
         if setting.ripple is not None:
             named |= {"ripple_rms": setting.ripple[0], "ripple_maximum": setting.ripple[1]}
-        if setting.reason or setting.make is None:
+        if setting.reason:
             return AccuracyRow(**named, reason=setting.reason)
         try:
             truth = self._truth(setting.truth)
@@ -286,22 +286,15 @@ class _Session:
         """Return the picture of a setting; the unchanged scene is drawn once for all knobs."""
         if setting.current and self._now is not None:
             return self._now
-        assert setting.make is not None
         base = self._base
-        # The setting that the scene already has is the scene itself, with nothing forced.
-        scene, renderer = (
-            (base.scene, self._renderer({}))
-            if setting.current
-            else (
-                setting.make(),
-                self._renderer(setting.renderer),
-            )
-        )
+        scene = setting.scene(base)
+        # In the setting that the scene already has, nothing is forced.
+        renderer = self._renderer({} if setting.current else setting.renderer)
         watch = self._watch(1.0)
         drawn = measure.draw(
             renderer, scene, base.camera, base.size, scale=setting.scale, repeats=self._repeats, watch=watch
         )
-        expected = scene if setting.judge is None else setting.judge()
+        expected = base.scene if setting.judged_as_given else scene
         try:
             arithmetic = self._judge.judge(renderer, scene, expected, drawn, setting.scale, watch)
         except Cancelled:

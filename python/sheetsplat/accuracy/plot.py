@@ -6,7 +6,7 @@ import importlib
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -77,40 +77,25 @@ def draw(report: AccuracyReport, path: Path) -> None:
     """Draw a report and save it; the file appears whole or not at all."""
     check_path(path)
     require_matplotlib()
+    rows = [row for row in report.rows if row.measured and not row.is_truth]
     panels = [
-        (
-            title,
-            [
-                row
-                for row in report.rows
-                if row.measured and not row.is_truth and (row.truth == INTERPOLATED) == lattices
-            ],
-        )
+        (title, there)
         for title, lattices in (
             ("the same field: RMSE from its converged picture", False),
             ("lattices: RMSE from the field through the samples", True),
         )
+        if (there := [row for row in rows if (row.truth == INTERPOLATED) == lattices])
     ]
-    panels = [(title, rows) for title, rows in panels if rows]
     if not panels:
         raise complain("the plot cannot be drawn", "no row that was measured", "at least one")
     # Not pyplot, which would change the global state of a program with windows of its own.
     figure = _of("figure").Figure(figsize=(9.4 + 4.4 * (len(panels) - 1), 6.8), dpi=100, facecolor="white")
     canvas: Any = _of("backends.backend_agg").FigureCanvasAgg(figure)
     left = 0.08 if len(panels) == 1 else 0.06
-    grid = figure.add_gridspec(
-        1,
-        len(panels),
-        width_ratios=(8.8, 4.4)[: len(panels)],
-        left=left,
-        right=0.985,
-        top=0.85,
-        bottom=0.2,
-        wspace=0.14,
-    )
-    for number, (title, rows) in enumerate(panels):
-        axes = figure.add_subplot(grid[0, number])
-        _panel(axes, canvas, rows, report, title, first=number == 0)
+    figure.subplots_adjust(left=left, right=0.985, top=0.85, bottom=0.2, wspace=0.14)
+    all_axes = figure.subplots(1, len(panels), squeeze=False, width_ratios=(8.8, 4.4)[: len(panels)])[0]
+    for number, (axes, (title, there)) in enumerate(zip(all_axes, panels, strict=True)):
+        _panel(axes, canvas, there, report, title, first=number == 0)
     figure.text(left, 0.955, "What accuracy costs", size=16, weight="bold", color=_INK, va="center")
     width, height = report.size
     figure.text(
@@ -135,163 +120,130 @@ def draw(report: AccuracyReport, path: Path) -> None:
         seen.quantize(256, dither=Image.Dither.NONE).save(made, format="PNG", optimize=True)
 
 
+class _Point(NamedTuple):
+    """A row, and where it is in the plot."""
+
+    row: AccuracyRow
+    milliseconds: float
+    error: float
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Coordinates in the plot."""
+        return self.milliseconds, self.error
+
+
 def _panel(
     axes: Any, canvas: Any, rows: Sequence[AccuracyRow], report: AccuracyReport, title: str, *, first: bool
 ) -> None:
-    ticker = _of("ticker")
     truth = next((one for one in report.truths if one.name == rows[0].truth), None)
     floor = truth.uncertainty if truth is not None and math.isfinite(truth.uncertainty) else 0.0
-    least = max(min(row.rmse for row in rows if row.rmse > 0.0) if any(row.rmse > 0 for row in rows) else 1e-8, 1e-9)
     # An error of 0 is drawn at the end of the logarithmic axis.
-    shown = [(row, 1e3 * row.time(report.clock), max(row.rmse, least)) for row in rows]
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    times, errors = [time for _, time, _ in shown], [error for _, _, error in shown]
-    axes.set_xlim(min(times) / 1.5, max(times) * 1.7)
-    axes.set_ylim(min(errors) / 2.5, max(errors) * 2.5)
-    low, high = axes.get_ylim()
-    left, right = axes.get_xlim()
+    least = max(min((row.rmse for row in rows if row.rmse > 0.0), default=1e-8), 1e-9)
+    points = [_Point(row, 1e3 * row.time(report.clock), max(row.rmse, least)) for row in rows]
+    times, errors = [one.milliseconds for one in points], [one.error for one in points]
+    left, right = min(times) / 1.5, max(times) * 1.7
+    low, high = min(errors) / 2.5, max(errors) * 2.5
+    axes.set(xscale="log", yscale="log", xlim=(left, right), ylim=(low, high))
 
+    note = {"size": 8, "color": _FAINT, "ha": "right", "zorder": 1}
     if floor > low:
         axes.axhspan(low, min(floor, high), color="#f3f3f3", zorder=0)
-        axes.text(right, floor, "not resolved by the truth ", size=8, color=_FAINT, ha="right", va="top", zorder=1)
+        axes.text(right, floor, "not resolved by the truth ", va="top", **note)
     if max(low, floor) < _UNSEEN < high:
         axes.axhline(_UNSEEN, color="#cccccc", lw=1, ls=(0, (4, 3)), zorder=1)
-        axes.text(
-            right, _UNSEEN, "half a grey level of 8 bits ", size=8, color=_FAINT, ha="right", va="bottom", zorder=1
-        )
+        axes.text(right, _UNSEEN, "half a grey level of 8 bits ", va="bottom", **note)
 
-    best = sorted({(time, error) for row, time, error in shown if row.pareto})
-    if best:
-        steps = [(best[0][0], high), best[0]]
-        for (_, before), (time, error) in zip(best, best[1:], strict=False):
-            steps += [(time, before), (time, error)]
-        steps.append((right, best[-1][1]))
-        axes.plot(*zip(*steps, strict=True), color=_FRONT, lw=4, alpha=0.75, solid_joinstyle="round", zorder=2)
-
-    for knob in KNOBS:
-        there = [(row, time, error) for row, time, error in shown if row.knob == knob]
-        if not there:
-            continue
-        color, marker = _STYLES[knob]
+    for knob, (color, marker) in _STYLES.items():
+        there = [one for one in points if one.row.knob == knob]
         for run in _runs(there):
             axes.plot(*zip(*run, strict=True), color=color, lw=1.1, alpha=0.55, zorder=3)
-        axes.plot(
-            [time for _, time, _ in there],
-            [error for _, _, error in there],
-            ls="",
-            marker=marker,
-            ms=8 if marker == "*" else 6,
-            color=color,
-            mec="white",
-            mew=0.7,
-            zorder=4,
-            label=knob.replace("_", " "),
-        )
-    now = next(((row, time, error) for row, time, error in shown if row.current), None)
+        if there:
+            style = {"marker": marker, "ms": 8 if marker == "*" else 6, "color": color, "mec": "white", "mew": 0.7}
+            label = knob.replace("_", " ")
+            axes.plot(*zip(*(one.place for one in there), strict=True), ls="", zorder=4, label=label, **style)
+    now = next((one for one in points if one.row.current), None)
     if now is not None:
-        axes.plot([now[1]], [now[2]], marker="o", ms=15, mfc="none", mec=_INK, mew=1.8, ls="", zorder=6)
+        ring = {"marker": "o", "ms": 15, "mfc": "none", "mec": _INK, "mew": 1.8, "ls": ""}
+        axes.plot(*now.place, zorder=6, label="the scene as it is", **ring)
+    best = sorted({one.place for one in points if one.row.pareto})
+    if best:
+        corners = [(best[0][0], high), *best, (right, best[-1][1])]
+        line = {"color": _FRONT, "lw": 4, "alpha": 0.75, "solid_joinstyle": "round", "drawstyle": "steps-post"}
+        axes.plot(*zip(*corners, strict=True), zorder=2, label="front: best for its time", **line)
 
-    axes.set_xlabel(
-        "milliseconds a frame, median" + (" (processor time)" if report.clock == "cpu" else ""), size=10, color=_INK
-    )
+    clock = " (processor time)" if report.clock == "cpu" else ""
+    axes.set_xlabel(f"milliseconds a frame, median{clock}", size=10, color=_INK)
     if first:
         axes.set_ylabel("error, RMSE", size=10, color=_INK)
-    if title:
-        axes.set_title(title, size=11, color=_INK, loc="left", pad=8)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axes.spines[side].set_color("#bbbbbb")
+    axes.set_title(title, size=11, color=_INK, loc="left", pad=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color("#bbbbbb")
     axes.grid(True, which="major", color="#ececec", lw=0.8, zorder=0)
     axes.set_axisbelow(True)
     axes.tick_params(which="both", color="#bbbbbb", labelcolor=_INK, labelsize=9)
+    ticker = _of("ticker")
     decades = math.log10(right / left)
     axes.xaxis.set_major_locator(ticker.LogLocator(subs=(1.0,) if decades > 2.5 else (1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(ticker.NullFormatter())
     axes.yaxis.set_minor_formatter(ticker.NullFormatter())
-    _legend(axes, best=bool(best), now=now is not None, columns=5 if first else 2)
-    _label(axes, canvas, shown, now)
-
-
-def _runs(there: Sequence[tuple[AccuracyRow, float, float]]) -> list[list[tuple[float, float]]]:
-    """Return the points of each line: settings that differ in one number; classes and backends have one each."""
-    found: dict[str, list[tuple[float, float]]] = {}
-    for row, time, error in there:
-        name = row.backend if row.knob == "precision" else row.series
-        if row.knob == "table_size" and row.current:
-            continue
-        found.setdefault(name, []).append((time, error))
-    return list(found.values())
-
-
-def _legend(axes: Any, *, best: bool, now: bool, columns: int) -> None:
-    line = _of("lines").Line2D
-    handles, labels = axes.get_legend_handles_labels()
-    if now:
-        handles.append(line([], [], marker="o", ms=11, mfc="none", mec=_INK, mew=1.6, ls=""))
-        labels.append("the scene as it is")
-    if best:
-        handles.append(line([], [], color=_FRONT, lw=4, alpha=0.75))
-        labels.append("front: best for its time")
-    legend = axes.legend(
-        handles,
-        labels,
+    axes.legend(
         loc="upper left",
         bbox_to_anchor=(-0.01, -0.1),
-        ncols=columns,
+        ncols=5 if first else 2,
         frameon=False,
         fontsize=9,
+        labelcolor=_INK,
         handletextpad=0.5,
         columnspacing=1.4,
         labelspacing=0.55,
     )
-    for text in legend.get_texts():
-        text.set_color(_INK)
+    _label(axes, canvas, points, now)
 
 
-def _label(
-    axes: Any,
-    canvas: Any,
-    shown: Sequence[tuple[AccuracyRow, float, float]],
-    now: tuple[AccuracyRow, float, float] | None,
-) -> None:
+def _runs(there: Sequence[_Point]) -> list[list[tuple[float, float]]]:
+    """Return the points of each line: settings that differ in one number; classes and backends have one each."""
+    found: dict[str, list[tuple[float, float]]] = {}
+    for one in there:
+        name = one.row.backend if one.row.knob == "precision" else one.row.series
+        if not (one.row.knob == "table_size" and one.row.current):
+            found.setdefault(name, []).append(one.place)
+    return list(found.values())
+
+
+def _label(axes: Any, canvas: Any, points: Sequence[_Point], now: _Point | None) -> None:
     """Write the settings beside their points where there is room: the current one, the front, then ends of lines."""
     stroke, text_class, box = _of("patheffects").withStroke, _of("text").Text, _of("transforms").Bbox
     renderer = canvas.get_renderer()
     canvas.draw()
-    points = [axes.transData.transform((time, error)) for _, time, error in shown]
-    taken = [box.from_bounds(x - 5, y - 5, 10, 10) for x, y in points]
+    taken = [box.from_bounds(x - 5, y - 5, 10, 10) for x, y in axes.transData.transform([one.place for one in points])]
     frame = axes.get_window_extent(renderer)
     taken += [text.get_window_extent(renderer) for text in axes.texts]
     written: set[tuple[float, float]] = set()
-    for rank, row, time, error in _in_order(shown, now):
-        place = (round(time, 6), error)
+    for rank, one in _in_order(points, now):
+        place = (round(one.milliseconds, 6), one.error)
         if place in written:
             continue
-        is_now = now is not None and (time, error) == now[1:]
-        text = "now" if is_now else _short(row)
-        color = _INK if is_now else _STYLES[row.knob][0]
-        x, y = axes.transData.transform((time, error))
+        is_now = now is not None and one.place == now.place
+        color = _INK if is_now else _STYLES[one.row.knob][0]
         # Labels of the lowest rank are placed only directly beside their points.
         for dx, dy, ha, va in _PLACES if rank < _LEAST else _PLACES[:4]:
             far = 1.6 if is_now else 1.0
+            leader = {"arrowstyle": "-", "color": color, "lw": 0.6, "alpha": 0.6, "shrinkA": 0, "shrinkB": 4}
             note = axes.annotate(
-                text,
-                (time, error),
+                "now" if is_now else _short(one.row),
+                one.place,
                 xytext=(far * dx, far * dy),
                 textcoords="offset points",
                 ha=ha,
                 va=va,
                 size=10 if is_now else 8.5,
-                weight="bold" if is_now or row.pareto else "normal",
+                weight="bold" if is_now or one.row.pareto else "normal",
                 color=color,
                 zorder=7,
                 path_effects=[stroke(linewidth=2.5, foreground="white", alpha=0.85)],
-                arrowprops={"arrowstyle": "-", "color": color, "lw": 0.6, "alpha": 0.6, "shrinkA": 0, "shrinkB": 4}
-                if abs(dy) > 10
-                else None,
+                arrowprops=leader if abs(dy) > 10 else None,
             )
             note.update_positions(renderer)
             # Leader lines may cross other labels; the texts may not.
@@ -304,22 +256,19 @@ def _label(
             note.remove()
 
 
-def _in_order(
-    shown: Sequence[tuple[AccuracyRow, float, float]], now: tuple[AccuracyRow, float, float] | None
-) -> list[tuple[int, AccuracyRow, float, float]]:
+def _in_order(points: Sequence[_Point], now: _Point | None) -> list[tuple[int, _Point]]:
     """Return the points to label with their ranks: the current setting, the front, ends of lines, then the others."""
     ends = set()
     for knob in KNOBS:
-        for run in _runs([one for one in shown if one[0].knob == knob]):
+        for run in _runs([one for one in points if one.row.knob == knob]):
             ends |= {(knob, run[0]), (knob, run[-1])}
 
-    def rank(row: AccuracyRow, place: tuple[float, float]) -> int:
-        if now is not None and place == now[1:]:
+    def rank(one: _Point) -> int:
+        if now is not None and one.place == now.place:
             return 0
-        return 1 if row.pareto else 2 if (row.knob, place) in ends else _LEAST
+        return 1 if one.row.pareto else 2 if (one.row.knob, one.place) in ends else _LEAST
 
-    ranked = [(rank(row, (time, error)), row, time, error) for row, time, error in shown]
-    return sorted(ranked, key=lambda one: (one[0], one[2]))
+    return sorted(((rank(one), one) for one in points), key=lambda ranked: (ranked[0], ranked[1].milliseconds))
 
 
 def _short(row: AccuracyRow) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sheetsplat._checks import shown
+from sheetsplat._json import plain
 from sheetsplat.accuracy.knobs import GIVEN, INTERPOLATED, KNOBS, SLICES
 from sheetsplat.errors import complain
 
@@ -207,10 +208,10 @@ class AccuracyReport:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as dicts, lists, numbers and strings, for JSON; NaN and infinity become None."""
-        plain = {**asdict(self), "pareto": [asdict(row) for row in self.pareto]}
-        plain["current"] = None if self.current is None else asdict(self.current)
-        cleaned: dict[str, Any] = _plain(plain)
-        return cleaned
+        pareto = [asdict(row) for row in self.pareto]
+        current = None if self.current is None else asdict(self.current)
+        report: dict[str, Any] = plain({**asdict(self), "pareto": pareto, "current": current})
+        return report
 
     def to_json(self) -> str:
         """Return the report as JSON; numbers that are not finite become null."""
@@ -342,13 +343,3 @@ def _milliseconds(seconds: float) -> str:
 
 def _error(value: float) -> str:
     return "–" if math.isnan(value) else f"{value:.1e}"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(name): _plain(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

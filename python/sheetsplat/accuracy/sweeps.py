@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.accuracy import lattice_sweeps
-from sheetsplat.accuracy.knobs import Base, Setting, call_text, calls_for_gradients
+from sheetsplat.accuracy.knobs import CONVERGED, INTERPOLATED, Base, Setting, call_text, calls_for_gradients
 from sheetsplat.accuracy.lattice_sweeps import regular
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
@@ -29,7 +31,11 @@ _SCALES = (2, 4)
 
 def sweep(base: Base, knob: str) -> list[Setting]:
     """Return the settings of one knob; those that are not available have a reason."""
-    return list(_SWEEPS[knob](base))
+    title, excluded = _CONDITIONS.get(knob, ("", None))
+    reason = "" if excluded is None else excluded(base)
+    settings = [Setting(title, reason=reason)] if reason else _SWEEPS[knob](base)
+    truth = INTERPOLATED if knob in lattice_sweeps.SWEEPS else CONVERGED
+    return [replace(setting, knob=knob, truth=truth) for setting in settings]
 
 
 def _times(factor: float) -> str:
@@ -37,22 +43,34 @@ def _times(factor: float) -> str:
     return f"Δs × {factor:g}" if factor >= 1 else f"Δs / {1 / factor:g}"
 
 
-def _unused(base: Base, option: str) -> str:
+def _unused(option: str, base: Base) -> str:
     """Return why an option has no effect in the scene's mode, or an empty text."""
     mode = base.scene.mode
     return f"not used in mode {mode}" if unused(mode, [option]) else ""
 
 
+def _no_gradients(base: Base) -> str:
+    """Return why gradients have no effect, or an empty text."""
+    needless = "" if calls_for_gradients(base.scene) else "nothing in the scene uses gradients"
+    return _unused("gradient", base) or needless
+
+
+def _spaced(base: Base, factor: float) -> dict[str, float]:
+    return {"slice_spacing": factor * base.scene.slice_spacing}
+
+
+def _at_spacings(base: Base, name: str, changes: dict[str, Any], factors: Sequence[float]) -> Iterator[Setting]:
+    """Yield the settings with some changes at several distances of slices."""
+    for factor in factors:
+        if factor == 1.0:
+            yield Setting(name, changes, series=name)
+        else:
+            yield Setting(f"{name}, {_times(factor)}", {**changes, **_spaced(base, factor)}, series=name)
+
+
 def _slice_spacing(base: Base) -> Iterator[Setting]:
     for factor in _SPACINGS:
-        spacing = factor * base.scene.slice_spacing
-        yield Setting(
-            "slice_spacing",
-            _times(factor),
-            f"Scene(slice_spacing={spacing:.6g})",
-            lambda spacing=spacing: base.replace(slice_spacing=spacing),  # type: ignore[misc]
-            current=factor == 1.0,
-        )
+        yield Setting(_times(factor), _spaced(base, factor), current=factor == 1.0)
 
 
 _CLASSES: dict[str, dict[str, Any]] = {
@@ -64,65 +82,37 @@ _CLASSES: dict[str, dict[str, Any]] = {
 
 
 def _classification(base: Base) -> Iterator[Setting]:
-    given = base.scene.options
-    now = {name: given[name] for name in ("sampling", "preintegration")}
-    known = {name: changes for name, changes in _CLASSES.items() if changes == now}
-    names = list(known) or ["as given"]
-    yield Setting(
-        "classification", names[0], call_text("Scene", now), lambda: base.scene, current=True, series=names[0]
-    )
+    now = {name: base.scene.options[name] for name in ("sampling", "preintegration")}
+    known = next((name for name, changes in _CLASSES.items() if changes == now), "as given")
+    yield Setting(known, now, current=True, series=known)
     for name, changes in _CLASSES.items():
-        if name in known:
-            continue
-        reason = _unused(base, "preintegration") if changes["preintegration"] else ""
-        if reason:
-            yield Setting("classification", name, reason=reason)
-            continue
-        for factor in _SPACINGS[:-1]:
-            spacing = factor * base.scene.slice_spacing
-            options = {**changes, "slice_spacing": spacing}
-            yield Setting(
-                "classification",
-                name if factor == 1.0 else f"{name}, {_times(factor)}",
-                call_text("Scene", changes if factor == 1.0 else options),
-                lambda options=options: base.replace(**options),  # type: ignore[misc]
-                series=name,
-            )
+        reason = _unused("preintegration", base) if changes["preintegration"] else ""
+        if reason and name != known:
+            yield Setting(name, reason=reason)
+        elif name != known:
+            yield from _at_spacings(base, name, changes, _SPACINGS[:-1])
 
 
 def _gradient(base: Base) -> Iterator[Setting]:
-    reason = _unused(base, "gradient")
-    if not reason and not calls_for_gradients(base.scene):
-        reason = "nothing in the scene uses gradients"
-    if reason:
-        yield Setting("gradient", "sheets, analytic", reason=reason)
-        return
     now = base.scene.options["gradient"]
-    yield Setting("gradient", now, f"Scene(gradient={now!r})", lambda: base.scene, current=True, series=now)
+    yield Setting(now, {"gradient": now}, current=True, series=now)
     other = "analytic" if now == "sheets" else "sheets"
-    for factor in _SPACINGS[1:-1]:
-        options: dict[str, Any] = {"gradient": other}
-        if factor != 1.0:
-            options["slice_spacing"] = factor * base.scene.slice_spacing
-        yield Setting(
-            "gradient",
-            other if factor == 1.0 else f"{other}, {_times(factor)}",
-            call_text("Scene", options),
-            lambda options=options: base.replace(**options),  # type: ignore[misc]
-            series=other,
-        )
+    yield from _at_spacings(base, other, {"gradient": other}, _SPACINGS[1:-1])
 
 
 def _cut_off(base: Base) -> Iterator[Setting]:
-    yield Setting("cut_off", "as given", "", lambda: base.scene, current=True)
+    yield Setting("as given", current=True)
     for cut in _CUTS:
         yield Setting(
-            "cut_off",
             f"support × {cut:g}",
+            {"field": partial(_cut_offs, base, cut)},
             f"radius or scales × {cut:g}, falloff × {cut * cut:.3g}",
-            lambda cut=cut: base.replace(field=[cut_off(one, cut) for one in base.scene.fields]),  # type: ignore[misc]
-            lambda: base.scene,
+            judged_as_given=True,
         )
+
+
+def _cut_offs(base: Base, cut: float) -> list[Field]:
+    return [cut_off(one, cut) for one in base.scene.fields]
 
 
 def cut_off(one: Field, cut: float) -> Field:
@@ -146,35 +136,22 @@ def cut_off(one: Field, cut: float) -> Field:
 
 def _precision(base: Base) -> Iterator[Setting]:
     there = (base.backend, base.precision)
-    choices = _PRECISIONS if there in _PRECISIONS else (*_PRECISIONS, there)
-    for backend, precision in choices:
+    for backend, precision in _PRECISIONS if there in _PRECISIONS else (*_PRECISIONS, there):
         settings = {"backend": backend, "precision": precision, "allow_inexact": True}
-        yield Setting(
-            "precision",
-            f"{backend} {precision}",
-            call_text("Renderer", settings if (backend, precision) != there else {"backend": backend}),
-            lambda: base.scene,
-            renderer=settings,
-            current=(backend, precision) == there,
-        )
+        current = (backend, precision) == there
+        how = call_text("Renderer", {"backend": backend} if current else settings)
+        yield Setting(f"{backend} {precision}", how=how, renderer=settings, current=current)
 
 
 def _table_size(base: Base) -> Iterator[Setting]:
-    reason = _unused(base, "opacity")
-    if reason:
-        yield Setting("table_size", "points", reason=reason)
-        return
-    points = len(base.scene.transfer_function.points)
-    yield Setting("table_size", f"as given, {points} points", "", lambda: base.scene, current=True)
+    function = base.scene.transfer_function
+    yield Setting(f"as given, {len(function.points)} points", current=True)
     for count in _TABLES:
         yield Setting(
-            "table_size",
             f"{count} points",
+            {"transfer_function": partial(table, function, count)},
             f"TransferFunction of {count} points, evenly spaced",
-            lambda count=count: base.replace(  # type: ignore[misc]
-                transfer_function=table(base.scene.transfer_function, count)
-            ),
-            lambda: base.scene,
+            judged_as_given=True,
         )
 
 
@@ -189,45 +166,22 @@ def table(function: TransferFunction, count: int) -> TransferFunction:
 
 
 def _opacity_stop(base: Base) -> Iterator[Setting]:
-    reason = _unused(base, "opacity_stop")
-    if reason:
-        yield Setting("opacity_stop", "A_stop", reason=reason)
-        return
     now = float(base.scene.options["opacity_stop"])
     for stop in sorted({*_STOPS, now}):
-        yield Setting(
-            "opacity_stop",
-            "1, never" if stop == 1.0 else f"{stop:g}",
-            f"Scene(opacity_stop={stop:g})",
-            lambda stop=stop: base.replace(opacity_stop=stop),  # type: ignore[misc]
-            current=stop == now,
-        )
+        yield Setting("1, never" if stop == 1.0 else f"{stop:g}", {"opacity_stop": stop}, current=stop == now)
 
 
 def _filter(base: Base) -> Iterator[Setting]:
     for name in (None, "ewa"):
-        yield Setting(
-            "filter",
-            name or "none",
-            f"Scene(filter={name!r})",
-            lambda name=name: base.replace(filter=name),  # type: ignore[misc]
-            current=base.scene.filter == name,
-        )
+        yield Setting(name or "none", {"filter": name}, current=base.scene.filter == name)
 
 
 def _image_scale(base: Base) -> Iterator[Setting]:
-    yield Setting("image_scale", "1", f"size={base.size}", lambda: base.scene, current=True)
+    yield Setting("1", how=f"size={base.size}", current=True)
     for scale in _SCALES:
         small = smaller(base.size, scale)
         reason = "" if min(small) >= 2 else f"the picture would have {small[0]} x {small[1]} pixels"
-        yield Setting(
-            "image_scale",
-            f"1/{scale}",
-            f"size={small}, enlarged bilinearly",
-            lambda: base.scene,
-            scale=scale,
-            reason=reason,
-        )
+        yield Setting(f"1/{scale}", how=f"size={small}, enlarged bilinearly", scale=scale, reason=reason)
 
 
 def smaller(size: tuple[int, int], scale: int) -> tuple[int, int]:
@@ -263,7 +217,14 @@ _SWEEPS: dict[str, Callable[[Base], Iterator[Setting]]] = {
     "opacity_stop": _opacity_stop,
     "filter": _filter,
     "image_scale": _image_scale,
-    "lattice": lattice_sweeps.lattice,
-    "kernel": lattice_sweeps.kernel,
-    "prefilter": lattice_sweeps.prefilter,
+    **lattice_sweeps.SWEEPS,
+}
+# Knobs that some scenes do not have: the name of their only row there, and why it is not measured.
+_CONDITIONS: dict[str, tuple[str, Callable[[Base], str]]] = {
+    "gradient": ("sheets, analytic", _no_gradients),
+    "table_size": ("points", partial(_unused, "opacity")),
+    "opacity_stop": ("A_stop", partial(_unused, "opacity_stop")),
+    "lattice": ("Cartesian, BCC", lattice_sweeps.no_lattice),
+    "kernel": ("radius, falloff", lattice_sweeps.no_lattice),
+    "prefilter": ("on", lattice_sweeps.no_lattice),
 }

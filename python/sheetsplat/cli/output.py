@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -12,23 +11,12 @@ from typing import Any
 
 import click
 
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON has it: no infinities, no NaN, no types of NumPy."""
-    if isinstance(value, dict):
-        return {str(name): _plain(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+from sheetsplat._json import plain
 
 
 def report_json(value: Any) -> None:
     """Print a value as JSON on stdout; numbers that are not finite become null."""
-    click.echo(json.dumps(_plain(value), indent=2, allow_nan=False))
+    click.echo(json.dumps(plain(value), indent=2, allow_nan=False))
 
 
 def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:

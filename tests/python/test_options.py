@@ -75,12 +75,12 @@ def test_defaults_are_of_the_types_and_pass_the_checks():
 
 
 def cpp_defaults(header: str, start: str) -> dict[str, object]:
-    """Return the defaults (numbers, truth values, names) that a C++ header states between `start` and the end of that block."""
+    """Return the defaults that a C++ header states between `start` and the end of its block: numbers, names, flags."""
     text = (ROOT / "cpp" / "include" / "sheetsplat" / header).read_text(encoding="utf-8")
     block = text.partition(start)[2].partition(");" if start.endswith("(") else "\n}")[0]
     assert block, start
     found: dict[str, object] = {}
-    for name, value in re.findall(r"(\w+) = ([\w.:]+)", block):
+    for name, value in re.findall(r"(\w+) = ([\w.:]+)", re.sub("//.*", "", block)):
         word = value.rpartition("::")[2]
         found[name] = {"true": True, "false": False, "automatic": "auto"}.get(word, word)
         if re.fullmatch(r"[\d.]+", word):

@@ -133,7 +133,7 @@ for _size in (1e-30, 1e30):
         )
 
 
-@case("sums", "values of 1e-310, denormal, in a window of 1e-310")
+@case("sums", "values of 1e-310, denormal; transfer function of width 1e-310")
 def denormal_values() -> Parts:
     one = cloud(chance("denormal"), 60, 2.0, w0=0.5)
     one["values"] = one["values"] * 1e-310

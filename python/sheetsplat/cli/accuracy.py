@@ -7,10 +7,11 @@ from typing import Any, Literal
 
 import click
 
+from sheetsplat.accuracy.knobs import KNOBS
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
 from sheetsplat.cli.scene import forced_effects, prepare
-from sheetsplat.cli.types import ParamType
+from sheetsplat.cli.types import Parsed
 from sheetsplat.options.core import pick
 from sheetsplat.options.renderer import RendererOptions
 
@@ -19,20 +20,11 @@ _MOST_REPEATS = 1000
 _GOALS = ("max_error", "max_seconds")
 
 
-class _Knobs(ParamType):
-    """Names of knobs, separated by commas."""
-
-    name = "NAME,NAME,…"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
-        """Return the names."""
-        from sheetsplat.accuracy import KNOBS
-
-        names = tuple(part.strip() for part in value.split(",")) if isinstance(value, str) else tuple(value)
-        strange = [name for name in names if name not in KNOBS]
-        if strange:
-            self.fail(f"{', '.join(map(repr, strange))}: wanted any of {', '.join(KNOBS)}", param, ctx)
-        return names
+def _knobs(text: str) -> tuple[str, ...]:
+    names = tuple(part.strip() for part in text.split(","))
+    if not set(names) <= KNOBS.keys():
+        raise ValueError
+    return names
 
 
 @click.command("accuracy")
@@ -40,9 +32,8 @@ class _Knobs(ParamType):
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="The plot: .png, .svg or .pdf.")
 @click.option(
     "--knobs",
-    type=_Knobs(),
-    help="Knobs to vary: slice_spacing, classification, gradient, cut_off, precision, table_size, opacity_stop, "
-    "filter, image_scale, lattice, kernel, prefilter.  [default: all]",
+    type=Parsed("NAME,NAME,…", f"any of {', '.join(KNOBS)}", _knobs),
+    help=f"Knobs to vary: {', '.join(KNOBS)}.  [default: all]",
 )
 @click.option(
     "--repeats",

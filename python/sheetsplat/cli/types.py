@@ -5,12 +5,16 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
+from sheetsplat._checks import color
+from sheetsplat.errors import InvalidInput
 from sheetsplat.options import values
 from sheetsplat.options.values import Special
 
@@ -24,79 +28,38 @@ else:
 _TABLE = 1025
 
 
-class Real(ParamType):
-    """A finite number within limits."""
-
-    name = "float"
-
-    def __init__(self, limits: values.Real) -> None:
-        self._limits = limits
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """Return the number."""
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
-        above, below, most = self._limits.above, self._limits.below, self._limits.most
-        if above < number < below and number <= most:
-            return number
-        limits = (("above", above), ("below", below), ("at most", most))
-        wanted = " and ".join(f"{word} {limit:g}" for word, limit in limits if math.isfinite(limit))
-        self.fail(f"{_short(value)}: wanted a finite number{' ' if wanted else ''}{wanted}", param, ctx)
+class _Wanted(ValueError):
+    """What a value should have been, where its parser says it more exactly than its type."""
 
 
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+class Parsed(ParamType):
+    """A value that a function reads from a text; it raises ValueError or InvalidInput for other texts.
 
+    Parameters
+    ----------
+    name
+        How the help shows the value.
+    wanted
+        What the text should be, for the message.
+    read
+        The function.
+    """
 
-class Numbers(ParamType):
-    """Several numbers, separated by commas, or by "x" where they are whole."""
+    def __init__(self, name: str, wanted: str, read: Callable[[str], Any]) -> None:
+        self.name = name
+        self.wanted = wanted
+        self.read = read
 
-    def __init__(self, wanted: values.Numbers) -> None:
-        self.name = wanted.metavar
-        self._wanted = wanted
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        """Return the numbers."""
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the value of a text; defaults, which are no texts, as they are."""
         if not isinstance(value, str):
-            return tuple(value)
-        parts = re.split(r"[,x]" if self._wanted.whole else r",", value.strip().lower())
+            return value
         try:
-            numbers = tuple((int if self._wanted.whole else float)(part) for part in parts)
-        except ValueError:
-            numbers = ()
-        if self._wanted.square and len(numbers) == 1:
-            numbers *= 2
-        if len(numbers) != self._wanted.count:
-            self.fail(f"{_short(value)}: wanted {self.name}, {self._wanted.count} numbers", param, ctx)
-        if not self._wanted.whole and not all(map(math.isfinite, numbers)):
-            self.fail(f"{_short(value)}: wanted finite numbers", param, ctx)
-        if self._wanted.whole and not all(abs(number) < 2**31 for number in numbers):
-            self.fail(f"{_short(value)}: wanted numbers that are not so large", param, ctx)
-        if (self._wanted.positive or self._wanted.whole) and min(numbers) <= 0:
-            self.fail(f"{_short(value)}: wanted numbers above 0", param, ctx)
-        if self._wanted.rising and not all(low < high for low, high in itertools.pairwise(numbers)):
-            self.fail(f"{_short(value)}: wanted the lower number first", param, ctx)
-        return numbers
-
-
-class Direction(Numbers):
-    """Three numbers, or the name of an axis: x, -x, y, -y, z, -z."""
-
-    def __init__(self) -> None:
-        super().__init__(values.Numbers("X,Y,Z", 3))
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        """Return the direction."""
-        named = re.fullmatch(r"([+-]?)([xyz])", value.strip().lower()) if isinstance(value, str) else None
-        if named is None:
-            numbers = super().convert(value, param, ctx)
-            if not any(numbers):
-                self.fail(f"{_short(value)}: wanted a direction, not a point", param, ctx)
-            return numbers
-        return tuple((-1.0 if named[1] == "-" else 1.0) * (axis == named[2]) for axis in "xyz")
+            return self.read(value)
+        except (ValueError, InvalidInput) as error:
+            text = repr(value)
+            wanted = error if isinstance(error, _Wanted) else self.wanted
+            self.fail(f"{text if len(text) <= 80 else text[:77] + '...'}: wanted {wanted}", param, ctx)
 
 
 def _finite(text: str) -> float:
@@ -113,26 +76,68 @@ def _share(text: str) -> float:
     return number
 
 
-class OpacityType(ParamType):
-    """One number, several spread over clim, or pairs value:opacity."""
+def _rises(numbers: Sequence[float]) -> bool:
+    return all(low < high for low, high in itertools.pairwise(numbers))
 
-    name = "A | A,A,… | V:A,V:A,…"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return what TransferFunction.from_colormap takes."""
-        if not isinstance(value, str):
-            return value
-        try:
-            if ":" in value:
-                pairs = [part.split(":") for part in value.split(",")]
-                points = [(_finite(at), _share(opacity)) for at, opacity in pairs]
-                if any(later[0] < earlier[0] for earlier, later in itertools.pairwise(points)):
-                    raise ValueError
-                return points
-            numbers = [_share(part) for part in value.split(",")]
-        except ValueError:
-            self.fail(f"{value!r}: wanted 0.5, or 0,0.1,0.9, or 40:0,90:0.1,200:0.9", param, ctx)
-        return numbers[0] if len(numbers) == 1 else numbers
+def _real(limits: values.Real) -> Parsed:
+    words = (("above", limits.above), ("below", limits.below), ("at most", limits.most))
+    within = " and ".join(f"{word} {limit:g}" for word, limit in words if math.isfinite(limit))
+
+    def read(text: str) -> float:
+        number = float(text)
+        if not (limits.above < number < limits.below and number <= limits.most):
+            raise ValueError
+        return number
+
+    return Parsed("float", f"a finite number{' ' if within else ''}{within}", read)
+
+
+def _numbers(wanted: values.Numbers) -> Parsed:
+    def read(text: str) -> tuple[float, ...]:
+        parts = re.split(r"[,x]" if wanted.whole else r",", text.strip().lower())
+        numbers = tuple((int if wanted.whole else float)(part) for part in parts)
+        if wanted.square and len(numbers) == 1:
+            numbers *= 2
+        if len(numbers) != wanted.count:
+            raise ValueError
+        if not wanted.whole and not all(map(math.isfinite, numbers)):
+            raise _Wanted("finite numbers")
+        if wanted.whole and not all(abs(number) < 2**31 for number in numbers):
+            raise _Wanted("numbers that are not so large")
+        if (wanted.positive or wanted.whole) and min(numbers) <= 0:
+            raise _Wanted("numbers above 0")
+        if wanted.rising and not _rises(numbers):
+            raise _Wanted("the lower number first")
+        return numbers
+
+    return Parsed(wanted.metavar, f"{wanted.metavar}, {wanted.count} numbers", read)
+
+
+_VECTOR = _numbers(values.Numbers("X,Y,Z", 3))
+
+
+def _direction(text: str) -> tuple[float, ...]:
+    """Return three numbers, or those of an axis: x, -x, y, -y, z, -z."""
+    named = re.fullmatch(r"([+-]?)([xyz])", text.strip().lower())
+    if named is not None:
+        return tuple((-1.0 if named[1] == "-" else 1.0) * (axis == named[2]) for axis in "xyz")
+    numbers: tuple[float, ...] = _VECTOR.read(text)
+    if not any(numbers):
+        raise _Wanted("a direction, not a point")
+    return numbers
+
+
+def _opacity(text: str) -> Any:
+    """Return what TransferFunction.from_colormap takes: one number, several spread over clim, or pairs."""
+    if ":" in text:
+        pairs = [part.split(":") for part in text.split(",")]
+        points = [(_finite(at), _share(opacity)) for at, opacity in pairs]
+        if any(later[0] < earlier[0] for earlier, later in itertools.pairwise(points)):
+            raise ValueError
+        return points
+    numbers = [_share(part) for part in text.split(",")]
+    return numbers[0] if len(numbers) == 1 else numbers
 
 
 @dataclass(frozen=True)
@@ -144,112 +149,70 @@ class ColorPairs:
 
     def table(self, clim: tuple[float, ...] | None) -> tuple[Any, tuple[float, ...]]:
         """Return rows of colours, and the limits that they spread over."""
-        import numpy as np
-
         limits = (self.values[0], self.values[-1]) if clim is None else clim
         at = np.linspace(limits[0], limits[1], _TABLE)
         columns = np.asarray(self.colors).T
         return np.column_stack([np.interp(at, self.values, column) for column in columns]), limits
 
 
-class ColormapType(ParamType):
-    """A name of the cmap package, colours with commas between them, or pairs value:colour."""
-
-    name = "NAME | COLOR,COLOR,… | V:COLOR,V:COLOR,…"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return what TransferFunction.from_colormap takes, or ColorPairs."""
-        if not isinstance(value, str) or "," not in value:
-            return value
-        from sheetsplat._checks import color
-        from sheetsplat.errors import InvalidInput
-
-        wanted = "wanted black,orange,white, or 0:black,90:#ff8000,200:white with values that rise"
-        parts = [part.strip() for part in value.split(",")]
-        try:
-            if ":" not in value:
-                return [color("colour", part) for part in parts]
-            pairs = [part.split(":") for part in parts]
-            values = tuple(float(at) for at, _ in pairs)
-            colors = tuple(color("colour", name) for _, name in pairs)
-        except (ValueError, InvalidInput):
-            self.fail(f"{value!r}: {wanted}", param, ctx)
-        if not all(low < high for low, high in itertools.pairwise(values)) or not all(map(math.isfinite, values)):
-            self.fail(f"{value!r}: {wanted}", param, ctx)
-        return ColorPairs(values, colors)
+def _colormap(text: str) -> Any:
+    """Return what TransferFunction.from_colormap takes, a name or colours, or ColorPairs."""
+    if "," not in text:
+        return text
+    parts = [part.strip() for part in text.split(",")]
+    if ":" not in text:
+        return [color("colour", part) for part in parts]
+    pairs = [part.split(":") for part in parts]
+    at = tuple(_finite(value) for value, _ in pairs)
+    if not _rises(at):
+        raise ValueError
+    return ColorPairs(at, tuple(color("colour", name) for _, name in pairs))
 
 
-class CueType(ParamType):
-    """Auto, or the two depths between which colours fade, perhaps with a strength."""
-
-    name = "auto | START,END[,STRENGTH]"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return "auto", or the numbers."""
-        if not isinstance(value, str) or value.strip().lower() == "auto":
-            return value if not isinstance(value, str) else "auto"
-        try:
-            numbers = [_finite(part) for part in value.split(",")]
-            if len(numbers) == 2:
-                numbers.append(1.0)
-            start, end, strength = numbers
-        except ValueError:
-            start = end = strength = math.nan
-        if not (start < end and 0.0 <= strength <= 1.0):
-            self.fail(f"{_short(value)}: wanted auto, or 3,8, or 3,8,0.7: start below end, strength 0 to 1", param, ctx)
-        return start, end, strength
+def _depth_cue(text: str) -> Any:
+    """Return "auto", or start, end and strength."""
+    if text.strip().lower() == "auto":
+        return "auto"
+    numbers = [_finite(part) for part in text.split(",")]
+    start, end, strength = numbers if len(numbers) == 3 else (*numbers, 1.0)
+    if not (start < end and 0.0 <= strength <= 1.0):
+        raise ValueError
+    return start, end, strength
 
 
-class OcclusionType(ParamType):
-    """A radius, perhaps with a strength."""
-
-    name = "RADIUS[,STRENGTH]"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return radius and strength."""
-        if not isinstance(value, str):
-            return value
-        try:
-            numbers = [_finite(part) for part in value.split(",")]
-            radius, strength = numbers if len(numbers) == 2 else (*numbers, 1.0)
-        except ValueError:
-            radius = strength = math.nan
-        if not (radius > 0.0 and 0.0 <= strength <= 1.0):
-            self.fail(f"{_short(value)}: wanted 5, or 5,0.7: a radius above 0, strength 0 to 1", param, ctx)
-        return radius, strength
+def _occlusion(text: str) -> tuple[float, float]:
+    """Return radius and strength."""
+    numbers = [_finite(part) for part in text.split(",")]
+    radius, strength = numbers if len(numbers) == 2 else (*numbers, 1.0)
+    if not (radius > 0.0 and 0.0 <= strength <= 1.0):
+        raise ValueError
+    return radius, strength
 
 
-class ColorType(ParamType):
-    """R,G,B in [0, 1], #rrggbb, or a name."""
-
-    name = "COLOR"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        """Return red, green, blue."""
-        if not isinstance(value, str):
-            return tuple(value)
-        from sheetsplat._checks import color
-        from sheetsplat.errors import InvalidInput
-
-        try:
-            if "," in value:
-                numbers = tuple(float(part) for part in value.split(","))
-                if len(numbers) == 3 and all(math.isfinite(number) for number in numbers):
-                    return numbers
-                raise ValueError
-            return color("colour", value)
-        except (ValueError, InvalidInput):
-            self.fail(f"{value!r}: wanted r,g,b in 0 to 1, #rrggbb, or the name of a colour", param, ctx)
+def _color(text: str) -> tuple[float, ...]:
+    """Return red, green, blue."""
+    if "," not in text:
+        return color("colour", text)
+    red, green, blue = map(_finite, text.split(","))
+    return red, green, blue
 
 
 _SPECIAL: dict[Special, ParamType] = {
-    Special.COLOR: ColorType(),
-    Special.COLORMAP: ColormapType(),
-    Special.DEPTH_CUE: CueType(),
-    Special.DIRECTION: Direction(),
+    Special.COLOR: Parsed("COLOR", "r,g,b in 0 to 1, #rrggbb, or the name of a colour", _color),
+    Special.COLORMAP: Parsed(
+        "NAME | COLOR,COLOR,… | V:COLOR,V:COLOR,…",
+        "black,orange,white, or 0:black,90:#ff8000,200:white with values that rise",
+        _colormap,
+    ),
+    Special.DEPTH_CUE: Parsed(
+        "auto | START,END[,STRENGTH]",
+        "auto, or 3,8, or 3,8,0.7: start below end, strength 0 to 1",
+        _depth_cue,
+    ),
+    Special.DIRECTION: Parsed("X,Y,Z", _VECTOR.wanted, _direction),
     Special.INPUT_FILE: click.Path(path_type=Path),
-    Special.OCCLUSION: OcclusionType(),
-    Special.OPACITY: OpacityType(),
+    Special.OCCLUSION: Parsed("RADIUS[,STRENGTH]", "5, or 5,0.7: a radius above 0, strength 0 to 1", _occlusion),
+    Special.OPACITY: Parsed("A | A,A,… | V:A,V:A,…", "0.5, or 0,0.1,0.9, or 40:0,90:0.1,200:0.9", _opacity),
     Special.TEXT: click.STRING,
 }
 
@@ -257,9 +220,9 @@ _SPECIAL: dict[Special, ParamType] = {
 def param_type(value: values.Value) -> ParamType:
     """Return what parses a value."""
     if isinstance(value, values.Real):
-        return Real(value)
+        return _real(value)
     if isinstance(value, values.Whole):
         return click.IntRange(value.least, value.most)
     if isinstance(value, values.Numbers):
-        return Numbers(value)
+        return _numbers(value)
     return _SPECIAL[value]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import operator
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -69,13 +69,21 @@ def names(what: str, value: object, known: Sequence[str]) -> tuple[str, ...]:
     """Return one name, or several, out of `known`, or InvalidInput."""
     if isinstance(value, str):
         return (choice(what, value, known),)
-    if not isinstance(value, Iterable):
-        raise complain(unusable(what), shown(value), "any of: " + ", ".join(known))
-    # Iterators may have no end.
-    found = tuple(choice(what, one, known) for one in itertools.islice(value, _MOST_NAMES + 1))
+    wanted = "any of: " + ", ".join(known)
+    found = tuple(choice(what, one, known) for one in parts(what, value, wanted, _MOST_NAMES))
     if len(found) > _MOST_NAMES:
-        raise complain(unusable(what), f"more than {_MOST_NAMES} names", "any of: " + ", ".join(known))
+        raise complain(unusable(what), f"more than {_MOST_NAMES} names", wanted)
     return tuple(dict.fromkeys(found))
+
+
+def parts(what: str, value: object, wanted: str, most: int) -> list[Any]:
+    """Return the parts of a sequence, `most` and one at most since iterators may have no end, or InvalidInput."""
+    try:
+        if not isinstance(value, str | bytes):
+            return list(itertools.islice(value, most + 1))  # type: ignore[call-overload]
+    except TypeError:
+        pass
+    raise complain(unusable(what), shown(value), wanted)
 
 
 def optional_number(what: str, value: object) -> float | None:
@@ -85,18 +93,11 @@ def optional_number(what: str, value: object) -> float | None:
 
 def triple(what: str, value: object) -> Triple:
     """Return three floats, or InvalidInput."""
-    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
-        raise complain(unusable(what), shown(value), "three numbers")
-    # Iterators may have no end.
-    try:
-        parts = list(itertools.islice(value, 4))
-    except TypeError:
-        # Arrays without an axis say that they can be iterated over.
-        raise complain(unusable(what), shown(value), "three numbers") from None
-    if len(parts) != 3:
-        found = f"{'more than 3' if len(parts) > 3 else len(parts)} entries"
-        raise complain(unusable(what), f"{found}, {shown(value)}", "three numbers")
-    return number(what, parts[0]), number(what, parts[1]), number(what, parts[2])
+    found = parts(what, value, "three numbers", 3)
+    if len(found) != 3:
+        count = f"{'more than 3' if len(found) > 3 else len(found)} entries"
+        raise complain(unusable(what), f"{count}, {shown(value)}", "three numbers")
+    return number(what, found[0]), number(what, found[1]), number(what, found[2])
 
 
 def direction(what: str, value: object) -> Triple:

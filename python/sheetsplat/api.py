@@ -5,14 +5,13 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterable, Sequence
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sheetsplat._checks import choice, image_size, names, shown, whole
+from sheetsplat._checks import choice, image_size, names, parts, shown, whole
 from sheetsplat.errors import complain, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
@@ -38,13 +37,10 @@ _log = logging.getLogger("sheetsplat")
 
 def _shape(shape: object) -> tuple[int, int, int]:
     wanted = "three whole numbers, (nk, nj, ni)"
-    if isinstance(shape, str) or not isinstance(shape, Iterable):
+    found = parts("open: shape", shape, wanted, 3)
+    if len(found) != 3:
         raise complain(unusable("open: shape"), shown(shape), wanted)
-    # An iterator may have no end.
-    parts = list(islice(shape, 4))
-    if len(parts) != 3:
-        raise complain(unusable("open: shape"), shown(shape), wanted)
-    nk, nj, ni = (whole("open: shape", part) for part in parts)
+    nk, nj, ni = (whole("open: shape", part) for part in found)
     return nk, nj, ni
 
 

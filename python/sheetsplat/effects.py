@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import islice
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import Triple, Vector, measurable, number, shown, strengths, triple
+from sheetsplat._checks import Triple, Vector, measurable, number, parts, shown, strengths, triple
 from sheetsplat.errors import complain, unusable
 
 # Limit for iterators without an end.
@@ -17,9 +16,7 @@ _MOST_PLANES = 64
 
 def _planes(planes: object) -> tuple[tuple[Triple, float], ...]:
     wanted = "a sequence of planes (normal, offset); () for none"
-    if isinstance(planes, str | bytes) or not isinstance(planes, Iterable):
-        raise complain(unusable("Clip: planes"), shown(planes), wanted)
-    found = _parts(planes, _MOST_PLANES + 1, "Clip: planes", wanted)
+    found = parts("Clip: planes", planes, wanted, _MOST_PLANES)
     if len(found) > _MOST_PLANES:
         raise complain(unusable("Clip: planes"), f"more than {_MOST_PLANES} planes", "fewer")
     result = []
@@ -69,19 +66,9 @@ class Clip:
         object.__setattr__(self, "native", _sheetsplat.Clip(planes=planes, box=box))
 
 
-def _parts(value: Iterable[object], most: int, what: str, wanted: str) -> list[object]:
-    """Return the first parts of a sequence, or InvalidInput; arrays without an axis are no sequences."""
-    try:
-        return list(islice(value, most))
-    except TypeError:
-        raise complain(unusable(what), shown(value), wanted) from None
-
-
 def _corners(box: object) -> tuple[Triple, Triple]:
     wanted = "two corners ((x0, y0, z0), (x1, y1, z1)), the lower one first"
-    if isinstance(box, str | bytes) or not isinstance(box, Iterable):
-        raise complain(unusable("Clip: box"), shown(box), wanted)
-    corners = _parts(box, 3, "Clip: box", wanted)
+    corners = parts("Clip: box", box, wanted, 2)
     if len(corners) != 2:
         raise complain(unusable("Clip: box"), shown(box), wanted)
     lower, upper = triple("Clip: box", corners[0]), triple("Clip: box", corners[1])

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 from sheetsplat.errors import Error
 from sheetsplat.options.core import definitions
@@ -50,13 +50,12 @@ _FOR_COMPARISON = frozenset({"paper_slicing"})
 _OUTPUTS = ("coverage", "depth")
 
 
-class _Way:
+class _Way(NamedTuple):
     """A picture with one effect switched."""
 
-    def __init__(self, scene: Scene, outputs: tuple[str, ...], effects: dict[str, bool]) -> None:
-        self.scene = scene
-        self.outputs = outputs
-        self.effects = effects
+    scene: Scene
+    outputs: tuple[str, ...]
+    effects: dict[str, bool]
 
 
 def _other_way(effect: Effect, scene: Scene, outputs: tuple[str, ...]) -> _Way | None:
@@ -74,14 +73,14 @@ def _other_way(effect: Effect, scene: Scene, outputs: tuple[str, ...]) -> _Way |
 
 def _milliseconds(draw: Draw, way: _Way) -> float:
     began = time.perf_counter()
-    draw(way.scene, way.outputs, way.effects)
+    draw(*way)
     return 1e3 * (time.perf_counter() - began)
 
 
 def _turns(draw: Draw, way: _Way, effect: Effect) -> bool:
     """Draw a first picture with an effect switched. Return False where that fails or does not switch it."""
     try:
-        plan = draw(way.scene, way.outputs, way.effects)
+        plan = draw(*way)
     except Error:
         # Some combinations of effects are refused.
         return False
@@ -89,12 +88,10 @@ def _turns(draw: Draw, way: _Way, effect: Effect) -> bool:
 
 
 def measured_plan(plan: RenderPlan, scene: Scene, outputs: tuple[str, ...], draw: Draw, repeats: int) -> RenderPlan:
-    """Return the plan with the cost of each effect that can be switched.
+    """Return the plan with the cost of each effect that can be switched, as `Renderer.measure_effects` describes it.
 
     Pictures with and without an effect alternate, so that changes in the speed of the machine affect both. Each is
-    drawn once before it is timed, to fill the caches. Costs are medians of the differences of consecutive pictures,
-    with a noise of a few per cent of the picture's time, more on a busy machine. They do not add up, because effects
-    share work.
+    drawn once before it is timed, to fill the caches.
 
     Parameters
     ----------
@@ -108,7 +105,7 @@ def measured_plan(plan: RenderPlan, scene: Scene, outputs: tuple[str, ...], draw
         Number of timed pictures of each kind.
     """
     base = _Way(scene, outputs, {})
-    draw(base.scene, base.outputs, base.effects)
+    draw(*base)
     all_times = [_milliseconds(draw, base)]
     effects: list[Effect] = []
     for effect in plan.effects:

@@ -206,10 +206,8 @@ class _Session:
                     found = measure.limit(
                         scene, base.camera, base.size, base.settings, watch, analytic=name == CONVERGED
                     )
-            except Cancelled:
-                raise
             except Error as error:
-                self._refused[name] = f"nothing to measure against: {_line(error)}"
+                self._refused[name] = f"nothing to measure against: {_reason(error)}"
                 raise complain(self._refused[name], kind=Error) from None
             self._truths[name] = replace(found, text=f"{what}, {found.text}")
             self._step(_WEIGHT[name])
@@ -245,24 +243,16 @@ class _Session:
         try:
             truth = self._truth(setting.truth)
             drawn, arithmetic = self._drawn(setting)
-        except Cancelled:
-            raise
         except Error as error:
-            return AccuracyRow(**named, reason=_line(error))
-        found = measure.difference(drawn.values, truth.values)
-        slicing = self._slicing(setting, drawn, found["rmse"])
+            return AccuracyRow(**named, reason=_reason(error))
+        found: dict[str, Any] = measure.difference(drawn.values, truth.values)
         plan = drawn.picture.plan
         return AccuracyRow(
             **named,
             **_times(drawn),
-            rmse=found["rmse"],
-            p99_9=found["p99_9"],
-            maximum=found["maximum"],
-            slicing_rmse=slicing,
-            arithmetic_rmse=arithmetic.rmse,
-            arithmetic_p99_9=arithmetic.p99_9,
-            arithmetic_size=arithmetic.size,
-            arithmetic_reason=arithmetic.reason,
+            **found,
+            **{f"arithmetic_{name}": value for name, value in vars(arithmetic).items()},
+            slicing_rmse=self._slicing(setting, drawn, found["rmse"]),
             backend=plan.backend,
             precision=plan.precision,
             slices=plan.slices,
@@ -277,9 +267,8 @@ class _Session:
             return error
         try:
             return measure.difference(drawn.values, self._truth(SLICES).values)["rmse"]
-        except Cancelled:
-            raise
-        except Error:
+        except Error as error:
+            _reason(error)
             return math.nan
 
     def _drawn(self, setting: Setting) -> tuple[measure.Drawn, measure.Arithmetic]:
@@ -297,10 +286,8 @@ class _Session:
         expected = base.scene if setting.judged_as_given else scene
         try:
             arithmetic = self._judge.judge(renderer, scene, expected, drawn, setting.scale, watch)
-        except Cancelled:
-            raise
         except Error as error:
-            arithmetic = measure.Arithmetic(reason=_line(error))
+            arithmetic = measure.Arithmetic(reason=_reason(error))
         if setting.current:
             self._now = drawn, arithmetic
         return drawn, arithmetic
@@ -315,7 +302,10 @@ def _times(drawn: measure.Drawn) -> dict[str, Any]:
     }
 
 
-def _line(error: Error) -> str:
+def _reason(error: Error) -> str:
+    """Return why a picture is missing, in one line; where the user stopped the measurement, raise the error again."""
+    if isinstance(error, Cancelled):
+        raise error
     return " ".join(str(error).split())
 
 
@@ -338,16 +328,9 @@ def _notes(rows: tuple[AccuracyRow, ...], clock: str) -> tuple[str, ...]:
                 f"BCC at the Cartesian field's error ({here.rmse:.1e}): {seconds / here.time(clock):.2f} times its "
                 f"time with {kernels / max(1, here.kernels_drawn):.2f} times its kernels (interpolated)"
             )
-    now = next((row for row in rows if row.current and row.measured and row.truth != INTERPOLATED), None)
-    better = [
-        row
-        for row in rows
-        if now is not None
-        and row.measured
-        and row.truth != INTERPOLATED
-        and row.time(clock) < _CLEARLY * now.time(clock)
-        and row.rmse < _CLEARLY * now.rmse
-    ]
+    same = [row for row in rows if row.measured and row.truth != INTERPOLATED]
+    now = next((row for row in same if row.current), None)
+    better = [] if now is None else [row for row in same if _is_better(row, now, clock)]
     if now is not None and better:
         best = min(better, key=lambda row: row.rmse)
         notes.append(
@@ -355,6 +338,10 @@ def _notes(rows: tuple[AccuracyRow, ...], clock: str) -> tuple[str, ...]:
             f"({best.time(clock) / now.time(clock):.2f} times the time, {best.rmse / now.rmse:.2g} times the error)"
         )
     return tuple(notes)
+
+
+def _is_better(row: AccuracyRow, now: AccuracyRow, clock: str) -> bool:
+    return row.time(clock) < _CLEARLY * now.time(clock) and row.rmse < _CLEARLY * now.rmse
 
 
 def _at_error(rows: list[AccuracyRow], error: float, clock: str) -> tuple[float, float] | None:

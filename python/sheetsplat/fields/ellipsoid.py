@@ -180,13 +180,11 @@ class EllipsoidField(Field):
 
         Parameters
         ----------
-        centers
-            (N, 3), world units.
+        centers, values
+            As for `EllipsoidField`.
         covariances
             (N, 3, 3), symmetric to within 1e-5 of their largest entry, and positive definite. Flat
             ones, with a variance of 0 within rounding, need `min_scale`.
-        values
-            (N,), the scalars.
         weights, normalization, w0, falloff, cell_volume
             As for `EllipsoidField`.
         min_scale
@@ -217,14 +215,12 @@ class EllipsoidField(Field):
 
         Parameters
         ----------
-        centers
-            (N, 3), world units.
+        centers, values
+            As for `EllipsoidField`.
         frames
             (N, 3, 3); the columns of each matrix are the three semi-axes of the support, world units, at right angles
             to each other (cosines of at most 1e-3; the nearest right angles are taken). The sign of a column does not
             matter. A column of length 0 needs `min_scale`.
-        values
-            (N,), the scalars.
         weights, normalization, w0, falloff, min_scale, cell_volume
             As for `EllipsoidField`.
 

@@ -1,10 +1,9 @@
 """The options of a scene: sampling, effects, mode, light."""
 
-import itertools
 from collections.abc import Iterable
-from typing import Annotated, Literal, TypedDict, get_args
+from typing import Annotated, Literal, TypedDict
 
-from sheetsplat._checks import Vector, color, instance, number, optional_number, shown, truth
+from sheetsplat._checks import Vector, color, instance, number, optional_number, parts, shown, truth
 from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
 from sheetsplat.errors import complain, unusable
 from sheetsplat.light import Light, Material
@@ -16,7 +15,6 @@ Sampling = Literal["point", "slab"]
 Filter = Literal["ewa"]
 Gradient = Literal["sheets", "analytic"]
 Preintegration = bool | Literal["second_order"]
-GRADIENTS: tuple[str, ...] = get_args(Gradient)
 
 # An iterator of lights may have no end.
 _MOST_LIGHTS = 4096
@@ -25,9 +23,7 @@ _MOST_LIGHTS = 4096
 def _lights(what: str, lights: object) -> tuple[Light, ...]:
     if isinstance(lights, Light):
         return (lights,)
-    if not isinstance(lights, Iterable):
-        raise complain(unusable(what), shown(lights), "a sequence of lights; () for none")
-    found = tuple(itertools.islice(lights, _MOST_LIGHTS + 1))
+    found = tuple(parts(what, lights, "a sequence of lights; () for none", _MOST_LIGHTS))
     if len(found) > _MOST_LIGHTS:
         raise complain(unusable(what), f"more than {_MOST_LIGHTS} lights", "fewer")
     for light in found:

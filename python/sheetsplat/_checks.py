@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ Bounds = tuple[Triple, Triple]
 Vector = Sequence[float] | np.ndarray[Any, Any]
 
 
-# Far above any light, and far enough below the end of float32 that sums and products of a few do not reach it.
+# Largest magnitude of colours and lights: sums and products of a few of them stay finite in float32.
 STRONGEST = 1e30
 _MOST_NAMES = 64
 _FEWER = "use fewer of them at a time"
@@ -30,13 +30,13 @@ def shown(value: object) -> str:
     try:
         text = repr(value)
     except Exception:
-        # Of whole numbers with thousands of digits, among others.
+        # For example for integers of thousands of digits.
         text = f"a {type(value).__name__}"
     return text if len(text) <= 80 else text[:77] + "..."
 
 
 def number(what: str, value: object) -> float:
-    """Return a float, or InvalidInput. Whether its size makes sense is for the caller to say."""
+    """Return a float of any size, or InvalidInput."""
     if isinstance(value, str | bytes | bool | np.bool_ | complex | np.complexfloating):
         raise complain(unusable(what), shown(value), "a number")
     try:
@@ -115,7 +115,7 @@ def direction(what: str, value: object) -> Triple:
 def measurable(
     what: str, vector: Triple, advice: str = "divide it by its length; only where it points counts"
 ) -> Triple:
-    """Return a direction, or InvalidInput where its length over- or underflows. 0 and NaN are for others to judge."""
+    """Return a direction, or InvalidInput where its squared length over- or underflows. 0 and NaN pass."""
     x, y, z = vector
     squared = x * x + y * y + z * z
     if all(map(math.isfinite, vector)) and any(vector) and not 1e-280 < squared < math.inf:
@@ -183,6 +183,20 @@ def image_size(value: object) -> tuple[int, int]:
     if not (1 <= width < 2**31 and 1 <= height < 2**31):
         raise complain("the size of the picture cannot be used", shown((width, height)), wanted, option="size")
     return width, height
+
+
+def convert(owner: object, **checks: Callable[[str, Any], Any]) -> None:
+    """Replace attributes of a frozen dataclass, in its __post_init__, by what their checks return."""
+    for name, check in checks.items():
+        object.__setattr__(owner, name, check(f"{type(owner).__name__}: {name}", getattr(owner, name)))
+
+
+def share(what: str, value: object) -> float:
+    """Return a float from 0 to 1, or InvalidInput."""
+    result = number(what, value)
+    if not 0.0 <= result <= 1.0:
+        raise complain(unusable(what), f"{result:g}", "a number from 0 to 1")
+    return result
 
 
 def choice(what: str, value: object, names: Sequence[str]) -> str:

@@ -51,7 +51,7 @@ def available() -> int:
 
 
 def require(size: int, what: str, advice: str | Words = "use a smaller volume, or a narrower type of samples") -> None:
-    """Raise OutOfMemory where `size` bytes for `what` are more than there are."""
+    """Raise OutOfMemory where `size` bytes for `what` are more than are available."""
     limit = available()
     if size > limit:
         raise complain(

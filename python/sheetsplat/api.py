@@ -1,4 +1,4 @@
-"""The short way: one call from a file to a field, or from data to a picture."""
+"""`open` reads a file into a field; `render` makes a picture of data in one call."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def open(path: str | os.PathLike[str], **options: Unpack[OpenOptions]) -> Regula
 def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
     """Return the fields of an array, a path, a field or several fields; `options` make fields of the first two."""
     given = _given(OpenOptions, options)
-    # The generated data sets, and other objects that make a field of themselves.
+    # Generated data sets, and other objects with a method field().
     maker = None if isinstance(data, np.ndarray) else getattr(data, "field", None)
     if callable(maker):
         data = maker()
@@ -124,7 +124,7 @@ def _scene(data: object, options: Any, outputs: Iterable[str], *, spacing_is_fre
     fields = to_fields(Path(data) if isinstance(data, str) else data, **pick(OpenOptions, options))
     look = {**suggested_look(data, look), **look}
     mode = choice("render: mode", look.get("mode") or "composite", MODES)
-    # False is what a mode that does not use the option does anyway.
+    # False has the same effect as leaving the option out.
     asked = [name for name, value in pick_given(LookOptions, options).items() if value is not False]
     ignored = unused(mode, [*asked, *outputs])
     if ignored:
@@ -140,7 +140,7 @@ def _scene(data: object, options: Any, outputs: Iterable[str], *, spacing_is_fre
 
 @documented(RenderOptions, chooses=True)
 def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOptions]) -> Image:
-    """Return a picture of an array, a file, a field or several fields. What is not given is chosen to show something.
+    """Return a picture of an array, a file, a field or several fields. Options that are not given follow from the data.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ _CHUNK_BYTES = 16 << 20
 
 @runtime_checkable
 class LatticeSamples(Protocol):
-    """Samples that know where they are: a field or a data set. Attributes as those of `sheetsplat.RegularField`."""
+    """Samples with their positions: a field or a data set. Attributes as those of `sheetsplat.RegularField`."""
 
     @property
     def values(self) -> NDArray[Any]: ...  # noqa: D102
@@ -108,7 +108,7 @@ class BccLattice:
         # Per axis x, y, z: as many cubes as fill the samples' boxes, which reach half a distance beyond the outer
         # samples.
         cubes = [max(1, round(f)) for f in filled]
-        # A row of cubes with both its layers is (cubes - 1/2) a long; it is laid in the middle.
+        # A row of cubes with both its layers is (cubes - 1/2) a long; it is centred.
         start = [
             o + 0.5 * (count - 1) * distance - 0.5 * (number - 0.5) * a
             for o, count, distance, number in zip(origin, shape[::-1], spacing, cubes, strict=True)
@@ -187,7 +187,7 @@ def resample_to_bcc(
     Parameters
     ----------
     values
-        Samples, indexed ``[k, j, i]``, real and finite; or a Cartesian field or data set, which knows the next two.
+        Samples, indexed ``[k, j, i]``, real and finite; or a Cartesian field or data set, which has the next two.
     spacing
         World units between samples along x, y, z, 1 unless given. They may differ: the result has equal distances.
     origin
@@ -337,7 +337,7 @@ def _coefficients(
 def _pass_band(z: float, y: NDArray[np.float64], x: NDArray[np.float64], a: float) -> NDArray[np.float32]:
     """Return 1 inside the rhombic dodecahedron of a BCC lattice's frequencies, 0 outside, a smooth step at its faces.
 
-    Its faces are |x| + |y| = 2 pi / a and likewise for the other pairs. All waves are at least 0.
+    Its faces are |x| + |y| = 2 pi / a and likewise for the other pairs. All frequencies are at least 0.
     """
     largest = np.maximum(np.maximum(x, y), z)
     second = x + y + z - largest - np.minimum(np.minimum(x, y), z)

@@ -7,27 +7,43 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import Triple, Vector, measurable, number, parts, shown, strengths, triple
+from sheetsplat._checks import Triple, Vector, convert, measurable, number, parts, share, shown, strengths, triple
 from sheetsplat.errors import complain, unusable
 
 # Limit for iterators without an end.
 _MOST_PLANES = 64
 
 
-def _planes(planes: object) -> tuple[tuple[Triple, float], ...]:
+def _plane(plane: object, wanted: str) -> tuple[Triple, float]:
+    if isinstance(plane, str | bytes) or not isinstance(plane, Sequence) or len(plane) != 2:
+        raise complain(unusable("Clip: planes"), shown(plane), wanted)
+    what, advice = "Clip: a plane's normal", "divide it, and the plane's offset with it, by its length"
+    normal = measurable(what, triple(what, plane[0]), advice)
+    offset = number("Clip: a plane's offset", plane[1])
+    if not any(normal) or not all(map(math.isfinite, (*normal, offset))):
+        raise complain(unusable("Clip: planes"), shown((normal, offset)), "a finite normal of a length above 0")
+    return normal, offset
+
+
+def _planes(what: str, planes: object) -> tuple[tuple[Triple, float], ...]:
     wanted = "a sequence of planes (normal, offset); () for none"
-    found = parts("Clip: planes", planes, wanted, _MOST_PLANES)
+    found = parts(what, planes, wanted, _MOST_PLANES)
     if len(found) > _MOST_PLANES:
-        raise complain(unusable("Clip: planes"), f"more than {_MOST_PLANES} planes", "fewer")
-    result = []
-    for plane in found:
-        if isinstance(plane, str | bytes) or not isinstance(plane, Sequence) or len(plane) != 2:
-            raise complain(unusable("Clip: planes"), shown(plane), wanted)
-        normal, offset = plane
-        what = "Clip: a plane's normal"
-        advice = "divide it, and the plane's offset with it, by its length"
-        result.append((measurable(what, triple(what, normal), advice), number("Clip: a plane's offset", offset)))
-    return tuple(result)
+        raise complain(unusable(what), f"more than {_MOST_PLANES} planes", "fewer")
+    return tuple(_plane(plane, wanted) for plane in found)
+
+
+def _box(what: str, box: object) -> tuple[Triple, Triple] | None:
+    if box is None:
+        return None
+    wanted = "two corners ((x0, y0, z0), (x1, y1, z1)), the lower one first"
+    corners = parts(what, box, wanted, 2)
+    if len(corners) != 2:
+        raise complain(unusable(what), shown(box), wanted)
+    lower, upper = triple(what, corners[0]), triple(what, corners[1])
+    if not all(-math.inf < low <= high < math.inf for low, high in zip(lower, upper, strict=True)):
+        raise complain(unusable(what), shown((lower, upper)), wanted)
+    return lower, upper
 
 
 @dataclass(frozen=True)
@@ -56,27 +72,16 @@ class Clip:
 
     def __post_init__(self) -> None:
         """Check and convert."""
-        planes = _planes(self.planes)
-        for normal, offset in planes:
-            if not any(normal) or not all(map(math.isfinite, (*normal, offset))):
-                raise complain(unusable("Clip: planes"), shown((normal, offset)), "a finite normal of a length above 0")
-        object.__setattr__(self, "planes", planes)
-        box = None if self.box is None else _corners(self.box)
-        object.__setattr__(self, "box", box)
-        object.__setattr__(self, "native", _sheetsplat.Clip(planes=planes, box=box))
+        convert(self, planes=_planes, box=_box)
+        native = _sheetsplat.Clip(planes=self.planes, box=self.box)  # type: ignore[arg-type]
+        object.__setattr__(self, "native", native)
 
 
-def _corners(box: object) -> tuple[Triple, Triple]:
-    wanted = "two corners ((x0, y0, z0), (x1, y1, z1)), the lower one first"
-    corners = parts("Clip: box", box, wanted, 2)
-    if len(corners) != 2:
-        raise complain(unusable("Clip: box"), shown(box), wanted)
-    lower, upper = triple("Clip: box", corners[0]), triple("Clip: box", corners[1])
-    if not all(
-        math.isfinite(low) and math.isfinite(high) and low <= high for low, high in zip(lower, upper, strict=True)
-    ):
-        raise complain(unusable("Clip: box"), shown((lower, upper)), wanted)
-    return lower, upper
+def _finite_color(what: str, value: object) -> Triple:
+    color = strengths(what, triple(what, value))
+    if not all(map(math.isfinite, color)):
+        raise complain(unusable(what), shown(color), "three finite numbers")
+    return color
 
 
 @dataclass(frozen=True)
@@ -106,18 +111,14 @@ class DepthCue:
 
     def __post_init__(self) -> None:
         """Check and convert."""
-        for name in ("start", "end", "strength"):
-            object.__setattr__(self, name, number(f"DepthCue: {name}", getattr(self, name)))
-        shade = strengths("DepthCue: color", triple("DepthCue: color", self.color))
-        object.__setattr__(self, "color", shade)
+        convert(self, start=number, end=number, color=_finite_color, strength=share)
         if not (math.isfinite(self.start) and math.isfinite(self.end) and self.start < self.end):
             raise complain(
                 "DepthCue: start and end cannot be used", f"{self.start:g} and {self.end:g}", "finite, start below end"
             )
-        _share("DepthCue: strength", self.strength)
-        if not all(map(math.isfinite, shade)):
-            raise complain(unusable("DepthCue: color"), shown(shade), "three finite numbers")
-        native = _sheetsplat.DepthCue(start=self.start, end=self.end, color=shade, strength=self.strength)
+        native = _sheetsplat.DepthCue(
+            start=self.start, end=self.end, color=triple("", self.color), strength=self.strength
+        )
         object.__setattr__(self, "native", native)
 
 
@@ -144,15 +145,8 @@ class AmbientOcclusion:
 
     def __post_init__(self) -> None:
         """Check and convert."""
-        for name in ("radius", "strength"):
-            object.__setattr__(self, name, number(f"AmbientOcclusion: {name}", getattr(self, name)))
+        convert(self, radius=number, strength=share)
         if not 0.0 < self.radius < math.inf:
             raise complain(unusable("AmbientOcclusion: radius"), f"{self.radius:g}", "a finite length above 0")
-        _share("AmbientOcclusion: strength", self.strength)
         native = _sheetsplat.AmbientOcclusion(radius=self.radius, strength=self.strength)
         object.__setattr__(self, "native", native)
-
-
-def _share(what: str, value: float) -> None:
-    if not 0.0 <= value <= 1.0:
-        raise complain(unusable(what), f"{value:g}", "a number from 0 to 1")

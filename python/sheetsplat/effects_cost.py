@@ -45,7 +45,7 @@ _FIXED = frozenset(
         "tagging",
     }
 )
-# A way of drawing for comparison alone: no picture pays for it.
+# For comparisons only: no plan switches it on by itself.
 _FOR_COMPARISON = frozenset({"paper_slicing"})
 _OUTPUTS = ("coverage", "depth")
 

@@ -71,7 +71,7 @@ def _unused(settings: Mapping[str, Any], plan: RenderPlan) -> list[str]:
         name for name, known in users.items() if known and settings[name] is not None and plan.backend not in known
     ]
     if plan.backend == "reference":
-        # The way in which it draws anyway may be asked for.
+        # Values that name what it does anyway need no warning.
         ways = {"tagging": plan.tagging, "packing": plan.packing}
         found += [name for name, way in ways.items() if settings[name] not in ("auto", way)]
     known = {effect.name for effect in plan.effects if effect.forced}
@@ -80,7 +80,7 @@ def _unused(settings: Mapping[str, Any], plan: RenderPlan) -> list[str]:
 
 @documented(RendererClassOptions)
 class Renderer:
-    """Keeps a device, and what was prepared on it, between pictures.
+    """Makes plans and pictures; keeps the device, and what was prepared on it, between pictures.
 
     Threads may share a renderer: they take turns. Several renderers may be used side by side. The device is opened at
     the first plan or picture; a warning in the log then names the settings that the chosen backend does not use.

@@ -37,7 +37,7 @@ class Ripple:
     peak, rms
         Largest and root mean square difference from 1 where all samples are 1.
     slope
-        Root mean square length of the gradient there, per sample distance: visible as a weave under lights.
+        Root mean square length of the gradient there, per sample distance: visible as a pattern under lights.
     ramp
         Root mean square difference from 1 of the slope, along x, where samples rise by 1 a sample distance along x
         from 0 in the cell at the origin.

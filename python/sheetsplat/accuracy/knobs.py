@@ -24,7 +24,7 @@ KNOBS: dict[str, str] = {
     "cut_off": "where a kernel's Gaussian, of the same width, is cut off",
     "precision": "numbers of the sheets, on every backend",
     "table_size": "points of the transfer function, evenly spaced",
-    "opacity_stop": "opacity at which a pixel is done",
+    "opacity_stop": "opacity at which a pixel is finished",
     "filter": "widening of kernels smaller than a pixel or a slice distance",
     "image_scale": "pixels drawn, before the picture is enlarged",
     "lattice": "samples on a Cartesian or a body-centred cubic lattice",
@@ -35,7 +35,7 @@ KNOBS: dict[str, str] = {
 
 @dataclass(frozen=True)
 class Base:
-    """What is varied: a scene with explicit distances, its camera, and the options of the renderer."""
+    """The scene that is varied, with explicit distances, its camera, and the options of the renderer."""
 
     scene: Scene
     camera: Camera

@@ -59,7 +59,7 @@ def measure_accuracy(
     progress: Progress | None,
     settings: Mapping[str, Any],
 ) -> AccuracyReport:
-    """Measure; the arguments are those of `sheetsplat.accuracy`."""
+    """Check the arguments of `sheetsplat.accuracy`, and measure."""
     instance("accuracy: scene", scene, Scene)
     instance("accuracy: camera", camera, Camera)
     wanted = tuple(KNOBS) if knobs is None else names("accuracy: knobs", knobs, tuple(KNOBS))
@@ -91,7 +91,7 @@ def _base(scene: Scene, camera: Camera, size: tuple[int, int], backend: Backend,
             "leave it out: it chooses the settings that are varied here",
         )
     plan = Renderer(backend, **given).plan(scene, camera, size=size)
-    # Stated explicitly, so that no setting changes another distance by its default.
+    # Given explicitly: their defaults would change with the field.
     pinned = scene.replace(slice_spacing=scene.slice_spacing, reference_length=scene.reference_length)
     return Base(pinned, camera, size, plan.backend, plan.precision, given)
 
@@ -162,7 +162,7 @@ class _Session:
         )
 
     def _tell(self, share: float) -> object:
-        # A setting is drawn, then compared; the share must not fall between the two.
+        # Drawing and comparing a setting both report a share, which must not decrease.
         self._told = max(self._told, min(1.0, share))
         return None if self._progress is None else self._progress(self._told)
 

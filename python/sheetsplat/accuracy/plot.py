@@ -272,7 +272,7 @@ def _in_order(points: Sequence[_Point], now: _Point | None) -> list[tuple[int, _
 
 
 def _short(row: AccuracyRow) -> str:
-    """Return a short label; the colour of the point tells the knob."""
+    """Return a short label; the colour of the point stands for the knob."""
     if row.knob == "image_scale":
         return f"{row.setting} size"
     if row.knob == "opacity_stop":

@@ -190,9 +190,9 @@ def smaller(size: tuple[int, int], scale: int) -> tuple[int, int]:
 
 
 def enlarge(picture: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    """Return a picture (h, w) or (h, w, 4) at another size, bilinearly; what it shows is as high as before.
+    """Return a picture (h, w) or (h, w, 4) at another size, bilinearly; its height in world units stays the same.
 
-    Beyond the outermost pixels' centres their values hold.
+    Values are constant beyond the centres of the outermost pixels.
     """
     height, width = picture.shape[:2]
     # World units per pixel follow from the height alone, so both axes have the factor of the rows.

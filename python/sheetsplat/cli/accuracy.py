@@ -16,7 +16,7 @@ from sheetsplat.options.core import pick
 from sheetsplat.options.renderer import RendererOptions
 
 _MOST_REPEATS = 1000
-# Goals that choose settings; they leave nothing to vary.
+# With these the renderer chooses the settings that are varied here.
 _GOALS = ("max_error", "max_seconds")
 
 

@@ -48,7 +48,7 @@ def _edges(low: float, high: float, bins: int) -> NDArray[np.float64]:
     if not low < high:
         half = max(0.5, 1e-3 * abs(low))
         low, high = max(low - half, -_LARGEST), min(high + half, _LARGEST)
-    # Not low + share * (high - low): the difference of the largest numbers overflows.
+    # Unlike low + share * (high - low), this does not overflow for the largest numbers.
     share = np.linspace(0.0, 1.0, bins + 1)
     edges: NDArray[np.float64] = low * (1.0 - share) + high * share
     return edges
@@ -220,7 +220,7 @@ def _scattered_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     return [
         *rows,
         ("sums", f"normalization {report['normalization']}{w0}, falloff {report['falloff']:g}"),
-        ("slices", f"{report['slice_spacing']:g} apart, unless told otherwise"),
+        ("slices", f"{report['slice_spacing']:g} apart by default"),
         ("memory", f"{report['memory_bytes'] / 1e6:.1f} MB"),
     ]
 
@@ -241,7 +241,7 @@ def _table(report: dict[str, Any]) -> str:
             ("percentiles", percentiles),
         ]
     if "clim" in report:
-        rows.append(("shown", f"{report['clim'][0]:g} to {report['clim'][1]:g}, unless told otherwise"))
+        rows.append(("shown", f"{report['clim'][0]:g} to {report['clim'][1]:g} by default"))
     lines = [f"{name:<12}{text}" for name, text in rows]
     if "histogram" in report:
         counts, edges = report["histogram"]["counts"], report["histogram"]["edges"]

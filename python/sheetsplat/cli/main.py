@@ -20,9 +20,9 @@ _COMMANDS = {
     "plan": "Show what the scene calls for, effect by effect, with the reason.",
     "accuracy": "Measure what accuracy costs in time: table, JSON and plot.",
     "info": "Show sizes, ranges, histogram and memory of a volume.",
-    "devices": "Show backends and contexts that could be made here, and why others could not.",
+    "devices": "Show backends and OpenGL contexts, and whether they are available.",
     "compare": "Compare two pictures: RMSE, P99.9, maximum and FLIP.",
-    "demo": "Render a data set that is made on the spot.",
+    "demo": "Render a generated data set.",
 }
 # Characters of the reason of an error that is not of the package.
 _REASON = 500
@@ -54,7 +54,7 @@ class _Group(click.Group):
             return super().invoke(ctx)
         except Error as error:
             text = message(error, self.get_command(ctx, ctx.invoked_subcommand or ""))
-            # Only the plan knows which effects there are; a wrong name is wrong usage all the same.
+            # Names of effects are checked by the plan; an unknown name is wrong usage too.
             if isinstance(error, InvalidInput) and error.option == "effects":
                 raise click.UsageError(text, ctx) from None
             click.echo(f"sheetsplat: {text}", err=True)
@@ -63,7 +63,7 @@ class _Group(click.Group):
         except MemoryError:
             click.echo("sheetsplat: there is not enough memory; use a smaller volume or picture", err=True)
         except Exception as error:
-            # Whoever reads the output has had enough of it: click ends quietly then.
+            # The reader of stdout has closed it; click then exits without a message.
             if isinstance(error, OSError) and error.errno == errno.EPIPE:
                 raise
             if logging.getLogger("sheetsplat").isEnabledFor(logging.DEBUG):

@@ -121,7 +121,7 @@ def scene_options(function: Function) -> Function:
 
 
 def check_mode(options: dict[str, Any], outputs: tuple[str, ...] = ()) -> None:
-    """Refuse options that the mode does not use; those whose statement is harmless are only a warning."""
+    """Refuse options that the mode does not use; harmless ones cause a warning only."""
     context = click.get_current_context()
     look = definitions(LookOptions)
     parameters = [spelling.parameter or name for name, one in look.items() for spelling in one.option.spellings]
@@ -129,7 +129,7 @@ def check_mode(options: dict[str, Any], outputs: tuple[str, ...] = ()) -> None:
         name
         for name in parameters
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-        # Switched off where it is off anyway.
+        # Off is its default.
         and not (name == "preintegration" and not options[name])
     ]
     mode = options["mode"]

@@ -24,7 +24,7 @@ def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
     taken = {path.resolve(): path for path in inputs}
     for path in outputs:
         if path.resolve() in taken:
-            raise click.UsageError(f"{path}: to be written, but it is named twice or is what is read")
+            raise click.UsageError(f"{path}: an output that is named twice or is also an input")
         taken[path.resolve()] = path
 
 

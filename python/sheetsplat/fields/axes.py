@@ -14,7 +14,7 @@ from sheetsplat.errors import complain, option_ref
 
 Floats = NDArray[np.float64]
 
-# Matrices that are factored in one go; 1 MB of each array.
+# Matrices that are factored at once; 1 MB of each array.
 _BLOCK = 1 << 14
 # Relative to the largest entry: far above the rounding of float32, far below that of matrices which are no covariance.
 _SYMMETRY = 1e-5

@@ -71,7 +71,7 @@ def as_fields(field: object, what: str) -> list[Field]:
 
 def joined_bounds(boxes: list[Bounds]) -> Bounds:
     """Return the smallest box around all boxes."""
-    # The box of a field without kernels has its corners exchanged.
+    # The box of a field without kernels has its lower corner above its upper one.
     there = [box for box in boxes if all(low <= high for low, high in zip(*box, strict=True))] or boxes
     lower = np.min([box[0] for box in there], axis=0)
     upper = np.max([box[1] for box in there], axis=0)

@@ -7,7 +7,7 @@ from sheetsplat.camera import Camera, Kind
 from sheetsplat.options.core import Option, defaults_of
 from sheetsplat.options.values import POSITIVE, Numbers, Real, Special
 
-# Seen from the front a volume shows one face; from here it shows three.
+# Degrees of the default view, which shows three faces of the box around a volume.
 AZIMUTH, ELEVATION = 25.0, 20.0
 _FIT = defaults_of(Camera.fit)
 

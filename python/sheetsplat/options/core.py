@@ -68,7 +68,7 @@ class CommandLine:
 
 @dataclass(eq=False)
 class Option:
-    """One option: everything about it but its name and its type, which are those of a field of a TypedDict.
+    """The definition of one option. Its name and its type are those of the field of a TypedDict that it annotates.
 
     Attributes
     ----------
@@ -196,7 +196,7 @@ def checked(owner: str, options: Mapping[str, Any], group: type) -> dict[str, An
 
 @contextlib.contextmanager
 def concerning(name: str) -> Iterator[None]:
-    """Give errors that do not say which option they are about the name of one."""
+    """Add the name of an option to errors that have none."""
     try:
         yield
     except Error as error:
@@ -213,7 +213,7 @@ def parameters(group: type, *, chooses: bool) -> list[inspect.Parameter]:
             name,
             inspect.Parameter.KEYWORD_ONLY,
             default=None if chooses and defined.option.chosen else defined.option.default,
-            # What needs words is unreadable as a type.
+            # The types of options with `accepts` are too long for a signature.
             annotation=inspect.Parameter.empty if defined.option.accepts else defined.type,
         )
         for name, defined in definitions(group).items()

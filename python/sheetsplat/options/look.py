@@ -1,4 +1,4 @@
-"""The options that choose a transfer function and light, for those who do not make them by hand."""
+"""The options from which the transfer function and the light are made."""
 
 from collections.abc import Sequence
 from typing import Annotated, TypedDict

@@ -59,12 +59,12 @@ def check_backend(what: str, backend: object) -> str:
 
 
 class BackendOptions(TypedDict, total=False):
-    """What draws."""
+    """The backend."""
 
     backend: Annotated[
         Backend,
         Option(
-            'What draws: "gl" (OpenGL), "cpu" (vector instructions of the processor) or "reference" (plain float64). '
+            'Backend: "gl" (OpenGL), "cpu" (vector instructions of the processor) or "reference" (plain float64). '
             '"auto": the environment variable SHEETSPLAT_BACKEND, else gl on graphics hardware and cpu where there is '
             "none; where one does not support the scene, the other is tried.",
             default="auto",

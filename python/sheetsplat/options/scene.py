@@ -40,7 +40,7 @@ def _preintegration(what: str, value: object) -> Preintegration:
 
 
 class LightOptions(TypedDict, total=False):
-    """Light and what it falls on."""
+    """Lights, material and background."""
 
     lights: Annotated[
         Iterable[Light],
@@ -79,13 +79,13 @@ class LightOptions(TypedDict, total=False):
 
 
 class ModeOptions(TypedDict, total=False):
-    """How slices become a pixel."""
+    """How slices are combined into pixels."""
 
     mode: Annotated[
         Mode,
         Option(
-            "How slices become a pixel: composited colours, the first crossing of a value, the line integral, or the "
-            "maximum along the ray.",
+            "How slices are combined into pixels: composited colours, the first crossing of a value, the line "
+            "integral, or the maximum along the ray.",
             default="composite",
             check=one_of(Mode),
         ),
@@ -104,7 +104,7 @@ class ModeOptions(TypedDict, total=False):
 
 
 class SamplingOptions(TypedDict, total=False):
-    """Slices, and what lies between them."""
+    """Slices, pre-integration between them, and filters."""
 
     slice_spacing: Annotated[
         float | None,

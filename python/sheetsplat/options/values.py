@@ -1,4 +1,4 @@
-"""What the command line accepts as the value of an option, without a word about how it is parsed.
+"""Descriptions of the values that options accept on the command line.
 
 `sheetsplat.cli.types` has the parser of each.
 """

@@ -20,11 +20,7 @@ Draw = Callable[[Scene, tuple[str, ...], dict[str, bool]], RenderPlan]
 
 # Effects that an option of the scene switches on, and the option that switches them off.
 _WITHOUT: dict[str, dict[str, Any]] = {
-    **{
-        one.option.effect: {name: one.option.default}
-        for name, one in definitions(SceneOptions).items()
-        if one.option.effect
-    },
+    **{one.effect: {name: one.default} for name, one in definitions(SceneOptions).items() if one.effect},
     "second_order": {"preintegration": True},
 }
 # Effects that follow from the data, the mode or the device, and cannot be switched for the same picture.

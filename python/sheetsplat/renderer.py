@@ -66,7 +66,7 @@ def _native(settings: Mapping[str, Any]) -> _sheetsplat.Renderer:
 
 def _unused(settings: Mapping[str, Any], plan: RenderPlan) -> list[str]:
     """Return which of the given settings the backend of a plan does not use."""
-    users = {name: defined.option.backends for name, defined in definitions(RendererClassOptions).items()}
+    users = {name: defined.backends for name, defined in definitions(RendererClassOptions).items()}
     found = [
         name for name, known in users.items() if known and settings[name] is not None and plan.backend not in known
     ]

@@ -53,12 +53,12 @@ def test_signatures_and_docstrings_have_every_option(taker, group):
 def test_commands_have_every_option(command):
     by_parameter = {one.name: one for one in command.params if isinstance(one, click.Option)}
     for name, defined in definitions(RenderOptions).items():
-        for spelling in defined.option.spellings:
+        for spelling in defined.spellings:
             option = by_parameter[spelling.parameter or name]
             assert flags(name, spelling).partition("/")[0] in option.opts
             assert option.help and "{" not in option.help
-            if defined.option.modes != MODES:
-                assert f"[{', '.join(defined.option.modes)}" in option.help
+            if defined.modes != MODES:
+                assert f"[{', '.join(defined.modes)}" in option.help
             if name == (spelling.parameter or name) and choices_of(defined.type) and spelling.value is None:
                 if not spelling.switch and "/" not in flags(name, spelling):
                     assert tuple(option.type.choices) == choices_of(defined.type)
@@ -68,10 +68,10 @@ def test_defaults_are_of_the_types_and_pass_the_checks():
     for group in (SceneOptions, RendererClassOptions):
         for name, defined in definitions(group).items():
             choices = choices_of(defined.type)
-            if choices and isinstance(defined.option.default, str):
-                assert defined.option.default in choices
-            assert defined.option.check is not None, name
-            defined.option.check(name, defined.option.default)
+            if choices and isinstance(defined.default, str):
+                assert defined.default in choices
+            assert defined.check is not None, name
+            defined.check(name, defined.default)
 
 
 def cpp_defaults(header: str, start: str) -> dict[str, object]:
@@ -120,7 +120,7 @@ def test_modes_and_their_options():
     assert unused("composite", definitions(LookOptions)) == ["iso_value"]
     assert unused("isosurface", ["opacity", "cmap", "depth", "second_order"]) == ["opacity", "second_order"]
     assert unused("mip", ["depth_cue_color", "depth", "coverage", "slice_spacing"]) == ["depth_cue_color", "depth"]
-    assert definitions(LookOptions)["clim"].option.modes == COLORED
+    assert definitions(LookOptions)["clim"].modes == COLORED
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_the_short_way_is_short():
 def test_effects_of_options_are_effects_of_the_plan():
     scene = ss.Scene(ss.RegularField(np.ones((3, 3, 3))), [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)])
     known = {effect.name for effect in ss.Renderer("cpu").plan(scene, ss.Camera.fit(scene), size=(8, 8)).effects}
-    assert {one.option.effect for one in definitions(SceneOptions).values() if one.option.effect} <= known
+    assert {one.effect for one in definitions(SceneOptions).values() if one.effect} <= known
 
 
 def test_errors_name_their_option():

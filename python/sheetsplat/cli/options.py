@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from sheetsplat.cli.types import param_type
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import MODES, CommandLine, Defined, choices_of, definitions
+from sheetsplat.options.core import MODES, CommandLine, Option, choices_of, definitions
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
 from sheetsplat.options.picture import LookOptions, PictureOptions, unused
 from sheetsplat.options.renderer import RendererOptions
@@ -62,9 +62,8 @@ def common(function: Function) -> Function:
 as_json = click.option("--json", "as_json", is_flag=True, help="Report as JSON on stdout.")
 
 
-def _help(defined: Defined, spelling: CommandLine, *, default: str) -> str:
+def _help(option: Option, spelling: CommandLine, *, default: str) -> str:
     """Return the help text, with the modes and the default value in brackets."""
-    option = defined.option
     words = on_command_line(spelling.help or option.help)
     brackets = [", ".join(option.modes)] if option.modes != MODES else []
     if default:
@@ -72,20 +71,20 @@ def _help(defined: Defined, spelling: CommandLine, *, default: str) -> str:
     return f"{words}  [{'; '.join(brackets)}]" if brackets else words
 
 
-def _option(defined: Defined, spelling: CommandLine) -> Callable[[Function], Function]:
+def _option(option: Option, spelling: CommandLine) -> Callable[[Function], Function]:
     """Return the decorator that adds one option to a command."""
-    default = defined.option.default
-    parameter = spelling.parameter or defined.name
-    is_own = parameter == defined.name
-    words = spelling.default or (defined.default_text(chooses=True).replace('"', "") if is_own else "")
+    default = option.default
+    parameter = spelling.parameter or option.name
+    is_own = parameter == option.name
+    words = spelling.default or (option.default_text(chooses=True).replace('"', "") if is_own else "")
     settings: dict[str, Any] = {"multiple": spelling.multiple}
-    flag = flags(defined.name, spelling)
+    flag = flags(option.name, spelling)
     if spelling.switch or "/" in flag:
         settings |= {"is_flag": True, "default": bool(default) if is_own else False}
         on, _, off = flag.partition("/")
         words = (on if default else off) if off else ""
     else:
-        names = choices_of(defined.type)
+        names = choices_of(option.type)
         if spelling.value is not None:
             settings["type"] = param_type(spelling.value)
         elif names:
@@ -94,23 +93,23 @@ def _option(defined: Defined, spelling: CommandLine) -> Callable[[Function], Fun
             settings["default"] = default
     if spelling.metavar:
         settings["metavar"] = spelling.metavar
-    return click.option(flag, parameter, help=_help(defined, spelling, default=words), **settings)
+    return click.option(flag, parameter, help=_help(option, spelling, default=words), **settings)
 
 
 def options_of(*groups: type) -> list[Callable[[Any], Any]]:
     """Return the decorators that add the options of some groups to a command."""
     return [
-        _option(defined, spelling)
+        _option(option, spelling)
         for group in groups
-        for defined in definitions(group).values()
-        for spelling in defined.option.spellings
+        for option in definitions(group).values()
+        for spelling in option.spellings
     ]
 
 
 def single(group: type, *names: str) -> list[Callable[[Any], Any]]:
     """Return the decorators of some options of a group."""
     known = definitions(group)
-    return [_option(known[name], spelling) for name in names for spelling in known[name].option.spellings]
+    return [_option(known[name], spelling) for name in names for spelling in known[name].spellings]
 
 
 def scene_options(function: Function) -> Function:
@@ -124,7 +123,7 @@ def check_mode(options: dict[str, Any], outputs: tuple[str, ...] = ()) -> None:
     """Refuse options that the mode does not use; harmless ones cause a warning only."""
     context = click.get_current_context()
     look = definitions(LookOptions)
-    parameters = [spelling.parameter or name for name, one in look.items() for spelling in one.option.spellings]
+    parameters = [spelling.parameter or name for name, one in look.items() for spelling in one.spellings]
     given = [
         name
         for name in parameters
@@ -134,7 +133,7 @@ def check_mode(options: dict[str, Any], outputs: tuple[str, ...] = ()) -> None:
     ]
     mode = options["mode"]
     ignored = unused(mode, [*given, *outputs])
-    refused = [flag_of(name) for name in ignored if name not in look or not look[name].option.harmless]
+    refused = [flag_of(name) for name in ignored if name not in look or not look[name].harmless]
     if refused:
         raise click.UsageError(f"--mode {mode} does not use {', '.join(refused)}; leave out one or the other")
     if ignored:

@@ -6,7 +6,7 @@ import contextlib
 import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin
@@ -68,7 +68,7 @@ class CommandLine:
 
 @dataclass(eq=False)
 class Option:
-    """The definition of one option. Its name and its type are those of the field of a TypedDict that it annotates.
+    """The definition of one option, which annotates a field of a TypedDict.
 
     Attributes
     ----------
@@ -96,6 +96,8 @@ class Option:
         Its spellings on the command line, if not that one; none for options that Python alone has.
     harmless
         On the command line, giving it in a mode that does not use it is a warning, not an error.
+    name, type
+        Those of the field that it annotates; `definitions` adds them.
     """
 
     help: str
@@ -112,41 +114,33 @@ class Option:
     switch: bool = False
     cli: tuple[CommandLine, ...] | None = None
     harmless: bool = False
+    name: str = ""
+    type: Any = None
 
     @property
     def spellings(self) -> tuple[CommandLine, ...]:
         """All options of the command line that stand for this one."""
         return (CommandLine(self.flag, value=self.value, switch=self.switch),) if self.cli is None else self.cli
 
-
-@dataclass(eq=False)
-class Defined:
-    """An option with its name, its type, and the group that defines it."""
-
-    name: str
-    type: Any
-    option: Option
-
     @property
     def type_text(self) -> str:
         """The Python type in words."""
-        return self.option.accepts or _type_text(self.type)
+        return self.accepts or _type_text(self.type)
 
     def default_text(self, *, chooses: bool) -> str:
         """Return the value that is used where none is given; `chooses`: by `render` and the command line."""
-        option = self.option
-        if chooses and option.chosen:
-            return option.chosen
-        return option.unset or ("" if option.default is None else value_text(option.default))
+        if chooses and self.chosen:
+            return self.chosen
+        return self.unset or ("" if self.default is None else value_text(self.default))
 
 
 @cache
-def definitions(group: type) -> dict[str, Defined]:
+def definitions(group: type) -> dict[str, Option]:
     """Return the options of a TypedDict by name, those of its bases first."""
-    found: dict[str, Defined] = {}
+    found: dict[str, Option] = {}
     for name, annotation in group.__annotations__.items():
         kind, option = get_args(annotation)
-        found[name] = Defined(name, kind, option)
+        found[name] = replace(option, name=name, type=kind)
     return found
 
 
@@ -163,7 +157,7 @@ def pick_given(group: type, options: Mapping[str, Any]) -> dict[str, Any]:
 
 def filled(group: type, options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the value of every option of a group, given or default, unchecked."""
-    return {name: options.get(name, defined.option.default) for name, defined in definitions(group).items()}
+    return {name: options.get(name, defined.default) for name, defined in definitions(group).items()}
 
 
 def check_names(function: str, options: Iterable[str], group: type, others: Iterable[str] = ()) -> None:
@@ -188,9 +182,9 @@ def checked(owner: str, options: Mapping[str, Any], group: type) -> dict[str, An
     check_names(owner, options, group)
     values = filled(group, options)
     for name, defined in definitions(group).items():
-        if defined.option.check is not None:
+        if defined.check is not None:
             with concerning(name):
-                values[name] = defined.option.check(f"{owner}: {name}", values[name])
+                values[name] = defined.check(f"{owner}: {name}", values[name])
     return values
 
 
@@ -212,9 +206,9 @@ def parameters(group: type, *, chooses: bool) -> list[inspect.Parameter]:
         inspect.Parameter(
             name,
             inspect.Parameter.KEYWORD_ONLY,
-            default=None if chooses and defined.option.chosen else defined.option.default,
+            default=None if chooses and defined.chosen else defined.default,
             # The types of options with `accepts` are too long for a signature.
-            annotation=inspect.Parameter.empty if defined.option.accepts else defined.type,
+            annotation=inspect.Parameter.empty if defined.accepts else defined.type,
         )
         for name, defined in definitions(group).items()
     ]
@@ -258,15 +252,14 @@ def with_entries(text: str, group: type, *, chooses: bool) -> str:
     return text[: found.start()] + entries + text[found.end() :]
 
 
-def _entry(defined: Defined, *, chooses: bool) -> list[str]:
-    option = defined.option
-    default = defined.default_text(chooses=chooses)
+def _entry(option: Option, *, chooses: bool) -> list[str]:
+    default = option.default_text(chooses=chooses)
     words = in_python(option.help)
     if default:
         words += f" Default: {in_python(default)}."
     if option.modes != MODES:
         words += f" For {modes_text(option.modes)}."
-    return [f"{defined.name} : {defined.type_text}", *(f"    {line}" for line in _wrapped(words, _COLUMNS - 12))]
+    return [f"{option.name} : {option.type_text}", *(f"    {line}" for line in _wrapped(words, _COLUMNS - 12))]
 
 
 def _wrapped(text: str, columns: int) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import MODES, Defined, definitions, in_python
+from sheetsplat.options.core import MODES, Option, definitions, in_python
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
 from sheetsplat.options.look import TransferOptions
 from sheetsplat.options.picture import ObjectOptions, PictureOptions
@@ -47,12 +47,11 @@ def _code(text: str) -> str:
     return f"`{text}`" if text else ""
 
 
-def _row(defined: Defined) -> str:
-    option = defined.option
-    spelt = ", ".join(_code(flags(defined.name, one)) for one in option.spellings)
+def _row(option: Option) -> str:
+    spelt = ", ".join(_code(flags(option.name, one)) for one in option.spellings)
     modes = "" if option.modes == MODES else ", ".join(option.modes)
-    default = in_python(defined.default_text(chooses=True))
-    cells = (_code(defined.name), spelt, defined.type_text, default, in_python(option.help), modes)
+    default = in_python(option.default_text(chooses=True))
+    cells = (_code(option.name), spelt, option.type_text, default, in_python(option.help), modes)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
@@ -61,7 +60,7 @@ def page() -> str:
     lines = [_ABOUT]
     for title, groups in _GROUPS:
         lines += [f"## {title}", "", f"| {' | '.join(_COLUMNS)} |", "|---" * len(_COLUMNS) + "|"]
-        lines += [_row(defined) for group in groups for defined in definitions(group).values()]
+        lines += [_row(option) for group in groups for option in definitions(group).values()]
         lines.append("")
     return "\n".join(lines)
 

@@ -18,7 +18,7 @@ def spellings() -> dict[str, str]:
     """Return the flag of each option that the command line has, by its name in Python and by its parameter's."""
     found: dict[str, str] = {}
     for name, defined in definitions(RenderOptions).items():
-        for spelling in defined.option.spellings:
+        for spelling in defined.spellings:
             flag = flags(name, spelling).partition("/")[0]
             found.setdefault(name, flag)
             found[spelling.parameter or name] = flag

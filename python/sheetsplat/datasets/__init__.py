@@ -28,16 +28,8 @@ from ._solids import SolidDataset, chess_piece, monster, toy_car, toy_train
 
 #: Every data set by its name; each can be called without arguments.
 DATASETS: dict[str, Callable[..., Dataset | SolidDataset]] = {
-    "marschner_lobb": marschner_lobb,
-    "noisy_ball": noisy_ball,
-    "tubes": tubes,
-    "vortex": vortex,
-    "turbulence": turbulence,
-    "jet": jet,
-    "chess_piece": chess_piece,
-    "monster": monster,
-    "toy_car": toy_car,
-    "toy_train": toy_train,
+    make.__name__: make
+    for make in (marschner_lobb, noisy_ball, tubes, vortex, turbulence, jet, chess_piece, monster, toy_car, toy_train)
 }
 
 __all__ = [

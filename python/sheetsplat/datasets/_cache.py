@@ -9,8 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import logging
-import os
-import tempfile
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat.errors import Error
+
 _log = logging.getLogger("sheetsplat")
-_DIGEST = 32
 
 
 def cache_folder() -> Path:
@@ -33,58 +33,44 @@ def cache_folder() -> Path:
     return platformdirs.user_cache_path("sheetsplat", appauthor=False)
 
 
-def cache_path(name: str, version: int, parameters: Mapping[str, Any]) -> Path:
-    """Return the file of one result: its name, and a digest of version and parameters."""
-    key = repr((name, version, sorted(parameters.items())))
-    return cache_folder() / f"{name}-{hashlib.blake2b(key.encode(), digest_size=10).hexdigest()}.npy"
+def _digest(body: bytes | memoryview, size: int = 32) -> bytes:
+    return hashlib.blake2b(body, digest_size=size).digest()
 
 
 def _read(path: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any] | None:
-    expected = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
+    expected = math.prod(shape) * dtype.itemsize
     try:
         # The size is checked before the file is read.
         if not expected < path.stat().st_size < expected + 4096:
-            _log.warning("the cached data set %s has the wrong size; it is computed again", path)
-            return None
+            raise ValueError("its size is wrong")
         content = path.read_bytes()
-        body, digest = content[:-_DIGEST], content[-_DIGEST:]
-        if hashlib.blake2b(body, digest_size=_DIGEST).digest() != digest:
-            _log.warning("the cached data set %s is damaged; it is computed again", path)
-            return None
+        body, digest = content[:-32], content[-32:]
+        if _digest(body) != digest:
+            raise ValueError("its digest is wrong")
         values: NDArray[Any] = np.load(io.BytesIO(body), allow_pickle=False)
+        if values.shape != shape or values.dtype != dtype:
+            raise ValueError("its shape or type is wrong")
+        return values
     except FileNotFoundError:
         return None
     except Exception as error:  # NumPy's reader raises errors of many classes for damaged headers
-        _log.warning("the cached data set %s cannot be read (%s); it is computed again", path, error)
+        _log.warning("the cached data set %s cannot be used (%s); it is computed again", path, error)
         return None
-    if values.shape != shape or values.dtype != dtype:
-        _log.warning("the cached data set %s has another shape or type; it is computed again", path)
-        return None
-    return values
 
 
 def _write(path: Path, values: NDArray[Any]) -> None:
+    from sheetsplat.io.pictures import whole_file
+
     buffer = io.BytesIO()
     np.save(buffer, values, allow_pickle=False)
     body = buffer.getbuffer()
-    temporary: str | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-        with os.fdopen(handle, "wb") as file:
+        with whole_file(path) as made, made.open("wb") as file:
             file.write(body)
-            file.write(hashlib.blake2b(body, digest_size=_DIGEST).digest())
-        # A rename within a folder is atomic: readers see the old file, none, or the whole new one.
-        os.replace(temporary, path)
-        temporary = None
-    except OSError as error:
-        _log.warning("the data set could not be kept in %s (%s); it will be computed again next time", path, error)
-    finally:
-        if temporary is not None:
-            try:
-                os.unlink(temporary)
-            except OSError:
-                pass
+            file.write(_digest(body))
+    except (OSError, Error) as error:
+        _log.warning("the data set cannot be cached in %s (%s); it will be computed again next time", path, error)
 
 
 def cached(
@@ -97,22 +83,23 @@ def cached(
     *,
     use: bool = True,
 ) -> NDArray[Any]:
-    """Return the result of `compute`, from the cache where it is there and whole.
+    """Return the result of `compute`, from the cache where it has an undamaged file.
 
     Parameters
     ----------
     name, version, parameters
-        What the result depends on; `version` is raised whenever the computation changes.
+        What the result depends on; a change of the computation increases `version`.
     shape, dtype
-        What the result must be.
+        Of the result.
     compute
-        Makes it.
+        Computes it.
     use
-        False computes it and touches no file.
+        False: compute it, without reading or writing a file.
     """
     if not use:
         return compute()
-    path = cache_path(name, version, parameters)
+    key = repr((name, version, sorted(parameters.items())))
+    path = cache_folder() / f"{name}-{_digest(key.encode(), 10).hex()}.npy"
     kept = _read(path, shape, dtype)
     if kept is not None:
         return kept

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.light import Light
 from sheetsplat.scene import Scene
@@ -22,19 +23,40 @@ Floats = NDArray[np.float64]
 Mesh = tuple[Floats, NDArray[np.int64]]
 
 
+@dataclass(frozen=True, eq=False)
 class DrawableDataset(ABC):
-    """A data set with a suggested picture."""
+    """A data set with a suggested picture.
 
-    suggested: Mapping[str, Any]
+    Attributes
+    ----------
+    name
+        Short name, usable as a file name.
+    description
+        What it is and how it was made, in one or two sentences.
+    stand_in_for
+        The data set of a paper that this one replaces, or None.
+    suggested
+        Options of a suitable picture: ``points`` of a transfer function and ``clim``; of volumes ``mode`` and
+        ``iso_value``; of solids ``direction`` and ``up`` of a camera.
+    """
 
-    @property
-    @abstractmethod
-    def clim(self) -> tuple[float, float]:
-        """The range of values to show."""
+    name: str
+    description: str = field(default="", kw_only=True)
+    stand_in_for: str | None = field(default=None, kw_only=True)
+    suggested: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "suggested", MappingProxyType(dict(self.suggested)))
 
     @abstractmethod
     def field(self, **options: Any) -> RegularField | EllipsoidField:
         """Return the data as a field of kernels."""
+
+    @property
+    def clim(self) -> tuple[float, float]:
+        """The suggested range of values, else (0, 1)."""
+        lower, upper = self.suggested.get("clim", (0.0, 1.0))
+        return float(lower), float(upper)
 
     @property
     def bounds(self) -> tuple[Vector, Vector]:
@@ -49,15 +71,12 @@ class DrawableDataset(ABC):
 
     def scene(self, **options: Any) -> Scene:
         """Return the suggested scene; `options` are those of :class:`sheetsplat.Scene` and take precedence."""
-        arguments: dict[str, Any] = {"lights": [Light((0.3, 0.5, 1.0))]}
-        arguments |= {name: self.suggested[name] for name in ("mode", "iso_value") if name in self.suggested}
-        arguments |= options
-        field = arguments.pop("field", None)
-        transfer_function = arguments.pop("transfer_function", None)
+        field, transfer_function = options.pop("field", None), options.pop("transfer_function", None)
+        suggested = {name: self.suggested[name] for name in ("mode", "iso_value") if name in self.suggested}
         return Scene(
             self.field() if field is None else field,
             self.transfer_function() if transfer_function is None else transfer_function,
-            **arguments,
+            **{"lights": [Light((0.3, 0.5, 1.0))], **suggested, **options},
         )
 
 
@@ -67,8 +86,6 @@ class Dataset(DrawableDataset):
 
     Attributes
     ----------
-    name
-        Short name, usable as a file name.
     values
         Samples, indexed ``[k, j, i]``; read-only.
     spacing
@@ -77,30 +94,20 @@ class Dataset(DrawableDataset):
         World position of sample (0, 0, 0).
     lattice
         ``"cartesian"`` or ``"bcc"``.
-    description
-        What it is and how it was made, in one or two sentences.
-    stand_in_for
-        The data set of a paper that this one replaces, or None.
-    suggested
-        Options of a suitable picture: ``points`` of a transfer function, ``clim``, ``mode``, ``iso_value``.
     """
 
-    name: str
     values: NDArray[Any]
-    spacing: Vector
-    origin: Vector
+    spacing: Vector = (1.0, 1.0, 1.0)
+    origin: Vector = (0.0, 0.0, 0.0)
     lattice: str = "cartesian"
-    description: str = ""
-    stand_in_for: str | None = None
-    suggested: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         values = np.ascontiguousarray(self.values)
         if values is self.values and values.flags.writeable:
             values = values.view()
         values.flags.writeable = False
         object.__setattr__(self, "values", values)
-        object.__setattr__(self, "suggested", MappingProxyType(dict(self.suggested)))
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -117,11 +124,16 @@ class Dataset(DrawableDataset):
     def clim(self) -> tuple[float, float]:
         """The suggested range of values, or the smallest and largest value."""
         if "clim" in self.suggested:
-            lower, upper = self.suggested["clim"]
-            return float(lower), float(upper)
+            return super().clim
         return float(self.values.min()), float(self.values.max())
 
     def field(self, **options: Any) -> RegularField:
         """Return the volume as a field of kernels; `options` are those of :class:`sheetsplat.RegularField`."""
         arguments: dict[str, Any] = {"spacing": self.spacing, "origin": self.origin, "lattice": self.lattice}
         return RegularField(self.values, **{**arguments, **options})
+
+
+def require_samples(name: str, n: int, least: int) -> None:
+    """Raise InvalidInput for fewer than `least` samples along each axis of a data set."""
+    if n < least:
+        raise complain(f"the data set {name} cannot be made", f"n = {n}", f"at least {least} samples along each axis")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sheetsplat.errors import complain
 
 from ._cache import cached
-from ._dataset import Dataset
+from ._dataset import Dataset, Vector, require_samples
 from ._spectral import Flow, Real, wave_numbers
 from .random_stream import Stream
 
@@ -42,14 +42,11 @@ def isotropic(n: int, viscosity: float, seed: int, peak: float = 3.0, dtype: Any
     kx, ky, kz = wave_numbers(n, np.dtype(np.float64))
     stream = Stream(seed)
     spectrum = np.zeros((3, n, n, n // 2 + 1), np.complex128)
-    block = stream.normal(3, 2 * reach + 1, 2 * reach + 1, reach + 1) + 1j * stream.normal(
-        3, 2 * reach + 1, 2 * reach + 1, reach + 1
-    )
-    for z in range(-reach, reach + 1):
-        for y in range(-reach, reach + 1):
-            spectrum[:, z, y, : reach + 1] = block[:, z + reach, y + reach]
+    shape = (3, 2 * reach + 1, 2 * reach + 1, reach + 1)
+    around = np.arange(-reach, reach + 1)
+    spectrum[:, around[:, None], around, : reach + 1] = stream.normal(*shape) + 1j * stream.normal(*shape)
     k = np.sqrt(kx * kx + ky * ky + kz * kz)
-    # Energy in a shell goes with k^2 times the square of the amplitude.
+    # The energy in a shell is proportional to k^2 times the square of the amplitude.
     spectrum *= k * np.exp(-((k / peak) ** 2)) * (k <= reach)
     velocity = np.stack([np.fft.irfftn(c, s=(n, n, n), axes=(0, 1, 2)) for c in spectrum])
     flow = Flow(velocity, viscosity)
@@ -100,8 +97,7 @@ def vortex(n: int = 128, *, resolution: int | None = None, time: float = 7.0, ca
     cache
         Whether the result is kept in the user's cache folder and taken from there.
     """
-    if n < 8:
-        raise complain("the data set vortex cannot be made", f"n = {n}", "at least 8 samples along each axis")
+    require_samples("vortex", n, 8)
     resolution = _resolution(resolution, n)
 
     def compute() -> NDArray[np.float32]:
@@ -109,25 +105,16 @@ def vortex(n: int = 128, *, resolution: int | None = None, time: float = 7.0, ca
         flow.run(time)
         return _magnitude(flow.vorticity(n))
 
-    values = cached(
-        "vortex",
-        _VERSION,
-        {"n": n, "resolution": resolution, "time": time},
-        (n, n, n),
-        np.dtype(np.float32),
-        compute,
-        use=cache,
-    )
-    top = float(np.quantile(values, 0.999))
+    parameters = {"n": n, "resolution": resolution, "time": time}
+    values = cached("vortex", _VERSION, parameters, (n, n, n), np.dtype(np.float32), compute, use=cache)
+    lower, upper = (float(np.quantile(values, part)) for part in (0.77, 0.999))
     return Dataset(
-        name="vortex",
-        values=values,
-        spacing=(1.0, 1.0, 1.0),
-        origin=(0.0, 0.0, 0.0),
+        "vortex",
+        values,
         description=f"Vorticity magnitude of a Taylor-Green vortex at time {time:g}, Reynolds number 250, computed on "
         f"{resolution}^3 points by a pseudo-spectral method.",
         stand_in_for="Vortex, 128^3, of the 2005 paper (a pseudo-spectral simulation of coherent vortices)",
-        suggested=_ramp(float(np.quantile(values, 0.77)), top, (0.15, 0.35, 0.95), (1.0, 0.85, 0.3), 0.35),
+        suggested=_ramp(lower, upper, (0.15, 0.35, 0.95), (1.0, 0.85, 0.3), 0.35),
     )
 
 
@@ -172,25 +159,16 @@ def turbulence(
         wrapped = [np.arange(size) % period for size in shape]
         return np.ascontiguousarray(fine[np.ix_(*wrapped)])
 
-    values = cached(
-        "turbulence",
-        _VERSION,
-        {"shape": tuple(shape), "seed": seed, "resolution": resolution, "time": time},
-        tuple(shape),
-        np.dtype(np.float32),
-        compute,
-        use=cache,
-    )
-    top = float(np.quantile(values, 0.9995))
+    parameters = {"shape": tuple(shape), "seed": seed, "resolution": resolution, "time": time}
+    values = cached("turbulence", _VERSION, parameters, tuple(shape), np.dtype(np.float32), compute, use=cache)
+    lower, upper = (float(np.quantile(values, part)) for part in (0.945, 0.9995))
     return Dataset(
-        name="turbulence",
-        values=values,
-        spacing=(1.0, 1.0, 1.0),
-        origin=(0.0, 0.0, 0.0),
+        "turbulence",
+        values,
         description=f"Vorticity magnitude of decaying isotropic turbulence, computed on {resolution}^3 points by a "
         "pseudo-spectral method.",
         stand_in_for="Turbulence, 104 x 129 x 129, of the 2005 paper",
-        suggested=_ramp(float(np.quantile(values, 0.945)), top, (0.9, 0.3, 0.1), (1.0, 0.95, 0.7), 0.5),
+        suggested=_ramp(lower, upper, (0.9, 0.3, 0.1), (1.0, 0.95, 0.7), 0.5),
     )
 
 
@@ -215,33 +193,19 @@ def jet(
     cache
         Whether the result is kept in the user's cache folder and taken from there.
     """
-    if n < 8:
-        raise complain("the data set jet cannot be made", f"n = {n}", "at least 8 samples along each axis")
+    require_samples("jet", n, 8)
     resolution = _resolution(resolution, n)
 
     def compute() -> NDArray[np.uint8]:
         flow = round_jet(resolution, 1.0 / 700.0, seed)
         flow.run(time)
-        dye = flow.scalar(n)
-        np.clip(dye, 0.0, 1.0, out=dye)
-        dye *= 255.0
-        np.rint(dye, out=dye)
-        return dye.astype(np.uint8)
+        return np.asarray(np.rint(np.clip(flow.scalar(n), 0.0, 1.0) * 255.0), dtype=np.uint8)
 
-    values = cached(
-        "jet",
-        _VERSION,
-        {"n": n, "seed": seed, "resolution": resolution, "time": time},
-        (n, n, n),
-        np.dtype(np.uint8),
-        compute,
-        use=cache,
-    )
+    parameters = {"n": n, "seed": seed, "resolution": resolution, "time": time}
+    values = cached("jet", _VERSION, parameters, (n, n, n), np.dtype(np.uint8), compute, use=cache)
     return Dataset(
-        name="jet",
-        values=values,
-        spacing=(1.0, 1.0, 1.0),
-        origin=(0.0, 0.0, 0.0),
+        "jet",
+        values,
         description=f"Dye in a round jet that breaks up, computed on {resolution}^3 points, pseudo-spectral.",
         stand_in_for="Jet simulation, 256^3, of the 2005 paper",
         suggested=_ramp(100.0, 230.0, (0.2, 0.5, 0.9), (1.0, 0.7, 0.25), 0.3),
@@ -255,12 +219,6 @@ def _resolution(resolution: int | None, n: int, least: int = 8) -> int:
     return chosen
 
 
-def _ramp(
-    lower: float,
-    upper: float,
-    first: tuple[float, float, float],
-    last: tuple[float, float, float],
-    opacity: float,
-) -> dict[str, Any]:
+def _ramp(lower: float, upper: float, first: Vector, last: Vector, opacity: float) -> dict[str, Any]:
     points = [(lower, *first, 0.0), (0.5 * (lower + upper), *first, 0.3 * opacity), (upper, *last, opacity)]
     return {"clim": (lower, upper), "points": points}

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat.errors import complain
 
-from ._dataset import Dataset, Vector
+from ._dataset import Dataset, Vector, require_samples
 from .random_stream import Stream
 
 
@@ -64,8 +64,7 @@ def marschner_lobb(
     dtype
         Type of the samples, float32 unless given.
     """
-    if n < 2:
-        raise complain("the data set marschner_lobb cannot be made", f"n = {n}", "at least 2 samples along each axis")
+    require_samples("marschner_lobb", n, 2)
     spacing = 2.0 / (n - 1)
     if lattice == "cartesian":
         x = np.linspace(-1.0, 1.0, n)
@@ -111,8 +110,7 @@ def noisy_ball(n: int = 128, seed: int = 2005) -> Dataset:
     seed
         Seed of the noise.
     """
-    if n < 1:
-        raise complain("the data set noisy_ball cannot be made", f"n = {n}", "at least 1 sample along each axis")
+    require_samples("noisy_ball", n, 1)
     # A ball of this radius holds 480,000 of 128^3 samples.
     radius = n * float(np.cbrt(480_000 / 128**3 * 3.0 / (4.0 * np.pi)))
     squares = (np.arange(n) - 0.5 * (n - 1)) ** 2
@@ -123,10 +121,8 @@ def noisy_ball(n: int = 128, seed: int = 2005) -> Dataset:
         grey = 190.0 - 90.0 * share + 60.0 * (stream.uniform(n, n) - 0.5)
         values[k] = np.where(share <= 1.0, np.rint(grey), 0.0).astype(np.uint8)
     return Dataset(
-        name="noisy_ball",
-        values=values,
-        spacing=(1.0, 1.0, 1.0),
-        origin=(0.0, 0.0, 0.0),
+        "noisy_ball",
+        values,
         description="A ball of falling density with uniform noise, 8 bits.",
         suggested={
             "clim": (0.0, 220.0),
@@ -147,13 +143,11 @@ def tubes(n: int = 128, seed: int = 2005) -> Dataset:
     seed
         Seed of the branching.
     """
-    if n < 16:
-        raise complain("the data set tubes cannot be made", f"n = {n}", "at least 16 samples along each axis")
+    require_samples("tubes", n, 16)
     nearness = np.full((n, n, n), np.inf, np.float32)
     for start, end, radius in _branches(seed):
         _add_capsule(nearness, start, end, radius)
-    # The samples nearest to a tube, in units of its radius, are its own: so the count is exact whatever the branching
-    # was.
+    # The count of samples in tubes is exact: those nearest to a tube's axis, in units of its radius.
     count = round(17_000 * (n / 128) ** 3)
     edge = float(np.partition(nearness, count, axis=None)[count])
     inside = nearness < edge
@@ -161,10 +155,8 @@ def tubes(n: int = 128, seed: int = 2005) -> Dataset:
     values = np.zeros((n, n, n), np.uint8)
     values[inside] = np.rint(255.0 - 175.0 * share * share)
     return Dataset(
-        name="tubes",
-        values=values,
-        spacing=(1.0, 1.0, 1.0),
-        origin=(0.0, 0.0, 0.0),
+        "tubes",
+        values,
         description="Thin branching tubes with a bulge, 8 bits.",
         stand_in_for="Aneurism, 128^3, of the 2005 paper, where that is not at hand",
         suggested={
@@ -192,10 +184,9 @@ def _branches(seed: int) -> list[Capsule]:
             end = np.clip(point + way * (length / steps), 0.06, 0.94)
             pieces.append((point, end, radius))
             point = end
-        if depth == 3:
-            # The bulge sits where a tube of medium width forks.
-            if not any(r > 0.04 for _, _, r in pieces):
-                pieces.append((point, point, 0.055))
+        # The one bulge is where a tube of medium width forks.
+        if depth == 3 and not any(r > 0.04 for _, _, r in pieces):
+            pieces.append((point, point, 0.055))
         if depth == 0:
             return
         aside = np.cross(way, stream.normal(3))
@@ -219,13 +210,10 @@ def _add_capsule(
     lower = np.maximum(np.floor(np.minimum(start, end) - reach), 0).astype(int)
     upper = np.minimum(np.ceil(np.maximum(start, end) + reach), n - 1).astype(int)
     x, y, z = (np.arange(lower[c], upper[c] + 1, dtype=np.float64) - start[c] for c in range(3))
+    y, z = y[:, None], z[:, None, None]
     axis = end - start
-    along = x[None, None, :] * axis[0] + y[None, :, None] * axis[1] + z[:, None, None] * axis[2]
+    along = x * axis[0] + y * axis[1] + z * axis[2]
     along = np.clip(along / max(float(axis @ axis), 1e-12), 0.0, 1.0)
-    square = (
-        (x[None, None, :] - along * axis[0]) ** 2
-        + (y[None, :, None] - along * axis[1]) ** 2
-        + (z[:, None, None] - along * axis[2]) ** 2
-    )
+    square = (x - along * axis[0]) ** 2 + (y - along * axis[1]) ** 2 + (z - along * axis[2]) ** 2
     box = tuple(slice(lower[c], upper[c] + 1) for c in (2, 1, 0))
     nearness[box] = np.minimum(nearness[box], (np.sqrt(square) / wide).astype(np.float32))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,37 +26,15 @@ class SolidDataset(DrawableDataset):
 
     Attributes
     ----------
-    name
-        Short name, usable as a file name.
     kernels
         Its kernels, of density 1.
-    description
-        What it is and how it was made, in one or two sentences.
-    stand_in_for
-        The data set of a paper that this one replaces, or None.
-    suggested
-        Options of a suitable picture: ``points`` of a transfer function, ``clim``, and ``direction`` and ``up`` of a
-        camera.
     """
 
-    name: str
     kernels: Kernels
-    description: str = ""
-    stand_in_for: str | None = None
-    suggested: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "suggested", MappingProxyType(dict(self.suggested)))
 
     def __repr__(self) -> str:
         """Return a short description."""
         return f"SolidDataset({self.name!r}, {len(self.kernels)} kernels)"
-
-    @property
-    def clim(self) -> tuple[float, float]:
-        """The suggested range of values."""
-        lower, upper = self.suggested.get("clim", (0.0, 1.0))
-        return float(lower), float(upper)
 
     def field(self, **options: Any) -> EllipsoidField:
         """Return the solid as a field of kernels; `options` are those of :class:`sheetsplat.EllipsoidField`."""
@@ -84,12 +61,12 @@ def _made(
     mesh: Mesh,
     kernels: int,
     bend: Callable[[Floats], Floats] | None,
-    color: tuple[float, float, float],
+    color: Vector,
     description: str,
     stand_in_for: str,
     direction: Vector,
 ) -> SolidDataset:
-    """Fill a mesh, and bend it: `bend` takes places in the unit cube around it, (N, 3), and returns where they go."""
+    """Fill a mesh and deform it: `bend` maps places in the unit cube around it, (N, 3)."""
     from sheetsplat import fit
 
     filled = fit.solid(*mesh, kernels=kernels)
@@ -102,8 +79,8 @@ def _made(
         filled = fit.free_form_deformation(filled, control, box=(lower, upper))
     low, mid, high = (tuple(shade * part for part in color) for shade in (0.5, 0.8, 1.0))
     return SolidDataset(
-        name=name,
-        kernels=filled,
+        name,
+        filled,
         description=description,
         stand_in_for=stand_in_for,
         suggested={
@@ -143,14 +120,8 @@ def _curve(angle: float, hump: float) -> Callable[[Floats], Floats]:
     def bend(at: Floats) -> Floats:
         along = angle * at[:, 0]
         radius = 1.0 / angle
-        return np.stack(
-            [
-                (radius - at[:, 2]) * np.sin(along),
-                at[:, 1] + hump * np.cos(np.pi * at[:, 0]),
-                radius - (radius - at[:, 2]) * np.cos(along),
-            ],
-            axis=1,
-        )
+        x, y = (radius - at[:, 2]) * np.sin(along), at[:, 1] + hump * np.cos(np.pi * at[:, 0])
+        return np.stack([x, y, radius - (radius - at[:, 2]) * np.cos(along)], axis=1)
 
     return bend
 

@@ -13,7 +13,10 @@ from ._dataset import Floats, Mesh, Vector
 _CORNERS = 24
 
 
-def _prism(outline: Floats, along: Vector, origin: Vector, u: Vector, v: Vector, taper: float = 1.0) -> Mesh:
+_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+def _prism(outline: Floats, along: Vector, origin: Vector, u: Vector = _X, v: Vector = _Y, taper: float = 1.0) -> Mesh:
     """Return a prism or cone: an outline (n, 2) in the axes u, v, counter-clockwise about `along` = u x v's direction.
 
     The far end is `taper` times as large, about the origin of the outline.
@@ -22,24 +25,22 @@ def _prism(outline: Floats, along: Vector, origin: Vector, u: Vector, v: Vector,
     base = np.asarray(origin) + flat
     top = np.asarray(origin) + np.asarray(along) + taper * flat
     n = len(outline)
-    middle = np.stack([base.mean(axis=0), top.mean(axis=0)])
     here = np.arange(n)
-    following = (here + 1) % n
-    triangles = np.concatenate(
-        [
-            np.stack([here, following, n + following], axis=1),
-            np.stack([here, n + following, n + here], axis=1),
-            np.stack([np.full(n, 2 * n), following, here], axis=1),
-            np.stack([np.full(n, 2 * n + 1), n + here, n + following], axis=1),
-        ]
-    )
-    return np.concatenate([base, top, middle]), triangles
+    following = np.roll(here, -1)
+    triangles = [
+        (here, following, n + following),
+        (here, n + following, n + here),
+        (np.full(n, 2 * n), following, here),
+        (np.full(n, 2 * n + 1), n + here, n + following),
+    ]
+    middle = [base.mean(axis=0), top.mean(axis=0)]
+    return np.concatenate([base, top, middle]), np.concatenate([np.stack(one, axis=1) for one in triangles])
 
 
 def _box(lower: Vector, upper: Vector) -> Mesh:
     (x0, y0, z0), (x1, y1, z1) = lower, upper
     outline = np.array([(0.0, 0.0), (x1 - x0, 0.0), (x1 - x0, y1 - y0), (0.0, y1 - y0)])
-    return _prism(outline, (0.0, 0.0, z1 - z0), lower, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    return _prism(outline, (0.0, 0.0, z1 - z0), lower)
 
 
 def _circle(radius: float, share: float = 1.0) -> Floats:
@@ -49,21 +50,20 @@ def _circle(radius: float, share: float = 1.0) -> Floats:
 
 def _rod(start: Vector, length: float, radius: float) -> Mesh:
     """Return a cylinder along x."""
-    return _prism(_circle(radius), (length, 0.0, 0.0), start, (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return _prism(_circle(radius), (length, 0.0, 0.0), start, _Y, _Z)
 
 
 def _tower(foot: Vector, height: float, radius: float, taper: float = 1.0) -> Mesh:
     """Return a cylinder or cone along y."""
-    return _prism(_circle(radius), (0.0, height, 0.0), foot, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), taper)
+    return _prism(_circle(radius), (0.0, height, 0.0), foot, _Z, _X, taper)
 
 
 def _wheel(middle: Vector, radius: float, width: float) -> list[Mesh]:
     """Return a wheel that turns about z, with a hub."""
     x, y, z = middle
-    axes: tuple[Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     return [
-        _prism(_circle(radius), (0.0, 0.0, width), (x, y, z - 0.5 * width), *axes),
-        _prism(_circle(0.3 * radius), (0.0, 0.0, 1.6 * width), (x, y, z - 0.8 * width), *axes),
+        _prism(_circle(radius), (0.0, 0.0, width), (x, y, z - 0.5 * width)),
+        _prism(_circle(0.3 * radius), (0.0, 0.0, 1.6 * width), (x, y, z - 0.8 * width)),
     ]
 
 
@@ -72,7 +72,7 @@ def _wheels(places: list[float], radius: float) -> list[Mesh]:
     for x in places:
         for z in (-0.75, 0.75):
             parts += _wheel((x, radius, z), radius, 0.16)
-        parts.append(_prism(_circle(0.09), (0.0, 0.0, 1.5), (x, radius, -0.75), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+        parts.append(_prism(_circle(0.09), (0.0, 0.0, 1.5), (x, radius, -0.75)))
     return parts
 
 
@@ -81,7 +81,7 @@ def _roof(x: float, length: float, y: float, half: float, height: float) -> Mesh
     arc = _circle(1.0, 0.5) * np.array([half, height])
     # Counter-clockwise about x in the axes y, z: from -z over the top to z.
     outline = np.stack([arc[:, 1], -arc[:, 0]], axis=1)
-    return _prism(outline, (length, 0.0, 0.0), (x, y, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return _prism(outline, (length, 0.0, 0.0), (x, y, 0.0), _Y, _Z)
 
 
 def _locomotive(x: float) -> list[Mesh]:
@@ -106,13 +106,7 @@ def _locomotive(x: float) -> list[Mesh]:
         _box((x + 6.2, 1.0, 0.8), (x + 6.4, 3.3, 0.95)),
         _roof(x + 4.5, 2.3, 3.2, 1.1, 0.42),
         # Cowcatcher and buffers.
-        _prism(
-            np.array([(0.0, 0.0), (0.9, 0.0), (0.9, 0.75)]),
-            (0.0, 0.0, 1.4),
-            (x - 0.45, 0.12, -0.7),
-            (1.0, 0.0, 0.0),
-            (0.0, 1.0, 0.0),
-        ),
+        _prism(np.array([(0.0, 0.0), (0.9, 0.0), (0.9, 0.75)]), (0.0, 0.0, 1.4), (x - 0.45, 0.12, -0.7)),
         _rod((x + 0.0, 0.95, -0.5), 0.4, 0.13),
         _rod((x + 0.0, 0.95, 0.5), 0.4, 0.13),
     ]
@@ -182,9 +176,6 @@ def train_mesh() -> Mesh:
         _box((15.3, 0.8, -0.12), (16.2, 0.95, 0.12)),
         *_wagon(16.0),
     ]
-    vertices, triangles, count = [], [], 0
-    for corners, faces in parts:
-        vertices.append(corners)
-        triangles.append(faces + count)
-        count += len(corners)
-    return np.concatenate(vertices), np.concatenate(triangles)
+    starts = np.cumsum([0, *(len(corners) for corners, _ in parts)])
+    faces = [triangles + start for (_, triangles), start in zip(parts, starts, strict=False)]
+    return np.concatenate([corners for corners, _ in parts]), np.concatenate(faces)

@@ -138,7 +138,7 @@ def test_lattices_have_the_cubic_lattices_spheres_mapped(axes: Array) -> None:
     error = np.abs(shapes @ shapes.transpose(0, 2, 1) - expected) / np.outer(scale, scale)
     assert error.max() < 1e-9
     assert kernels.report["raised"] == kernels.report["thin"] == kernels.report["trimmed"] == 0
-    # The bounds that the docstring states.
+    # The bounds in python/docs/data.md.
     rng = np.random.default_rng(1)
     weight, off = linear_error(kernels, *places_in(grid_cells((9, 9, 9)), points, rng, 4000))
     assert 1.4 < weight.min() and weight.max() < 2.05
@@ -359,10 +359,10 @@ _PLANE = CLOUD[:, :2] @ np.array([[0.3, 0.5, 0.1], [-0.7, 0.2, 0.9]])
         (lambda: fit.delaunay(_PLANE, CLOUD[:, 0]), "in one plane"),
         (lambda: fit.delaunay(_PLANE.astype(np.float32) + np.float32(3), CLOUD[:, 0]), "in one plane"),
         (lambda: fit.delaunay(CLOUD[:, :1] * [1, 2, 3], CLOUD[:, 0]), "on one line"),
-        (lambda: fit.delaunay(np.ones((30, 3)), CLOUD[:, 0]), "1 different places"),
-        (lambda: fit.delaunay(CLOUD[:4], np.ones(4)), "4 different places of 4 points.*at least 5"),
-        (lambda: fit.delaunay(np.empty((0, 3)), []), "0 different places"),
-        (lambda: fit.delaunay(np.repeat(CLOUD[:4], 5, axis=0), np.ones(20)), "4 different places of 20"),
+        (lambda: fit.delaunay(np.ones((30, 3)), CLOUD[:, 0]), "1 different positions"),
+        (lambda: fit.delaunay(CLOUD[:4], np.ones(4)), "4 different positions of 4 points.*at least 5"),
+        (lambda: fit.delaunay(np.empty((0, 3)), []), "0 different positions"),
+        (lambda: fit.delaunay(np.repeat(CLOUD[:4], 5, axis=0), np.ones(20)), "4 different positions of 20"),
         (lambda: fit.delaunay(_with(17, np.nan), np.ones(30)), "entry 17"),
         (lambda: fit.delaunay(_with(3, np.inf), np.ones(30)), "entry 3"),
         (lambda: fit.delaunay(_with(3, 1e200), np.ones(30)), "entry 3"),
@@ -402,10 +402,10 @@ _PLANE = CLOUD[:, :2] @ np.array([[0.3, 0.5, 0.1], [-0.7, 0.2, 0.9]])
                 np.ones(31),
                 cells=[[[0, 30, 0, 30]], [[1, 2, 3, 4], [5, 6, 7, 8]]],
             ),
-            "all of whose neighbours are at their own place",
+            "at the position of all their neighbours",
         ),
-        (lambda: fit.nearest(CLOUD[:12], np.ones(12)), "12 different places.*more than neighbors = 12"),
-        (lambda: fit.nearest(CLOUD[:1], [1], neighbors=1), "1 different places"),
+        (lambda: fit.nearest(CLOUD[:12], np.ones(12)), "12 different positions.*more than neighbors = 12"),
+        (lambda: fit.nearest(CLOUD[:1], [1], neighbors=1), "1 different positions"),
         (lambda: fit.nearest(CLOUD, np.ones(30), neighbors=0), "neighbors"),
         (lambda: fit.nearest(CLOUD, np.ones(30), neighbors=2.5), "neighbors"),
         (lambda: fit.nearest(_with(2, np.nan), np.ones(30)), "entry 2"),

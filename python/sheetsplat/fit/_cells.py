@@ -13,7 +13,7 @@ from sheetsplat.errors import complain, unusable
 
 from ._kernels import Floats, Numbers
 
-# Corners that an edge joins to each corner, in the order of VTK and of meshio.
+# The corners that share an edge with each corner, by the number of corners, in the order of VTK and of meshio.
 _TETRA = ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2))
 _PYRAMID = ((1, 3, 4), (0, 2, 4), (1, 3, 4), (0, 2, 4), (0, 1, 2, 3))
 _WEDGE = ((1, 2, 3), (0, 2, 4), (0, 1, 5), (0, 4, 5), (1, 3, 5), (2, 3, 4))
@@ -44,14 +44,14 @@ def _block(given: Any, columns: int | None) -> Numbers:
 
 
 def _from_stream(connectivity: Any, ends: Any) -> list[Numbers]:
-    """Return blocks of cells that follow each other, of whose points `ends` tells where each cell ends."""
+    """Return blocks of cells from their points, one cell after another, and the end of each cell."""
     points, stops = np.asarray(connectivity), np.asarray(ends)
     if points.dtype.kind not in "iu" or stops.dtype.kind not in "iu" or points.ndim != 1 or stops.ndim != 1:
         raise complain(_FAILED, f"connectivity of {points.dtype}, ends of {stops.dtype}", "whole numbers in one row")
     stops = stops.astype(np.int64)
     sizes = np.diff(stops, prepend=0)
     if (sizes < 0).any() or (len(stops) and stops[-1] != len(points)):
-        raise complain(_FAILED, f"{len(points)} numbers, of which cells end elsewhere", "ends up to their number")
+        raise complain(_FAILED, f"{len(points)} numbers that do not end with the last cell", "ends up to their number")
     blocks = []
     for size in np.unique(sizes):
         if int(size) not in CORNERS:
@@ -64,8 +64,8 @@ def _from_stream(connectivity: Any, ends: Any) -> list[Numbers]:
 def cell_blocks(cells: object, count: int) -> list[Numbers]:
     """Return cells of `count` points as arrays (M, corners), or InvalidInput.
 
-    Taken are an array, a sequence of arrays, a mapping from names of meshio, blocks with `type` and `data`, and what
-    has `connectivity` and `ends`.
+    `cells` may be an array, a sequence of arrays, a mapping from names of meshio, blocks with `type` and `data`, or an
+    object with `connectivity` and `ends`.
     """
     if hasattr(cells, "connectivity") and hasattr(cells, "ends"):
         blocks = _from_stream(cells.connectivity, cells.ends)
@@ -81,7 +81,7 @@ def cell_blocks(cells: object, count: int) -> list[Numbers]:
         blocks = []
         for one in cells:
             if hasattr(one, "type") and hasattr(one, "data") and not isinstance(one, np.ndarray):
-                # Meshes of files carry their surface, their edges and single points along.
+                # Surfaces, edges and points of meshes in files are ignored.
                 if one.type in _NAMES:
                     blocks.append(_block(one.data, _NAMES[one.type]))
             else:
@@ -120,11 +120,13 @@ class Neighbourhoods:
     ----------
     starts
         Where the edges of each point begin, (count + 1,).
-    other
-        The points at their other ends.
+    degrees
+        Number of edges of each point, (count,).
+    at, other
+        First and second point of each edge.
     share
-        What an edge counts in the second moments of its first point. Each cell at a point counts the same and its edges
-        there count 3 together, so that a point on a face of a grid has the moments of one inside.
+        Weight of an edge in the second moments of its first point. Each cell at a point has the same weight and its
+        edges there weights of 3 together, so that a point on a face of a grid has the moments of one inside.
     """
 
     def __init__(self, blocks: list[Numbers], count: int) -> None:
@@ -137,7 +139,7 @@ class Neighbourhoods:
                 for other in others:
                     first.append(block[:, corner] * count + block[:, other])
                     weight.append(np.full(len(block), 3.0 / len(others)))
-        # Sorting; NumPy's own unique goes by hashes, which takes ten times as long for so many.
+        # For arrays of this size sorting is ten times as fast as the hashes of numpy.unique.
         keys = np.concatenate(first)
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
@@ -145,18 +147,14 @@ class Neighbourhoods:
         share = np.add.reduceat(np.concatenate(weight)[order], np.flatnonzero(new))
         keys = keys[new]
         at, self.other = np.divmod(keys, count)
-        # An edge of a collapsed cell may join a point to itself.
+        # In degenerate cells an edge may join a point to itself.
         real = at != self.other
         at, self.other, share = at[real], self.other[real], share[real]
         self.starts = np.searchsorted(at, np.arange(count + 1))
         self.share = share / cells[at]
         self.at = at
         self.count = count
-
-    @property
-    def degrees(self) -> Numbers:
-        """Number of edges of each point."""
-        return np.diff(self.starts)
+        self.degrees = np.diff(self.starts)
 
     def edges(self) -> Numbers:
         """Return each edge once, (E, 2)."""
@@ -164,18 +162,7 @@ class Neighbourhoods:
         return np.stack([self.at[once], self.other[once]], axis=1)
 
     def ring(self, block: Numbers) -> tuple[Numbers, Numbers]:
-        """Return the points of items and their neighbours.
-
-        Parameters
-        ----------
-        block
-            Points of each item, (M, corners).
-
-        Returns
-        -------
-        item, point
-            Pairs; no pair twice.
-        """
+        """Return the different pairs of an item in (M, corners) and one of its points or their neighbours."""
         items = np.repeat(np.arange(len(block)), block.shape[1])
         points = block.reshape(-1)
         lengths = self.degrees[points]

@@ -1,4 +1,4 @@
-"""Kernels that are enlarged until they cover the middles of cells and edges."""
+"""Enlargement of kernels until the weight sums at the centres of cells and edges are large enough."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ _ROUNDS = 60
 
 
 class Cover:
-    """Kernels whose scales grow until the weight sum in the middles of cells and edges is large enough.
+    """Kernels that are enlarged until the weight sums at the centres of cells and edges are large enough.
 
     Attributes
     ----------
     scales
         Semi-axes, (N, 3).
     raised
-        Which kernels have grown, (N,).
+        Which kernels were enlarged, (N,).
     thinnest
-        Lower bound of the least weight sum in a middle.
+        Lower bound of the least weight sum at a centre.
     thin
-        Number of middles whose weight sum stayed too small.
+        Number of centres whose weight sum stayed too small.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Cover:
         self.thin = 0
 
     def _weights(self, at: Floats, points: Numbers) -> Floats:
-        """Return g of kernels at positions, one of each a row."""
+        """Return the profile g of kernels at positions, (M,)."""
         unit = np.einsum("nji,nj->ni", self._axes[points], at - self._points[points]) / self.scales[points]
         return profile(np.einsum("ni,ni->n", unit, unit), self._falloff)
 
@@ -62,9 +62,9 @@ class Cover:
         return total
 
     def cover(self, block: Numbers, lowest: float) -> None:
-        """Raise the scales until the weight sum in the middle of every item is at least `lowest`.
+        """Enlarge kernels until the weight sum at the centre of every item, (M, corners), is at least `lowest`.
 
-        The sum is that over the item's own points and their neighbours: a lower bound of what it is.
+        Only the item's own points and their neighbours are summed, so that the sum is a lower bound.
         """
         at = self._points[block].mean(axis=1)
         own = self._own(block, at)
@@ -85,7 +85,7 @@ class Cover:
                 self.thinnest = min(self.thinnest, float(total[~short].min()))
             if not short.any():
                 return
-            # Where no kernel reaches, the factor is unknown: small steps, so that kernels do not grow too large.
+            # Small steps, because the factor is not known where no kernel reaches.
             factor = np.clip((lowest / np.maximum(total[short], 1e-9)) ** (1.0 / 3.0), 1.02, 1.15)
             growth = np.ones(len(self._points))
             for corner in range(block.shape[1]):

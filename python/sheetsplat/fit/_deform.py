@@ -1,4 +1,4 @@
-"""Free-form deformation (Sederberg & Parry 1986): a lattice of control points moves and reshapes kernels."""
+"""Free-form deformation (Sederberg & Parry 1986) of kernels by a lattice of control points."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _box(box: object, what: str) -> tuple[Floats, Floats]:
 
 
 def control_lattice(box: object, shape: Sequence[int], *, degree: int | None = None) -> Floats:
-    """Return the control points, (l, m, n, 3), that leave a box as it is.
+    """Return the control points of the identity, (l, m, n, 3).
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def control_lattice(box: object, shape: Sequence[int], *, degree: int | None = N
     shape
         Numbers of control points along x, y, z, each from 2 to 64.
     degree
-        As for :func:`free_form_deformation`: where control points of B-splines sit depends on it.
+        As for :func:`free_form_deformation`; positions of control points depend on it.
     """
     what = "fit.control_lattice"
     lower, upper = _box(box, what)
@@ -69,7 +69,7 @@ def control_lattice(box: object, shape: Sequence[int], *, degree: int | None = N
     lines = []
     for count, one, low, high in zip(counts, _degrees(counts, degree), lower, upper, strict=True):
         knots = _knots(count, one)
-        # Means of the inner knots: with the control points there a B-spline is the straight line.
+        # With control points at these means of knots a B-spline is the identity.
         greville = np.array([knots[i + 1 : i + one + 1].mean() for i in range(count)])
         lines.append(low + (high - low) * greville)
     return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
@@ -80,22 +80,21 @@ def free_form_deformation(
 ) -> Kernels:
     """Return kernels that a lattice of control points has moved, turned and stretched.
 
-    A kernel's centre goes where the map says, and its shape matrix is multiplied by the map's derivative there and
-    factored by singular values: spheres become ellipsoids. The map is the tensor product of Bernstein polynomials
-    (Sederberg & Parry 1986) or of B-splines with clamped, evenly spaced knots. Values and weights stay as they are.
+    The map is the tensor product of Bernstein polynomials (Sederberg & Parry 1986) or of B-splines with clamped, evenly
+    spaced knots. It is applied to centres; shape matrices are multiplied by its derivative at the centre and factored
+    by singular values. Values and weights stay the same.
 
     Parameters
     ----------
     kernels
         What a fit has returned.
     control_points
-        World positions, (l, m, n, 3), from 2 to 64 along x, y, z; :func:`control_lattice` returns those that change
-        nothing.
+        World positions, (l, m, n, 3), from 2 to 64 along x, y, z. :func:`control_lattice` returns the identity's.
     box
-        Lower and upper corner of the box that the lattice spans before; that of the centres unless given.
+        Lower and upper corner of the undeformed lattice; of the box of all centres unless given.
     degree
-        Degree of B-splines, at most the number of control points less 1 along each axis; None: Bernstein polynomials,
-        whose degree is that number.
+        Degree of B-splines, reduced along each axis to the number of control points less 1; None: Bernstein
+        polynomials, which have that degree.
 
     Returns
     -------
@@ -105,7 +104,7 @@ def free_form_deformation(
     Raises
     ------
     InvalidInput
-        For centres outside the box, and where the map folds space over (the place is named); for arrays of wrong shape
+        For centres outside the box, maps that fold space over (the first such centre is named), arrays of wrong shape,
         and numbers that are not finite.
     """
     from scipy.interpolate import BSpline  # type: ignore[import-untyped]
@@ -126,7 +125,7 @@ def free_form_deformation(
         raise complain(unusable(f"{_WHAT}: kernels"), "no kernel", "at least one")
     if box is None:
         lower, upper = kernels.centers.min(axis=0), kernels.centers.max(axis=0)
-        # Kernels in a plane span no box of their own.
+        # The box of kernels in a plane has no volume.
         room = np.where(upper > lower, 0.0, max(float((upper - lower).max()), 1.0) * 0.5)
         lower, upper = lower - room, upper + room
     else:
@@ -141,19 +140,21 @@ def free_form_deformation(
             "leave out " + option_ref("box") + " for theirs",
         )
     unit = np.clip(unit, 0.0, 1.0)
-    splines = []
-    for count, one in zip(control.shape[:3], _degrees(control.shape[:3], degree), strict=True):
-        curve: Any = BSpline(_knots(count, one), np.eye(count), one)
-        splines.append((curve, curve.derivative()))
+    shape = control.shape[:3]
+    splines: list[Any] = [
+        BSpline(_knots(count, one), np.eye(count), one)
+        for count, one in zip(shape, _degrees(shape, degree), strict=True)
+    ]
+    derivatives = [spline.derivative() for spline in splines]
     centers = np.empty_like(kernels.centers)
     jacobian = np.empty((len(kernels), 3, 3))
     for start in range(0, len(kernels), _CHUNK):
         some = slice(start, start + _CHUNK)
-        value, slope = ([np.asarray(splines[axis][which](unit[some, axis])) for axis in range(3)] for which in (0, 1))
-        centers[some] = _mapped(value[0], value[1], value[2], control)
-        jacobian[some, :, 0] = _mapped(slope[0], value[1], value[2], control)
-        jacobian[some, :, 1] = _mapped(value[0], slope[1], value[2], control)
-        jacobian[some, :, 2] = _mapped(value[0], value[1], slope[2], control)
+        weights = [spline(unit[some, axis]) for axis, spline in enumerate(splines)]
+        centers[some] = _mapped(weights, control)
+        for axis, slopes in enumerate(derivatives):
+            slope = slopes(unit[some, axis])
+            jacobian[some, :, axis] = _mapped([*weights[:axis], slope, *weights[axis + 1 :]], control)
     jacobian /= upper - lower
     size = np.linalg.det(jacobian)
     folded = ~(size > 0.0)
@@ -169,8 +170,9 @@ def free_form_deformation(
     return replace(kernels, centers=centers, scales=scales, rotations=quaternions(axes))
 
 
-def _mapped(x: NDArray[Any], y: NDArray[Any], z: NDArray[Any], control: Floats) -> Floats:
-    """Return sums over the control points, weighted along each axis, (N, 3)."""
+def _mapped(weights: list[NDArray[Any]], control: Floats) -> Floats:
+    """Return sums over the control points with weights along each axis, (N, 3)."""
+    x, y, z = weights
     planes = np.tensordot(x, control, axes=(1, 0))
     lines = np.einsum("nj,njkc->nkc", y, planes)
     return np.asarray(np.einsum("nk,nkc->nc", z, lines))

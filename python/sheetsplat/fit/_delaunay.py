@@ -1,4 +1,4 @@
-"""Ellipsoids of meshes and of bare points, by neighbourhoods."""
+"""Ellipsoids for points with or without a mesh, by their neighbourhoods."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from sheetsplat.errors import complain, option_ref, unusable
 from ._cells import Neighbourhoods, cell_blocks, grid_cells
 from ._cover import Cover
 from ._kernels import Floats, Kernels, Numbers, quaternions
-from ._points import Merged, merge, numbers, places, positive, require_volume, scalars, shown_place
+from ._points import Merged, merge, numbers, places, positive, require_volume, scalars, scaled, shown_place
 
 _log = logging.getLogger("sheetsplat")
 _WHAT = "fit.delaunay"
 
-# Delaunay neighbours of random points lie farther off than the mean distance of points, which is what the edges of a
-# grid are: by this factor the mean weight sums of both come out about the same.
+# Delaunay neighbours of random points are farther than the mean distance of points, unlike neighbours in a grid. With
+# this factor the mean weight sums of both agree.
 _RANDOM = 0.745
 # How many times the circumradius that is usual at its corners a tetrahedron on the hull may have.
 _TRIM = 3.5
@@ -33,7 +33,7 @@ _CHUNK = 1 << 18
 
 
 def _tetrahedra(points: Floats) -> tuple[Numbers, Numbers, Numbers]:
-    """Return the Delaunay tetrahedra, those beside them, and for points that Qhull left out the ones in their place."""
+    """Return the tetrahedra, their neighbours, and pairs of a point that Qhull left out and the nearest vertex."""
     from scipy.spatial import Delaunay, QhullError  # type: ignore[import-untyped]
 
     try:
@@ -46,11 +46,10 @@ def _tetrahedra(points: Floats) -> tuple[Numbers, Numbers, Numbers]:
             "points that fill a volume",
             "pass the mesh's own cells or shape, or use the nearest neighbours, " + option_ref("fit", "nearest"),
         ) from None
-    return (
-        found.simplices.astype(np.int64),
-        found.neighbors.astype(np.int64),
-        found.coplanar[:, [0, 2]].astype(np.int64),
+    simplices, neighbors, coplanar = (
+        array.astype(np.int64) for array in (found.simplices, found.neighbors, found.coplanar[:, [0, 2]])
     )
+    return simplices, neighbors, coplanar
 
 
 def _circumradii(points: Floats, cells: Numbers) -> Floats:
@@ -67,10 +66,10 @@ def _circumradii(points: Floats, cells: Numbers) -> Floats:
 
 
 def _trimmed(points: Floats, cells: Numbers, beside: Numbers) -> NDArray[np.bool_]:
-    """Return which tetrahedra are kept: those on the hull whose spheres are far larger than is usual there go.
+    """Return which tetrahedra are kept: those on the hull with spheres far larger than is usual there are removed.
 
-    Only what can be reached from outside the hull through others that go is taken away. `beside` holds the tetrahedra
-    beside each, -1 outside.
+    A tetrahedron is removed only if it is connected to the outside through removed ones. `beside` holds the neighbours
+    of each, (T, 4), -1 outside.
     """
     from scipy.sparse import coo_array  # type: ignore[import-untyped]
     from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped]
@@ -81,11 +80,11 @@ def _trimmed(points: Floats, cells: Numbers, beside: Numbers) -> NDArray[np.bool
     order = np.lexsort((radius, corner))
     starts = np.searchsorted(corner[order], np.arange(count + 1))
     there = starts[1:] > starts[:-1]
-    # Most tetrahedra at a point of the hull may be slivers or span a gap, but few of the smallest eighth are.
+    # The smallest eighth: most tetrahedra at a point of the hull may be slivers or span a gap.
     usual = np.full(count, np.inf)
     usual[there] = radius[order[(starts[:-1] + (starts[1:] - starts[:-1]) // 8)[there]]]
     large = radius[::4] > _TRIM * usual[cells].min(axis=1)
-    # A point keeps the smallest of its tetrahedra whatever its size.
+    # Each point keeps its smallest tetrahedron.
     large[order[starts[:-1][there]] // 4] = False
     outside = len(cells)
     one = np.repeat(np.arange(len(cells)), 4)
@@ -99,7 +98,8 @@ def _trimmed(points: Floats, cells: Numbers, beside: Numbers) -> NDArray[np.bool
 def _moments(points: Floats, around: Neighbourhoods) -> tuple[Floats, Floats]:
     """Return principal axes, (N, 3, 3) in columns, and the neighbours' root mean square distances along them, (N, 3).
 
-    The singular values of the stacked differences, never their products: a flat neighbourhood keeps its thickness.
+    These are singular values of the differences; eigenvalues of their products would lose the thickness of flat
+    neighbourhoods to rounding.
     """
     count = around.count
     degrees = around.degrees
@@ -128,11 +128,10 @@ def _grid(points: ArrayLike, values: ArrayLike, shape: object) -> tuple[Any, Any
     data = numbers(_WHAT, values, "values")
     if shape is None:
         return array, data, None
-    if isinstance(shape, str | bytes) or not isinstance(shape, Sequence | np.ndarray) or len(shape) != 3:
+    parts = list(shape) if isinstance(shape, Sequence | np.ndarray) else []
+    if len(parts) != 3 or not all(isinstance(part, int | np.integer) and not isinstance(part, bool) for part in parts):
         raise complain(unusable(f"{_WHAT}: shape"), shown(shape), "three whole numbers, (nk, nj, ni)")
-    if not all(isinstance(part, int | np.integer) and not isinstance(part, bool) for part in shape):
-        raise complain(unusable(f"{_WHAT}: shape"), shown(shape), "three whole numbers, (nk, nj, ni)")
-    nk, nj, ni = (int(part) for part in shape)
+    nk, nj, ni = map(int, parts)
     if min(nk, nj, ni) < 2:
         raise complain(
             unusable(f"{_WHAT}: shape"),
@@ -174,44 +173,22 @@ def delaunay(
     falloff: float = 8.0,
     trim: bool = True,
 ) -> Kernels:
-    """Return an ellipsoid for each point, shaped by its neighbours so that all of them cover without gaps.
+    """Return an ellipsoid for each point, shaped by its neighbours so that the ellipsoids cover without gaps.
 
-    Neighbours are the points at the other ends of a point's edges: of the mesh, where `cells` or `shape` tell of one,
-    else of the Delaunay tetrahedra (Neophytou & Mueller 2006, section 5). The semi-axes lie along the principal axes of
-    the neighbours' second moments about the point, each cell there counting the same and its edges 3 together; they are
-    `overlap` times the roots of the moments (0.745 of that for bare points, whose neighbours lie farther off than the
-    mean distance). On a lattice of any three edge vectors that is the unit lattice's sphere of radius `overlap`,
-    mapped as the lattice is. Then kernels at cells and edges whose middle has a weight sum below `lowest` are enlarged,
-    no axis beyond `overlap` times the distance of the point's farthest neighbour.
-
-    Measured with the defaults, at 20,000 points spread evenly over the cells (for bare points: over the tetrahedra that
-    are kept). The error is that of the worst of three linear fields, over its gradient times the diameter of the cell
-    in which the point lies; the largest ones are those at the hull, where there are neighbours to one side only.
-
-    ======================================  =============  ==================  ======
-    points                                  W              error rms, largest  raised
-    ======================================  =============  ==================  ======
-    any lattice by shape, also 1:1000       1.6 .. 2.05    0.018, 0.083        0
-    the same, a cell away from the hull     1.87 .. 2.05   0.013, 0.013        0
-    curved wall, 1:1000, cells grow by 1/4  1.5 .. 12      0.035, 0.23         0
-    Combustor, by shape                     1.4 .. 2.9     0.018, 0.12         0.1 %
-    Blunt Fin, by shape (aspects to 2500)   1.4 .. 3.3     0.11, 0.32          0
-    fire mesh, 10,462 hexahedra             1.2 .. 5.9     0.043, 0.17         0
-    10,000 random points in a cube, bare    1.07 .. 5.8    0.09, 0.51          62 %
-    Combustor, bare                         1.09 .. 2.5    0.048, 0.26         20 %
-    ======================================  =============  ==================  ======
-
-    Where cells grow from one to the next by a factor s the average lies (s - 1)/2 of a cell towards the larger ones, as
-    on the Blunt Fin. On a curved wall kernels are as thick as neighbours along the wall lie off its tangent plane:
-    values are averaged over the layers in between. The Combustor's 47,025 points take 0.4 s by shape and 6 s bare, on
-    one core of a server.
+    Neighbours share an edge: of the mesh that `cells` or `shape` gives, else of the Delaunay tetrahedra (Neophytou &
+    Mueller 2006, section 5). The semi-axes lie along the principal axes of the neighbours' second moments about the
+    point, to which each cell at the point contributes equally; their lengths are `overlap` times the square roots of
+    the moments (times 0.745 for points without a mesh, whose neighbours are farther than the mean distance). On a
+    regular lattice this is the unit lattice's sphere of radius `overlap`, mapped as the lattice is. Then kernels are
+    enlarged at every cell and edge at whose centre the weight sum W is below `lowest`, no axis beyond `overlap` times
+    the distance of the point's farthest neighbour.
 
     Parameters
     ----------
     points
-        World positions, (N, 3); or (nk, nj, ni, 3), a structured grid. At least 5 that are not at one place.
+        World positions, (N, 3), or (nk, nj, ni, 3) of a structured grid; at least 5 different ones.
     values
-        One a point.
+        One for each point.
     cells
         An unstructured mesh: arrays of point numbers, (M, 4) tetrahedra, (M, 5) pyramids, (M, 6) wedges, (M, 8)
         hexahedra in the order of VTK; one array, a sequence of them, a mapping from meshio's names, or meshio's blocks.
@@ -219,30 +196,29 @@ def delaunay(
     shape
         A structured grid, curvilinear or not: (nk, nj, ni), i fastest.
     mask
-        One entry a point; points where it is 0 or False are left out together with their cells, and may hold anything.
+        One entry for each point; points where it is 0 or False are left out, with their cells, and may have any values.
     overlap
-        Semi-axes in distances of points. More is smoother, and costs its cube in overlapping kernels.
+        Semi-axes in distances of points. A larger one smooths more, and the number of overlapping kernels is
+        proportional to its cube.
     lowest
-        The least weight sum in the middles of cells and edges; above w0 = 1 the field is D/W there.
+        Least weight sum at the centres of cells and edges; above w0 = 1 the field is D/W there.
     falloff
         k of the kernel's profile.
     trim
-        For bare points: whether to leave out tetrahedra on the hull whose circumscribed sphere is more than 3.5 times
-        as large as usual at their corners: slivers between points of one face, and gaps that the hull spans but the
-        data do not fill.
+        For points without a mesh: leave out tetrahedra on the hull whose circumscribed sphere is more than 3.5 times as
+        large as is usual at their corners: slivers on flat faces, and gaps that the data do not fill.
 
     Returns
     -------
     Kernels
-        In the order of the points; `report` has `points` (given), `merged` (at the place of another; values are
-        averaged), `left_out` (masked or of no cell), `cells`, `trimmed` (tetrahedra), `raised` (kernels), `lowest` (a
-        lower bound of the least weight sum in the middles of cells and edges) and `thin` (middles that stayed below
-        `lowest`).
+        In the order of the points; `report` has `points` (given), `merged` (at the position of another; values are
+        averaged), `left_out` (masked or of no cell), `cells`, `trimmed` (tetrahedra), `raised` (kernels enlarged),
+        `lowest` (a lower bound of the least weight sum at a centre) and `thin` (centres that stayed below `lowest`).
 
     Raises
     ------
     InvalidInput
-        For arrays that do not fit together, numbers that are not finite (the first is named), fewer than 5 places, and
+        For arrays whose sizes disagree, numbers that are not finite (the first is named), fewer than 5 positions, and
         points in a plane or on a line.
     OutOfMemory
         Where the points are too many for Qhull and the edges.
@@ -254,11 +230,8 @@ def delaunay(
     if grid is not None and cells is not None:
         raise complain(f"{_WHAT}: the mesh cannot be used", "both cells and shape", "one of them")
     if given.ndim != 2:
-        raise complain(
-            unusable(f"{_WHAT}: points"),
-            f"an array of shape {given.shape}",
-            "an array of shape (N, 3), or (nk, nj, ni, 3) of a structured grid",
-        )
+        wanted = "shape (N, 3), or (nk, nj, ni, 3) of a structured grid"
+        raise complain(unusable(f"{_WHAT}: points"), f"an array of shape {given.shape}", wanted)
     count = len(given)
     _memory.require(_BYTES * count, f"the neighbourhoods of {count} points")
     used = _used(mask, count)
@@ -277,11 +250,11 @@ def delaunay(
         if not blocks:
             raise complain(f"{_WHAT}: the mesh cannot be used", "no cell without a masked point", "at least one cell")
         chosen = np.unique(np.concatenate([block.reshape(-1) for block in blocks]))
-    place = merge(at[chosen], field[chosen])
+    place = merge(_WHAT, at[chosen], field[chosen])
     if len(place.points) < _FEWEST:
         raise complain(
             f"{_WHAT}: the points cannot be used",
-            f"{len(place.points)} different places of {count} points",
+            f"{len(place.points)} different positions of {count} points",
             f"at least {_FEWEST}",
             "use the nearest neighbours, " + option_ref("fit", "nearest") + ", or pass the ellipsoids themselves",
         )
@@ -304,10 +277,7 @@ def _fit(
     trim: bool,
 ) -> Kernels:
     count = len(place.points)
-    # Coordinates relative to the middle, in units of the extent, for sizes of any order of magnitude.
-    middle = place.points.mean(axis=0)
-    size = float(np.abs(place.points - middle).max())
-    points = (place.points - middle) / size
+    points, size = scaled(place.points)
     trimmed = 0
     spare = np.empty((0, 2), dtype=np.int64)
     ratio = overlap
@@ -325,30 +295,27 @@ def _fit(
     farthest = np.zeros(count)
     np.maximum.at(farthest, around.at, distance)
     scales = ratio * spread
-    # Points that Qhull merged with another get the shape of that one.
-    axes[spare[:, 0]], scales[spare[:, 0]] = axes[spare[:, 1]], scales[spare[:, 1]]
-    farthest[spare[:, 0]] = farthest[spare[:, 1]]
+    # Points that Qhull left out get the shape of the nearest vertex.
+    for array in (axes, scales, farthest):
+        array[spare[:, 0]] = array[spare[:, 1]]
     alone = ~(farthest > 0.0)
     if alone.any():
         first = place.points[int(np.argmax(alone))]
         raise complain(
             f"{_WHAT}: the mesh cannot be used",
-            f"{int(alone.sum())} points all of whose neighbours are at their own place, the first at "
-            + shown_place(first),
+            f"{int(alone.sum())} points at the position of all their neighbours, the first at " + shown_place(first),
             "cells that have a volume",
             "leave out " + option_ref("cells") + " for the Delaunay neighbours",
         )
-    # A flat neighbourhood has no thickness of its own; a kernel must have one.
+    # Kernels of flat neighbourhoods need a thickness.
     limits = overlap * farthest
     scales = np.maximum(scales, 1e-9 * limits[:, None])
     cover = Cover(points, axes, scales, limits, around, falloff)
     for block in blocks:
         cover.cover(block, lowest)
     cover.cover(around.edges(), lowest)
-    if place.merged:
-        _log.info("%s: %d points at the place of another were merged with it", _WHAT, place.merged)
     if cover.thin:
-        _log.info("%s: the weight sum stays below %g in the middle of %d cells and edges", _WHAT, lowest, cover.thin)
+        _log.info("%s: the weight sum is below %g at the centres of %d cells and edges", _WHAT, lowest, cover.thin)
     return Kernels(
         centers=place.points,
         scales=cover.scales * size,

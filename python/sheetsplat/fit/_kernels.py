@@ -16,7 +16,7 @@ from sheetsplat.fields import EllipsoidField
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-# Pairs of a kernel and a point that are evaluated together; some hundred bytes each.
+# Pairs of a kernel and a point that are evaluated together, of some hundred bytes each.
 _PAIRS = 1 << 19
 
 
@@ -33,10 +33,10 @@ def quaternions(frames: Floats) -> Floats:
     """
     from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 
+    if not len(frames):
+        return np.empty((0, 4))
     turned = frames.copy()
     turned[np.linalg.det(turned) < 0.0, :, 2] *= -1.0
-    if not len(turned):
-        return np.empty((0, 4))
     return np.asarray(Rotation.from_matrix(turned).as_quat()[:, [3, 0, 1, 2]], dtype=np.float64)
 
 
@@ -101,27 +101,29 @@ class Kernels:
     def __repr__(self) -> str:
         """Return a short description."""
         kind = "spheres" if self.scales.ndim == 1 else "ellipsoids"
-        counts = ", ".join(
-            f"{name}={value:.4g}" for name, value in self.report.items() if isinstance(value, int | float)
-        )
-        return f"Kernels({len(self)} {kind}, falloff {self.falloff:.6g}{', ' if counts else ''}{counts})"
+        counts = [f", {name}={value:.4g}" for name, value in self.report.items() if isinstance(value, int | float)]
+        return f"Kernels({len(self)} {kind}, falloff {self.falloff:.6g}{''.join(counts)})"
 
     def field(self, **options: Any) -> EllipsoidField:
         """Return the field of these kernels; `options` of :class:`sheetsplat.EllipsoidField` take precedence."""
-        arguments: dict[str, Any] = {
-            "weights": self.weights,
-            "normalization": self.normalization,
-            "w0": self.w0,
-            "falloff": self.falloff,
-        }
-        return EllipsoidField(self.centers, self.scales, self.rotations, self.values, **{**arguments, **options})
+        own: dict[str, Any] = {name: getattr(self, name) for name in ("weights", "normalization", "w0", "falloff")}
+        return EllipsoidField(self.centers, self.scales, self.rotations, self.values, **{**own, **options})
 
     def shapes(self) -> Floats:
         """Return the shape matrices M = R S, (N, 3, 3): the unit ball becomes a kernel's support."""
-        axes = np.broadcast_to(self.scales[:, None] if self.scales.ndim == 1 else self.scales, (len(self), 3))
+        axes = self._semi_axes()
         if self.rotations is None:
             return np.asarray(axes[:, :, None] * np.eye(3))
         return np.asarray(frames(self.rotations) * axes[:, None, :])
+
+    def _semi_axes(self) -> Floats:
+        return np.broadcast_to(self.scales[:, None] if self.scales.ndim == 1 else self.scales, (len(self), 3))
+
+    def _inverse_shapes(self) -> Floats:
+        """Return the inverses of the shape matrices from their factors, (N, 3, 3)."""
+        axes = self._semi_axes()[:, :, None]
+        own = np.eye(3) if self.rotations is None else frames(self.rotations).transpose(0, 2, 1)
+        return np.asarray(own / axes)
 
     def masses(self) -> Floats:
         """Return the integral of each kernel's m g over space, (N,), world units cubed."""
@@ -148,8 +150,8 @@ class Kernels:
         if not len(at) or not len(self):
             return data, weight
         tree = cKDTree(at)
-        reach = self.scales if self.scales.ndim == 1 else self.scales.max(axis=1)
-        inverse = inverses(self)
+        reach = self._semi_axes().max(axis=1)
+        inverse = self._inverse_shapes()
         own = np.ones(len(self)) if self.weights is None else self.weights
         counts = tree.query_ball_point(self.centers, reach, return_length=True)
         for first, last in spans(counts, _PAIRS):
@@ -163,14 +165,6 @@ class Kernels:
         return data, weight
 
 
-def inverses(kernels: Kernels) -> Floats:
-    """Return the inverses of the shape matrices, (N, 3, 3), from their factors."""
-    axes = np.broadcast_to(kernels.scales[:, None] if kernels.scales.ndim == 1 else kernels.scales, (len(kernels), 3))
-    if kernels.rotations is None:
-        return np.asarray(np.eye(3) / axes[:, :, None])
-    return np.asarray(frames(kernels.rotations).transpose(0, 2, 1) / axes[:, :, None])
-
-
 def unit_mass(falloff: float) -> float:
     """Return the integral of the profile over the unit ball (closed form)."""
     from scipy.special import erf  # type: ignore[import-untyped]
@@ -182,7 +176,7 @@ def unit_mass(falloff: float) -> float:
 
 
 def spans(counts: NDArray[Any], most: int) -> list[tuple[int, int]]:
-    """Return stretches of items whose counts add up to at most `most`, or that are one item."""
+    """Return ranges of items whose counts add up to at most `most`, or of one item."""
     ends = np.cumsum(counts, dtype=np.int64)
     stretches, first, done = [], 0, 0
     while first < len(ends):

@@ -1,4 +1,4 @@
-"""Triangle meshes: read, closed, oriented; inside and outside."""
+"""Triangle meshes: reading, checks that they are closed, orientation, winding numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ._kernels import Floats, Numbers, spans
 from ._points import merge, numbers, places
 
 _CHUNK = 1 << 18
-# Corners of a shell at which is tested whether it lies inside others.
+# Vertices of a shell that are tested for being inside other shells.
 _PROBES = 33
 # Largest ratio of the memory of parsed text to its size.
 _PARSED = 40
@@ -45,17 +45,13 @@ def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
 
     name = Path(path)
     with Source(name) as source, guarded(name, "a mesh"):
-        head = source.head(4)
-        bare = name.with_suffix("") if name.suffix.lower() == ".gz" else name
-        kind = "ply" if head.startswith(b"ply") else "obj" if bare.suffix.lower() == ".obj" else ""
+        kind = "ply" if source.head(3) == b"ply" else "obj" if source.suffix == ".obj" else ""
         if not kind:
-            raise complain(
-                f"{name} cannot be read as a mesh", f"the suffix {bare.suffix!r}, and no PLY", "a .obj or .ply file"
-            )
-        limit = _memory.available() // _PARSED
-        length = source.length(limit + 1)
+            found = f"the suffix {source.suffix!r}, and no PLY"
+            raise complain(f"{name} cannot be read as a mesh", found, "a .obj or .ply file")
+        length = source.length(_memory.available() // _PARSED + 1)
         _memory.require(length * _PARSED, f"the mesh of {name}")
-        source.seek(0)
+        source.stream.seek(0)
         content = io.BytesIO(source.stream.read())
         mesh: Any = trimesh.load_mesh(content, file_type=kind, resolver=None, process=False, skip_materials=True)
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
@@ -69,21 +65,20 @@ def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
 
 @dataclass(frozen=True)
 class ClosedMesh:
-    """A surface without an edge, its triangles counter-clockwise as seen from outside.
+    """A closed surface, its triangles counter-clockwise as seen from outside.
 
     Attributes
     ----------
     vertices
-        Positions, (V, 3), none twice.
+        Different positions, (V, 3).
     triangles
         Numbers of vertices, (T, 3).
     volume
-        What it encloses, overlaps of shells counted as often as shells have them.
+        The sum of the shells' volumes.
     shells
-        Number of pieces.
+        Number of connected pieces.
     merged, degenerate, turned
-        Vertices at the place of another, triangles with two corners at one place (left out), and triangles that were
-        turned round.
+        Vertices at the position of another, triangles with two corners at one position (left out), flipped triangles.
     """
 
     vertices: Floats
@@ -119,17 +114,16 @@ def _triangles(what: str, given: ArrayLike, count: int) -> Numbers:
 
 
 def _edges(triangles: Numbers, count: int) -> tuple[Numbers, NDArray[np.bool_]]:
-    """Return a number for each triangle's edges, the same both ways, (3 T,), and which start at the lower vertex."""
-    start = triangles.reshape(-1)
-    end = np.roll(triangles, -1, axis=1).reshape(-1)
+    """Return a number for each edge of each triangle, equal for equal edges, and which start at the lower vertex."""
+    start, end = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
     return np.minimum(start, end) * count + np.maximum(start, end), start < end
 
 
 def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
-    """Return a closed, oriented mesh, or InvalidInput that says where the mesh is open."""
+    """Return a closed, oriented mesh, or InvalidInput with the first boundary edge."""
     at = places(what, vertices, "vertices")
     faces = _triangles(what, triangles, len(at))
-    welded = merge(at, np.zeros(len(at)))
+    welded = merge(what, at, np.zeros(len(at)))
     joined = welded.number[faces]
     real = (joined != np.roll(joined, 1, axis=1)).all(axis=1)
     degenerate = int((~real).sum())
@@ -180,10 +174,10 @@ def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
 def _orientation(
     what: str, triangles: Numbers, edge: Numbers, forward: NDArray[np.bool_], uses: Numbers
 ) -> tuple[NDArray[np.bool_], Numbers]:
-    """Return which triangles to turn so that neighbours agree, and the piece that each belongs to.
+    """Return which triangles to flip so that neighbours agree, and the number of the shell of each.
 
-    Every triangle is there twice, as it is and turned; neighbours that agree are joined as they are. Where a triangle
-    is joined to its own turned self the surface has one side only.
+    In the graph each triangle has two nodes, one for each orientation, and neighbours are connected in the orientations
+    that agree. A surface that connects the two nodes of a triangle has one side only.
     """
     from scipy.sparse import coo_array  # type: ignore[import-untyped]
     from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped]
@@ -193,7 +187,7 @@ def _orientation(
     order = order[uses[edge[order]] == 2]
     one, other = order[::2], order[1::2]
     left, right = one // 3, other // 3
-    # Neighbours agree where they go along their edge in opposite directions.
+    # Neighbours agree where their common edge has opposite directions in them.
     differ = (forward[one] == forward[other]).astype(np.int64)
     rows = np.concatenate([left, left + count])
     columns = np.concatenate([right + count * differ, right + count * (1 - differ)])
@@ -209,19 +203,19 @@ def _orientation(
     _, shell = np.unique(piece, return_inverse=True)
     shell = shell.reshape(-1)
     flipped = label[:count] != piece
-    # The outside is the side that most triangles have there.
+    # The orientation of most triangles is kept.
     votes = np.bincount(shell, np.where(flipped, 1.0, -1.0))
     return flipped ^ (votes > 0.0)[shell], shell
 
 
 def _volumes(vertices: Floats, triangles: Numbers) -> Floats:
-    """Return the signed volumes of the tetrahedra between the triangles and the middle of the vertices."""
+    """Return the signed volumes of the tetrahedra between the triangles and the mean of the vertices."""
     a, b, c = (vertices[triangles[:, n]] - vertices.mean(axis=0) for n in range(3))
     return np.asarray(np.einsum("ni,ni->n", a, np.cross(b, c)) / 6.0)
 
 
 def _outward(vertices: Floats, triangles: Numbers, shell: Numbers) -> NDArray[np.bool_]:
-    """Return which triangles to turn so that each shell encloses a positive volume, hollows inside others excepted."""
+    """Return which triangles to flip so that each shell encloses a positive volume, except cavities inside others."""
     volume = np.bincount(shell, _volumes(vertices, triangles))
     sign = -1.0 if volume.sum() < 0.0 else 1.0
     turn = np.full(len(triangles), sign < 0.0)
@@ -240,29 +234,27 @@ def _outward(vertices: Floats, triangles: Numbers, shell: Numbers) -> NDArray[np
 
 
 def winding_numbers(points: ArrayLike, vertices: ArrayLike, triangles: ArrayLike) -> Floats:
-    """Return how often a closed surface goes around points, (N,): 1 inside, 0 outside; solid angles over 4 pi.
+    """Return the winding numbers of a closed surface around points, (N,): 1 inside, 0 outside.
 
-    By the formula of van Oosterom & Strackee 1983, for every pair of a triangle and a point.
+    They are sums of solid angles over 4 pi (van Oosterom & Strackee 1983), for every pair of a triangle and a point.
     """
     at = np.asarray(points, dtype=np.float64)
     corners = np.asarray(vertices, dtype=np.float64)[np.asarray(triangles)]
     result = np.zeros(len(at))
     for first, last in spans(np.full(len(at), len(corners)), _CHUNK):
         a, b, c = (corners[None, :, n] - at[first:last, None] for n in range(3))
-        la, lb, lc = (np.sqrt(np.einsum("nti,nti->nt", e, e)) for e in (a, b, c))
-        above = np.einsum("nti,nti->nt", a, np.cross(b, c))
-        below = (
-            la * lb * lc
-            + np.einsum("nti,nti->nt", a, b) * lc
-            + np.einsum("nti,nti->nt", b, c) * la
-            + np.einsum("nti,nti->nt", c, a) * lb
-        )
-        result[first:last] = np.arctan2(above, below).sum(axis=1) / (2.0 * np.pi)
+        la, lb, lc = (np.sqrt(_dot(e, e)) for e in (a, b, c))
+        below = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
+        result[first:last] = np.arctan2(_dot(a, np.cross(b, c)), below).sum(axis=1) / (2.0 * np.pi)
     return result
 
 
-def _ramp(starts: Numbers, ends: Numbers) -> tuple[Numbers, Numbers]:
-    """Return for each stretch its number as often as it is long, and the whole numbers that it holds."""
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(np.einsum("nti,nti->nt", a, b))
+
+
+def _ranges(starts: Numbers, ends: Numbers) -> tuple[Numbers, Numbers]:
+    """Return all whole numbers in ranges: pairs of the number of a range and one that it contains."""
     lengths = np.maximum(ends - starts, 0)
     owner = np.repeat(np.arange(len(starts)), lengths)
     inside = np.arange(len(owner)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
@@ -270,15 +262,14 @@ def _ramp(starts: Numbers, ends: Numbers) -> tuple[Numbers, Numbers]:
 
 
 def winding_on_grid(mesh: ClosedMesh, origin: Floats, spacing: float, shape: tuple[int, int, int]) -> NDArray[np.int16]:
-    """Return the winding number at the middles of the cells of a grid [ix, iy, iz] whose corner is `origin`.
+    """Return the winding number at the centres of the cells of a grid [ix, iy, iz] whose corner is `origin`.
 
-    Lines along z through the middles meet triangles; each meeting counts 1 or -1 for all below it. Which cells an edge
-    separates is decided once for each edge, in whole numbers, the same for both triangles at it: rounding moves a cell
-    that lies on the surface to either side of it, but opens no gap, whatever the direction of an edge.
+    Lines along z through the centres intersect triangles; each intersection adds 1 or -1 to all cells below it. Which
+    lines pass on which side of an edge is decided once for both triangles at the edge, so that rounding opens no gap.
     """
     nx, ny, nz = shape
     scaled = (mesh.vertices - origin) / spacing - 0.5
-    # Middles with a smaller number than this lie below.
+    # The first row of centres that is not below each vertex.
     row = np.ceil(scaled[:, 1]).astype(np.int64)
     triangles = mesh.triangles
     start = triangles.reshape(-1)
@@ -286,32 +277,32 @@ def winding_on_grid(mesh: ClosedMesh, origin: Floats, spacing: float, shape: tup
     owner = np.repeat(np.arange(len(triangles)), 3)
     lower, upper = np.minimum(start, end), np.maximum(start, end)
 
-    def crossings(some: NDArray[np.bool_]) -> tuple[Numbers, Numbers, Floats, Floats]:
+    def crossings(some: NDArray[np.bool_]) -> tuple[Numbers, Floats, Floats]:
         a, b, of = lower[some], upper[some], owner[some]
         first, last = np.minimum(row[a], row[b]), np.maximum(row[a], row[b])
-        piece, at = _ramp(np.clip(first, 0, ny), np.clip(last, 0, ny))
+        piece, at = _ranges(np.clip(first, 0, ny), np.clip(last, 0, ny))
         a, b, of = a[piece], b[piece], of[piece]
         share = (at - scaled[a, 1]) / (scaled[b, 1] - scaled[a, 1])
         x, z = (scaled[a, c] + share * (scaled[b, c] - scaled[a, c]) for c in (0, 2))
         order = np.lexsort((at, of))
-        return of[order], at[order], x[order], z[order]
+        return at[order], x[order], z[order]
 
-    # In every row that a triangle meets one of its edges goes up and one goes down.
-    _, line, x_up, z_up = crossings(row[start] < row[end])
-    _, _, x_down, z_down = crossings(row[start] > row[end])
-    sign = np.where(x_up > x_down, 1, -1).astype(np.int16)
+    # In every row that a triangle intersects, one of its edges ascends and one descends.
+    line, x_up, z_up = crossings(row[start] < row[end])
+    _, x_down, z_down = crossings(row[start] > row[end])
     swap = x_up > x_down
+    sign = np.where(swap, 1, -1).astype(np.int16)
     x_left, x_right = np.where(swap, x_down, x_up), np.where(swap, x_up, x_down)
     z_left, z_right = np.where(swap, z_down, z_up), np.where(swap, z_up, z_down)
     change = np.zeros((nx, ny, nz + 1), dtype=np.int16)
     first = np.clip(np.ceil(x_left), 0, nx).astype(np.int64)
     last = np.clip(np.ceil(x_right), 0, nx).astype(np.int64)
     for some, until in spans(np.maximum(last - first, 0), 8 * _CHUNK):
-        piece, column = _ramp(first[some:until], last[some:until])
+        piece, column = _ranges(first[some:until], last[some:until])
         piece += some
         share = (column - x_left[piece]) / (x_right[piece] - x_left[piece])
         height = z_left[piece] + share * (z_right[piece] - z_left[piece])
         below = np.clip(np.ceil(height), 0, nz).astype(np.int64)
         np.add.at(change, (column, line[piece], below), sign[piece])
-    # What is met at or below a middle does not count for it.
+    # Only intersections above a centre count.
     return np.asarray(np.cumsum(change[:, :, :0:-1], axis=2, dtype=np.int16)[:, :, ::-1])

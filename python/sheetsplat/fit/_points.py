@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,8 @@ from sheetsplat.errors import complain, option_ref, unusable
 
 from ._kernels import Floats, Numbers
 
-# Squares and cubes of distances stay finite.
+_log = logging.getLogger("sheetsplat")
+# Largest coordinate; squares and cubes of distances stay finite.
 _FARTHEST = 1e90
 
 
@@ -41,7 +43,7 @@ def shown_place(place: Floats) -> str:
 
 
 def refuse_entries(what: str, name: str, entries: Floats, wrong: NDArray[np.bool_], wanted: str) -> None:
-    """Raise InvalidInput that names the first wrong entry of positions, (N, 3), or numbers, (N,), if there is one."""
+    """Raise InvalidInput that names the first wrong entry, if there is one, of positions, (N, 3), or numbers, (N,)."""
     if wrong.any():
         first = int(np.argmax(wrong))
         found = shown_place(entries[first]) if entries.ndim == 2 else f"{entries[first]:g}"
@@ -66,7 +68,7 @@ def places(what: str, given: ArrayLike, name: str = "points") -> Floats:
 
 
 def scalars(what: str, given: ArrayLike, name: str, count: int) -> Floats:
-    """Return one finite number a point, (N,) float64, or InvalidInput that names the first offender."""
+    """Return finite numbers, (N,) float64, or InvalidInput that names the first one that is not."""
     array = numbers(what, given, name).reshape(-1)
     if len(array) != count:
         raise complain(
@@ -77,11 +79,11 @@ def scalars(what: str, given: ArrayLike, name: str, count: int) -> Floats:
     return result
 
 
-def positive(what: str, name: str, given: object, least: float = 0.0) -> float:
-    """Return a finite number above `least`, or InvalidInput."""
+def positive(what: str, name: str, given: object) -> float:
+    """Return a finite number above 0, or InvalidInput."""
     value = number(f"{what}: {name}", given)
-    if not (math.isfinite(value) and value > least):
-        raise complain(unusable(f"{what}: {name}"), f"{value:g}", f"a finite number above {least:g}")
+    if not (math.isfinite(value) and value > 0.0):
+        raise complain(unusable(f"{what}: {name}"), f"{value:g}", "a finite number above 0")
     return value
 
 
@@ -95,16 +97,16 @@ def count_of(what: str, name: str, given: object, least: int, most: int) -> int:
 
 @dataclass(frozen=True)
 class Merged:
-    """Points of which no two are at the same place.
+    """Points at different positions.
 
     Attributes
     ----------
     points
         Positions, (N, 3).
     values
-        The mean of what was given for each place.
+        Means of the values given for each position, (N,).
     number
-        For each given point its place, (given,).
+        The row in `points` of each given point.
     merged
         How many given points were merged into others.
     """
@@ -115,29 +117,34 @@ class Merged:
     merged: int
 
 
-def merge(points: Floats, values: Floats) -> Merged:
-    """Put points at exactly the same place together; their order stays that of their first appearance."""
-    # -0 and 0 are one place.
-    clean = points + 0.0
-    order = np.lexsort(clean.T)
-    in_order = clean[order]
-    starts = np.ones(len(order), dtype=bool)
-    starts[1:] = (in_order[1:] != in_order[:-1]).any(axis=1)
-    count = int(starts.sum())
-    if count == len(points):
-        return Merged(points, values, np.arange(count), 0)
-    group = np.empty(len(order), dtype=np.int64)
-    group[order] = np.cumsum(starts) - 1
-    first = np.full(count, len(order), dtype=np.int64)
-    np.minimum.at(first, group, np.arange(len(order)))
-    rank = np.empty(count, dtype=np.int64)
-    rank[np.argsort(first)] = np.arange(count)
-    number = rank[group]
+def merge(what: str, points: Floats, values: Floats) -> Merged:
+    """Merge points at exactly the same position, in the order of their first appearance."""
+    # Adding 0 turns -0 into 0.
+    order = np.lexsort((points + 0.0).T)
+    new = np.ones(len(order), dtype=bool)
+    new[1:] = (points[order[1:]] != points[order[:-1]]).any(axis=1)
+    # The sort is stable, so each group starts with its first point.
+    first = order[new]
+    if len(first) == len(points):
+        return Merged(points, values, np.arange(len(points)), 0)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    number = np.empty(len(order), dtype=np.int64)
+    number[order] = rank[np.cumsum(new) - 1]
     kept = np.sort(first)
     # Shares are summed, so that the largest numbers do not overflow.
-    share = 1.0 / np.bincount(number, minlength=count)
-    mean = np.bincount(number, values * share[number], count)
-    return Merged(points[kept], np.asarray(mean, dtype=np.float64), number, len(points) - count)
+    share = 1.0 / np.bincount(number)
+    mean = np.asarray(np.bincount(number, values * share[number]), dtype=np.float64)
+    merged = len(points) - len(first)
+    _log.info("%s: %d points at the position of another were merged with it", what, merged)
+    return Merged(points[kept], mean, number, merged)
+
+
+def scaled(points: Floats) -> tuple[Floats, float]:
+    """Return coordinates relative to the mean of the points in units of the largest one, and this unit."""
+    middle = points.mean(axis=0)
+    size = float(np.abs(points - middle).max())
+    return (points - middle) / size, size
 
 
 def require_volume(what: str, points: Floats) -> None:
@@ -146,12 +153,12 @@ def require_volume(what: str, points: Floats) -> None:
     middle = points - points.mean(axis=0)
     size = float(np.abs(middle).max())
     if size == 0.0:
-        raise complain(f"{what}: the points cannot be used", "points at one place", "points that fill a volume")
-    # A triangle is enough for the directions: what is measured in float64 must not drown in the sum of many.
+        raise complain(f"{what}: the points cannot be used", "points at one position", "points that fill a volume")
+    # The triangular factor has the same principal axes; sums of products would lose the thin direction to rounding.
     factor = np.linalg.qr(middle / size, mode="r")
     _, _, axes = np.linalg.svd(factor)
     spread = np.ptp(middle @ axes.T, axis=0)
-    single = bool(np.array_equal(points.astype(np.float32).astype(np.float64), points)) if far < 3e38 else False
+    single = far < 3e38 and np.array_equal(points.astype(np.float32), points)
     rounding = far * (2.0**-22 if single else 2.0**-46)
     flat = int((spread <= rounding).sum())
     if flat:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from sheetsplat._checks import choice
 from sheetsplat.errors import complain, unusable
 
-from ._kernels import Floats, Kernels, profile
+from ._kernels import Floats, Kernels, profile, unit_mass
 from ._points import places, positive, refuse_entries, scalars
 
 _WHAT = "fit.sph"
@@ -52,14 +52,13 @@ def _wendland_c6(q: Floats) -> Floats:
 class SphKernel:
     """An SPH kernel w and the lowered Gaussian that is closest to it.
 
-    w(q) has unit mass over space, q the distance in smoothing lengths h. A g(q / radius), with g the profile of
-    `falloff` (conventions, section 2), has unit mass too, and of all those the least mean square difference from w over
-    space.
+    w(q) has unit mass over space, q the distance in smoothing lengths h. The Gaussian is A g(q / radius), with g the
+    profile of `falloff` (conventions, section 2): of those of unit mass the one with the least mean square difference
+    from w over space.
 
     Attributes
     ----------
     name
-        Its name.
     support
         Radius of w's support, in h.
     falloff
@@ -89,31 +88,25 @@ class SphKernel:
     @property
     def amplitude(self) -> float:
         """The A of the closest Gaussian, by the mass of g."""
-        from ._kernels import unit_mass
-
         return 1.0 / (unit_mass(self.falloff) * self.radius**3)
 
     def gaussian(self, q: ArrayLike) -> Floats:
-        """Return A g(q / radius), the kernel that is drawn in the place of w."""
+        """Return A g(q / radius), the kernel that is drawn instead of w."""
         scaled = np.asarray(q, dtype=np.float64) / self.radius
         return np.asarray(self.amplitude * profile(scaled**2, self.falloff))
 
 
+_KERNELS = (
+    SphKernel("cubic_spline", 2.0, 4.133066, 1.748606, 0.0136, 0.0174, _cubic),
+    SphKernel("quartic_spline", 2.5, 4.572642, 2.025555, 0.0132, 0.0194, _quartic),
+    SphKernel("quintic_spline", 3.0, 4.908064, 2.279188, 0.0121, 0.0171, _quintic),
+    SphKernel("wendland_c2", 2.0, 4.671162, 1.705910, 0.0114, 0.0419, _wendland_c2),
+    SphKernel("wendland_c4", 2.0, 5.033140, 1.526002, 0.0073, 0.0059, _wendland_c4),
+    SphKernel("wendland_c6", 2.0, 5.320488, 1.398544, 0.0076, 0.0040, _wendland_c6),
+)
 #: The kernels by name. Formulas: Monaghan & Lattanzio 1985 (cubic), Price 2012 (quartic, quintic), Dehnen & Aly 2012
 #: (Wendland), with h so that the cubic spline and Wendland's functions end at 2 h.
-SPH_KERNELS: Mapping[str, SphKernel] = MappingProxyType(
-    {
-        kernel.name: kernel
-        for kernel in (
-            SphKernel("cubic_spline", 2.0, 4.133066, 1.748606, 0.0136, 0.0174, _cubic),
-            SphKernel("quartic_spline", 2.5, 4.572642, 2.025555, 0.0132, 0.0194, _quartic),
-            SphKernel("quintic_spline", 3.0, 4.908064, 2.279188, 0.0121, 0.0171, _quintic),
-            SphKernel("wendland_c2", 2.0, 4.671162, 1.705910, 0.0114, 0.0419, _wendland_c2),
-            SphKernel("wendland_c4", 2.0, 5.033140, 1.526002, 0.0073, 0.0059, _wendland_c4),
-            SphKernel("wendland_c6", 2.0, 5.320488, 1.398544, 0.0076, 0.0040, _wendland_c6),
-        )
-    }
-)
+SPH_KERNELS: Mapping[str, SphKernel] = MappingProxyType({kernel.name: kernel for kernel in _KERNELS})
 
 
 def sph(
@@ -126,54 +119,40 @@ def sph(
     masses: ArrayLike | None = None,
     densities: ArrayLike | None = None,
 ) -> Kernels:
-    """Return a sphere for each SPH particle, by the lowered Gaussian that is closest to the SPH kernel.
+    """Return a sphere for each SPH particle, with the lowered Gaussian of :class:`SphKernel`.
 
     With masses and densities D is the SPH interpolant, sum of (m / density) f w: a weight is m / density over h^3 times
-    the amplitude of the closest Gaussian, and W is about 1 where particles tile space. With the normalisation
-    "threshold" and w0 = 1 the scalar is that interpolant where W is at most 1, as at the edges of the data, and the
-    average of the particles where they are denser than that. Without masses and densities weights are 1, and W is about
-    the number of particles that a kernel reaches.
-
-    The closest Gaussian has the SPH kernel's mass, and the least mean square difference from it over space. Errors are
-    the root mean square difference over that of the SPH kernel, and the largest difference over its value at 0:
-
-    ================  =========  =========  ========  ======  ======
-    kernel            support/h  falloff k  radius/h  L2      max
-    ================  =========  =========  ========  ======  ======
-    cubic_spline      2          4.133066   1.748606  0.0136  0.0174
-    quartic_spline    2.5        4.572642   2.025555  0.0132  0.0194
-    quintic_spline    3          4.908064   2.279188  0.0121  0.0171
-    wendland_c2       2          4.671162   1.705910  0.0114  0.0419
-    wendland_c4       2          5.033140   1.526002  0.0073  0.0059
-    wendland_c6       2          5.320488   1.398544  0.0076  0.0040
-    ================  =========  =========  ========  ======  ======
+    the amplitude of the Gaussian, and W is about 1 where particles tile space. With normalization "threshold" and
+    w0 = 1 the scalar is that interpolant where W is at most 1, as at the edges of the data, and elsewhere the weighted
+    mean of the particles. Without masses and densities weights are 1, and W is about the number of particles within a
+    support.
 
     Parameters
     ----------
     points
-        World positions, (N, 3). Particles at one place stay as many as they are.
+        World positions, (N, 3). Particles at one position are not merged.
     values
-        One a particle.
+        One for each particle.
     smoothing_lengths
-        One a particle, world units, above 0.
+        One for each particle, world units, above 0.
     kernel
         Name of the SPH kernel, one of :data:`SPH_KERNELS`.
     support
-        Radius of the SPH kernel's support in smoothing lengths, where the data do not mean that of the table: 1 where
-        the lengths are the supports' radii.
+        Radius of the SPH kernel's support in smoothing lengths of the data; that of the kernel unless given. 1: the
+        lengths are the supports' radii.
     masses, densities
-        One a particle, both or neither; densities above 0, masses at least 0. Only their quotients count.
+        One for each particle, both or neither; densities above 0, masses at least 0. Only their quotients count.
 
     Returns
     -------
     Kernels
-        In the order of the particles, with the falloff of the table.
+        In the order of the particles, with the falloff of the SPH kernel's Gaussian.
 
     Raises
     ------
     InvalidInput
-        For arrays that do not fit together, numbers that are not finite (the first is named), lengths or densities that
-        are not above 0, no particle, and masses without densities.
+        For arrays whose sizes disagree, numbers that are not finite (the first is named), lengths or densities that are
+        not above 0, no particle, and masses without densities.
     """
     chosen = SPH_KERNELS[choice(f"{_WHAT}: kernel", kernel, tuple(SPH_KERNELS))]
     at = places(_WHAT, points)
@@ -184,14 +163,13 @@ def sph(
     lengths = scalars(_WHAT, smoothing_lengths, "smoothing_lengths", count)
     refuse_entries(_WHAT, "smoothing_lengths", lengths, ~(lengths > 0.0), "numbers above 0")
     reach = chosen.support if support is None else positive(_WHAT, "support", support)
-    # h as the table means it.
+    # h of the kernel's formula.
     scaled = lengths * (reach / chosen.support)
     weights = None
     if (masses is None) != (densities is None):
-        there = "masses" if densities is None else "densities"
         raise complain(
-            f"{_WHAT}: the weights cannot be made",
-            f"{there} alone",
+            f"{_WHAT}: the weights cannot be computed",
+            f"{'masses' if densities is None else 'densities'} alone",
             "masses and densities, or neither",
             "give both, or leave both out for a weight of 1 each",
         )
@@ -208,7 +186,7 @@ def sph(
         if wrong.any():
             first = int(np.argmax(wrong))
             raise complain(
-                f"{_WHAT}: the weights cannot be made",
+                f"{_WHAT}: the weights cannot be computed",
                 f"mass {mass[first]:g}, density {density[first]:g} and smoothing length {lengths[first]:g}, "
                 f"entry {first}, whose weight is beyond float64",
                 "volumes mass / density that fit the smoothing lengths",

@@ -114,7 +114,7 @@ def test_plot3d_that_makes_no_sense_is_refused(tmp_path):
     records, *_ = plot3d_files([(5, 4, 3)], records=True)
     broken = bytearray(records)
     broken[-1] ^= 1
-    with pytest.raises(ss.InvalidInput, match="a record that says"):
+    with pytest.raises(ss.InvalidInput, match="a record with the lengths"):
         read_scattered(q, grid=stored(tmp_path / "records", bytes(broken)))
 
 

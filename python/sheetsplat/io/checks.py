@@ -17,9 +17,34 @@ from sheetsplat.io.records import Floats
 _MOST_NAMES = 60
 
 
-def unreadable(path: Path, found: str, wanted: str, advice: str | Words = "") -> Error:
+def unreadable(
+    path: Path, found: str | Words, wanted: str, advice: str | Words = "", option: str | None = None
+) -> Error:
     """Return the InvalidInput for a file with invalid content."""
-    return complain(f"{path} cannot be read", found, wanted, advice)
+    return complain(f"{path} cannot be read", found, wanted, advice, option=option)
+
+
+def sides(shape: Sequence[int]) -> str:
+    """Return sizes for a message."""
+    return " x ".join(map(str, shape))
+
+
+def floats(path: Path, what: str, text: str, count: int) -> list[float]:
+    """Return the numbers in a text of a header, or InvalidInput unless there are `count`, all finite."""
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise unreadable(path, f"{what} = {shown(text)}", f"{count} finite numbers")
+    return numbers
+
+
+def natural(path: Path, what: str, text: str) -> int:
+    """Return the whole number in a text of a header, or InvalidInput unless it is from 0 to 10^18."""
+    if not (text.isascii() and text.isdigit() and len(text) <= 18):
+        raise unreadable(path, f"{what} = {shown(text)}", "a number that is not negative")
+    return int(text)
 
 
 def listed(names: Sequence[str]) -> str:
@@ -70,19 +95,21 @@ def checked_shape(path: Path, sizes: object, what: str) -> tuple[int, ...]:
             for part in sizes  # type: ignore[attr-defined]
         )
     except (TypeError, ValueError, OverflowError):
-        raise complain(f"{path} cannot be read", f"{what} {shown(sizes)}", wanted) from None
+        raise unreadable(path, f"{what} {shown(sizes)}", wanted) from None
     if any(part < 1 for part in shape) or math.prod(shape) >= 2**59:
-        raise complain(f"{path} cannot be read", f"{what} {shown(shape)}", wanted)
+        raise unreadable(path, f"{what} {shown(shape)}", wanted)
     return shape
 
 
 def beside(header: Path, name: str) -> Path:
-    """Return the path of a data file that a header names. InvalidInput unless it is in the header's folder."""
+    """Return the path of the one data file that a header names. InvalidInput unless it is in the header's folder."""
+    if name.upper().startswith("LIST") or "%" in name:
+        raise unreadable(header, f"several data files ({name})", "one data file", "join the files into one")
     folder = header.resolve().parent
     path = (folder / name).resolve() if name and "\0" not in name else folder
     if Path(name).is_absolute() or path == folder or folder not in path.parents:
-        raise complain(
-            f"{header} cannot be read",
+        raise unreadable(
+            header,
             f"a data file {name!r}",
             "the name of a file in the header's own folder",
             "put both files into one folder and name the data file without a path",

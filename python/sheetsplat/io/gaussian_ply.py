@@ -4,13 +4,14 @@ Kerbl et al. 2023, "3D Gaussian Splatting for Real-Time Radiance Field Rendering
 centre x, y, z, the logarithms of its standard deviations scale_0 … 2, the quaternion rot_0 … 3 (w, x, y, z, of any
 length), the logit of its opacity, and coefficients of spherical harmonics, of which f_dc_0 … 2 are the mean colour.
 
-Read here and not by plyfile, which takes the memory that a header claims before it looks at the size of the file.
+Read here and not by plyfile, which allocates the memory that a header claims before it checks the file's size.
 """
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,30 +20,15 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import shown
 from sheetsplat.errors import option_ref
-from sheetsplat.io.checks import checked_shape, finite_points, finite_values, listed, require_rows, unreadable
+from sheetsplat.io.checks import checked_shape, finite_points, finite_values, listed, natural, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import unknown_scalar
 from sheetsplat.io.source import Source
 
 _HEADER_LIMIT = 1 << 16
-_TYPES = {
-    "char": "i1",
-    "int8": "i1",
-    "uchar": "u1",
-    "uint8": "u1",
-    "short": "i2",
-    "int16": "i2",
-    "ushort": "u2",
-    "uint16": "u2",
-    "int": "i4",
-    "int32": "i4",
-    "uint": "u4",
-    "uint32": "u4",
-    "float": "f4",
-    "float32": "f4",
-    "double": "f8",
-    "float64": "f8",
-}
+_NAMES = "char uchar short ushort int uint float double"
+_CODES = "int8 uint8 int16 uint16 int32 uint32 float32 float64"
+_TYPES = dict(zip(_NAMES.split() + _CODES.split(), 2 * _CODES.split(), strict=True))
 _PLACE = ("x", "y", "z")
 _SCALE = ("scale_0", "scale_1", "scale_2")
 _TURN = ("rot_0", "rot_1", "rot_2", "rot_3")
@@ -53,12 +39,14 @@ _COLORS = {"red": "f_dc_0", "green": "f_dc_1", "blue": "f_dc_2"}
 _LONGEST_WORD = 64
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Element:
+    """An element, and names and types of its properties, lists left out."""
+
     name: str
     count: int
-    # (name, type) of the properties; None where one is a list.
-    properties: list[tuple[str, str]] | None
+    properties: list[tuple[str, str]] = field(default_factory=list)
+    has_lists: bool = False
 
 
 def _header(source: Source) -> tuple[str, list[_Element], int]:
@@ -69,55 +57,49 @@ def _header(source: Source) -> tuple[str, list[_Element], int]:
     if end <= 0:
         raise unreadable(source.path, f"no end_header in the first {len(head)} bytes", "a PLY header")
     order = ""
-    names: list[tuple[str, int]] = []
-    properties: list[list[tuple[str, str]] | None] = []
+    elements: list[_Element] = []
     for line in head[:end].decode("latin-1").splitlines()[1:]:
         words = line.split()
         kind = words[0] if words else "comment"
         if kind in ("comment", "obj_info", "end_header"):
             continue
-        wrong = unreadable(source.path, f"the line {shown(line)}", "a line of a PLY header")
         if kind == "format" and len(words) == 3 and words[2] == "1.0":
             order = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "text"}.get(words[1], "")
-        elif kind == "element" and len(words) == 3 and words[2].isascii() and words[2].isdigit():
-            names.append((words[1], int(words[2]) if len(words[2]) < 20 else 2**62))
-            properties.append([])
-        elif kind == "property" and properties and len(words) == 3 and words[1] in _TYPES:
-            here = properties[-1]
-            if here is not None:
-                here.append((words[2], _TYPES[words[1]]))
-        elif kind == "property" and properties and len(words) == 5 and words[1] == "list":
-            properties[-1] = None
+        elif kind == "element" and len(words) == 3:
+            elements.append(_Element(words[1], natural(source.path, f"the number of {words[1]}", words[2])))
+        elif kind == "property" and elements and len(words) == 3 and words[1] in _TYPES:
+            elements[-1].properties.append((words[2], _TYPES[words[1]]))
+        elif kind == "property" and elements and len(words) == 5 and words[1] == "list":
+            elements[-1].has_lists = True
         else:
-            raise wrong
+            raise unreadable(source.path, f"the line {shown(line)}", "a line of a PLY header")
     if not order:
         raise unreadable(source.path, "no format", "ascii, binary_little_endian or binary_big_endian, version 1.0")
-    return order, [_Element(*name, part) for name, part in zip(names, properties, strict=True)], end
+    return order, elements, end
 
 
 def _vertices(source: Source) -> tuple[NDArray[Any], str]:
-    """Return the vertices as an array with a field for each property, and the format's name."""
+    """Return the vertices, an array with a field for each property, and the encoding's name."""
     order, elements, start = _header(source)
     before = next((at for at, element in enumerate(elements) if element.name == "vertex"), None)
     if before is None:
         raise unreadable(source.path, f"elements {listed([one.name for one in elements])}", "an element vertex")
     vertex = elements[before]
     _require_properties(source.path, vertex)
-    assert vertex.properties is not None
     count = vertex.count
     if count:
         checked_shape(source.path, (count, len(vertex.properties)), "element vertex")
     require_rows(source.path, count, 12)
     byte_order = "<" if order == "text" else order
-    dtype = np.dtype([(name, byte_order + kind) for name, kind in vertex.properties])
-    source.seek(start)
+    dtype = np.dtype(vertex.properties).newbyteorder(byte_order)  # type: ignore[arg-type]
+    source.stream.seek(start)
     if order == "text":
         return _text(source, dtype, count, sum(element.count for element in elements[:before])), "ply, ascii"
     payload = source.payload("raw")
     for element in elements[:before]:
-        if element.properties is None and element.count:
+        if element.has_lists and element.count:
             raise unreadable(source.path, f"lists in {element.name} before the vertices", "vertices first")
-        payload.skip(element.count * sum(np.dtype(kind).itemsize for _, kind in element.properties or ()))
+        payload.skip(element.count * sum(np.dtype(kind).itemsize for _, kind in element.properties))
     name = "little-endian" if order == "<" else "big-endian"
     return payload.array(dtype, count), f"ply, {name}"
 
@@ -127,7 +109,7 @@ def _text(source: Source, dtype: np.dtype[Any], count: int, skipped: int) -> NDA
     if count * 2 * columns - 1 > source.at_most():
         raise unreadable(source.path, f"at most {source.at_most()} characters of vertices", f"{count} vertices")
     rows = np.empty((count, columns))
-    longest = _LONGEST_WORD * max(1, columns)
+    longest = _LONGEST_WORD * columns
     for _ in range(skipped):
         if not source.stream.readline(longest):
             break
@@ -145,28 +127,29 @@ def _text(source: Source, dtype: np.dtype[Any], count: int, skipped: int) -> NDA
 
 
 def _require_properties(path: Path, vertex: _Element) -> None:
-    names = [name for name, _ in vertex.properties or ()]
-    if len(set(names)) != len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise unreadable(path, f"the property {twice!r} twice", "names that differ")
+    names = [name for name, _ in vertex.properties]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise unreadable(path, f"the property {twice[0]!r} twice", "names that differ")
     missing = [name for name in (*_PLACE, *_SCALE, *_TURN) if name not in names]
-    if vertex.properties is None or missing:
+    if vertex.has_lists or missing:
         raise unreadable(
             path,
-            f"vertices without {listed(missing)}" if vertex.properties is not None else "lists in the vertices",
+            "lists in the vertices" if vertex.has_lists else f"vertices without {listed(missing)}",
             "Gaussians: x y z, scale_0 … scale_2, rot_0 … rot_3, and opacity",
-            "this reads scenes of 3D Gaussian Splatting; a surface mesh is no scattered field by itself",
+            "only scenes of 3D Gaussian Splatting can be read; for a mesh use sheetsplat.fit.read_mesh",
         )
 
 
 def _scalar(path: Path, vertices: NDArray[Any], name: str) -> Floats:
+    numbers = vertices[_COLORS.get(name, name)].astype(np.float64)
     with np.errstate(over="ignore"):
         if name == "opacity":
-            # 1 / (1 + exp(−x)): an infinite logit is an opacity of 0 or 1.
-            return np.asarray(1.0 / (1.0 + np.exp(-vertices["opacity"].astype(np.float64))))
-        if name in _COLORS:
-            return np.asarray(0.5 + _HARMONIC_0 * vertices[_COLORS[name]].astype(np.float64))
-        return np.asarray(vertices[name].astype(np.float64))
+            # An infinite logit is an opacity of 0 or 1.
+            numbers = 1.0 / (1.0 + np.exp(-numbers))
+        elif name in _COLORS:
+            numbers = 0.5 + _HARMONIC_0 * numbers
+    return np.asarray(numbers)
 
 
 def read(source: Source, scalar: str | None = None) -> Scattered:
@@ -187,21 +170,17 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     if "opacity" in known:
         known.insert(0, known.pop(known.index("opacity")))
     if scalar is None and "opacity" not in known:
-        raise unreadable(
-            path,
-            "vertices without opacity",
-            "opacity, or the name of another scalar",
-            "pass " + option_ref("scalar", "..."),
-        )
+        wanted, advice = "opacity, or the name of another scalar", "pass " + option_ref("scalar", "...")
+        raise unreadable(path, "vertices without opacity", wanted, advice)
     name = scalar if scalar is not None else "opacity"
     if name not in known:
         raise unknown_scalar(path, name, known)
-    points = np.stack([vertices[part].astype(np.float64) for part in _PLACE], axis=1)
+    points, logarithms, turns = (
+        np.stack([vertices[part].astype(np.float64) for part in parts], axis=1) for parts in (_PLACE, _SCALE, _TURN)
+    )
     finite_points(path, points)
-    with np.errstate(over="ignore"):
-        deviations = np.exp(np.stack([vertices[part].astype(np.float64) for part in _SCALE], axis=1))
-    turns = np.stack([vertices[part].astype(np.float64) for part in _TURN], axis=1)
     with np.errstate(all="ignore"):
+        deviations = np.exp(logarithms)
         lengths = np.sqrt(np.square(turns).sum(axis=1))
     sized = (np.isfinite(deviations) & (deviations > 0)).all(axis=1)
     turned = np.isfinite(lengths) & (lengths > 1e-20)
@@ -211,7 +190,7 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     ):
         if wrong.any():
             found = f"{what}, in {int(wrong.sum())} vertices, the first is {int(np.argmax(wrong))}"
-            raise unreadable(path, found, "Gaussians of finite size and with a direction")
+            raise unreadable(path, found, "Gaussians of finite size and rotation")
     values = finite_values(path, name, _scalar(path, vertices, name))
     return Scattered(
         points,
@@ -221,6 +200,5 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         tuple(known),
         deviations=deviations,
         rotations=turns / lengths[:, None],
-        normalization=None,
         details={"encoding": written},
     )

@@ -2,104 +2,76 @@
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sheetsplat._checks import Triple
-from sheetsplat.io.checks import beside, checked_shape, unreadable
+from sheetsplat._checks import triple
+from sheetsplat.io.checks import beside, checked_shape, floats, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
 
 _HEADER_LIMIT = 1 << 16
-_TYPES = {
-    "MET_CHAR": "int8",
-    "MET_UCHAR": "uint8",
-    "MET_SHORT": "int16",
-    "MET_USHORT": "uint16",
-    "MET_INT": "int32",
-    "MET_UINT": "uint32",
-    "MET_LONG": "int32",
-    "MET_ULONG": "uint32",
-    "MET_LONG_LONG": "int64",
-    "MET_ULONG_LONG": "uint64",
-    "MET_FLOAT": "float32",
-    "MET_DOUBLE": "float64",
-}
+_NAMES = "CHAR UCHAR SHORT USHORT INT UINT LONG ULONG LONG_LONG ULONG_LONG FLOAT DOUBLE"
+_CODES = "i1 u1 i2 u2 i4 u4 i4 u4 i8 u8 f4 f8"
+_TYPES = {f"MET_{name}": code for name, code in zip(_NAMES.split(), _CODES.split(), strict=True)}
 
 
 def _header(source: Source) -> tuple[dict[str, str], int]:
     """Return the header's fields, ending with ElementDataFile, and its length in bytes."""
-    head = source.head(_HEADER_LIMIT)
+    length = 0
     fields: dict[str, str] = {}
-    position = 0
-    while position < len(head):
-        end = head.find(b"\n", position)
-        end = len(head) if end < 0 else end
-        line = head[position:end].decode("latin-1").strip()
-        position = end + 1
-        if not line:
+    for line in io.BytesIO(source.head(_HEADER_LIMIT)):
+        length += len(line)
+        text = line.decode("latin-1").strip()
+        if not text:
             continue
-        name, equals, value = line.partition("=")
+        name, equals, value = (part.strip() for part in text.partition("="))
         if not equals:
-            raise unreadable(source.path, f"the line {line[:60]!r}", "a MetaImage header of lines name = value")
-        fields[name.strip()] = value.strip()
-        if name.strip() == "ElementDataFile":
-            return fields, min(position, len(head))
+            raise unreadable(source.path, f"the line {text[:60]!r}", "a MetaImage header of lines name = value")
+        fields[name] = value
+        if name == "ElementDataFile":
+            return fields, length
     raise unreadable(source.path, "a header without ElementDataFile", "a MetaImage header that ends with it")
 
 
-def _numbers(path: Path, fields: dict[str, str], names: tuple[str, ...], default: list[float]) -> list[float]:
-    for name in names:
-        if name in fields:
-            try:
-                numbers = [float(word) for word in fields[name].split()]
-            except ValueError:
-                numbers = []
-            if len(numbers) != len(default) or not all(map(math.isfinite, numbers)):
-                raise unreadable(path, f"{name} = {fields[name][:60]}", f"{len(default)} finite numbers")
-            return numbers
-    return default
+def _first(fields: dict[str, str], *names: str, default: str) -> tuple[str, str]:
+    """Return the name and the text of the first of these fields that is there."""
+    return next(((name, fields[name]) for name in names if name in fields), (names[0], default))
 
 
-def _truth(path: Path, fields: dict[str, str], names: tuple[str, ...]) -> bool:
-    for name in names:
-        if name in fields:
-            if fields[name].lower() not in ("true", "false", "1", "0"):
-                raise unreadable(path, f"{name} = {fields[name][:60]}", "True or False")
-            return fields[name].lower() in ("true", "1")
-    return False
+def _truth(path: Path, fields: dict[str, str], *names: str, default: str = "False") -> bool:
+    name, text = _first(fields, *names, default=default)
+    if text.lower() not in ("true", "false", "1", "0"):
+        raise unreadable(path, f"{name} = {text[:60]}", "True or False")
+    return text.lower() in ("true", "1")
 
 
 def _dtype(path: Path, fields: dict[str, str]) -> np.dtype[Any]:
     name = fields.get("ElementType", "")
     if name not in _TYPES:
         raise unreadable(path, f"ElementType = {name or '(none)'}", "one of: " + ", ".join(_TYPES))
-    big = _truth(path, fields, ("BinaryDataByteOrderMSB", "ElementByteOrderMSB"))
-    return np.dtype(_TYPES[name]).newbyteorder(">" if big else "<")
-
-
-def _three(numbers: list[float]) -> Triple:
-    return numbers[0], numbers[1], numbers[2]
+    big = _truth(path, fields, "BinaryDataByteOrderMSB", "ElementByteOrderMSB")
+    return np.dtype((">" if big else "<") + _TYPES[name])
 
 
 def _check_supported(path: Path, fields: dict[str, str]) -> None:
-    if fields.get("NDims") != "3":
-        raise unreadable(path, f"NDims = {fields.get('NDims', '(none)')}", "3")
-    if fields.get("ElementNumberOfChannels", "1") != "1":
-        raise unreadable(
-            path, f"ElementNumberOfChannels = {fields['ElementNumberOfChannels']}", "1", "choose one channel"
-        )
-    if not _truth(path, dict({"BinaryData": "True"}, **fields), ("BinaryData",)):
+    for name, default, wanted, advice in (
+        ("NDims", "(none)", "3", ""),
+        ("ElementNumberOfChannels", "1", "1", "choose one channel"),
+    ):
+        if fields.get(name, default) != wanted:
+            raise unreadable(path, f"{name} = {fields.get(name, default)}", wanted, advice)
+    if not _truth(path, fields, "BinaryData", default="True"):
         raise unreadable(path, "BinaryData = False", "binary samples", "convert the file to binary samples")
-    identity = [1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0]
-    matrix = _numbers(path, fields, ("TransformMatrix", "Rotation", "Orientation"), identity)
-    if matrix != identity:
-        raise unreadable(
-            path, f"TransformMatrix = {matrix}", "the identity", "resample the volume to the axes of the world"
-        )
+    identity = "1 0 0 0 1 0 0 0 1"
+    matrix = floats(path, *_first(fields, "TransformMatrix", "Rotation", "Orientation", default=identity), 9)
+    if matrix != floats(path, "", identity, 9):
+        advice = "resample the volume to the axes of the world"
+        raise unreadable(path, f"TransformMatrix = {matrix}", "the identity", advice)
 
 
 def read(source: Source) -> Volume:
@@ -111,11 +83,11 @@ def read(source: Source) -> Volume:
     if len(sizes) != 3:
         raise unreadable(path, f"DimSize of {len(sizes)} numbers", "three numbers")
     dtype = _dtype(path, fields)
-    spacing = _numbers(path, fields, ("ElementSpacing", "ElementSize"), [1.0, 1.0, 1.0])
-    if any(part == 0 for part in spacing):
+    spacing = floats(path, *_first(fields, "ElementSpacing", "ElementSize", default="1 1 1"), 3)
+    if 0 in spacing:
         raise unreadable(path, f"ElementSpacing = {spacing}", "numbers other than 0")
-    origin = _numbers(path, fields, ("Offset", "Position", "Origin"), [0.0, 0.0, 0.0])
-    packed = _truth(path, fields, ("CompressedData",))
+    origin = floats(path, *_first(fields, "Offset", "Position", "Origin", default="0 0 0"), 3)
+    packed = _truth(path, fields, "CompressedData")
     try:
         skip = int(fields.get("HeaderSize", "0"))
     except ValueError:
@@ -127,12 +99,11 @@ def read(source: Source) -> Volume:
     count = math.prod(sizes)
     if name.upper() == "LOCAL":
         values = _samples(source, length, dtype, count, packed=packed, skip=max(0, skip))
-    elif name.upper().startswith("LIST") or "%" in name:
-        raise unreadable(path, f"ElementDataFile = {name}", "one data file", "join the files into one")
     else:
         with Source(beside(path, name)) as samples:
             values = _samples(samples, 0, dtype, count, packed=packed, skip=skip)
-    return Volume(values.reshape(sizes[::-1]), _three([abs(part) for part in spacing]), _three(origin), "metaimage", {})
+    placed = triple("spacing", map(abs, spacing)), triple("origin", origin)
+    return Volume(values.reshape(sizes[::-1]), *placed, "metaimage")
 
 
 def _samples(source: Source, start: int, dtype: np.dtype[Any], count: int, *, packed: bool, skip: int) -> Any:
@@ -140,7 +111,7 @@ def _samples(source: Source, start: int, dtype: np.dtype[Any], count: int, *, pa
         if packed or source.packed:
             raise unreadable(source.path, "HeaderSize = -1 for packed samples", "a number of bytes")
         start, skip = max(0, source.path.stat().st_size - count * dtype.itemsize), 0
-    source.seek(start)
+    source.stream.seek(start)
     payload = source.payload("zlib" if packed else "raw")
     payload.skip(skip)
     return payload.array(dtype, count)

@@ -1,10 +1,11 @@
 """NRRD files, attached and detached.
 
-pynrrd reads the header; the samples are read here, because pynrrd decompresses without a bound.
+Samples are read here and not by pynrrd, which decompresses without a bound.
 """
 
 from __future__ import annotations
 
+import io
 import math
 import re
 import warnings
@@ -15,23 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple, shown, triple
-from sheetsplat.io.checks import beside, checked_shape, unreadable
+from sheetsplat.io.checks import beside, checked_shape, sides, unreadable
 from sheetsplat.io.records import Volume
-from sheetsplat.io.source import Payload, Source
+from sheetsplat.io.source import Source
 
-# Most bytes of a header.
 _HEADER_LIMIT = 1 << 20
 # Fields that become details of the volume.
 _TOLD: tuple[str, ...] = ("content", "space", "encoding")
 _ENCODINGS = {
     "raw": "raw",
-    "gzip": "gzip",
-    "gz": "gzip",
-    "bzip2": "bzip2",
-    "bz2": "bzip2",
-    "ascii": "text",
-    "text": "text",
-    "txt": "text",
+    **dict.fromkeys(("gzip", "gz"), "gzip"),
+    **dict.fromkeys(("bzip2", "bz2"), "bzip2"),
+    **dict.fromkeys(("ascii", "text", "txt"), "text"),
 }
 _TYPES = {
     "int8": ("signed char", "int8", "int8_t"),
@@ -52,25 +48,18 @@ def _header(source: Source) -> tuple[dict[str, Any], int]:
     """Return the header's fields and its length in bytes."""
     import nrrd  # type: ignore[import-untyped]
 
-    head = source.head(_HEADER_LIMIT)
     lines: list[bytes] = []
-    length = 0
-    # A detached header may end with the file instead of an empty line.
-    while length < len(head):
-        end = head.find(b"\n", length)
-        end = len(head) if end < 0 else end + 1
-        line = head[length:end]
-        length = end
+    # The header ends with an empty line, a detached one also with the file.
+    for line in io.BytesIO(source.head(_HEADER_LIMIT)):
         lines.append(line)
         if not line.strip():
             break
-    else:
-        if length == _HEADER_LIMIT:
-            raise unreadable(source.path, f"no end of the header in the first {_HEADER_LIMIT} bytes", "an NRRD header")
-    for line in lines:
-        if re.match(rb"sizes:", line) and not re.fullmatch(rb"sizes:[0-9\s]*", line):
+        if line.startswith(b"sizes:") and not re.fullmatch(rb"sizes:[0-9\s]*", line):
             found = f"a damaged NRRD header ({shown(line.decode('latin-1').strip())})"
             raise unreadable(source.path, found, "sizes that are positive whole numbers")
+    length = sum(map(len, lines))
+    if length == _HEADER_LIMIT and lines[-1].strip():
+        raise unreadable(source.path, f"no end of the header in the first {_HEADER_LIMIT} bytes", "an NRRD header")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return dict(nrrd.read_header(lines)), length
@@ -96,12 +85,10 @@ def _dtype(path: Path, header: dict[str, Any], encoding: str) -> np.dtype[Any]:
 def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[NDArray[Any], Triple, Triple]:
     """Return the array turned so that its axes are z, y, x of the world, with spacing and origin."""
     spacing = np.ones(3)
-    directions = _field(header, "space directions")
-    origin = np.zeros(3)
-    if _field(header, "space origin") is not None:
-        origin = np.asarray(_field(header, "space origin"), dtype=np.float64)
-        if origin.shape != (3,) or not np.all(np.isfinite(origin)):
-            raise unreadable(path, f"space origin {shown(origin.tolist())}", "three finite numbers")
+    directions, spacings, start = (header.get(name) for name in ("space directions", "spacings", "space origin"))
+    origin = np.zeros(3) if start is None else np.array(start, dtype=np.float64)
+    if origin.shape != (3,) or not np.all(np.isfinite(origin)):
+        raise unreadable(path, f"space origin {shown(origin.tolist())}", "three finite numbers")
     if directions is not None:
         rows = np.asarray([np.full(3, np.nan) if row is None else row for row in directions], dtype=np.float64)
         wanted = "three directions along the axes of the world"
@@ -109,10 +96,9 @@ def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[N
             raise unreadable(path, f"space directions {shown(rows.tolist())}", wanted)
         along = rows != 0
         if not (np.all(along.sum(axis=0) == 1) and np.all(along.sum(axis=1) == 1)):
-            raise unreadable(
-                path, f"space directions {shown(rows.tolist())}", wanted, "resample the volume to such axes"
-            )
-        # Row a of `rows` is the step along the file's axis a, the fastest first.
+            found = f"space directions {shown(rows.tolist())}"
+            raise unreadable(path, found, wanted, "resample the volume to such axes")
+        # Each row is the step along an axis of the file, the fastest first.
         world = along.argmax(axis=1)
         steps = rows[np.arange(3), world]
         file_axis = np.argsort(world)
@@ -123,8 +109,8 @@ def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[N
                 values = np.flip(values, 2 - axis)
                 origin[axis] += step * (values.shape[2 - axis] - 1)
             spacing[axis] = abs(step)
-    elif _field(header, "spacings") is not None:
-        spacing = np.asarray(_field(header, "spacings"), dtype=np.float64)
+    elif spacings is not None:
+        spacing = np.asarray(spacings, dtype=np.float64)
         # NaN means "not known" in this format.
         spacing = np.where(np.isnan(spacing), 1.0, spacing)
         if spacing.shape != (3,) or not np.all(np.isfinite(spacing)) or np.any(spacing == 0):
@@ -133,50 +119,40 @@ def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[N
     return values, triple("spacing", spacing), triple("origin", origin)
 
 
-def _skip_lines(payload_source: Source, count: int) -> None:
-    for _ in range(count):
-        if not payload_source.stream.readline(_HEADER_LIMIT):
-            raise unreadable(
-                payload_source.path, "fewer lines than the header skips", f"{count} lines before the samples"
-            )
-
-
 def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...], start: int) -> NDArray[Any]:
-    encoding = _ENCODINGS.get(str(_field(header, "encoding")).lower())
+    encoding = _ENCODINGS.get(str(header["encoding"]).lower())
     if encoding is None:
-        found = shown(_field(header, "encoding"))
-        raise unreadable(
-            source.path, f"encoding {found}", "raw, gzip, bzip2 or ascii", "convert it with: unu save -e gzip"
-        )
+        found = f"encoding {shown(header['encoding'])}"
+        raise unreadable(source.path, found, "raw, gzip, bzip2 or ascii", "convert it with: unu save -e gzip")
     dtype = _dtype(source.path, header, encoding)
     count = math.prod(sizes)
     line_skip = _field(header, "line skip", "lineskip") or 0
     byte_skip = _field(header, "byte skip", "byteskip") or 0
     if line_skip < 0 or byte_skip < -1 or (byte_skip == -1 and (encoding != "raw" or source.packed)):
         raise unreadable(source.path, f"line skip {line_skip}, byte skip {byte_skip}", "numbers that are not negative")
-    source.seek(start)
-    _skip_lines(source, line_skip)
+    source.stream.seek(start)
+    for _ in range(line_skip):
+        if not source.stream.readline(_HEADER_LIMIT):
+            wanted = f"{line_skip} lines before the samples"
+            raise unreadable(source.path, "fewer lines than the header skips", wanted)
     if byte_skip == -1:
-        beginning = source.path.stat().st_size - count * dtype.itemsize
-        if beginning < start:
-            return source.payload("raw").array(dtype, count)
-        source.seek(beginning)
+        source.stream.seek(max(start, source.path.stat().st_size - count * dtype.itemsize))
         byte_skip = 0
     if encoding == "text":
-        return _read_text(source, source.payload("raw"), dtype, count)
+        return _read_text(source, dtype, count)
     payload = source.payload(encoding)
     payload.skip(byte_skip)
     return payload.array(dtype, count)
 
 
-def _read_text(source: Source, payload: Payload, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+def _read_text(source: Source, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
     # A number and its separator take from two to forty characters.
     if count * 2 - 1 > source.at_most():
         raise unreadable(source.path, f"at most {source.at_most()} characters of samples", f"{count} numbers")
-    words = payload.text(count * 40).split()
+    words = source.stream.read(count * 40).split()
     if len(words) < count:
         raise unreadable(source.path, f"{len(words)} numbers", f"{count} numbers, as the header says")
-    # NumPy would only warn of numbers that the type cannot hold.
+    # Numbers that the type cannot represent are errors; NumPy would only warn.
     with warnings.catch_warnings(), np.errstate(over="raise", invalid="raise"):
         warnings.simplefilter("ignore")
         return np.array(words[:count]).astype(dtype)
@@ -192,18 +168,16 @@ def read(source: Source) -> Volume:
     if header["dimension"] != 3 or len(sizes) != 3:
         raise unreadable(
             source.path,
-            f"{header['dimension']} axes, sizes {' x '.join(map(str, sizes))}",
+            f"{header['dimension']} axes, sizes {sides(sizes)}",
             "three axes",
             "choose one channel or one time step, for instance with: unu slice",
         )
     data = _field(header, "data file", "datafile")
     if data is None:
         flat = _read_samples(source, header, sizes, length)
-    elif str(data).upper().startswith("LIST") or "%" in str(data):
-        raise unreadable(source.path, f"several data files ({data})", "one", "join them with: unu save")
     else:
         with Source(beside(source.path, str(data))) as samples:
-            # The encoding gzip and the suffix .gz of the data file mean the same compression.
+            # A data file .gz with the encoding gzip is compressed once.
             plain = dict(header, encoding="raw") if samples.packed and header["encoding"] in ("gzip", "gz") else header
             flat = _read_samples(samples, plain, sizes, 0)
     values, spacing, origin = _placed(source.path, header, flat.reshape(sizes[::-1]))

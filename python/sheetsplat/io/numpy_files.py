@@ -1,7 +1,6 @@
-"""NumPy's .npy and .npz. Pickles are refused.
+"""NumPy's .npy and .npz without pickles.
 
-NumPy reads the headers; the samples are read here, because numpy.load takes the memory that a header claims before it
-looks at the size of the file.
+Samples are read here, because numpy.load allocates the memory that a header claims before it checks the file's size.
 """
 
 from __future__ import annotations
@@ -9,14 +8,15 @@ from __future__ import annotations
 import math
 import warnings
 import zipfile
+from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
-from sheetsplat.errors import complain, option_ref
-from sheetsplat.io.checks import checked_shape
+from sheetsplat.errors import option_ref
+from sheetsplat.io.checks import checked_shape, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import DEFLATE_RATIO, Payload, Source
 
@@ -26,7 +26,7 @@ _LONGEST_TEXT = 1024
 
 
 def _header(stream: IO[bytes]) -> _Header:
-    """Return shape, whether the first axis is the fastest, and the type, and leave the stream at the first value."""
+    """Read the shape, whether the first axis is the fastest, and the type."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         version = npy_format.read_magic(stream)
@@ -38,24 +38,18 @@ def _header(stream: IO[bytes]) -> _Header:
     raise ValueError(f"version {version} in place of 1, 2 or 3")
 
 
-def _check(source: Source, header: _Header) -> None:
-    shape, _, dtype = header
+def _require_numbers(path: Path, what: str, dtype: np.dtype[Any]) -> None:
     if dtype.hasobject or dtype.kind not in "biuf":
-        raise complain(
-            f"{source.path} cannot be read",
-            f"an array of {'Python objects' if dtype.hasobject else dtype}",
-            "integers, booleans or real floating-point numbers",
-            "save it again as numbers" if dtype.hasobject else "",
-        )
-    if len(shape) != 3:
-        raise complain(
-            f"{source.path} cannot be read", f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]"
-        )
+        found = f"{what} of {'Python objects' if dtype.hasobject else dtype}"
+        advice = "save it again as numbers" if dtype.hasobject else ""
+        raise unreadable(path, found, "integers, booleans or real floating-point numbers", advice)
 
 
-def _array(source: Source, header: _Header, payload: Payload, file_format: str) -> Volume:
-    _check(source, header)
+def _volume(source: Source, header: _Header, payload: Payload, file_format: str) -> Volume:
     shape, first_fastest, dtype = header
+    _require_numbers(source.path, "an array", dtype)
+    if len(shape) != 3:
+        raise unreadable(source.path, f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]")
     sizes = checked_shape(source.path, shape, "shape")
     values = payload.array(dtype, math.prod(sizes))
     return Volume(values.reshape(sizes, order="F" if first_fastest else "C"), format=file_format)
@@ -64,12 +58,11 @@ def _array(source: Source, header: _Header, payload: Payload, file_format: str) 
 def read_npy(source: Source) -> Volume:
     """Read the array of a .npy file."""
     header = _header(source.stream)
-    return _array(source, header, source.payload("raw"), "npy")
+    return _volume(source, header, source.payload("raw"), "npy")
 
 
 def _payload(source: Source, entry: zipfile.ZipInfo, stream: IO[bytes]) -> Payload:
-    bound = min(entry.file_size, entry.compress_size * DEFLATE_RATIO + 64)
-    return Payload(source, stream, bound, exact=False)
+    return Payload(source, stream, min(entry.file_size, entry.compress_size * DEFLATE_RATIO + 64))
 
 
 def read_npz(source: Source, name: str | None = None) -> Volume:
@@ -79,13 +72,10 @@ def read_npz(source: Source, name: str | None = None) -> Volume:
         if name is None:
             name = _only_volume(source, archive, entries)
         if name not in entries:
-            raise complain(
-                f"{source.path} cannot be read", f"no array {name!r}", "one of: " + ", ".join(sorted(entries)), ""
-            )
-        entry = entries[name]
-        with archive.open(entry) as stream:
+            raise unreadable(source.path, f"no array {name!r}", "one of: " + ", ".join(sorted(entries)))
+        with archive.open(entries[name]) as stream:
             header = _header(stream)
-            return _array(source, header, _payload(source, entry, stream), "npz")
+            return _volume(source, header, _payload(source, entries[name], stream), "npz")
 
 
 def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
@@ -95,22 +85,17 @@ def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], 
     """
     arrays: dict[str, NDArray[Any]] = {}
     texts: dict[str, str] = {}
-    source.seek(0)
     with zipfile.ZipFile(source.stream) as archive:
         entries = archive.infolist()
         if len(entries) > most:
-            raise complain(f"{source.path} cannot be read", f"{len(entries)} entries", f"at most {most}")
+            raise unreadable(source.path, f"{len(entries)} entries", f"at most {most}")
         for entry in entries:
             with archive.open(entry) as stream:
                 shape, first_fastest, dtype = _header(stream)
                 name = entry.filename.removesuffix(".npy")
                 text = dtype.kind == "U" and shape == () and dtype.itemsize <= _LONGEST_TEXT
-                if not text and (dtype.hasobject or dtype.kind not in "biuf"):
-                    raise complain(
-                        f"{source.path} cannot be read",
-                        f"an array {name!r} of {'Python objects' if dtype.hasobject else dtype}",
-                        "integers, booleans or real floating-point numbers",
-                    )
+                if not text:
+                    _require_numbers(source.path, f"an array {name!r}", dtype)
                 # Empty arrays take no memory.
                 sizes = tuple(shape) if 0 in shape else checked_shape(source.path, shape, f"shape of {name}")
                 values = _payload(source, entry, stream).array(dtype, math.prod(sizes))
@@ -129,8 +114,8 @@ def _only_volume(source: Source, archive: zipfile.ZipFile, entries: dict[str, zi
                 if len(_header(stream)[0]) == 3:
                     found.append(name)
     if len(found) != 1:
-        raise complain(
-            f"{source.path} cannot be read",
+        raise unreadable(
+            source.path,
             f"{len(found)} arrays with three axes" + (f": {', '.join(sorted(found))}" if found else ""),
             "one, or the name of one",
             "pass " + option_ref("name", "...") + " to choose one" if found else "",

@@ -1,9 +1,10 @@
-"""Files to fields: dispatch to the readers, and the options that belong to each format."""
+"""Files to fields: choice of the reader, and the options of each format."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,12 @@ from sheetsplat import _memory
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.io.checks import unreadable
-from sheetsplat.io.formats import SCATTERED, find_format, format_named, format_of
-from sheetsplat.io.kernels import field_of, logarithm
+from sheetsplat.io.formats import BY_NAME, SCATTERED, find_format, format_of
+from sheetsplat.io.kernels import field_of, given, logarithm
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.source import Source
 
-# Options by what they apply to; those in neither apply to both.
+# Options of regular volumes alone, and of scattered data alone.
 REGULAR = ("shape", "dtype", "offset", "name", "spacing", "origin", "lattice", "radius", "prefilter", "nan")
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
 _POINTS = ("grid", "scalar", "particles", "support")
@@ -59,28 +60,20 @@ def read_volume(
     Error
         Where the file cannot be read.
     """
-    given: dict[str, Any] = {"shape": shape, "dtype": dtype, "offset": offset or None, "name": name}
-    options = {key: value for key, value in given.items() if value is not None}
+    options = given(shape=shape, dtype=dtype, offset=offset or None, name=name)
     with Source(Path(path)) as source:
         found = format_of(source, raw_options="shape" in options or "dtype" in options)
         if found.scattered:
-            raise complain(
-                f"{path} cannot be read as a volume",
-                f"scattered data ({found.name})",
-                "a regular volume",
-                "open it with sheetsplat.open, which makes ellipsoids of it",
-            )
+            advice = "open it with sheetsplat.open, which converts it to ellipsoids"
+            what, wrong = f"{path} cannot be read as a volume", f"scattered data ({found.name})"
+            raise complain(what, wrong, "a regular volume", advice)
         failed = f"{path} cannot be read with these options"
         if found.name != "raw" and options.keys() & {"shape", "dtype", "offset"}:
-            raise complain(
-                failed,
-                option_refs(("shape", "dtype", "offset")) + f" for a file of format {found.name}",
-                "them only for raw samples; this file says itself what it holds",
-            )
+            refused = option_refs(("shape", "dtype", "offset")) + f" for a file of format {found.name}"
+            raise complain(failed, refused, "them only for raw samples; this file has a header")
         if name is not None and "name" not in found.options:
-            raise complain(
-                failed, option_ref("name") + " for a single array", "it only for .npz and .vti", option="name"
-            )
+            refused = option_ref("name") + " for a single array"
+            raise complain(failed, refused, "it only for .npz and .vti", option="name")
         volume: Volume = found.read(source, **options)
         return volume
 
@@ -118,19 +111,14 @@ def read_scattered(
     Error
         Where a file cannot be read.
     """
-    found = format_named(find_format(path, raw_options=False, name=None, grid=grid is not None))
+    found = BY_NAME[find_format(path, raw_options=False, name=None, grid=grid is not None)]
     if not found.scattered:
         raise unreadable(Path(path), f"a file of format {found.name}", "scattered data: " + ", ".join(SCATTERED))
-    given = {"grid": grid, "scalar": scalar, "particles": particles, "support": support}
-    options = {name: value for name, value in given.items() if value is not None}
+    options = given(grid=grid, scalar=scalar, particles=particles, support=support)
     for name in options.keys() - set(found.options):
-        raise complain(
-            f"{path} cannot be read with these options",
-            option_ref(name) + f" for a file of format {found.name}",
-            "it only for HDF5",
-            option=name,
-        )
-    # Numbers that are not finite are found and named after reading.
+        refused = option_ref(name) + f" for a file of format {found.name}"
+        raise complain(f"{path} cannot be read with these options", refused, "it only for HDF5", option=name)
+    # Numbers that are not finite are errors of the readers.
     with Source(Path(path)) as source, np.errstate(all="ignore"):
         data: Scattered = found.read(source, **options)
         return data
@@ -167,7 +155,7 @@ def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> str:
 
 
 def read_regular(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Volume:
-    """Return the volume of a file; with `log` its samples are logarithms, float32 unless they were wider."""
+    """Return the volume of a file; with `log` its samples are logarithms, float32 unless the file's are wider."""
     reading = {name: options[name] for name in _READING if name in options}
     if "scalar" in options:
         reading["name"] = options["scalar"]
@@ -175,21 +163,17 @@ def read_regular(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Vo
     floor = options.get("log", False)
     if floor is False:
         return volume
-    if volume.values.dtype.kind not in "biuf":
-        return volume
     _memory.require(3 * 8 * volume.values.size, f"the logarithms of {path}")
     what = volume.details.get("content", "the samples")
     values = logarithm(volume.values.astype(np.float64), what, floor)
-    narrow = volume.values.dtype.itemsize <= 4
-    shown = values.astype(np.float32) if narrow else values
-    return Volume(shown, volume.spacing, volume.origin, volume.format, volume.details)
+    return replace(volume, values=values.astype(np.float32) if volume.values.dtype.itemsize <= 4 else values)
 
 
 def open_scattered(path: str | os.PathLike[str], options: Mapping[str, Any]) -> tuple[Scattered, EllipsoidField]:
     """Return what a file of scattered data holds, and the field of it; `options` as for `open_field`."""
     data = read_scattered(path, **{name: options[name] for name in _POINTS if name in options})
-    given = {name: options[name] for name in _ELLIPSOIDS if name in options}
-    return data, field_of(data, logarithmic=options.get("log", False), **given)
+    chosen = {name: options[name] for name in _ELLIPSOIDS if name in options}
+    return data, field_of(data, logarithmic=options.get("log", False), **chosen)
 
 
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:

@@ -30,20 +30,19 @@ def check_suffix(path: Path) -> str:
 def check_folder(path: Path) -> None:
     """Raise Error where the folder of `path` is not there or cannot be written to."""
     folder = path.resolve().parent
+    failed = f"{path} cannot be written"
     if not folder.is_dir():
-        raise complain(
-            f"{path} cannot be written", f"no folder {folder}", "a path in a folder that is there", kind=Error
-        )
+        raise complain(failed, f"no folder {folder}", "a path in an existing folder", kind=Error)
     if not os.access(folder, os.W_OK):
-        raise complain(f"{path} cannot be written", f"no right to write to {folder}", "another folder", kind=Error)
+        raise complain(failed, f"no right to write to {folder}", "another folder", kind=Error)
 
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Give a path beside `path` to write to; it becomes `path` at the end, and nothing is left after an error."""
+    """Yield a temporary path beside `path`; it is renamed to `path` at the end, and removed after an error."""
     made = path.with_name(f".{path.stem}-{secrets.token_hex(8)}{path.suffix}")
     try:
-        # The umask applies, as to any new file; tempfile's files are for their owner alone.
+        # With the permissions of the umask; files of tempfile are readable by their owner alone.
         os.close(os.open(made, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:
         raise _unwritable(path, error) from None
@@ -59,14 +58,14 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
-    """Give a path beside each of `paths`; all of them appear at the end, and none after an error."""
+    """Yield a temporary path beside each of `paths`; they are renamed at the end, and removed after an error."""
     with contextlib.ExitStack() as stack:
         yield [stack.enter_context(whole_file(path)) for path in paths]
 
 
 @contextlib.contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Have errors name `path`, where what is written is a file beside it."""
+    """Replace the name of a temporary file in errors by `path`."""
     try:
         yield
     except Error as error:
@@ -81,7 +80,7 @@ def _unwritable(path: Path, error: OSError) -> Error:
 
 
 def save_array(array: Floats, path: Path) -> None:
-    """Write float32 (h, w) or (h, w, 4), premultiplied, as .exr or .npy; whole or not at all."""
+    """Write float32 (h, w) or (h, w, 4), premultiplied, as .exr or .npy."""
     if check_suffix(path) == ".npy":
         with whole_file(path) as made, made.open("wb") as stream:
             np.save(stream, array, allow_pickle=False)
@@ -92,9 +91,8 @@ def save_array(array: Floats, path: Path) -> None:
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with whole_file(path) as made:
         try:
-            OpenEXR.File(header, {name: np.ascontiguousarray(plane) for name, plane in channels.items()}).write(
-                str(made)
-            )
+            planes = {name: np.ascontiguousarray(plane) for name, plane in channels.items()}
+            OpenEXR.File(header, planes).write(str(made))
         except RuntimeError as error:
             raise complain(f"{path} cannot be written", str(error), kind=Error) from None
 
@@ -104,13 +102,9 @@ def save_channel(channel: Floats, path: Path) -> None:
     if check_suffix(path) != ".png":
         save_array(channel, path)
         return
-    from PIL import Image as PillowImage
-
     finite = np.where(np.isfinite(channel), channel, 0.0)
     top = float(finite.max(initial=0.0))
-    gray = np.rint(np.clip(finite / top if top > 0 else finite, 0, 1) * 255).astype(np.uint8)
-    with whole_file(path) as made:
-        PillowImage.fromarray(gray).save(made, format="PNG")
+    _save_png(finite / top if top > 0 else finite, path)
 
 
 def save_difference(picture: Floats, reference: Floats, path: Path, scale: float | None = None) -> float:
@@ -126,15 +120,18 @@ def save_difference(picture: Floats, reference: Floats, path: Path, scale: float
     if check_suffix(path) != ".png":
         save_array(difference, path)
         return scale
+    # NaN counts as the largest difference; differences of opacity appear in all colours.
+    levels = np.nan_to_num(difference, nan=1.0)
+    _save_png(levels if levels.ndim == 2 else np.maximum(levels[..., :3], levels[..., 3:]), path)
+    return scale
+
+
+def _save_png(levels: NDArray[Any], path: Path) -> None:
+    """Write levels from 0 to 1, (h, w) or (h, w, 3), with 8 bits."""
     from PIL import Image as PillowImage
 
-    # NaN counts as the largest difference.
-    levels = np.rint(np.clip(np.nan_to_num(difference, nan=1.0), 0, 1) * 255).astype(np.uint8)
-    # Differences of opacity, which cannot be seen, are shown in the colours.
-    shown = levels if levels.ndim == 2 else np.maximum(levels[..., :3], levels[..., 3:])
     with whole_file(path) as made:
-        PillowImage.fromarray(shown).save(made, format="PNG")
-    return scale
+        PillowImage.fromarray(np.rint(np.clip(levels, 0, 1) * 255).astype(np.uint8)).save(made, format="PNG")
 
 
 def read_picture(path: Path) -> Floats:
@@ -179,8 +176,7 @@ def _read_exr(path: Path) -> Floats:
     if not {"R", "G", "B"} <= planes.keys():
         found = ", ".join(planes)
         raise complain(f"{path} cannot be read as a picture", f"the channels {found}", "R, G, B and perhaps A, or Y")
-    opaque = planes.get("A", np.ones_like(planes["R"]))
-    return np.stack([planes["R"], planes["G"], planes["B"], opaque], axis=-1)
+    return np.stack([planes[name] for name in "RGBA" if name in planes], axis=-1)
 
 
 def _read_npy(path: Path) -> Floats:

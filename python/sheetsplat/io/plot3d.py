@@ -3,9 +3,8 @@
 A grid is a header of sizes, then per block x, y, z and perhaps IBLANK (int32); a solution the same header, then per
 block four numbers (free-stream Mach number, angle of attack, Reynolds number, time) and five arrays: density, three
 components of momentum, stagnation energy per volume. Each may be written as Fortran records, with the length of every
-record before and after it. A file does not declare which of these it is: the layout is the one whose size is that of
-the file, to the byte. The numbers are dimensionless, as defined in PLOT3D's users' manual (Walatka
-et al., NASA RP-1243).
+record before and after it. A file does not declare its layout, which is found by the exact size of the file. Numbers
+are dimensionless as in PLOT3D's manual (Walatka et al., NASA RP-1243).
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,18 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import complain, option_ref
-from sheetsplat.io.checks import finite_points, finite_values, require_rows, unreadable
+from sheetsplat.io.checks import finite_points, finite_values, require_rows, sides, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import unknown_scalar
 from sheetsplat.io.source import Source
 
-# More blocks or longer sides than these indicate the wrong byte order.
+# More blocks or longer sides indicate the wrong byte order.
 _MOST_BLOCKS = 4096
 _LONGEST = 1 << 24
-# Most unused bytes at the end of a solution, less than half of it; such files are in use.
+# Most unused bytes at the end of a solution; some files have them.
 _SURPLUS = 4096
 # Magnitudes outside these indicate the wrong byte order.
 _TINY, _HUGE = 1e-30, 1e30
+
+_ENDIANS = {"<": "little-endian", ">": "big-endian"}
 
 GAMMA = 1.4
 
@@ -42,7 +43,7 @@ Shape = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Layout:
-    """How a file is written."""
+    """The layout of a file: byte order, Fortran records, blocks, bytes of a float, IBLANK, grid or solution."""
 
     order: str
     records: bool
@@ -74,18 +75,18 @@ class Layout:
 
     def __str__(self) -> str:
         """Return the layout in words."""
-        words = ["big-endian" if self.order == ">" else "little-endian", f"float{8 * self.itemsize}"]
-        if self.records:
-            words.append("Fortran records")
-        if self.blanked:
-            words.append("iblank")
-        if self.several:
-            words.append(f"{len(self.blocks)} blocks")
-        return " ".join([", ".join(words) + ",", ", ".join(map(_sides, self.blocks[:8]))])
+        words = {
+            _ENDIANS[self.order]: True,
+            f"float{8 * self.itemsize}": True,
+            "Fortran records": self.records,
+            "iblank": self.blanked,
+            f"{len(self.blocks)} blocks": self.several,
+        }
+        return ", ".join(word for word, used in words.items() if used) + ", " + _listed(self.blocks)
 
 
-def _sides(shape: Shape) -> str:
-    return " x ".join(map(str, shape))
+def _listed(blocks: Sequence[Shape]) -> str:
+    return ", ".join(map(sides, blocks[:8]))
 
 
 def _headers(head: bytes) -> Iterator[tuple[str, bool, bool, tuple[Shape, ...]]]:
@@ -131,10 +132,8 @@ def _find(source: Source, kind: str) -> tuple[list[Layout], int]:
     longest = source.at_most()
     size = source.length(min(longest, max(layout.size for layout in layouts) + _SURPLUS + 1))
     exact = [layout for layout in layouts if layout.size == size]
-    near = []
-    if kind == "solution":
-        near = [one for one in layouts if 0 < size - one.size <= min(_SURPLUS, one.size // 2)]
-    # The simplest first, where a size allows two readings.
+    near = [one for one in layouts if kind == "solution" and 0 < size - one.size <= min(_SURPLUS, one.size // 2)]
+    # Of several layouts of one size, the simplest first.
     exact.sort(key=lambda one: (one.several, one.itemsize))
     near.sort(key=lambda one: (size - one.size, one.several))
     if exact or near:
@@ -160,19 +159,14 @@ def _check_order(path: Path, layout: Layout, numbers: NDArray[Any]) -> None:
 
     here = odd(numbers)
     if here > 0.01 and odd(numbers.view(numbers.dtype.newbyteorder())) < 0.5 * here:
-        names = {"<": "little-endian", ">": "big-endian"}
         other = "<" if layout.order == ">" else ">"
-        raise unreadable(
-            path,
-            f"sizes that are {names[layout.order]} beside numbers that are {names[other]}",
-            "one byte order in one file",
-            "write the file again",
-        )
+        found = f"sizes that are {_ENDIANS[layout.order]} beside numbers that are {_ENDIANS[other]}"
+        raise unreadable(path, found, "one byte order in one file", "write the file again")
 
 
 def _blocks(source: Source, layout: Layout, size: int) -> Iterator[list[NDArray[Any]]]:
-    """Give the records of every block as arrays of bytes."""
-    source.seek(0)
+    """Yield the records of every block as arrays of bytes."""
+    source.stream.seek(0)
     data = source.payload("raw").array(np.dtype(np.uint8), size)
     at = layout.header
     for shape in layout.blocks:
@@ -181,11 +175,9 @@ def _blocks(source: Source, layout: Layout, size: int) -> Iterator[list[NDArray[
             if layout.records:
                 ends = [data[mark : mark + 4].view(f"{layout.order}i4")[0] for mark in (at, at + 4 + length)]
                 if ends != [length, length]:
-                    raise unreadable(
-                        source.path,
-                        f"a record that says {ends[0]} and {ends[1]} bytes",
-                        f"one of {length} bytes, as the sizes {_sides(shape)} need ({layout})",
-                    )
+                    found = f"a record with the lengths {ends[0]} and {ends[1]}"
+                    wanted = f"{length} bytes, as the sizes {sides(shape)} need ({layout})"
+                    raise unreadable(source.path, found, wanted)
                 at += 4
             parts.append(data[at : at + length])
             at += length + 4 * layout.records
@@ -193,7 +185,7 @@ def _blocks(source: Source, layout: Layout, size: int) -> Iterator[list[NDArray[
 
 
 def _read_grid(source: Source) -> tuple[Layout, Floats, NDArray[np.bool_]]:
-    """Return the layout, the points of all blocks, and where they are not blanked out."""
+    """Return the layout, the points of all blocks, and where IBLANK is not 0."""
     layouts, size = _find(source, "grid")
     layout = layouts[0]
     count = sum(map(math.prod, layout.blocks))
@@ -219,8 +211,8 @@ def _read_solution(source: Source, blocks: tuple[Shape, ...]) -> tuple[Layout, F
     if not same:
         raise unreadable(
             source.path,
-            f"a solution of {', '.join(map(_sides, layouts[0].blocks[:8]))} points",
-            f"{', '.join(map(_sides, blocks[:8]))}, as the grid has",
+            f"a solution of {_listed(layouts[0].blocks)} points",
+            f"{_listed(blocks)}, as the grid has",
             "pass the grid that belongs to this solution as " + option_ref("grid", "..."),
         )
     layout = same[0]
@@ -230,15 +222,13 @@ def _read_solution(source: Source, blocks: tuple[Shape, ...]) -> tuple[Layout, F
     conditions = np.empty((len(blocks), 4))
     first = 0
     number = f"{layout.order}f{layout.itemsize}"
-    for block, (shape, (four, data)) in enumerate(
-        zip(layout.blocks, _blocks(source, layout, layout.size), strict=True)
-    ):
-        here = math.prod(shape)
+    for block, (four, data) in enumerate(_blocks(source, layout, layout.size)):
         numbers = data.view(number)
         _check_order(source.path, layout, numbers)
         conditions[block] = four.view(number)
-        flow[:, first : first + here] = numbers.reshape(5, here)
-        first += here
+        last = first + numbers.size // 5
+        flow[:, first:last] = numbers.reshape(5, -1)
+        first = last
     return layout, flow, conditions, size - layout.size
 
 
@@ -263,8 +253,8 @@ def _length(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt(np.square(vectors).sum(axis=0)))
 
 
-# What is shown, by name; q: density, momentum x, y, z, energy. In the units of the file: densities and velocities of
-# sound of the free stream are 1, so the gas constant is 1 / GAMMA there for temperatures of 1.
+# Formulas and functions of q: density, momentum x, y, z, energy. In the units of the file the density, the speed of
+# sound and the temperature of the free stream are 1, and the gas constant is 1 / GAMMA.
 SCALARS: dict[str, tuple[str, Callable[[Floats], Floats]]] = {
     "density": ("q1", lambda q: q[0]),
     "momentum": ("√(q2² + q3² + q4²)", lambda q: _length(q[1:4])),
@@ -297,7 +287,7 @@ def read(source: Source, grid: str | os.PathLike[str], scalar: str | None = None
     source
         The solution.
     grid
-        The file of the grid. The two files may be of different byte order, precision and packing.
+        The file of the grid. The two files may differ in byte order, precision and compression.
     scalar
         A name of `SCALARS`; density unless given.
 
@@ -329,15 +319,14 @@ def read(source: Source, grid: str | os.PathLike[str], scalar: str | None = None
     finite_points(Path(grid), points)
     with np.errstate(all="ignore"):
         values = np.ascontiguousarray(SCALARS[name][1](flow))
+        negative = int((~(_pressure(flow) > 0)).sum())
     why = ""
-    if flow.size:
-        negative = int((~(_quiet_pressure(flow) > 0)).sum())
-        if not flow[4].any():
-            why = "the energy field of this file is all 0"
-        elif not np.all(flow[0] > 0):
-            why = "there are densities that are not above 0"
-        elif negative:
-            why = f"the pressure is not above 0 at {negative} points"
+    if flow.size and not flow[4].any():
+        why = "the energy field of this file is all 0"
+    elif not np.all(flow[0] > 0):
+        why = "there are densities that are not above 0"
+    elif negative:
+        why = f"the pressure is not above 0 at {negative} points"
     finite_values(source.path, name, values, why, "choose a scalar that does not need it: density or momentum")
     if why and name in ("pressure", "temperature", "enthalpy"):
         raise complain(f"the scalar {name!r} of {source.path} has no meaning", why, "pressures above 0")
@@ -345,7 +334,7 @@ def read(source: Source, grid: str | os.PathLike[str], scalar: str | None = None
 
 
 def _hexahedra(blocks: tuple[Shape, ...], shown: NDArray[np.bool_]) -> tuple[NDArray[np.int64], ...] | None:
-    """Return the cells none of whose corners is blanked out, (M, 8), by the numbers of the points that are left."""
+    """Return the cells without blanked corners, (M, 8), with numbers of the points that are left."""
     number = np.cumsum(shown) - 1
     found: list[NDArray[np.int64]] = []
     first = 0
@@ -359,8 +348,3 @@ def _hexahedra(blocks: tuple[Shape, ...], shown: NDArray[np.bool_]) -> tuple[NDA
         first += ni * nj * nk
     found = [cells for cells in found if len(cells)]
     return tuple(found) or None
-
-
-def _quiet_pressure(flow: Floats) -> Floats:
-    with np.errstate(all="ignore"):
-        return _pressure(flow)

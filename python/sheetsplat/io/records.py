@@ -1,4 +1,4 @@
-"""What files hold: regular volumes and scattered data."""
+"""The data of files: regular volumes and scattered data."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Volume:
-    """What a file holds.
+    """A regular volume of a file.
 
     Attributes
     ----------
@@ -38,23 +38,23 @@ class Volume:
 
 @dataclass(frozen=True)
 class Scattered:
-    """What a file of scattered data holds. Rows of all arrays belong together; N is their number.
+    """Scattered data of a file: N rows in each array.
 
     Attributes
     ----------
     points
         World positions, (N, 3).
     values
-        The scalar that was chosen, (N,); finite.
+        The chosen scalar, (N,); finite.
     scalar
         Its name.
     scalars
-        Names that could have been chosen.
+        Names of all scalars.
     format
         Name of the file format.
     cells
-        Of a mesh over the points, where there is one: arrays of point numbers, (M, 4) tetrahedra, (M, 5) pyramids,
-        (M, 6) wedges or (M, 8) hexahedra in the order of VTK.
+        Of a mesh of the points: arrays of point numbers, (M, 4) tetrahedra, (M, 5) pyramids, (M, 6) wedges or (M, 8)
+        hexahedra in the order of VTK.
     supports
         Radii of the supports of SPH kernels, (N,), world units.
     masses, densities
@@ -68,7 +68,7 @@ class Scattered:
     weights
         Of kernels, (N,).
     normalization, w0, falloff, cell_volume
-        From the file, or the default of its format; None: the field's own default.
+        From the file; None: the default of `EllipsoidField`.
     details
         Further information, as texts.
     """
@@ -94,5 +94,5 @@ class Scattered:
 
     @property
     def has_kernels(self) -> bool:
-        """Whether the file itself has the sizes of its kernels."""
+        """Whether the file has the sizes of kernels."""
         return any(part is not None for part in (self.supports, self.deviations, self.scales))

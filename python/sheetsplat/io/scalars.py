@@ -15,7 +15,7 @@ from sheetsplat.io.checks import listed, unreadable
 from sheetsplat.io.records import Floats
 
 _PART = re.compile(r"(.+)_([xyz]|\d{1,3})")
-# Columns of one array that get names; the number in a header is not trusted.
+# Most columns of an array that get names; the number in a header is not trusted.
 _MOST_COLUMNS = 1000
 
 
@@ -62,14 +62,11 @@ def choose_scalar(
 
 
 def scalar_names(widths: Mapping[str, int]) -> tuple[str, ...]:
-    """Return every name that `choose_scalar` accepts; an array of several columns stands for the length of its rows."""
+    """Return every name that `choose_scalar` accepts; that of an array with columns means the length of its rows."""
     names: list[str] = []
     for name, width in widths.items():
-        names.append(name)
-        if 1 < width <= 3:
-            names += [f"{name}_{axis}" for axis in "xyz"[:width]]
-        elif width > 3:
-            names += [f"{name}_{column}" for column in range(min(width, _MOST_COLUMNS))]
+        columns = "xyz"[:width] if width <= 3 else range(min(width, _MOST_COLUMNS))
+        names += [name, *(f"{name}_{column}" for column in columns if width > 1)]
     return tuple(names)
 
 

@@ -11,7 +11,6 @@ import stat
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Any, BinaryIO, cast
 
 import numpy as np
@@ -21,7 +20,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Error, OutOfMemory, Words, complain
 
-# Largest ratio of deflate's compression (RFC 1951: a match of 258 bytes in two bits); the slack is for short files.
+# Largest compression ratio of deflate (RFC 1951: a match of 258 bytes in two bits), and a margin for short files.
 DEFLATE_RATIO = 1032
 _DEFLATE_SLACK = 4096
 _CHUNK = 1 << 22
@@ -29,9 +28,9 @@ _CHUNK = 1 << 22
 
 @contextlib.contextmanager
 def guarded(path: Path, kind: str = "") -> Iterator[None]:
-    """Turn what parsers and libraries raise for damaged files into InvalidInput: the one guard of all readers.
+    """Turn errors of parsers and libraries into InvalidInput, and MemoryError into OutOfMemory; all readers use this.
 
-    Errors of this package pass; MemoryError becomes OutOfMemory. Messages have the file and its `kind` ("a picture").
+    Messages have the file and its `kind` ("a picture"). Errors of this package are not changed.
     """
     try:
         yield
@@ -40,7 +39,7 @@ def guarded(path: Path, kind: str = "") -> Iterator[None]:
     except MemoryError as error:
         raise complain(
             f"there is not enough memory to read {path}",
-            "contents that are too large, or damaged so that they claim to be",
+            "contents that are too large, or a damaged header",
             "contents that fit",
             kind=OutOfMemory,
         ) from error
@@ -51,18 +50,18 @@ def guarded(path: Path, kind: str = "") -> Iterator[None]:
 
 
 class _ZlibStream(io.RawIOBase):
-    """A zlib stream inside another stream, decompressed a piece at a time."""
+    """A zlib stream inside another stream, decompressed in pieces."""
 
     def __init__(self, inner: BinaryIO) -> None:
         self._inner = inner
         self._unpack = zlib.decompressobj()
 
     def readable(self) -> bool:
-        """Tell that this can be read."""
+        """Return True."""
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Fill the buffer with at most its length of unpacked bytes."""
+        """Fill the buffer with decompressed bytes and return their number."""
         view = memoryview(buffer).cast("B")
         while True:
             packed = self._unpack.unconsumed_tail or self._inner.read(1 << 16)
@@ -72,6 +71,14 @@ class _ZlibStream(io.RawIOBase):
             if out or self._unpack.eof:
                 view[: len(out)] = out
                 return len(out)
+
+
+def _zlib(stream: BinaryIO) -> BinaryIO:
+    return cast(BinaryIO, io.BufferedReader(_ZlibStream(stream)))
+
+
+def _gzip(stream: BinaryIO) -> BinaryIO:
+    return cast(BinaryIO, gzip.GzipFile(mode="rb", fileobj=stream))
 
 
 def _regular(path: Path) -> BinaryIO:
@@ -90,103 +97,82 @@ def _regular(path: Path) -> BinaryIO:
     raise complain(f"{path} cannot be read", found, "a regular file")
 
 
-class Source:
+class Source(contextlib.ExitStack):
     """A file read from its beginning, decompressed if it is gzipped. Its context is `guarded`.
 
-    Parameters
+    Raises Error where the file cannot be read, and on leaving the context InvalidInput where it is damaged.
+
+    Attributes
     ----------
     path
         The file.
-
-    Raises
-    ------
-    Error
-        Where it cannot be read.
-    InvalidInput
-        Where it is damaged (on leaving the context).
+    suffix
+        Of its name, in small letters, before .gz.
+    packed
+        Whether it is gzipped.
+    stream
+        The decompressed bytes, seekable.
     """
 
     def __init__(self, path: Path) -> None:
+        super().__init__()
         self.path = path
+        self.suffix = (Path(path.stem) if path.suffix.lower() == ".gz" else path).suffix.lower()
         try:
             self._file: BinaryIO = _regular(path)
-            packed = self._file.read(2) == b"\x1f\x8b"
+            self.packed = self._file.read(2) == b"\x1f\x8b"
             self._file.seek(0)
             size = os.fstat(self._file.fileno()).st_size
         except OSError as error:
             if isinstance(error, FileNotFoundError):
                 raise complain(f"{path} cannot be read", "no such file", "", "check the path") from None
             raise complain(f"{path} cannot be read", error.strerror or str(error), kind=Error) from None
-        self.packed = packed
-        self._stream: BinaryIO = cast(BinaryIO, gzip.GzipFile(mode="rb", fileobj=self._file)) if packed else self._file
-        self._end = size * DEFLATE_RATIO + _DEFLATE_SLACK if packed else size
-        self._context = contextlib.ExitStack()
-
-    def __enter__(self) -> Source:
-        """Return itself."""
-        self._context.enter_context(guarded(self.path))
-        self._context.callback(self._file.close)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the file, and turn what a parser raised into InvalidInput."""
-        self._context.__exit__(kind, error, trace)
-
-    @property
-    def stream(self) -> BinaryIO:
-        """The unpacked bytes, seekable."""
-        return self._stream
+        self.stream = _gzip(self._file) if self.packed else self._file
+        self._end = size * DEFLATE_RATIO + _DEFLATE_SLACK if self.packed else size
+        self.enter_context(guarded(path))
+        self.callback(self._file.close)
 
     def head(self, count: int) -> bytes:
         """Return the first bytes without moving on."""
-        self._stream.seek(0)
-        head = self._stream.read(count)
-        self._stream.seek(0)
+        self.stream.seek(0)
+        head = self.stream.read(count)
+        self.stream.seek(0)
         return head
-
-    def seek(self, position: int) -> None:
-        """Go to a byte, counted from the beginning of the unpacked file."""
-        self._stream.seek(position)
 
     def length(self, limit: int) -> int:
         """Return the number of decompressed bytes, at most `limit`; none are kept."""
         if not self.packed:
             return min(limit, self._end)
         count = 0
-        self._stream.seek(0)
-        while count < limit:
-            piece = self._stream.read(min(_CHUNK, limit - count))
-            if not piece:
-                break
+        self.stream.seek(0)
+        while piece := self.stream.read(min(_CHUNK, limit - count)):
             count += len(piece)
-        self._stream.seek(0)
+        self.stream.seek(0)
         return count
 
     def at_most(self) -> int:
         """Return an upper bound on the bytes that are left, exact for plain files."""
-        return max(0, self._end - self._stream.tell())
+        return max(0, self._end - self.stream.tell())
 
     def payload(self, encoding: str) -> Payload:
-        """Return the rest of the file as data that are packed with "raw", "gzip", "zlib" or "bzip2"."""
-        bound = self.at_most()
+        """Return the rest of the file as data with the encoding "raw", "gzip", "zlib" or "bzip2"."""
         if encoding == "raw":
-            return Payload(self, self._stream, bound, exact=not self.packed)
+            return Payload(self, self.stream, self.at_most(), exact=not self.packed)
         if encoding == "bzip2":
-            return Payload(self, cast(BinaryIO, bz2.BZ2File(self._stream)), None, exact=False)
-        bound = bound * DEFLATE_RATIO + _DEFLATE_SLACK
-        if encoding == "gzip":
-            return Payload(self, cast(BinaryIO, gzip.GzipFile(mode="rb", fileobj=self._stream)), bound, exact=False)
-        return Payload(self, cast(BinaryIO, io.BufferedReader(_ZlibStream(self._stream))), bound, exact=False)
+            return Payload(self, cast(BinaryIO, bz2.BZ2File(self.stream)), None)
+        bound = self.at_most() * DEFLATE_RATIO + _DEFLATE_SLACK
+        return Payload(self, _gzip(self.stream) if encoding == "gzip" else _zlib(self.stream), bound)
 
 
 class Payload:
-    """The samples of a file: a stream, and an upper bound on its length (None: not known)."""
+    """The samples of a file: a stream, and an upper bound on its length (None: not known).
 
-    def __init__(self, source: Source, stream: IO[bytes], bound: int | None, *, exact: bool) -> None:
+    After `array`, `surplus` is whether a byte is left.
+    """
+
+    def __init__(self, source: Source, stream: IO[bytes], bound: int | None, *, exact: bool = False) -> None:
         self._source, self._stream, self._bound, self._exact = source, stream, bound, exact
-        self._more = False
+        self.surplus = False
         self._wanted = ""
         self._advice: str | Words = "the file is cut off or its header is wrong; fetch it again"
 
@@ -197,11 +183,10 @@ class Payload:
     def skip(self, count: int) -> None:
         """Skip decompressed bytes."""
         left = count
-        while left > 0:
-            piece = self._stream.read(min(left, _CHUNK))
-            if not piece:
-                raise self._short(count, count - left, "bytes before the samples")
+        while left > 0 and (piece := self._stream.read(min(left, _CHUNK))):
             left -= len(piece)
+        if left > 0:
+            raise self._short(count, count - left, "bytes before the samples")
         if self._bound is not None:
             self._bound = max(0, self._bound - count)
 
@@ -222,20 +207,11 @@ class Payload:
         values = np.empty(count, dtype)
         view = memoryview(values.view(np.uint8).data) if count else memoryview(b"")
         filled = 0
-        while filled < needed:
-            piece = self._stream.read(min(_CHUNK, needed - filled))
-            if not piece:
-                raise self._short(needed, filled, "samples")
+        while piece := self._stream.read(min(_CHUNK, needed - filled)):
             view[filled : filled + len(piece)] = piece
             filled += len(piece)
-        # At the end of a packed stream its checksum is compared.
-        self._more = bool(self._stream.read(1))
+        if filled < needed:
+            raise self._short(needed, filled, "samples")
+        # Reading to the end of a packed stream compares its checksum.
+        self.surplus = bool(self._stream.read(1))
         return values
-
-    def text(self, limit: int) -> bytes:
-        """Return the rest, at most `limit` bytes."""
-        return self._stream.read(limit)
-
-    def surplus(self) -> bool:
-        """Return True where a byte is left after the samples that were read."""
-        return self._more

@@ -1,7 +1,6 @@
 """Particles of smoothed-particle hydrodynamics in HDF5 files with the layout of Gadget: groups PartType0 … PartType5.
 
-Files of Arepo, GIZMO and SWIFT, whose names differ by a letter, can be read as well. Data in other files are refused:
-external links, external storage and virtual datasets.
+Names of Arepo, GIZMO and SWIFT are also known. Links to other files, external storage and virtual datasets are refused.
 """
 
 from __future__ import annotations
@@ -58,17 +57,15 @@ def _end_of_file(source: Source) -> int:
 
 
 def _seekable(source: Source) -> Path | BinaryIO:
-    """Return what the library can open: the file, or its unpacked bytes, no more than it says it has."""
+    """Return the file, or the decompressed bytes of a gzipped one, at most as many as its superblock says."""
     end = _end_of_file(source)
     if not source.packed:
         return source.path
-    source.seek(0)
-    payload = source.payload("raw")
-    return io.BytesIO(payload.array(np.dtype(np.uint8), end).tobytes())
+    return io.BytesIO(source.payload("raw").array(np.dtype(np.uint8), end).tobytes())
 
 
 class _Group:
-    """One group of particles."""
+    """A group of particles: its datasets of numbers, that of the positions, and the number of particles."""
 
     def __init__(self, path: Path, group: Any, name: str) -> None:
         self._path, self._group, self._name = path, group, name
@@ -94,7 +91,7 @@ class _Group:
         return next((name for name in names if name in self._datasets), None)
 
     def widths(self) -> dict[str, int]:
-        """Return the columns of every dataset with a row for each particle, but for the positions."""
+        """Return the number of columns of every dataset with a row for each particle, except the positions."""
         return {
             name: 1 if one.ndim == 1 else int(one.shape[1])
             for name, one in self._datasets.items()
@@ -102,26 +99,25 @@ class _Group:
         }
 
     def read(self, name: str) -> NDArray[Any]:
-        """Return a dataset, after its size was checked against the bytes that the file stores of it."""
+        """Return a dataset after a check of its size against its stored bytes."""
         one, what = self._datasets[name], f"{self._name}/{name}"
         if one.shape[0] != self.count:
-            raise unreadable(
-                self._path, f"{what} of {one.shape[0]} rows", f"{self.count}, as {self._name}/{self.place} has"
-            )
+            wanted = f"{self.count}, as {self._name}/{self.place} has"
+            raise unreadable(self._path, f"{what} of {one.shape[0]} rows", wanted)
         if one.is_virtual or one.external:
             raise unreadable(self._path, f"{what} in another file", "the numbers in this file", "copy them into it")
-        # Chunks that were never written have no bytes at all.
+        # Chunks that were not written have no stored bytes.
         needed = math.prod(one.shape) * one.dtype.itemsize
         stored = one.id.get_storage_size()
         if needed > (stored if one.chunks is None else stored * DEFLATE_RATIO):
             raise unreadable(self._path, f"{stored} stored bytes of {what}", f"{needed} bytes, as its shape says")
-        # What is read, and float64 of it.
+        # For the dataset, and float64 of it.
         _memory.require(needed + math.prod(one.shape) * 8, f"{what} of {self._path}")
         rows: NDArray[Any] = one[()]
         return rows
 
     def column(self, names: tuple[str, ...]) -> Floats | None:
-        """Return the first of these datasets that is there and has one column, as float64."""
+        """Return the first of these datasets that exists, as float64; None where it has several columns."""
         name = self.first(names)
         if name is None or self._datasets[name].ndim != 1:
             return None
@@ -129,7 +125,7 @@ class _Group:
 
 
 def _mass_table(file: Any, name: str) -> float:
-    """Return the mass that all particles of a group share, 0 where the file says none."""
+    """Return the common mass of all particles of a group, 0 where the file has none."""
     try:
         table = np.asarray(file["Header"].attrs["MassTable"], dtype=np.float64).reshape(-1)
         mass = float(table[int(name.removeprefix("PartType"))])
@@ -146,15 +142,15 @@ def _cubic_spline(share: Floats) -> Floats:
 
 
 def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Floats) -> tuple[float | None, float]:
-    """Return the support's radius in smoothing lengths that explains the densities, and the error that is left.
+    """Return the support's radius in smoothing lengths (None: unknown), and the error of densities computed with it.
 
-    A smoothing length is the radius of the kernel's support in some programs and half of it in others. The right
-    factor gives the densities of the file: density_i = Σ_j m_j W(|x_i − x_j|; support_i), tried on a few particles
-    with the cubic spline. The error is the median of |log(density / density of the file)|; None where none fits.
+    A smoothing length is the radius of the kernel's support in some programs and half of it in others. Each factor is
+    tried on a few particles: density_i = Σ_j m_j W(|x_i − x_j|; support_i) with the cubic spline. The error is the
+    median of |log(density / density of the file)|.
     """
     from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
-    # Kernels much larger than the data are of no use here, and overflow the tree's sums of squares.
+    # Kernels much larger than the data overflow the tree's sums of squares.
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     usable = np.flatnonzero((lengths > 0) & (lengths < 10.0 * size) & (densities > 0) & (masses > 0))
     if usable.size < 2 or not 1e-100 < size < 1e100:
@@ -183,7 +179,6 @@ def read(
     Parameters
     ----------
     source
-        The file.
     scalar
         A dataset of the group, the length of a vector's rows, or one column of it (Velocities_x); "Density" unless
         given, else "Masses".
@@ -205,12 +200,9 @@ def read(
         groups = [one for one in file if isinstance(file.get(one, getclass=True), type) and one != "Header"]
         link = file.get(name, getlink=True) if name in groups else None
         if link is None or isinstance(link, h5py.ExternalLink) or not isinstance(file[name], h5py.Group):
-            raise unreadable(
-                path,
-                f"no group {shown(name)}, but {listed(groups) or 'nothing'}",
-                "particles in a group PartType0, or the name of another one",
-                "pass " + option_ref("particles", "..."),
-            )
+            found = f"no group {shown(name)}, but {listed(groups) or 'nothing'}"
+            wanted = "particles in a group PartType0, or the name of another one"
+            raise unreadable(path, found, wanted, "pass " + option_ref("particles", "..."))
         return _read_group(path, file, _Group(path, file[name], name), name, scalar, support)
 
 
@@ -228,17 +220,15 @@ def _read_group(
     lengths = group.column(_SMOOTHING)
     details = {"particles": name}
     if lengths is not None:
-        factor = 1.0 if support is None else support
         if support is None and masses is not None and densities is not None:
-            found, error = find_support(points, lengths, masses, densities)
-            factor = 1.0 if found is None else found
+            support, error = find_support(points, lengths, masses, densities)
             details["support"] = (
-                f"{factor:g} smoothing lengths, which gives the densities of the file to {100 * error:.2g} %"
-                if found is not None
-                else "1 smoothing length, as in Gadget; the densities of the file fit no known kernel"
+                "1 smoothing length, as in Gadget; the densities of the file fit no known kernel"
+                if support is None
+                else f"{support:g} smoothing lengths, which gives the densities of the file to {100 * error:.2g} %"
             )
             _log.info("%s: the support of a kernel is %s", path, details["support"])
-        lengths = lengths * factor
+        lengths = lengths * (1.0 if support is None else support)
     return Scattered(
         points,
         values,

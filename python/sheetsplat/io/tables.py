@@ -32,7 +32,7 @@ _LONGEST_HEADER = 1 << 16
 
 def holds_ellipsoids(source: Source) -> bool:
     """Return True for an .npz with an array "centers"."""
-    source.seek(0)
+    source.stream.seek(0)
     with zipfile.ZipFile(source.stream) as archive:
         return "centers.npy" in archive.namelist()
 
@@ -41,8 +41,8 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
     """Read ellipsoids: arrays centers (N, 3), scales (N, 3) or (N,), or radii (N,), values, rotations, weights.
 
     Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff and cell_volume and the text normalization
-    may be in the file as well, as `save_npz` writes them. Without scales and radii the rows are points. Every other
-    array of N rows can be chosen as the scalar; "values" unless another is named.
+    of `save_npz` are optional. Without scales and radii the rows are points. Every other array of N rows can be the
+    scalar; "values" unless another is named.
 
     Raises
     ------
@@ -58,23 +58,20 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
         raise unreadable(path, f"centers of shape {points.shape}", "(N, 3)")
     count = len(points)
     one = (count,)
-    shapes = {"scales": ((count, 3), one), "radii": (one,), "rotations": ((count, 4),), "weights": (one,)}
+    shapes: dict[str, tuple[tuple[int, ...], ...]] = {
+        "scales": ((count, 3), one),
+        "radii": (one,),
+        "rotations": ((count, 4),),
+        "weights": (one,),
+        "values": (one, (count, *arrays["values"].shape[1:2])) if "values" in arrays else (),
+        **dict.fromkeys(_NUMBERS, ((),)),
+    }
     for name, allowed in shapes.items():
         if name in arrays and arrays[name].shape not in allowed:
-            raise unreadable(
-                path, f"{name} of shape {arrays[name].shape}", " or ".join(map(str, allowed)) + ", as centers has rows"
-            )
+            wanted = " or ".join(str(shape) if shape else "a number" for shape in allowed)
+            raise unreadable(path, f"{name} of shape {arrays[name].shape}", f"{wanted}, for {count} centers")
     if "scales" in arrays and "radii" in arrays:
         raise unreadable(path, "scales and radii", "one of them")
-    numbers = {}
-    for name in _NUMBERS:
-        if name in arrays:
-            if arrays[name].shape != ():
-                raise unreadable(path, f"{name} of shape {arrays[name].shape}", "a number")
-            numbers[name] = float(arrays[name])
-    values = arrays.get("values")
-    if values is not None and values.shape != (count,) and not (values.ndim == 2 and len(values) == count):
-        raise unreadable(path, f"values of shape {values.shape}", f"({count},), as centers has rows")
     rows = {
         name: array
         for name, array in arrays.items()
@@ -84,6 +81,7 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
     if not widths:
         raise unreadable(path, f"arrays {', '.join(arrays)}", "an array values, a number for each centre")
     name, base, column = choose_scalar(path, scalar, ("values",), widths)
+    numbers: dict[str, Any] = {name: float(arrays[name]) for name in _NUMBERS if name in arrays}
     return Scattered(
         finite_points(path, points.astype(np.float64)),
         finite_values(path, name, column_of(rows[base], column)),
@@ -94,9 +92,7 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
         rotations=_optional(arrays.get("rotations")),
         weights=_optional(arrays.get("weights")),
         normalization=texts.get("normalization"),
-        w0=numbers.get("w0"),
-        falloff=numbers.get("falloff"),
-        cell_volume=numbers.get("cell_volume"),
+        **numbers,
     )
 
 
@@ -105,19 +101,19 @@ def _optional(array: NDArray[Any] | None) -> Floats | None:
 
 
 def save_npz(field: EllipsoidField, path: str | os.PathLike[str]) -> None:
-    """Write a field of ellipsoids, so that `sheetsplat.open` gives it back as it was.
+    """Write a field of ellipsoids that `sheetsplat.open` reads.
 
     Parameters
     ----------
     field
         The field.
     path
-        A name that ends with .npz. The file appears whole or not at all.
+        A name with the suffix .npz. An error leaves no file.
 
     Raises
     ------
     InvalidInput
-        For names with another ending, and where the folder is missing.
+        For names with another suffix, and where the folder is missing.
     Error
         Where the file cannot be written.
     """
@@ -125,61 +121,39 @@ def save_npz(field: EllipsoidField, path: str | os.PathLike[str]) -> None:
     target = Path(path)
     if target.suffix.lower() != ".npz":
         raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npz")
-    arrays: dict[str, Any] = {
-        "centers": field.centers,
-        "scales": field.scales,
-        "rotations": field.rotations,
-        "values": field.values,
-        "weights": field.weights,
-        "normalization": np.array(field.normalization),
-        "w0": np.float64(field.w0),
-        "falloff": np.float64(field.falloff),
-        "cell_volume": field.cell_volume,
-    }
+    names = ("centers", "scales", "rotations", "values", "weights", "normalization", *_NUMBERS)
+    arrays = {name: getattr(field, name) for name in names if getattr(field, name) is not None}
     pictures.check_folder(target)
     with pictures.whole_file(target) as made, made.open("wb") as stream:
-        np.savez(stream, allow_pickle=False, **{name: part for name, part in arrays.items() if part is not None})
+        np.savez(stream, allow_pickle=False, **arrays)
 
 
-_COLUMNS = {
-    "x": ("x",),
-    "y": ("y",),
-    "z": ("z",),
-    "radius": ("radius", "r"),
-    "sx": ("sx",),
-    "sy": ("sy",),
-    "sz": ("sz",),
-    "qw": ("qw",),
-    "qx": ("qx",),
-    "qy": ("qy",),
-    "qz": ("qz",),
-    "weight": ("weight",),
-}
+_COLUMNS = ("x", "y", "z", "radius", "sx", "sy", "sz", "qw", "qx", "qy", "qz", "weight")
 
 
-def _lines(source: Source) -> tuple[list[str], str]:
-    """Return the names of the columns and their separator, and leave the stream at the first row."""
-    source.seek(0)
+def _lines(source: Source) -> tuple[list[str], str | None]:
+    """Read the names of the columns and their separator, None for white space."""
+    source.stream.seek(0)
     first = source.stream.readline(_LONGEST_HEADER)
     text = first.decode("utf-8-sig", "replace").strip().lstrip("#").strip()
     if len(first) >= _LONGEST_HEADER or not text:
-        found = "no line of names" if not text else "a first line without end"
+        found = "no line of names" if not text else "a first line that is too long"
         raise unreadable(source.path, found, "names of columns")
-    part = next((one for one in (",", ";", "\t") if one in text), " ")
-    names = [name.strip().strip('"') for name in (text.split(part) if part != " " else text.split())]
+    part = next((one for one in (",", ";", "\t") if one in text), None)
+    names = [name.strip().strip('"') for name in text.split(part)]
     if len(names) > _MOST_COLUMNS or len(set(names)) != len(names):
         raise unreadable(source.path, f"{len(names)} columns, {len(set(names))} names", "names that differ")
     return names, part
 
 
-def _rows(source: Source, part: str, columns: int) -> Floats:
+def _rows(source: Source, part: str | None, columns: int) -> Floats:
     """Return the numbers of all rows, read a piece at a time."""
     blocks: list[Floats] = []
     rest = b""
     row = 0
     while True:
         piece = source.stream.read(_CHUNK)
-        # The numbers, and their text while it is parsed.
+        # For the numbers, and their text during parsing.
         _memory.require(8 * len(piece) + 8 * columns * row, f"the rows of {source.path}")
         whole, cut, rest = (rest + piece).rpartition(b"\n") if piece else (rest, b"", b"")
         if len(rest) > _CHUNK:
@@ -194,19 +168,15 @@ def _rows(source: Source, part: str, columns: int) -> Floats:
     return np.concatenate(blocks) if blocks else np.empty((0, columns))
 
 
-def _numbers(source: Source, text: bytes, part: str, columns: int, row: int) -> Floats:
+def _numbers(source: Source, text: bytes, part: str | None, columns: int, row: int) -> Floats:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            block: Floats = np.loadtxt(
-                io.BytesIO(text), delimiter=None if part == " " else part, comments="#", ndmin=2, encoding="utf-8"
-            )
+            block: Floats = np.loadtxt(io.BytesIO(text), delimiter=part, comments="#", ndmin=2, encoding="utf-8")
     except (ValueError, UnicodeDecodeError) as error:
-        # The parser counts rows from the beginning of the piece; its last sentence is about its own arguments.
-        reason = str(error).split(";")[0]
-        raise unreadable(
-            source.path, f"a row after row {row} that is not of numbers ({reason})", f"{columns} numbers in every row"
-        ) from None
+        # After the semicolon the message is about arguments of loadtxt.
+        found = f"a row after row {row} that is not of numbers ({str(error).split(';')[0]})"
+        raise unreadable(source.path, found, f"{columns} numbers in every row") from None
     if block.size and block.shape[1] != columns:
         found = f"{block.shape[1]} numbers in row {row}"
         raise unreadable(source.path, found, f"{columns}, as the first line has names")
@@ -214,11 +184,11 @@ def _numbers(source: Source, text: bytes, part: str, columns: int, row: int) -> 
 
 
 def read_csv(source: Source, scalar: str | None = None) -> Scattered:
-    """Read a table with names in its first line: x, y, z and a scalar, and perhaps the kernels' sizes.
+    """Read a table with the names of columns in its first line: x, y, z, a scalar, and optional ones of kernels.
 
-    Columns: x, y, z; radius, or sx, sy, sz (semi-axes of the support) with or without qw, qx, qy, qz (quaternion);
-    weight; every other one can be chosen as the scalar, "value" unless another is named. Names may be of any case,
-    separated by commas, semicolons, tabs or spaces. Without sizes the rows are points.
+    These are radius (or r), or sx, sy, sz (semi-axes of the support) with or without qw, qx, qy, qz (quaternion), and
+    weight. Every other one can be the scalar; "value" unless another is named. Names may be of any case, separated by
+    commas, semicolons, tabs or spaces. Without radius and semi-axes the rows are points.
 
     Raises
     ------
@@ -228,7 +198,9 @@ def read_csv(source: Source, scalar: str | None = None) -> Scattered:
     path = source.path
     names, part = _lines(source)
     lower = {name.lower(): at for at, name in enumerate(names)}
-    at = {own: lower[one] for own, spelled in _COLUMNS.items() for one in spelled if one in lower}
+    if "r" in lower:
+        lower["radius"] = lower.pop("r")
+    at = {name: lower[name] for name in _COLUMNS if name in lower}
     _require_columns(path, names, at)
     table = _rows(source, part, len(names))
     others = {name: column for column, name in enumerate(names) if column not in at.values()}
@@ -257,15 +229,11 @@ def read_csv(source: Source, scalar: str | None = None) -> Scattered:
 
 
 def _require_columns(path: Path, names: list[str], at: Mapping[str, int]) -> None:
-    for group, needed in ((("x", "y", "z"), True), (("sx", "sy", "sz"), False), (("qw", "qx", "qy", "qz"), False)):
+    advice = "the first line must name the columns: x,y,z,value,radius or x,y,z,value,sx,sy,sz,qw,qx,qy,qz"
+    for group in (("x", "y", "z"), ("sx", "sy", "sz"), ("qw", "qx", "qy", "qz")):
         missing = [name for name in group if name not in at]
-        if missing and (needed or len(missing) < len(group)):
-            raise unreadable(
-                path,
-                f"columns {', '.join(names)[:200]}",
-                f"also {', '.join(missing)}",
-                "the first line must name the columns: x,y,z,value,radius or x,y,z,value,sx,sy,sz,qw,qx,qy,qz",
-            )
+        if missing and ("x" in group or len(missing) < len(group)):
+            raise unreadable(path, f"columns {', '.join(names)[:200]}", f"also {', '.join(missing)}", advice)
     if "radius" in at and "sx" in at:
         raise unreadable(path, "columns radius and sx, sy, sz", "one of them")
     if "qw" in at and "sx" not in at:

@@ -6,11 +6,11 @@ Sizes are checked before memory is taken, and packed blocks yield no more than t
 from __future__ import annotations
 
 import base64
+import io
 import lzma
 import warnings
 import zlib
-from collections.abc import Callable
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,29 +22,22 @@ from sheetsplat.io.checks import unreadable
 from sheetsplat.io.source import DEFLATE_RATIO, Source
 from sheetsplat.io.vtk_xml.document import DataArray, Document
 
-TYPES = {
-    "Int8": "i1",
-    "UInt8": "u1",
-    "Int16": "i2",
-    "UInt16": "u2",
-    "Int32": "i4",
-    "UInt32": "u4",
-    "Int64": "i8",
-    "UInt64": "u8",
-    "Float32": "f4",
-    "Float64": "f8",
-}
+_NAMES = "Int8 UInt8 Int16 UInt16 Int32 UInt32 Int64 UInt64 Float32 Float64"
+TYPES = {name: name.lower() for name in _NAMES.split()}
 # Characters that one number takes as text, and what arrays have besides.
 _LONGEST_WORD = 64
 _SLACK = 1 << 16
 
 
 class _Bytes:
-    """Bytes of one array: raw, or base64 whose pieces are encoded separately."""
+    """Bytes of one array: raw, or base64 whose pieces are encoded separately; at most `bound` are read at once."""
 
-    def __init__(self, take: Callable[[int], bytes], *, encoded: bool) -> None:
-        self._take, self._encoded = take, encoded
+    def __init__(self, stream: BinaryIO, bound: int, *, encoded: bool) -> None:
+        self._stream, self.bound, self._encoded = stream, bound, encoded
         self._left = b""
+
+    def _take(self, count: int) -> bytes:
+        return self._stream.read(count) if count <= self.bound else b""
 
     def read(self, count: int) -> bytes:
         """Return the next bytes, fewer where there are no more."""
@@ -52,8 +45,7 @@ class _Bytes:
             return self._take(count)
         missing = count - len(self._left)
         if missing > 0:
-            text = self._take(4 * -(-missing // 3))
-            self._left += base64.b64decode(text, validate=True)
+            self._left += base64.b64decode(self._take(4 * -(-missing // 3)), validate=True)
         data, self._left = self._left[:count], self._left[count:]
         return data
 
@@ -75,7 +67,7 @@ class ArrayReader:
         """Return the numbers of an array, in its own type; `count` None: as many as there are."""
         if one.type not in TYPES:
             raise self._fail(f"the array {shown(one.name)} of type {shown(one.type)}", "one of: " + ", ".join(TYPES))
-        dtype = np.dtype(self._document.order + TYPES[one.type])
+        dtype = np.dtype(TYPES[one.type]).newbyteorder(self._document.order)  # type: ignore[arg-type]
         if count is not None:
             count *= one.components
             _memory.require(2 * count * max(8, dtype.itemsize), f"the array {one.name!r} of {self._path}")
@@ -86,7 +78,11 @@ class ArrayReader:
                 raise self._fail(f"{one.length} characters of the array {shown(one.name)}", f"{count} numbers")
             _memory.require(8 * one.length, f"the array {one.name!r} of {self._path}")
             text = b"".join(one.text)
-            values = self._numbers(dtype, text) if one.format == "ascii" else self._inline(one, dtype, count, text)
+            if one.format == "ascii":
+                values = self._numbers(dtype, text)
+            else:
+                text = b"".join(text.split())
+                values = self._unpacked(one, dtype, count, _Bytes(io.BytesIO(text), len(text), encoded=True))
         if count is not None and values.size != count:
             raise self._fail(f"{values.size} numbers in the array {shown(one.name)}", f"{count}")
         return values.reshape(-1, one.components) if one.components > 1 else values
@@ -97,29 +93,13 @@ class ArrayReader:
             kind = np.dtype(np.float64) if dtype.kind == "f" else np.dtype(np.int64)
             return np.fromstring(text.decode("ascii"), dtype=kind, sep=" ").astype(dtype.newbyteorder("="))
 
-    def _inline(self, one: DataArray, dtype: np.dtype[Any], count: int | None, text: bytes) -> NDArray[Any]:
-        text = b"".join(text.split())
-        position = 0
-
-        def take(size: int) -> bytes:
-            nonlocal position
-            position += size
-            return text[position - size : position]
-
-        return self._unpacked(one, dtype, count, _Bytes(take, encoded=True), len(text))
-
     def _appended(self, one: DataArray, dtype: np.dtype[Any], count: int | None) -> NDArray[Any]:
         if not self._document.appended:
             raise self._fail(f"the array {shown(one.name)} in appended data", "AppendedData, which the file has not")
-        self._source.seek(self._document.start + one.offset)
-        left = self._source.at_most()
-
-        def take(size: int) -> bytes:
-            if size > left:
-                raise self._cut(one, size)
-            return self._source.stream.read(size)
-
-        return self._unpacked(one, dtype, count, _Bytes(take, encoded=self._document.appended == "base64"), left)
+        self._source.stream.seek(self._document.start + one.offset)
+        encoded = self._document.appended == "base64"
+        stream = _Bytes(self._source.stream, self._source.at_most(), encoded=encoded)
+        return self._unpacked(one, dtype, count, stream)
 
     def _cut(self, one: DataArray, size: int) -> Error:
         return self._fail(
@@ -132,10 +112,8 @@ class ArrayReader:
             raise self._cut(one, size - len(data))
         return data
 
-    def _unpacked(
-        self, one: DataArray, dtype: np.dtype[Any], count: int | None, stream: _Bytes, bound: int
-    ) -> NDArray[Any]:
-        header = self._document.header
+    def _unpacked(self, one: DataArray, dtype: np.dtype[Any], count: int | None, stream: _Bytes) -> NDArray[Any]:
+        header, bound = self._document.header, stream.bound
         packed = bool(self._document.compressor)
         wanted = None if count is None else count * dtype.itemsize
 
@@ -148,7 +126,7 @@ class ArrayReader:
             data = self._read(one, stream, size)
         else:
             blocks, each, last = numbers(3)
-            # The length of a packed block stands in the header, which must be in the file.
+            # The lengths of all blocks must be in the file.
             if blocks * header.itemsize > bound:
                 raise self._cut(one, blocks * header.itemsize)
             size = 0 if blocks == 0 else (blocks - 1) * each + (last or each)
@@ -172,13 +150,9 @@ class ArrayReader:
     def _blocks(self, one: DataArray, stream: _Bytes, lengths: list[int], each: int, last: int) -> bytes:
         compressor = self._document.compressor
         if compressor not in ("vtkZLibDataCompressor", "vtkLZMADataCompressor"):
-            raise complain(
-                f"{self._path} cannot be read",
-                f"data packed by {shown(compressor)}",
-                "zlib, LZMA, or none",
-                "write it again with one of these",
-                kind=Unsupported,
-            )
+            what, advice = f"{self._path} cannot be read", "write it again with one of these"
+            found = f"data packed by {shown(compressor)}"
+            raise complain(what, found, "zlib, LZMA, or none", advice, kind=Unsupported)
         parts: list[bytes] = []
         for number, length in enumerate(lengths):
             size = last if number == len(lengths) - 1 else each

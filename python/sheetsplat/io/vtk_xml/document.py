@@ -1,6 +1,6 @@
 """The XML of VTK's files: what each DataArray, Piece and the file itself declare.
 
-The XML may declare neither entities nor a document type; the number of elements and the text kept are bounded.
+Entities and document types are refused; the number of elements and the text kept are bounded.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.io.checks import unreadable
+from sheetsplat.io.checks import natural, unreadable
 from sheetsplat.io.source import Source
 
 KINDS = {"UnstructuredGrid": "vtu", "PolyData": "vtp", "ImageData": "vti"}
@@ -27,21 +27,20 @@ _ARRAY_DEPTH = 4
 
 @dataclass
 class DataArray:
-    """A DataArray: the attributes of its element, and its text where that holds the numbers."""
+    """A DataArray: the attributes of its element, and its text where the numbers are inline."""
 
     name: str
     type: str
     components: int
     format: str
     offset: int
-    tuples: int | None
     text: list[bytes] = field(default_factory=list)
     length: int = 0
 
 
 @dataclass
 class Piece:
-    """A Piece: its attributes, and its arrays by the element that they stand in."""
+    """A Piece: its attributes, its arrays by their element, and its active arrays by element and role."""
 
     attributes: dict[str, str]
     arrays: dict[str, list[DataArray]] = field(default_factory=dict)
@@ -50,7 +49,7 @@ class Piece:
 
 @dataclass
 class Document:
-    """A file: its kind, how its numbers are written, and its pieces; `start` is the first byte of appended data."""
+    """A file: its kind, the encoding of its numbers, its pieces, and the first byte of appended data."""
 
     kind: str
     order: str
@@ -67,22 +66,18 @@ class _Parser:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._parser = expat.ParserCreate()
-        self._parser.buffer_text = True
-        self._parser.StartElementHandler = self._start
-        self._parser.EndElementHandler = self._end
-        self._parser.CharacterDataHandler = self._text
-        self._parser.StartDoctypeDeclHandler = self._refuse
-        self._parser.EntityDeclHandler = self._refuse
+        parser = expat.ParserCreate()
+        parser.buffer_text = True
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self._text
+        parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = self._refuse
+        self.feed = parser.Parse
         self._stack: list[str] = []
         self._elements = 0
         self._array: DataArray | None = None
         self._taken = 0
         self.document: Document | None = None
-
-    def feed(self, data: bytes, last: bool = False) -> None:
-        """Parse more of the file."""
-        self._parser.Parse(data, last)
 
     def _refuse(self, *_: Any) -> None:
         raise unreadable(self._path, "a document type or an entity of its own", "the plain XML of VTK's files")
@@ -116,36 +111,24 @@ class _Parser:
             found = f"<{shown(name)[1:-1]}>" if name != "VTKFile" else f"a VTK file of type {shown(kind)}"
             then = "save it as one file of one of these types"
             raise unreadable(self._path, found, "a VTK file of type " + ", ".join(KINDS), then)
-        orders = {"LittleEndian": "<", "BigEndian": ">"}
-        order = attributes.get("byte_order", "LittleEndian")
-        widths = {"UInt32": "u4", "UInt64": "u8"}
-        width = attributes.get("header_type", "UInt32")
+        orders, widths = {"LittleEndian": "<", "BigEndian": ">"}, {"UInt32": "u4", "UInt64": "u8"}
+        order, width = attributes.get("byte_order", "LittleEndian"), attributes.get("header_type", "UInt32")
         if order not in orders or width not in widths:
-            raise unreadable(
-                self._path,
-                f"byte_order {shown(order)}, header_type {shown(width)}",
-                "LittleEndian or BigEndian, UInt32 or UInt64",
-            )
-        self.document = Document(
-            kind, orders[order], np.dtype(orders[order] + widths[width]), attributes.get("compressor", ""), {}, []
-        )
+            found = f"byte_order {shown(order)}, header_type {shown(width)}"
+            raise unreadable(self._path, found, "LittleEndian or BigEndian, UInt32 or UInt64")
+        header = np.dtype(orders[order] + widths[width])
+        self.document = Document(kind, orders[order], header, attributes.get("compressor", ""), {}, [])
 
     def _new_array(self, attributes: dict[str, str]) -> DataArray:
-        def whole(name: str, default: int) -> int:
-            text = attributes.get(name, "")
-            if not text:
-                return default
-            if not (text.isascii() and text.isdigit() and len(text) < 19):
-                raise unreadable(self._path, f"{name} = {shown(text)} of a DataArray", "a number that is not negative")
-            return int(text)
+        def whole(name: str, default: str) -> int:
+            return natural(self._path, f"{name} of a DataArray", attributes.get(name) or default)
 
         kind = attributes.get("format", "ascii")
         if kind not in ("ascii", "binary", "appended"):
             raise unreadable(self._path, f"format {shown(kind)} of a DataArray", "ascii, binary or appended")
         name = attributes.get("Name", "")
-        components = max(1, whole("NumberOfComponents", 1))
-        tuples = whole("NumberOfTuples", 0) if "NumberOfTuples" in attributes else None
-        return DataArray(name, attributes.get("type", ""), components, kind, whole("offset", 0), tuples)
+        components = max(1, whole("NumberOfComponents", "1"))
+        return DataArray(name, attributes.get("type", ""), components, kind, whole("offset", "0"))
 
     def _end(self, _: str) -> None:
         self._stack.pop()
@@ -153,7 +136,7 @@ class _Parser:
             self._array = None
 
     def _text(self, text: str) -> None:
-        # VTK writes information keys with texts of their own into arrays.
+        # VTK writes information keys, which have texts, into arrays.
         if self._array is None or self._array.format == "appended" or len(self._stack) > _ARRAY_DEPTH + 1:
             return
         data = text.encode("ascii", "replace")
@@ -161,7 +144,7 @@ class _Parser:
         self._array.length += len(data)
         self._taken += len(data)
         if self._taken > 16 * _CHUNK:
-            # The texts are kept until their arrays are made.
+            # The texts are kept until their arrays are read.
             _memory.require(4 * self._array.length, f"the text of {self._path}")
             self._taken = 0
 
@@ -171,7 +154,7 @@ def parse_document(source: Source) -> Document:
     parser = _Parser(source.path)
     before = b""
     fed = 0
-    source.seek(0)
+    source.stream.seek(0)
     while True:
         piece = source.stream.read(_CHUNK)
         window = before + piece
@@ -182,12 +165,12 @@ def parse_document(source: Source) -> Document:
             document = _checked(source, parser.document)
             return _with_appended(source, document, window[at:], fed + at)
         if not piece:
-            parser.feed(window, last=True)
+            parser.feed(window, True)
             return _checked(source, parser.document)
-        keep = min(len(window), len(_APPENDED) - 1)
-        before = window[len(window) - keep :]
-        parser.feed(window[: len(window) - keep])
-        fed += len(window) - keep
+        done = max(0, len(window) - len(_APPENDED) + 1)
+        before = window[done:]
+        parser.feed(window[:done])
+        fed += done
 
 
 def _checked(source: Source, document: Document | None) -> Document:
@@ -202,6 +185,6 @@ def _with_appended(source: Source, document: Document, text: bytes, start: int) 
     element = text[:close]
     encoding = "base64" if b'"base64"' in element or b"'base64'" in element else "raw"
     if close < 0 or mark < 0 or text[close + 1 : mark].strip():
-        raise unreadable(source.path, "appended data without their first character _", "AppendedData of VTK")
+        raise unreadable(source.path, "appended data without the first character _", "AppendedData of VTK")
     document.appended, document.start = encoding, start + mark + 1
     return document

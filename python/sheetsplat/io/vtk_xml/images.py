@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import Triple, shown
-from sheetsplat.io.checks import checked_shape, unreadable
+from sheetsplat._checks import shown, triple
+from sheetsplat.io.checks import checked_shape, floats, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.scalars import column_of
 from sheetsplat.io.source import Source
@@ -30,18 +30,8 @@ def _integers(path: Path, text: str, what: str) -> list[int]:
     return numbers
 
 
-def _three(path: Path, text: str, what: str) -> Triple:
-    try:
-        numbers = [float(word) for word in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
-        raise unreadable(path, f"{what} = {shown(text)}", "three finite numbers")
-    return numbers[0], numbers[1], numbers[2]
-
-
 def read(source: Source, name: str | None = None) -> Volume:
-    """Read an image: a scalar of its points, or of its cells, whose centres lie half a spacing further in.
+    """Read an image: a scalar of its points, or of its cells, whose first centre is half a spacing from the origin.
 
     Raises InvalidInput for damaged files, pieces that do not fill the image, and axes that are turned; Unsupported for
     data packed in a way that is not known.
@@ -57,17 +47,12 @@ def _image(source: Source, scalar: str | None) -> Volume:
     where, name, base, column, _ = pick_scalar(path, document, scalar)
     attributes = document.attributes
     whole = _integers(path, attributes.get("WholeExtent", ""), "WholeExtent")
-    spacing = _three(path, attributes.get("Spacing", "1 1 1"), "Spacing")
-    origin = _three(path, attributes.get("Origin", "0 0 0"), "Origin")
+    spacing = triple("Spacing", floats(path, "Spacing", attributes.get("Spacing", "1 1 1"), 3))
+    origin = floats(path, "Origin", attributes.get("Origin", "0 0 0"), 3)
     if min(spacing) <= 0:
         raise unreadable(path, f"Spacing = {spacing}", "three numbers above 0")
-    identity = "1 0 0 0 1 0 0 0 1"
-    direction = attributes.get("Direction", identity)
-    try:
-        straight = [float(word) for word in direction.split()] == [float(word) for word in identity.split()]
-    except ValueError:
-        straight = False
-    if not straight:
+    direction = attributes.get("Direction", "1 0 0 0 1 0 0 0 1")
+    if floats(path, "Direction", direction, 9) != [1, 0, 0, 0, 1, 0, 0, 0, 1]:
         raise unreadable(path, f"Direction = {shown(direction)}", "the identity", "resample to the axes of the world")
     cells = where == "CellData"
 
@@ -95,11 +80,11 @@ def _image(source: Source, scalar: str | None) -> Volume:
         low = [extent[2 * axis] - whole[2 * axis] for axis in (2, 1, 0)]
         part = tuple(slice(first, first + size) for first, size in zip(low, here, strict=True))
         values[part] = numbers.reshape(here)
-        # Pieces of points share the layers between them; each counts from its second layer on, but for the first.
+        # Pieces of points share the layers between them, which are counted once.
         own = [size - (not cells and first > 0) for first, size in zip(low, here, strict=True)]
         filled += math.prod(own)
     assert values is not None
     if filled < math.prod(shape):
         raise unreadable(path, f"pieces with {filled} samples", f"{math.prod(shape)}, as WholeExtent says")
     start = [first + gap * (at + 0.5 * cells) for first, gap, at in zip(origin, spacing, whole[::2], strict=True)]
-    return Volume(values, spacing, (start[0], start[1], start[2]), "vti", {"content": name})
+    return Volume(values, spacing, triple("Origin", start), "vti", {"content": name})

@@ -27,13 +27,13 @@ _VOLUMES = {
     13: (0, 1, 2, 3, 4, 5),
     14: (0, 1, 2, 3, 4),
 }
-# The last type that is a point, a line or flat, of the linear ones.
+# Linear types up to this one have no volume.
 _FLAT = 9
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Point numbers of all cells, one cell after another, where each ends, and their types (none: flat)."""
+    """Point numbers of all cells, one cell after another, the end of each, and their types (none for surfaces)."""
 
     connectivity: NDArray[np.int64]
     ends: NDArray[np.int64]
@@ -50,20 +50,20 @@ def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) 
         groups = [("Cells", count_of(path, piece, "NumberOfCells"))]
     else:
         groups = [(name, count_of(path, piece, f"NumberOf{name}")) for name in ("Verts", "Lines", "Strips", "Polys")]
-    lists: list[NDArray[np.int64]] = []
-    ends: list[NDArray[np.int64]] = []
-    types: list[NDArray[np.int64]] = []
+    empty = np.empty(0, np.int64)
+    lists, ends, types = [empty], [empty], [empty]
     used = 0
+
+    def numbers(group: str, name: str, count: int) -> NDArray[np.int64]:
+        return reader.array(array_named(path, piece, group, name), count).astype(np.int64).reshape(-1)
+
     for group, cells in groups:
         if not cells:
             continue
-        # The ends come first, because they say how long the lists are.
-        stops = reader.array(array_named(path, piece, group, "offsets"), cells).astype(np.int64).reshape(-1)
+        stops = numbers(group, "offsets", cells)
         if stops.size and (stops[0] < 0 or np.any(np.diff(stops) < 0)):
             raise unreadable(path, f"offsets of {group} that do not rise", "where each cell ends")
-        points = (
-            reader.array(array_named(path, piece, group, "connectivity"), int(stops[-1])).astype(np.int64).reshape(-1)
-        )
+        points = numbers(group, "connectivity", int(stops[-1]))
         if points.size and not (points.min() >= 0 and points.max() < count):
             found = f"cells with the points {int(points.min())} to {int(points.max())}"
             raise unreadable(path, found, f"points 0 to {count - 1}")
@@ -71,9 +71,8 @@ def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) 
         ends.append(stops + used)
         used += points.size
         if group == "Cells":
-            types.append(reader.array(array_named(path, piece, group, "types"), cells).astype(np.int64).reshape(-1))
-    empty = np.empty(0, np.int64)
-    return Cells(*(np.concatenate([empty, *parts]) for parts in (lists, ends, types)))
+            types.append(numbers(group, "types", cells))
+    return Cells(*map(np.concatenate, (lists, ends, types)))
 
 
 def _volumes(path: Path, cells: Cells, offset: int) -> list[NDArray[np.int64]] | None:
@@ -85,9 +84,9 @@ def _volumes(path: Path, cells: Cells, offset: int) -> list[NDArray[np.int64]] |
         if corners is None:
             _log.info("%s: cells of VTK's type %d are not used, nor is the mesh", path, kind)
             return None
-        if np.any(sizes[of_kind] != len(corners)):
-            found_size = int(sizes[of_kind][sizes[of_kind] != len(corners)][0])
-            raise unreadable(path, f"a cell of type {kind} with {found_size} points", f"{len(corners)} points")
+        wrong = sizes[of_kind][sizes[of_kind] != len(corners)]
+        if wrong.size:
+            raise unreadable(path, f"a cell of type {kind} with {wrong[0]} points", f"{len(corners)} points")
         starts = cells.ends[of_kind] - len(corners)
         found.append(cells.connectivity[starts[:, None] + np.asarray(corners)] + offset)
     return found
@@ -96,9 +95,8 @@ def _volumes(path: Path, cells: Cells, offset: int) -> list[NDArray[np.int64]] |
 def _centroids(points: Floats, cells: Cells) -> Floats:
     sizes = cells.sizes()
     owner = np.repeat(np.arange(sizes.size), sizes)
-    sums = np.stack(
-        [np.bincount(owner, points[cells.connectivity, axis], minlength=sizes.size) for axis in range(3)], axis=1
-    )
+    corners = points[cells.connectivity].T
+    sums = np.stack([np.bincount(owner, along, minlength=sizes.size) for along in corners], axis=1)
     return np.asarray(sums / np.maximum(sizes, 1)[:, None])
 
 
@@ -106,23 +104,22 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     """Read a mesh or a surface: its points, a scalar of theirs and its cells.
 
     The scalar is an array of the points or of the cells, the length of a vector's rows, or one column of it (uvw_x);
-    the array that the file itself names as its scalars unless another is named. Values of cells stand at the centroids
-    of the cells (means of their points), where no value changes; the mesh is then left out.
+    the file's active scalars unless another is named. Values of cells are at the means of their points; then the result
+    has no mesh.
 
     Raises
     ------
     InvalidInput
-        For damaged files, sizes that do not agree, cells with points that are not there, and numbers that are not
-        finite.
+        For damaged files, sizes that disagree, cells with missing points, and numbers that are not finite.
     Unsupported
-        For data packed in a way that is not known.
+        For an unknown compressor.
     """
     path = source.path
     document = parse_document(source)
     reader = ArrayReader(source, document)
     where, name, base, column, known = pick_scalar(path, document, scalar)
-    points: list[Floats] = []
-    values: list[Floats] = []
+    points: list[Floats] = [np.empty((0, 3))]
+    values: list[Floats] = [np.empty(0)]
     mesh: list[NDArray[np.int64]] | None = []
     offset = 0
     for piece in document.pieces:
@@ -148,8 +145,8 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         offset += count
     details = {"scalar of": "the cells, at their centroids" if where == "CellData" else "the points"}
     return Scattered(
-        np.concatenate(points) if points else np.empty((0, 3)),
-        finite_values(path, name, np.concatenate(values) if values else np.empty(0)),
+        np.concatenate(points),
+        finite_values(path, name, np.concatenate(values)),
         name,
         KINDS[document.kind],
         known,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sheetsplat._checks import shown
-from sheetsplat.io.checks import unreadable
+from sheetsplat.io.checks import natural, unreadable
 from sheetsplat.io.scalars import choose_scalar, scalar_names
 from sheetsplat.io.vtk_xml.arrays import TYPES
 from sheetsplat.io.vtk_xml.document import DataArray, Document, Piece
@@ -13,10 +13,7 @@ from sheetsplat.io.vtk_xml.document import DataArray, Document, Piece
 
 def count_of(path: Path, piece: Piece, name: str) -> int:
     """Return a number of points or cells that a piece declares, 0 unless it does."""
-    text = piece.attributes.get(name, "0").strip()
-    if not (text.isascii() and text.isdigit()) or len(text) > 18:
-        raise unreadable(path, f"{name} = {shown(text)}", "a number that is not negative")
-    return int(text)
+    return natural(path, name, piece.attributes.get(name, "0").strip())
 
 
 def _widths(piece: Piece, where: str) -> dict[str, int]:

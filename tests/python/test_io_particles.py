@@ -11,7 +11,6 @@ from scattered_files import stored, write_particles
 
 import sheetsplat as ss
 from sheetsplat.io import read_scattered
-from sheetsplat.io.sph_hdf5 import _cubic_spline
 
 
 @pytest.mark.parametrize("gz", [False, True])
@@ -41,7 +40,8 @@ def test_the_support_of_particles_is_found_by_their_densities(tmp_path, factor):
     points, lengths, masses = rng.uniform(0, 4, (300, 3)), rng.uniform(0.5, 0.8, 300), rng.uniform(1, 2, 300)
     reach = factor * lengths
     distance = np.linalg.norm(points[:, None] - points[None], axis=2) / reach[:, None]
-    densities = (masses * _cubic_spline(distance)).sum(axis=1) / reach**3
+    kernel = 8 * ss.fit.SPH_KERNELS["cubic_spline"](2 * distance)
+    densities = (masses * kernel).sum(axis=1) / reach**3
     more = {"Coordinates": points, "SmoothingLength": lengths, "Masses": masses, "Density": densities}
     path, _ = write_particles(tmp_path / "s.h5", **more)
     np.testing.assert_allclose(read_scattered(path).supports, reach, rtol=1e-12)

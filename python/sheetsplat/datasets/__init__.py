@@ -7,11 +7,11 @@ Each function returns a :class:`Dataset`: samples, and how to draw them::
     field = ball.field()
 
 Formulas: :func:`marschner_lobb` (with :func:`marschner_lobb_value` and :func:`marschner_lobb_gradient`),
-:func:`noisy_ball`, :func:`tubes`. Flows from a solver, standing in for the simulations of the 2005 paper:
+:func:`noisy_ball`, :func:`tubes`. Flows from a solver, in place of the simulations of the 2005 paper:
 :func:`vortex`, :func:`turbulence`, :func:`jet`; these take up to twenty seconds the first time and are then cached
 in :func:`cache_folder`.
 
-Solids filled with ellipsoids, standing in for those of the 2006 paper: :func:`chess_piece`, :func:`monster` and
+Solids filled with ellipsoids, in place of those of the 2006 paper: :func:`chess_piece`, :func:`monster` and
 :func:`toy_car` of meshes in the folder ``SHEETSPLAT_DATA``, :func:`toy_train` of primitives. They return a
 :class:`SolidDataset` and take about a second each.
 """

@@ -14,7 +14,7 @@ from ._dataset import Dataset, Vector, require_samples
 from ._spectral import Flow, Real, wave_numbers
 from .random_stream import Stream
 
-# To be raised whenever a flow below is computed differently; cached results of other versions are not used.
+# Increase this with every change of a flow's values; cached results of other versions are not used.
 _VERSION = 1
 
 
@@ -37,7 +37,7 @@ def isotropic(n: int, viscosity: float, seed: int, peak: float = 3.0, dtype: Any
 
     The random numbers belong to the wave numbers, not to the points, so that the flow is the same at every resolution.
     """
-    # Twice the peak holds all but a thousandth of the energy; every resolution in use has these waves.
+    # Waves up to twice the peak have 99.9 % of the energy; every resolution has them.
     reach = int(np.ceil(2.0 * peak)) + 1
     kx, ky, kz = wave_numbers(n, np.dtype(np.float64))
     stream = Stream(seed)
@@ -67,7 +67,7 @@ def round_jet(n: int, viscosity: float, seed: int, dtype: Any = np.float32) -> F
     distance, angle = np.hypot(y, z), np.arctan2(z, y)
     stream = Stream(seed)
     rim = np.exp(-(((distance - radius) / (3.0 * layer)) ** 2))
-    # Waves along the jet with 0 to 2 turns around it: the modes that grow first.
+    # Waves along the jet with 0 to 2 periods around it, the modes that grow first.
     push = np.zeros((n, n, n))
     for turns in range(3):
         for wave in range(2, 9):
@@ -81,7 +81,7 @@ def round_jet(n: int, viscosity: float, seed: int, dtype: Any = np.float32) -> F
 
 
 def vortex(n: int = 128, *, resolution: int | None = None, time: float = 7.0, cache: bool = True) -> Dataset:
-    """Return the vorticity magnitude of a Taylor-Green vortex that has broken up.
+    """Return the vorticity magnitude of a Taylor-Green vortex after its breakdown.
 
     Navier-Stokes at Reynolds number 250, pseudo-spectral; computed on `resolution`^3 points and refined to n^3 by exact
     trigonometric interpolation of the vorticity's components.
@@ -175,7 +175,7 @@ def turbulence(
 def jet(
     n: int = 256, *, seed: int = 2005, resolution: int | None = None, time: float = 12.5, cache: bool = True
 ) -> Dataset:
-    """Return a dye carried by a round jet that rolls up and breaks, 8 bits.
+    """Return a passive scalar in a round jet that breaks up, 8 bits.
 
     Pseudo-spectral Navier-Stokes with a passive scalar, in a periodic box; computed on `resolution`^3 points and
     refined to n^3. The jet runs along x.

@@ -101,7 +101,7 @@ def marschner_lobb(
 def noisy_ball(n: int = 128, seed: int = 2005) -> Dataset:
     """Return a ball with noise in it, 8 bits: at n = 128, 480,000 samples of 2,097,152 are not 0.
 
-    The benchmark for splatting: dense, nowhere empty, with a gradient in every direction.
+    For benchmarks: a dense volume with gradients in all directions.
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ def _made(
 
 
 def _twist(angle: float, lean: float) -> Callable[[Floats], Floats]:
-    """Return a map that turns places about the y axis by `angle` radians from bottom to top, and leans them along x."""
+    """Return a map that twists by `angle` radians about the y axis from bottom to top, and shears along x."""
 
     def bend(at: Floats) -> Floats:
         turn = angle * (at[:, 1] + 0.5)
@@ -105,7 +105,7 @@ def _twist(angle: float, lean: float) -> Callable[[Floats], Floats]:
 
 
 def _swell(amount: float) -> Callable[[Floats], Floats]:
-    """Return a map that makes the lower half wider and the upper half narrower, and bows the back."""
+    """Return a map that widens the lower half, narrows the upper half, and lowers the ends along z."""
 
     def bend(at: Floats) -> Floats:
         wide = 1.0 - amount * np.sin(np.pi * at[:, 1])
@@ -127,7 +127,7 @@ def _curve(angle: float, hump: float) -> Callable[[Floats], Floats]:
 
 
 def chess_piece(kernels: int = 84_000, *, deformed: bool = True) -> SolidDataset:
-    """Return a chess knight filled with kernels, twisted and leaning.
+    """Return a chess knight filled with kernels, twisted and sheared.
 
     Needs ``mesh_chess_knight.obj`` in the folder that ``SHEETSPLAT_DATA`` names.
 
@@ -151,7 +151,7 @@ def chess_piece(kernels: int = 84_000, *, deformed: bool = True) -> SolidDataset
 
 
 def monster(kernels: int = 91_000, *, deformed: bool = True) -> SolidDataset:
-    """Return the cow Spot filled with kernels, swollen below.
+    """Return the cow Spot filled with kernels, widened below.
 
     Needs ``mesh_spot.obj`` in the folder that ``SHEETSPLAT_DATA`` names.
 
@@ -189,7 +189,7 @@ def toy_car(kernels: int = 173_000, *, deformed: bool = True) -> SolidDataset:
 
 
 def toy_train(kernels: int = 199_000, *, deformed: bool = True) -> SolidDataset:
-    """Return a toy train of boxes, cylinders and cones filled with kernels, on a bend.
+    """Return a toy train of boxes, cylinders and cones filled with kernels, bent in an arc.
 
     Parameters as for `chess_piece`.
     """

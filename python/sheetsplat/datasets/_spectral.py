@@ -127,7 +127,7 @@ class Flow:
         while self.time < until - 1e-9:
             rest = until - self.time
             step = min(largest_step, self.stable_step())
-            # The last two steps share what is left, so that none is tiny.
+            # The last two steps have the same length, so that none is tiny.
             self.step(rest if rest <= step else min(step, 0.5 * rest if rest < 2.0 * step else step))
 
     def velocity(self) -> Real:

@@ -97,7 +97,7 @@ def _locomotive(x: float) -> list[Mesh]:
         _tower((x + 2.55, 2.4, 0.0), 0.55, 0.42, 0.75),
         _tower((x + 3.85, 2.4, 0.0), 0.45, 0.3, 0.7),
         _rod((x + 0.05, 2.95, 0.0), 0.35, 0.2),
-        # The cab: a floor, a front, pillars, low sides, a roof.
+        # The cab: floor, front, pillars, low sides, roof.
         _box((x + 4.7, 0.95, -0.95), (x + 6.6, 1.15, 0.95)),
         _box((x + 4.7, 1.0, -0.95), (x + 4.88, 3.3, 0.95)),
         _box((x + 4.7, 1.0, -0.95), (x + 6.4, 2.1, -0.8)),

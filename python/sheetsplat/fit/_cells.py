@@ -1,4 +1,4 @@
-"""Cells of meshes: which points are neighbours."""
+"""Cells of meshes, and the neighbours of their points."""
 
 from __future__ import annotations
 

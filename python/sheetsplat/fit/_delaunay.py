@@ -21,13 +21,13 @@ from ._points import Merged, merge, numbers, places, positive, require_volume, s
 _log = logging.getLogger("sheetsplat")
 _WHAT = "fit.delaunay"
 
-# Delaunay neighbours of random points are farther than the mean distance of points, unlike neighbours in a grid. With
-# this factor the mean weight sums of both agree.
+# Delaunay neighbours of random points are farther away than the mean distance of points, those in a grid are not. With
+# this factor the mean weight sums agree.
 _RANDOM = 0.745
-# How many times the circumradius that is usual at its corners a tetrahedron on the hull may have.
+# Largest circumradius of tetrahedra on the hull, relative to what is usual at their corners.
 _TRIM = 3.5
 _FEWEST = 5
-# Measured peak of Qhull, the edges and the moments, bytes a point.
+# Measured memory of Qhull, the edges and the moments, bytes per point.
 _BYTES = 4000
 _CHUNK = 1 << 18
 

@@ -132,7 +132,7 @@ def merge(what: str, points: Floats, values: Floats) -> Merged:
     number = np.empty(len(order), dtype=np.int64)
     number[order] = rank[np.cumsum(new) - 1]
     kept = np.sort(first)
-    # Shares are summed, so that the largest numbers do not overflow.
+    # Sums of shares do not overflow.
     share = 1.0 / np.bincount(number)
     mean = np.asarray(np.bincount(number, values * share[number]), dtype=np.float64)
     merged = len(points) - len(first)

@@ -81,7 +81,7 @@ def _is_vtk_image(source: Source) -> bool:
 
 
 _IO = "sheetsplat.io."
-# The first that recognizes a file reads it.
+# The first format that recognizes a file is used.
 FORMATS: tuple[Format, ...] = (
     Format("npy", _IO + "numpy_files:read_npy", _begins(b"\x93NUMPY"), beats_raw=True),
     Format("npz", _IO + "numpy_files:read_npz", _begins(*_ZIP), ("name",), beats_raw=True),
@@ -93,7 +93,7 @@ FORMATS: tuple[Format, ...] = (
     Format("vtk", _IO + "vtk_xml.meshes:read", _is_vtk_xml, ("scalar",), scattered=True),
     Format("csv", _IO + "tables:read_csv", _is_table, ("scalar",), scattered=True),
     Format("raw", _IO + "raw:read", lambda source: source.suffix in _RAW_SUFFIXES, ("shape", "dtype", "offset")),
-    # Recognized by `find_format` alone: by the arrays of an .npz, and by the grid that the caller gives.
+    # Recognized only by `find_format`: by the arrays of an .npz, and by the grid of the caller.
     Format("ellipsoids", _IO + "tables:read_npz", options=("scalar",), scattered=True),
     Format("plot3d", _IO + "plot3d:read", options=("grid", "scalar"), scattered=True),
 )

@@ -30,7 +30,7 @@ def _header(stream: IO[bytes]) -> _Header:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         version = npy_format.read_magic(stream)
-        # Version 3 differs from 2 by the encoding of field names alone, and arrays with fields are refused anyway.
+        # Version 3 differs from 2 only by the encoding of field names; arrays with fields are refused.
         if version == (1, 0):
             return npy_format.read_array_header_1_0(stream)
         if version in ((2, 0), (3, 0)):

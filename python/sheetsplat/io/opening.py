@@ -37,7 +37,7 @@ def read_volume(
     offset: int = 0,
     name: str | None = None,
 ) -> Volume:
-    """Read a volume; the format is found by content, then by suffix, and a gzipped file is unpacked on the way.
+    """Read a volume; the format is found by content, then by suffix, and gzipped files are decompressed.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def read_scattered(
     particles: str | None = None,
     support: float | None = None,
 ) -> Scattered:
-    """Read scattered data; the format is found by content, then by suffix, and a gzipped file is unpacked on the way.
+    """Read scattered data; the format is found by content, then by suffix, and gzipped files are decompressed.
 
     Parameters
     ----------

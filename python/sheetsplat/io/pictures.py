@@ -1,4 +1,4 @@
-"""Pictures to files and back."""
+"""Reading and writing of pictures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _WRITTEN = (".png", ".exr", ".npy")
 
 
 def check_suffix(path: Path) -> str:
-    """Return the suffix in small letters, or InvalidInput where no writer has it."""
+    """Return the suffix in small letters, or InvalidInput for an unknown one."""
     suffix = path.suffix.lower()
     if suffix not in _WRITTEN:
         raise complain(f"{path} cannot be written", f"the suffix {suffix!r}", "one of: " + ", ".join(_WRITTEN))
@@ -28,7 +28,7 @@ def check_suffix(path: Path) -> str:
 
 
 def check_folder(path: Path) -> None:
-    """Raise Error where the folder of `path` is not there or cannot be written to."""
+    """Raise Error where the folder of `path` does not exist or cannot be written to."""
     folder = path.resolve().parent
     failed = f"{path} cannot be written"
     if not folder.is_dir():

@@ -111,7 +111,7 @@ def _headers(head: bytes) -> Iterator[tuple[str, bool, bool, tuple[Shape, ...]]]
 
 
 def _find(source: Source, kind: str) -> tuple[list[Layout], int]:
-    """Return the layouts that the file's size allows, the best first, and its size as far as it was looked at."""
+    """Return the layouts that fit the file's size, the best first, and the size, which may be a lower bound."""
     head = source.head(16 + 12 * _MOST_BLOCKS + 8)
     if len(head) < 12:
         raise unreadable(source.path, f"{len(head)} bytes", "a PLOT3D file, which begins with its sizes")

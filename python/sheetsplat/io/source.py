@@ -133,7 +133,7 @@ class Source(contextlib.ExitStack):
         self.callback(self._file.close)
 
     def head(self, count: int) -> bytes:
-        """Return the first bytes without moving on."""
+        """Return the first bytes and go back to the beginning."""
         self.stream.seek(0)
         head = self.stream.read(count)
         self.stream.seek(0)

@@ -33,14 +33,14 @@ _MOST_DATASETS = 1000
 # Radii of supports in smoothing lengths: Gadget, Arepo and GIZMO; SWIFT (cubic spline); Gasoline and ChaNGa.
 _SUPPORTS = (1.0, 1.825742, 2.0)
 _PROBES = 64
-# Kernels of equal width and different shape give densities that differ by less than this, relatively.
+# Largest relative error of densities, for kernels of another shape and the same width.
 _AGREEMENT = 0.1
 
 _log = logging.getLogger("sheetsplat")
 
 
 def _end_of_file(source: Source) -> int:
-    """Return the file's length as its superblock has it (HDF5 file format specification, II.A)."""
+    """Return the file's length according to its superblock (HDF5 file format specification, II.A)."""
     head = source.head(64)
     version = head[8] if len(head) > 13 else -1
     if version in (0, 1):
@@ -134,13 +134,6 @@ def _mass_table(file: Any, name: str) -> float:
     return mass if math.isfinite(mass) and mass > 0 else 0.0
 
 
-def _cubic_spline(share: Floats) -> Floats:
-    """Return the cubic spline kernel of support 1 at distances in supports (Monaghan & Lattanzio 1985)."""
-    inner = 1.0 - 6.0 * share**2 + 6.0 * share**3
-    outer = 2.0 * np.maximum(1.0 - share, 0.0) ** 3
-    return np.asarray(8.0 / math.pi * np.where(share < 0.5, inner, outer))
-
-
 def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Floats) -> tuple[float | None, float]:
     """Return the support's radius in smoothing lengths (None: unknown), and the error of densities computed with it.
 
@@ -149,6 +142,8 @@ def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Flo
     median of |log(density / density of the file)|.
     """
     from scipy.spatial import cKDTree  # type: ignore[import-untyped]
+
+    from sheetsplat.fit import SPH_KERNELS
 
     # Kernels much larger than the data overflow the tree's sums of squares.
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
@@ -164,7 +159,8 @@ def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Flo
             reach = factor * lengths[probe]
             near = np.asarray(tree.query_ball_point(points[probe], reach), dtype=np.intp)
             share = np.linalg.norm(points[near] - points[probe], axis=1) / reach
-            density = float((masses[near] * _cubic_spline(share)).sum()) / reach**3
+            kernel = 8.0 * SPH_KERNELS["cubic_spline"](2.0 * share)
+            density = float((masses[near] * kernel).sum()) / reach**3
             found.append(abs(math.log(density / densities[probe])) if density > 0 else math.inf)
         errors.append(float(np.median(found)))
     best = int(np.argmin(errors))

@@ -147,7 +147,7 @@ def _lines(source: Source) -> tuple[list[str], str | None]:
 
 
 def _rows(source: Source, part: str | None, columns: int) -> Floats:
-    """Return the numbers of all rows, read a piece at a time."""
+    """Return the numbers of all rows, read in pieces."""
     blocks: list[Floats] = []
     rest = b""
     row = 0

@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Error, Unsupported, complain
-from sheetsplat.io.checks import unreadable
-from sheetsplat.io.source import DEFLATE_RATIO, Source
-from sheetsplat.io.vtk_xml.document import DataArray, Document
+from sheetsplat.io.checks import natural, unreadable
+from sheetsplat.io.scalars import choose_scalar, scalar_names
+from sheetsplat.io.source import Source
+from sheetsplat.io.vtk_xml.document import DataArray, Document, Piece
 
 _NAMES = "Int8 UInt8 Int16 UInt16 Int32 UInt32 Int64 UInt64 Float32 Float64"
 TYPES = {name: name.lower() for name in _NAMES.split()}
-# Characters that one number takes as text, and what arrays have besides.
+# Most characters of a number as text, and a margin for other text of an array.
 _LONGEST_WORD = 64
 _SLACK = 1 << 16
 
@@ -33,11 +34,11 @@ class _Bytes:
     """Bytes of one array: raw, or base64 whose pieces are encoded separately; at most `bound` are read at once."""
 
     def __init__(self, stream: BinaryIO, bound: int, *, encoded: bool) -> None:
-        self._stream, self.bound, self._encoded = stream, bound, encoded
+        self._stream, self._bound, self._encoded = stream, bound, encoded
         self._left = b""
 
     def _take(self, count: int) -> bytes:
-        return self._stream.read(count) if count <= self.bound else b""
+        return self._stream.read(count) if count <= self._bound else b""
 
     def read(self, count: int) -> bytes:
         """Return the next bytes, fewer where there are no more."""
@@ -55,7 +56,7 @@ class _Bytes:
 
 
 class ArrayReader:
-    """Reads the arrays of a document."""
+    """Finds and reads the arrays of a document's pieces."""
 
     def __init__(self, source: Source, document: Document) -> None:
         self._source, self._document, self._path = source, document, source.path
@@ -63,18 +64,42 @@ class ArrayReader:
     def _fail(self, found: str, wanted: str, advice: str = "") -> Error:
         return unreadable(self._path, found, wanted, advice)
 
-    def array(self, one: DataArray, count: int | None) -> NDArray[Any]:
-        """Return the numbers of an array, in its own type; `count` None: as many as there are."""
+    def count(self, piece: Piece, name: str) -> int:
+        """Return a number of points or cells that a piece declares, 0 unless it does."""
+        return natural(self._path, name, piece.attributes.get(name, "0").strip())
+
+    def pick_scalar(self, scalar: str | None) -> tuple[str, str, str, int | None, tuple[str, ...]]:
+        """Return the element of a scalar (PointData or CellData), its name, its array, its column, and all names."""
+        first = self._document.pieces[0]
+        owners: dict[str, str] = {}
+        widths: dict[str, int] = {}
+        for where in ("PointData", "CellData"):
+            for one in first.arrays.get(where, []):
+                if one.type in TYPES and one.name and one.name not in widths:
+                    owners[one.name], widths[one.name] = where, one.components
+        preferred = [first.chosen[role] for role in ("PointData Scalars", "CellData Scalars") if role in first.chosen]
+        name, base, column = choose_scalar(self._path, scalar, preferred, widths)
+        return owners[base], name, base, column, scalar_names(widths)
+
+    def named(self, piece: Piece, where: str, name: str, count: int) -> NDArray[Any]:
+        """Return the numbers of an array of a piece by its element (PointData, Cells ...) and its name."""
+        for one in piece.arrays.get(where, []):
+            if one.name == name:
+                return self.array(one, count)
+        found = f"a Piece whose {where} has no array {shown(name)}"
+        raise self._fail(found, "the same arrays in every Piece")
+
+    def array(self, one: DataArray, count: int) -> NDArray[Any]:
+        """Return the numbers of an array in its own type, in `count` rows."""
         if one.type not in TYPES:
             raise self._fail(f"the array {shown(one.name)} of type {shown(one.type)}", "one of: " + ", ".join(TYPES))
         dtype = np.dtype(TYPES[one.type]).newbyteorder(self._document.order)  # type: ignore[arg-type]
-        if count is not None:
-            count *= one.components
-            _memory.require(2 * count * max(8, dtype.itemsize), f"the array {one.name!r} of {self._path}")
+        count *= one.components
+        _memory.require(2 * count * max(8, dtype.itemsize), f"the array {one.name!r} of {self._path}")
         if one.format == "appended":
             values = self._appended(one, dtype, count)
         else:
-            if count is not None and one.length > _LONGEST_WORD * count + _SLACK:
+            if one.length > _LONGEST_WORD * count + _SLACK:
                 raise self._fail(f"{one.length} characters of the array {shown(one.name)}", f"{count} numbers")
             _memory.require(8 * one.length, f"the array {one.name!r} of {self._path}")
             text = b"".join(one.text)
@@ -83,7 +108,7 @@ class ArrayReader:
             else:
                 text = b"".join(text.split())
                 values = self._unpacked(one, dtype, count, _Bytes(io.BytesIO(text), len(text), encoded=True))
-        if count is not None and values.size != count:
+        if values.size != count:
             raise self._fail(f"{values.size} numbers in the array {shown(one.name)}", f"{count}")
         return values.reshape(-1, one.components) if one.components > 1 else values
 
@@ -93,7 +118,7 @@ class ArrayReader:
             kind = np.dtype(np.float64) if dtype.kind == "f" else np.dtype(np.int64)
             return np.fromstring(text.decode("ascii"), dtype=kind, sep=" ").astype(dtype.newbyteorder("="))
 
-    def _appended(self, one: DataArray, dtype: np.dtype[Any], count: int | None) -> NDArray[Any]:
+    def _appended(self, one: DataArray, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
         if not self._document.appended:
             raise self._fail(f"the array {shown(one.name)} in appended data", "AppendedData, which the file has not")
         self._source.stream.seek(self._document.start + one.offset)
@@ -101,51 +126,30 @@ class ArrayReader:
         stream = _Bytes(self._source.stream, self._source.at_most(), encoded=encoded)
         return self._unpacked(one, dtype, count, stream)
 
-    def _cut(self, one: DataArray, size: int) -> Error:
-        return self._fail(
-            f"an end of the file inside the array {shown(one.name)}", f"{size} more bytes", "fetch it again"
-        )
-
     def _read(self, one: DataArray, stream: _Bytes, size: int) -> bytes:
         data = stream.read(size)
         if len(data) < size:
-            raise self._cut(one, size - len(data))
+            found = f"an end of the file inside the array {shown(one.name)}"
+            raise self._fail(found, f"{size - len(data)} more bytes", "fetch it again")
         return data
 
-    def _unpacked(self, one: DataArray, dtype: np.dtype[Any], count: int | None, stream: _Bytes) -> NDArray[Any]:
-        header, bound = self._document.header, stream.bound
-        packed = bool(self._document.compressor)
-        wanted = None if count is None else count * dtype.itemsize
+    def _unpacked(self, one: DataArray, dtype: np.dtype[Any], count: int, stream: _Bytes) -> NDArray[Any]:
+        header, packed = self._document.header, bool(self._document.compressor)
 
         def numbers(amount: int) -> list[int]:
             return [int(part) for part in np.frombuffer(self._read(one, stream, amount * header.itemsize), header)]
 
+        # The number of blocks, the bytes of each, and of the last one where that is shorter.
+        blocks, each, last = numbers(3) if packed else (1, *numbers(1), 0)
+        size = (blocks - 1) * each + (last or each) if blocks else 0
+        if size != count * dtype.itemsize:
+            wanted = f"{count * dtype.itemsize} bytes, as its piece says"
+            raise self._fail(f"{size} bytes of the array {shown(one.name)}", wanted)
         if not packed:
-            (size,) = numbers(1)
-            self._check_size(one, size, wanted, bound)
-            data = self._read(one, stream, size)
-        else:
-            blocks, each, last = numbers(3)
-            # The lengths of all blocks must be in the file.
-            if blocks * header.itemsize > bound:
-                raise self._cut(one, blocks * header.itemsize)
-            size = 0 if blocks == 0 else (blocks - 1) * each + (last or each)
-            self._check_size(one, size, wanted, bound * DEFLATE_RATIO if wanted is None else None)
-            lengths = numbers(blocks)
-            if sum(lengths) > bound:
-                raise self._cut(one, sum(lengths))
-            stream.next_part()
-            data = self._blocks(one, stream, lengths, each, last or each)
-        if len(data) % dtype.itemsize:
-            raise self._fail(f"{len(data)} bytes of the array {shown(one.name)}", f"whole numbers of type {one.type}")
-        return np.frombuffer(data, dtype)
-
-    def _check_size(self, one: DataArray, size: int, wanted: int | None, bound: int | None) -> None:
-        if wanted is not None and size != wanted:
-            raise self._fail(f"{size} bytes of the array {shown(one.name)}", f"{wanted} bytes, as its piece says")
-        if bound is not None and size > bound:
-            raise self._cut(one, size)
-        _memory.require(2 * size, f"the array {one.name!r} of {self._path}")
+            return np.frombuffer(self._read(one, stream, size), dtype)
+        lengths = numbers(blocks)
+        stream.next_part()
+        return np.frombuffer(self._blocks(one, stream, lengths, each, last or each), dtype)
 
     def _blocks(self, one: DataArray, stream: _Bytes, lengths: list[int], each: int, last: int) -> bytes:
         compressor = self._document.compressor

@@ -21,7 +21,7 @@ KINDS = {"UnstructuredGrid": "vtu", "PolyData": "vtp", "ImageData": "vti"}
 _CHUNK = 1 << 20
 _APPENDED = b"<AppendedData"
 _MOST_ELEMENTS = 100_000
-# Elements around a DataArray: VTKFile, the kind, Piece, and PointData, CellData, Points or Cells.
+# Elements that contain a DataArray: VTKFile, the kind, Piece, and PointData, CellData, Points or Cells.
 _ARRAY_DEPTH = 4
 
 
@@ -150,7 +150,7 @@ class _Parser:
 
 
 def parse_document(source: Source) -> Document:
-    """Return the document, up to the first byte of the appended data, of which nothing is read."""
+    """Return the document; nothing is read of the appended data."""
     parser = _Parser(source.path)
     before = b""
     fed = 0

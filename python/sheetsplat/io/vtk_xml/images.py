@@ -17,7 +17,6 @@ from sheetsplat.io.scalars import column_of
 from sheetsplat.io.source import Source
 from sheetsplat.io.vtk_xml.arrays import ArrayReader
 from sheetsplat.io.vtk_xml.document import parse_document
-from sheetsplat.io.vtk_xml.pieces import array_named, pick_scalar
 
 
 def _integers(path: Path, text: str, what: str) -> list[int]:
@@ -44,7 +43,7 @@ def _image(source: Source, scalar: str | None) -> Volume:
     path = source.path
     document = parse_document(source)
     reader = ArrayReader(source, document)
-    where, name, base, column, _ = pick_scalar(path, document, scalar)
+    where, name, base, column, _ = reader.pick_scalar(scalar)
     attributes = document.attributes
     whole = _integers(path, attributes.get("WholeExtent", ""), "WholeExtent")
     spacing = triple("Spacing", floats(path, "Spacing", attributes.get("Spacing", "1 1 1"), 3))
@@ -68,7 +67,7 @@ def _image(source: Source, scalar: str | None) -> Volume:
         if any(extent[2 * a] < whole[2 * a] or extent[2 * a + 1] > whole[2 * a + 1] for a in range(3)):
             raise unreadable(path, f"a Piece of extent {extent}", f"one inside of {whole}")
         here = shape_of(extent)
-        rows = reader.array(array_named(path, piece, where, base), math.prod(here))
+        rows = reader.named(piece, where, base, math.prod(here))
         numbers = rows if column == 0 and rows.ndim == 1 else column_of(rows, column)
         if here == shape:
             values = numbers.reshape(shape)

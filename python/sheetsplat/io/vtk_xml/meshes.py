@@ -15,11 +15,10 @@ from sheetsplat.io.scalars import column_of
 from sheetsplat.io.source import Source
 from sheetsplat.io.vtk_xml.arrays import ArrayReader
 from sheetsplat.io.vtk_xml.document import KINDS, Piece, parse_document
-from sheetsplat.io.vtk_xml.pieces import array_named, count_of, pick_scalar
 
 _log = logging.getLogger("sheetsplat")
 
-# Corners of the cells that fill a volume, by VTK's number of their type, in the order of its hexahedron.
+# By VTK's number of a cell type: its corners in the order of the tetrahedron, hexahedron, wedge or pyramid.
 _VOLUMES = {
     10: (0, 1, 2, 3),
     11: (0, 1, 3, 2, 4, 5, 7, 6),
@@ -47,15 +46,15 @@ class Cells:
 def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) -> Cells:
     """Return the cells of a piece; those of a surface in VTK's order: vertices, lines, strips, polygons."""
     if kind == "UnstructuredGrid":
-        groups = [("Cells", count_of(path, piece, "NumberOfCells"))]
+        groups = [("Cells", reader.count(piece, "NumberOfCells"))]
     else:
-        groups = [(name, count_of(path, piece, f"NumberOf{name}")) for name in ("Verts", "Lines", "Strips", "Polys")]
+        groups = [(name, reader.count(piece, f"NumberOf{name}")) for name in ("Verts", "Lines", "Strips", "Polys")]
     empty = np.empty(0, np.int64)
     lists, ends, types = [empty], [empty], [empty]
     used = 0
 
     def numbers(group: str, name: str, count: int) -> NDArray[np.int64]:
-        return reader.array(array_named(path, piece, group, name), count).astype(np.int64).reshape(-1)
+        return reader.named(piece, group, name, count).astype(np.int64).reshape(-1)
 
     for group, cells in groups:
         if not cells:
@@ -76,7 +75,7 @@ def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) 
 
 
 def _volumes(path: Path, cells: Cells, offset: int) -> list[NDArray[np.int64]] | None:
-    """Return the cells that fill a volume, (M, corners) for each type; None where one is of another type."""
+    """Return the cells with a volume, (M, corners) for each type; None where one has an unknown type."""
     sizes, found = cells.sizes(), []
     for kind in np.unique(cells.types[cells.types > _FLAT]):
         corners = _VOLUMES.get(int(kind))
@@ -117,13 +116,13 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     path = source.path
     document = parse_document(source)
     reader = ArrayReader(source, document)
-    where, name, base, column, known = pick_scalar(path, document, scalar)
+    where, name, base, column, known = reader.pick_scalar(scalar)
     points: list[Floats] = [np.empty((0, 3))]
     values: list[Floats] = [np.empty(0)]
     mesh: list[NDArray[np.int64]] | None = []
     offset = 0
     for piece in document.pieces:
-        count = count_of(path, piece, "NumberOfPoints")
+        count = reader.count(piece, "NumberOfPoints")
         if not count:
             continue
         require_rows(path, count)
@@ -134,12 +133,12 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         cells = _mesh(path, document.kind, reader, piece, count)
         if where == "CellData":
             full = cells.sizes() > 0
-            rows = reader.array(array_named(path, piece, where, base), full.size)
+            rows = reader.named(piece, where, base, full.size)
             points.append(_centroids(here, cells)[full])
             values.append(column_of(rows, column)[full])
             continue
         points.append(here)
-        values.append(column_of(reader.array(array_named(path, piece, where, base), count), column))
+        values.append(column_of(reader.named(piece, where, base, count), column))
         own = _volumes(path, cells, offset)
         mesh = None if mesh is None or own is None else mesh + own
         offset += count

@@ -16,22 +16,21 @@ _WANTED = "real numbers, (h, w, 4), or (h, w) for scalars"
 
 
 def _picture(array: ArrayLike, what: str) -> Floats:
+    failed = f"compare: the {what} cannot be used"
     try:
         found = np.asarray(array)
     except (TypeError, ValueError):
-        raise complain(f"compare: the {what} cannot be used", shown(array), _WANTED) from None
+        raise complain(failed, shown(array), _WANTED) from None
     if found.dtype.kind not in "biuf":
-        raise complain(f"compare: the {what} cannot be used", f"values of type {found.dtype}", _WANTED)
+        raise complain(failed, f"values of type {found.dtype}", _WANTED)
     with np.errstate(over="ignore"):
         picture = np.ascontiguousarray(found, dtype=np.float32)
     if picture.size == 0 or not (picture.ndim == 2 or (picture.ndim == 3 and picture.shape[2] == 4)):
-        raise complain(
-            f"compare: the {what} cannot be used", f"shape {picture.shape}", "(h, w, 4), or (h, w) for scalars"
-        )
+        raise complain(failed, f"shape {picture.shape}", "(h, w, 4), or (h, w) for scalars")
     return picture
 
 
-def _for_eyes(picture: Floats, reference: Floats) -> Floats:
+def _displayed(picture: Floats, reference: Floats) -> Floats:
     """Return the picture as a screen shows it over black: (h, w, 3) in [0, 1]."""
     if picture.ndim == 2:
         finite = np.nan_to_num(reference, posinf=0.0, neginf=0.0)
@@ -72,7 +71,7 @@ def compare(picture: ArrayLike, reference: ArrayLike) -> dict[str, float]:
         return {**distances, "flip": math.inf}
     import flip_evaluator  # type: ignore[import-untyped]
 
-    seen, expected = _for_eyes(first, second), _for_eyes(second, second)
+    seen, expected = _displayed(first, second), _displayed(second, second)
     _, flip, _ = flip_evaluator.evaluate(expected, seen, "LDR", inputsRGB=True, applyMagma=False)
     return {**distances, "flip": float(flip)}
 

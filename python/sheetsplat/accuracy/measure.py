@@ -82,18 +82,13 @@ def _finest(scene: Scene, factor: int) -> Scene:
     return scene.replace(**changes)
 
 
-def _exact_renderers(settings: dict[str, Any]) -> list[Renderer]:
-    threads = {"threads": settings["threads"]} if settings.get("threads") is not None else {}
-    return [Renderer("cpu", precision="float64", **threads), Renderer("reference")]
-
-
 def _exactly(scene: Scene, camera: Camera, size: tuple[int, int], settings: dict[str, Any], watch: Watch) -> Image:
     """Return a picture in float64 by backend cpu, or by the reference where cpu does not support the scene."""
-    first, second = _exact_renderers(settings)
     try:
-        return first.render(scene, camera, size=size, progress=watch)
+        exact = Renderer("cpu", precision="float64", threads=settings.get("threads"))
+        return exact.render(scene, camera, size=size, progress=watch)
     except Unsupported:
-        return second.render(scene, camera, size=size, progress=watch)
+        return Renderer("reference").render(scene, camera, size=size, progress=watch)
 
 
 def limit(
@@ -211,15 +206,9 @@ class Arithmetic:
 class Judge:
     """Pictures of the reference backend, as large as the given time allows.
 
-    Parameters
-    ----------
-    shared
-        The scene with which several settings are compared; its picture is made once. Others are not kept, since each
-        has a field of its own.
-    camera, size
-        Of the pictures.
-    seconds
-        Approximate time that the largest picture of a scene may take; 0: no arithmetic error is measured.
+    The picture of the scene `shared`, with which several settings are compared, is made once; others are not kept,
+    since each has a field of its own. The largest picture of a scene takes at most about `seconds`; 0: no arithmetic
+    error is measured.
     """
 
     def __init__(self, shared: Scene, camera: Camera, size: tuple[int, int], seconds: float) -> None:
@@ -230,9 +219,6 @@ class Judge:
         self._renderer = Renderer("reference")
         # By the factor by which the picture is smaller.
         self._made: dict[int, tuple[Image | None, str]] = {}
-
-    def _too_long(self) -> str:
-        return f"the reference would take longer than {self._seconds:g} s"
 
     def _picture(self, scene: Scene, scale: int, watch: Watch) -> tuple[Image | None, str]:
         if scene is not self._shared:
@@ -265,7 +251,7 @@ class Judge:
             except Cancelled:
                 if stopped:
                     raise
-                return picture, self._too_long()
+                return picture, f"the reference would take longer than {self._seconds:g} s"
             before, spent = spent or math.inf, time.perf_counter() - began
         return picture, ""
 

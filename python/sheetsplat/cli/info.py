@@ -54,11 +54,14 @@ def _edges(low: float, high: float, bins: int) -> NDArray[np.float64]:
     return edges
 
 
+def _stride(count: int) -> int:
+    """Return the step of a regular subset of about `_ENOUGH`; odd, so that columns differ from row to row."""
+    return 1 if count <= _ENOUGH else (-(-count // _ENOUGH) | 1)
+
+
 def _percentiles(flat: NDArray[Any]) -> list[float]:
     """Return percentiles of the finite samples, of a regular subset where there are more than `_ENOUGH`."""
-    # An odd stride does not sample the same columns of every row.
-    stride = 1 if flat.size <= _ENOUGH else (-(-flat.size // _ENOUGH) | 1)
-    picked = np.concatenate(list(_blocks(flat[::stride])))
+    picked = np.concatenate(list(_blocks(flat[:: _stride(flat.size)])))
     # Differences of the largest numbers must not overflow; scaling by a power of two is exact.
     scale = 4.0 if picked.size and float(np.abs(picked).max()) > 1e307 else 1.0
     picked /= scale
@@ -105,12 +108,8 @@ def _aspects(field: EllipsoidField) -> NDArray[np.float64]:
     """Return the percentiles 50, 99 and 100 of the ratios of the longest to the shortest semi-axis."""
     if field.isotropic or not field.size:
         return np.ones(3)
-    aspects = np.concatenate(
-        [
-            block.max(axis=1) / block.min(axis=1)
-            for block in (field.scales[start : start + _BLOCK] for start in range(0, field.size, _BLOCK))
-        ]
-    )
+    blocks = (field.scales[start : start + _BLOCK] for start in range(0, field.size, _BLOCK))
+    aspects = np.concatenate([block.max(axis=1) / block.min(axis=1) for block in blocks])
     found: NDArray[np.float64] = np.percentile(aspects, (50, 99, 100), overwrite_input=True)
     return found
 
@@ -134,8 +133,7 @@ def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
         **_statistics(field.values[known], bins),
     }
     if field.size:
-        stride = 1 if field.size <= _ENOUGH else (-(-field.size // _ENOUGH) | 1)
-        report["median_scale"] = float(np.median(field.scales[::stride]))
+        report["median_scale"] = float(np.median(field.scales[:: _stride(field.size)]))
         report["aspect"] = dict(zip(("median", "99 %", "largest"), _aspects(field).tolist(), strict=True))
         look = automatic.choose([field])
         report |= {"clim": list(look.clim), "surface": look.surface}

@@ -123,32 +123,18 @@ def _by_blocks(
 
 
 def axes_of_covariances(covariances: NDArray[Any], *, flat: bool) -> tuple[Floats, Floats]:
-    """Return the standard deviations along the axes of covariances (N, 3, 3), and the axes as quaternions.
+    """Return the standard deviations (N, 3) of covariances (N, 3, 3) along their axes, and these as quaternions (N, 4).
 
-    Parameters
-    ----------
-    covariances
-        Symmetric to within 1e-5 of their largest entry, and positive definite.
-    flat
-        Whether variances may be 0 within rounding.
-
-    Returns
-    -------
-    deviations, rotations
-        (N, 3), and unit quaternions w, x, y, z, (N, 4).
-
-    Raises
-    ------
-    InvalidInput
-        With the index of the first offending matrix.
+    Covariances are symmetric to within 1e-5 of their largest entry, and positive definite; `flat`: variances may be 0
+    within rounding. InvalidInput, with the index of the first one, for others.
     """
     variances, rotations = _by_blocks(_of_covariances, "covariances", covariances, flat)
     return np.sqrt(variances), rotations
 
 
 def axes_of_frames(frames: NDArray[Any], *, flat: bool) -> tuple[Floats, Floats]:
-    """Return the lengths of the columns of frames (N, 3, 3), and their directions as quaternions.
+    """Return the lengths (N, 3) of the columns of frames (N, 3, 3), and their directions as quaternions (N, 4).
 
-    Parameters and errors as for `axes_of_covariances`; columns must be at right angles.
+    Columns are at right angles; `flat`: lengths may be 0. InvalidInput, with the index of the first one, for others.
     """
     return _by_blocks(_of_frames, "frames", frames, flat)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from statistics import median
 from typing import Any, NamedTuple
 
+from sheetsplat import _sheetsplat
 from sheetsplat.errors import Error
 from sheetsplat.options.core import definitions
 from sheetsplat.options.scene import SceneOptions
@@ -23,24 +24,8 @@ _WITHOUT: dict[str, dict[str, Any]] = {
     **{one.effect: {name: one.default} for name, one in definitions(SceneOptions).items() if one.effect},
     "second_order": {"preintegration": True},
 }
-# Effects that follow from the data, the mode or the device, and cannot be switched for the same picture.
-_FIXED = frozenset(
-    {
-        "classification",
-        "isosurface",
-        "normalization",
-        "several_fields",
-        "separate_normalization",
-        "scattered_kernels",
-        "perspective",
-        "sums",
-        "float64",
-        "ambient_only",
-        "eye_lights",
-        "world_lights",
-        "tagging",
-    }
-)
+# Effects that some backend can force on or off.
+_FORCIBLE = frozenset(name for name, *_, forcible in _sheetsplat.known_effects() if forcible)
 # For comparisons only: no plan switches it on by itself.
 _FOR_COMPARISON = frozenset({"paper_slicing"})
 _OUTPUTS = ("coverage", "depth")
@@ -56,14 +41,14 @@ class _Way(NamedTuple):
 
 def _other_way(effect: Effect, scene: Scene, outputs: tuple[str, ...]) -> _Way | None:
     """Return how to draw the picture with an effect switched, or None where it cannot be switched."""
-    if effect.name in _FIXED or effect.name in _FOR_COMPARISON:
-        return None
     if effect.name in _OUTPUTS:
         if effect.on:
             return _Way(scene, tuple(name for name in outputs if name != effect.name), {})
         return _Way(scene, (*outputs, effect.name), {})
     if effect.name in _WITHOUT and effect.on:
         return _Way(scene.replace(**_WITHOUT[effect.name]), outputs, {})
+    if effect.name not in _FORCIBLE - _FOR_COMPARISON:
+        return None
     return _Way(scene, outputs, {effect.name: not effect.on})
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from sheetsplat.accuracy.clock import Clock
+from sheetsplat.accuracy.knobs import KNOBS, Clock
+from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow
 from sheetsplat.camera import Camera
 from sheetsplat.image import Image
 from sheetsplat.options.renderer import Backend, Progress
@@ -17,10 +18,6 @@ from sheetsplat.scene import Scene
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-    from sheetsplat.accuracy.knobs import KNOBS as KNOBS
-    from sheetsplat.accuracy.report import AccuracyReport as AccuracyReport
-    from sheetsplat.accuracy.report import AccuracyRow as AccuracyRow
 
 __all__ = ["KNOBS", "AccuracyReport", "AccuracyRow", "accuracy"]
 
@@ -90,15 +87,3 @@ def accuracy(
     from sheetsplat.accuracy.measurement import measure_accuracy
 
     return measure_accuracy(**asked)
-
-
-def __getattr__(name: str) -> Any:
-    if name == "KNOBS":
-        from sheetsplat.accuracy.knobs import KNOBS
-
-        return KNOBS
-    if name in ("AccuracyReport", "AccuracyRow"):
-        from sheetsplat.accuracy import report
-
-        return getattr(report, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, get_args
 
 from sheetsplat.camera import Camera
 from sheetsplat.options.core import COLORED
 from sheetsplat.scene import Scene
 
+# The times that a measurement may report and compare.
+Clock = Literal["wall", "cpu"]
+CLOCKS: tuple[str, ...] = get_args(Clock)
 # The picture from which the error of a setting is measured.
 CONVERGED = "converged"
 SLICES = "slices"

@@ -15,14 +15,15 @@ from numpy.typing import ArrayLike
 
 from sheetsplat._checks import choice, image_size, instance, names, number, shown, whole
 from sheetsplat.accuracy import measure
-from sheetsplat.accuracy.clock import CLOCKS, Clock
 from sheetsplat.accuracy.knobs import (
+    CLOCKS,
     CONVERGED,
     GIVEN,
     INTERPOLATED,
     KNOBS,
     SLICES,
     Base,
+    Clock,
     Setting,
     calls_for_gradients,
 )

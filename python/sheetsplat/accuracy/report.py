@@ -8,6 +8,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -250,47 +251,34 @@ class AccuracyReport:
             f"Δs {self.slice_spacing:g}, medians of {self.repeats}"
         )
         table = Table(title=heading, title_justify="left", title_style="bold", header_style="bold", pad_edge=False)
-        for name, justify in (
-            ("knob", "left"),
-            ("setting", "left"),
-            ("ms", "right"),
-            ("cpu ms", "right"),
-            ("error, RMSE", "right"),
-            ("slicing", "right"),
-            ("arithmetic", "right"),
-            ("", "left"),
-        ):
-            table.add_column(name, justify=justify, no_wrap=name != "", overflow="fold")  # type: ignore[arg-type]
-        before = ""
-        for row in self.rows:
-            if before and row.knob != before:
-                table.add_section()
-            name = row.knob if row.knob != before else ""
-            before = row.knob
-            if not row.measured:
-                table.add_row(name, row.setting, *["–"] * 5, Text(_shortened(row.reason)), style="dim")
-                continue
-            marks = [*(["now"] if row.current else []), *(["front"] if row.pareto else []), *self._remarks(row)]
-            table.add_row(
-                name,
-                row.setting,
-                _milliseconds(row.seconds),
-                _milliseconds(row.cpu_seconds),
-                _error(row.rmse),
-                _error(row.slicing_rmse),
-                _error(row.arithmetic_rmse),
-                Text(", ".join(marks)),
-                style="bold" if row.current else None,
-            )
+        table.add_column("knob", no_wrap=True)
+        table.add_column("setting", no_wrap=True, overflow="fold")
+        for name in ("ms", "cpu ms", "error, RMSE", "slicing", "arithmetic"):
+            table.add_column(name, justify="right", no_wrap=True)
+        table.add_column("", overflow="fold")
+        for knob, rows in groupby(self.rows, key=lambda row: row.knob):
+            for number, row in enumerate(rows):
+                times = map(_milliseconds, (row.seconds, row.cpu_seconds))
+                errors = map(_error, (row.rmse, row.slicing_rmse, row.arithmetic_rmse))
+                figures = [*times, *errors] if row.measured else ["–"] * 5
+                style = "dim" if not row.measured else "bold" if row.current else None
+                table.add_row(knob if number == 0 else "", row.setting, *figures, Text(self._remarks(row)), style=style)
+            table.add_section()
         return table
 
-    def _remarks(self, row: AccuracyRow) -> list[str]:
-        remarks = ["reference field"] if row.is_truth else []
-        if not math.isnan(row.ripple_maximum):
-            remarks.append(f"ripple {100 * row.ripple_maximum:.2g} %")
-        if any(truth.name == row.truth and row.rmse < truth.uncertainty for truth in self.truths):
-            remarks.append("below the uncertainty")
-        return remarks
+    def _remarks(self, row: AccuracyRow) -> str:
+        if not row.measured:
+            # A missing device lists every attempt; the row and the JSON have the whole text.
+            return row.reason if len(row.reason) <= _REASON else row.reason[: _REASON - 2] + " …"
+        is_small = any(truth.name == row.truth and row.rmse < truth.uncertainty for truth in self.truths)
+        remarks = {
+            "now": row.current,
+            "front": row.pareto,
+            "reference field": row.is_truth,
+            f"ripple {100 * row.ripple_maximum:.2g} %": not math.isnan(row.ripple_maximum),
+            "below the uncertainty": is_small,
+        }
+        return ", ".join(text for text, holds in remarks.items() if holds)
 
     def text_below(self) -> str:
         """Return the sentences below the table."""
@@ -329,11 +317,6 @@ class AccuracyReport:
         """Return a short description."""
         measured = sum(row.measured for row in self.rows)
         return f"AccuracyReport({measured} of {len(self.rows)} rows measured, {self.backend}, {self.size})"
-
-
-def _shortened(reason: str) -> str:
-    # A missing device lists every attempt; the row and the JSON have the whole text.
-    return reason if len(reason) <= _REASON else reason[: _REASON - 2] + " …"
 
 
 def _milliseconds(seconds: float) -> str:

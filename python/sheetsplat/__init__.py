@@ -26,8 +26,12 @@ from sheetsplat.errors import Cancelled, DeviceUnavailable, Error, InvalidInput,
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.light import Light, Material
+from sheetsplat.notices import PictureWarning
 from sheetsplat.plan import Effect, RenderPlan
+from sheetsplat.quantity import Quantity
+from sheetsplat.recipe import FieldRecipe, Recipe
 from sheetsplat.renderer import Renderer
+from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
@@ -54,14 +58,19 @@ __all__ = [
     "EllipsoidField",
     "Error",
     "ErrorEstimate",
+    "FieldRecipe",
     "Image",
     "InvalidInput",
     "Light",
     "Material",
     "OutOfMemory",
+    "PictureWarning",
+    "Quantity",
+    "Recipe",
     "RegularField",
     "RenderPlan",
     "Renderer",
+    "ScalarColors",
     "Scene",
     "TransferFunction",
     "Unsupported",

@@ -18,6 +18,7 @@ from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.image import Image
 from sheetsplat.look.compose import compose_scene, suggested_look
 from sheetsplat.look.surface import surface_text
+from sheetsplat.notices import warn
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, check_names, documented, filled, pick, pick_given
 from sheetsplat.options.data import FileOptions, OpenOptions
@@ -128,7 +129,7 @@ def _scene(data: object, options: Any, outputs: Iterable[str], *, spacing_is_fre
     asked = [name for name, value in pick_given(LookOptions, options).items() if value is not False]
     ignored = unused(mode, [*asked, *outputs])
     if ignored:
-        _log.warning("mode %s does not use these options: %s", mode, ", ".join(ignored))
+        warn(f"mode {mode} does not use these options: " + option_refs(ignored))
     if look.get("depth_cue") == "auto":
         # Made when the camera is known.
         del look["depth_cue"]

@@ -211,7 +211,41 @@ class Camera:
         """Depth of the near plane of a perspective camera."""
         return self.native.near
 
+    def arguments(self) -> dict[str, Any]:
+        """Return the arguments of `orthographic` or `perspective`, as `kind` says, that make this camera."""
+        given: dict[str, Any] = {"eye": self.eye, "target": self.target, "up": self.up}
+        if self.kind == "orthographic":
+            return {**given, "height": self.height}
+        return {**given, "fov_y": self.fov_y, "near": self.near}
+
+    def world_axes(self) -> tuple[Triple, Triple, Triple]:
+        """Return the world directions that point right, up, and back towards the viewer in the picture; unit length."""
+        rows = [self.native.direction_to_eye(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+        # The columns are the axes of eye space in world coordinates.
+        right, up, back = ((rows[0][n], rows[1][n], rows[2][n]) for n in range(3))
+        return right, up, back
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy by the arguments."""
+        return _made, (self.kind, self.arguments())
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether kind and arguments are the same."""
+        if not isinstance(other, Camera):
+            return NotImplemented
+        return self.kind == other.kind and self.arguments() == other.arguments()
+
+    def __hash__(self) -> int:
+        """Return a hash of the arguments."""
+        return hash((self.kind, *self.arguments().values()))
+
     def __repr__(self) -> str:
         """Return a short description."""
         last = f"height={self.height:g}" if self.kind == "orthographic" else f"fov_y={self.fov_y:g}, near={self.near:g}"
         return f"Camera.{self.kind}(eye={self.eye}, target={self.target}, up={self.up}, {last})"
+
+
+def _made(kind: str, arguments: dict[str, Any]) -> Camera:
+    """Return the camera of what `Camera.__reduce__` gave."""
+    camera: Camera = getattr(Camera, kind)(**arguments)
+    return camera

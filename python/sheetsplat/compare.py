@@ -10,15 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import shown
 from sheetsplat.errors import complain
+from sheetsplat.image import Image, pixels_of
 
 Floats = NDArray[np.float32]
 _WANTED = "real numbers, (h, w, 4), or (h, w) for scalars"
 
 
-def _picture(array: ArrayLike, what: str) -> Floats:
+def _picture(array: Image | ArrayLike, what: str) -> Floats:
     failed = f"compare: the {what} cannot be used"
     try:
-        found = np.asarray(array)
+        found = np.asarray(pixels_of(array))
     except (TypeError, ValueError):
         raise complain(failed, shown(array), _WANTED) from None
     if found.dtype.kind not in "biuf":
@@ -39,13 +40,13 @@ def _displayed(picture: Floats, reference: Floats) -> Floats:
     return np.clip(np.nan_to_num(picture[..., :3]), 0.0, 1.0).astype(np.float32)
 
 
-def compare(picture: ArrayLike, reference: ArrayLike) -> dict[str, float]:
+def compare(picture: Image | ArrayLike, reference: Image | ArrayLike) -> dict[str, float]:
     """Return the distances of a picture from a reference.
 
     Parameters
     ----------
     picture, reference
-        Two pictures of one shape: premultiplied RGBA (h, w, 4), or scalars (h, w).
+        Two pictures of one shape: images, or arrays of premultiplied RGBA (h, w, 4), or of scalars (h, w).
 
     Returns
     -------

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Triple, Vector, convert, measurable, number, parts, share, shown, strengths, triple
+from sheetsplat._values import OfArguments
 from sheetsplat.errors import complain, unusable
 
 # Limit for iterators without an end.
@@ -47,7 +48,7 @@ def _box(what: str, box: object) -> tuple[Triple, Triple] | None:
 
 
 @dataclass(frozen=True)
-class Clip:
+class Clip(OfArguments):
     """The region of space that is shown. Conventions, section 10 (Effects beyond the papers).
 
     Parameters
@@ -85,7 +86,7 @@ def _finite_color(what: str, value: object) -> Triple:
 
 
 @dataclass(frozen=True)
-class DepthCue:
+class DepthCue(OfArguments):
     """Shaded colours fade with depth. Conventions, section 10 (Effects beyond the papers).
 
     Parameters
@@ -123,7 +124,7 @@ class DepthCue:
 
 
 @dataclass(frozen=True)
-class AmbientOcclusion:
+class AmbientOcclusion(OfArguments):
     """Ambient light is dimmed where the surroundings are dense. Conventions, section 10 (Effects beyond the papers).
 
     Parameters

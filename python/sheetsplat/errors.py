@@ -22,6 +22,7 @@ __all__ = [
     "Unsupported",
     "Words",
     "complain",
+    "missing_package",
     "option_ref",
     "option_refs",
     "spelled_in_python",
@@ -206,6 +207,12 @@ def complain(
         The class of the error.
     """
     return kind(_bounded(what), _bounded(found), _bounded(wanted), _bounded(advice), option)
+
+
+def missing_package(what: str, error: ImportError) -> Error:
+    """Return the error for something that needs a package which is not installed."""
+    name = (error.name or str(error)).partition(".")[0]
+    return complain(what, f"no package {name}", name, f"pip install {name}", kind=Unsupported)
 
 
 def unusable(what: str) -> Words:

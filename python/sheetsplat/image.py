@@ -6,18 +6,25 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from sheetsplat import _sheetsplat
+from sheetsplat import _sheetsplat, pixels
 from sheetsplat._checks import shown
+from sheetsplat.camera import Camera
 from sheetsplat.errors import complain
+from sheetsplat.notices import warn
 from sheetsplat.plan import RenderPlan
+from sheetsplat.recipe import LONGEST, Recipe
+from sheetsplat.scalar_colors import ScalarColors
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as PillowImage
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ErrorEstimate:
     """Estimated distance of a picture from the converged one.
 
@@ -49,6 +56,14 @@ class ErrorEstimate:
             budget[cause] = float(np.hypot(budget.get(cause, 0.0), rmse))
         return cls(rmse=native.rmse, budget=budget, map=native.map)
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether all numbers are the same."""
+        if not isinstance(other, ErrorEstimate):
+            return NotImplemented
+        return self.rmse == other.rmse and self.budget == other.budget and np.array_equal(self.map, other.map)
+
+    __hash__ = None  # type: ignore[assignment]
+
     def __repr__(self) -> str:
         """Return a short description."""
         causes = ", ".join(f"{cause} {rmse:.2g}" for cause, rmse in self.budget.items())
@@ -58,21 +73,46 @@ class ErrorEstimate:
 class Image:
     """A picture, row 0 at the top, made by `Renderer.render`. It has either `rgba` or `scalar`, by the scene's mode.
 
-    ``np.asarray(image)`` returns that array. The arrays stay valid after the image is gone.
+    ``np.asarray(image)`` is what a screen shows: straight red, green, blue and alpha from 0 to 1, float32 (h, w, 4), as
+    ``plt.imshow`` takes it; with ``dtype=np.uint8`` from 0 to 255. Scalars go through their colormap (`Scene`,
+    ``scalar_colors``). The arrays stay valid after the image is gone.
+
+    Pictures are equal where their pixels and further outputs are, bit for bit, and what they show of what: plan and
+    times do not count.
     """
 
-    __slots__ = ("_coverage", "_depth", "_error", "_estimate", "native", "_plan", "_rgba", "_scalar", "_stats")
+    __slots__ = (
+        *("_coverage", "_depth", "_error", "_estimate", "_plan", "_recipe", "_rgba", "_scalar", "_settings", "_stats"),
+    )
+    _error: ErrorEstimate | None
+    _estimate: Callable[[], ErrorEstimate] | None
 
-    def __init__(self, native: _sheetsplat.Image, estimate: Callable[[], ErrorEstimate] | None = None) -> None:
-        self.native = native
+    def __init__(
+        self, native: _sheetsplat.Image, recipe: Recipe, estimate: Callable[[], ErrorEstimate] | None = None
+    ) -> None:
         self._rgba: NDArray[np.float32] | None = native.rgba
         self._scalar: NDArray[np.float32] | None = native.scalar
         self._coverage: NDArray[np.float32] | None = native.coverage
         self._depth: NDArray[np.float32] | None = native.depth
         self._plan = RenderPlan.of_native(native.plan)
+        self._settings: dict[str, Any] | None = native.settings
         self._stats: dict[str, float] = native.stats
-        self._error: ErrorEstimate | None = None
+        self._recipe = recipe
+        self._error = None
         self._estimate = estimate
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        """Pickle by arrays; the error estimate goes along where it was computed, else it is lost."""
+        return _restored, ({name: getattr(self, name) for name in self.__slots__ if name != "_estimate"},)
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether pixels and further outputs are the same, and what is shown."""
+        if not isinstance(other, Image):
+            return NotImplemented
+        pairs = ((getattr(self, name), getattr(other, name)) for name in ("_rgba", "_scalar", "_coverage", "_depth"))
+        return self._recipe == other._recipe and all(_same(one, two) for one, two in pairs)
+
+    __hash__ = None  # type: ignore[assignment]
 
     @staticmethod
     def _there(name: str, array: NDArray[np.float32] | None, then: str) -> NDArray[np.float32]:
@@ -83,12 +123,20 @@ class Image:
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
-        return self.native.size
+        height, width = self.pixels.shape[:2]
+        return width, height
 
     @property
     def is_scalar(self) -> bool:
-        """True for the modes "xray" and "mip"."""
+        """True for modes that make one number a pixel, such as "xray" and "mip"."""
         return self._scalar is not None
+
+    @property
+    def pixels(self) -> NDArray[np.float32]:
+        """What was rendered, unchanged: `rgba`, or `scalar` in scalar modes."""
+        found = self._scalar if self._rgba is None else self._rgba
+        assert found is not None
+        return found
 
     @property
     def rgba(self) -> NDArray[np.float32]:
@@ -97,7 +145,7 @@ class Image:
 
     @property
     def scalar(self) -> NDArray[np.float32]:
-        """Result of the modes "xray" and "mip", float32 (h, w). InvalidInput in other modes."""
+        """Result of scalar modes, float32 (h, w). InvalidInput in other modes."""
         return self._there("scalar", self._scalar, "its mode is a coloured one: look at image.rgba")
 
     @property
@@ -126,7 +174,31 @@ class Image:
     @property
     def settings(self) -> dict[str, Any] | None:
         """Options that max_error or max_seconds chose in place of those of the scene; None without them."""
-        return self.native.settings
+        return self._settings
+
+    @property
+    def recipe(self) -> Recipe:
+        """How it was made, without the data."""
+        return self._recipe
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that shows it."""
+        return self._recipe.camera
+
+    @property
+    def mode(self) -> str:
+        """Mode of the scene."""
+        found: str = self._recipe.options["mode"]
+        return found
+
+    @property
+    def clim(self) -> tuple[float, float]:
+        """The values at which the colours begin and end: of the transfer function, or of a scalar picture."""
+        if self._scalar is not None:
+            colors: ScalarColors = self._recipe.options["scalar_colors"]
+            return colors.limits(self._scalar)
+        return self._recipe.transfer_function.v_min, self._recipe.transfer_function.v_max
 
     @property
     def error(self) -> ErrorEstimate:
@@ -154,14 +226,19 @@ class Image:
             self._estimate = None
         return self._error
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], *, metadata: bool = True) -> None:
         """Write the picture in the format of the suffix; the file appears whole or not at all.
 
         Parameters
         ----------
         path
-            .png: straight alpha, clamped, 8 bit, no gamma; scalar pictures are scaled to their largest value.
-            .exr: float32, premultiplied R, G, B, A, or Y for scalar pictures. .npy: the array unchanged.
+            .png, .webp: straight alpha, clamped, 8 bit, no gamma, nothing lost; scalar pictures through their colormap.
+            .tif, .tiff: the same, and of scalar pictures the numbers themselves, float32.
+            .jpg, .jpeg: over the scene's background, or white, without alpha.
+            .exr: float32, premultiplied R, G, B, A, or Y for scalar pictures. .npy: `pixels` unchanged.
+        metadata
+            Whether a PNG says how it was made (`recipe`), without paths and names of users, so that
+            ``sheetsplat render x.png DATA`` makes it again.
 
         Raises
         ------
@@ -173,30 +250,145 @@ class Image:
         import sheetsplat.io.pictures as pictures
 
         if not isinstance(path, str | os.PathLike) or "\0" in os.fsdecode(path):
-            raise complain("the picture cannot be saved", shown(path), "a path that ends with .png, .exr or .npy")
+            wanted = "a path that ends with " + pictures.listed_suffixes()
+            raise complain("the picture cannot be saved", shown(path), wanted)
         target = Path(os.fsdecode(path))
-        if pictures.check_suffix(target) == ".png":
-            # The native writer makes the file whole or not at all by itself.
-            self.native.save_png(str(target))
-        else:
-            pictures.save_array(np.asarray(self), target)
+        if pictures.check_suffix(target) in pictures.FLOATS:
+            pictures.save_array(self.pixels, target)
+            return
+        text = self._description() if metadata and target.suffix.lower() == ".png" else ""
+        pictures.save_raster(self._raster(target.suffix.lower()), target, text)
+
+    def _description(self) -> str:
+        """Return the recipe as text, or "" with a warning where it has no text, or too long a one."""
+        try:
+            text = self._recipe.to_json()
+        except (TypeError, ValueError) as error:
+            warn(f"the picture does not say how it was made: {error}")
+            return ""
+        if len(text) > LONGEST:
+            warn(f"the picture does not say how it was made: the text would have {len(text)} characters")
+            return ""
+        return text
+
+    def _raster(self, suffix: str) -> NDArray[Any]:
+        """Return the array that a raster format holds."""
+        if self._scalar is not None and suffix in (".tif", ".tiff"):
+            return self._scalar
+        colors: ScalarColors = self._recipe.options["scalar_colors"]
+        if self._scalar is not None and colors.is_gray:
+            return pixels.gray_levels(self._scalar, colors, self.clim)
+        shown_levels = self._levels(255)
+        if suffix in (".jpg", ".jpeg"):
+            return pixels.over(shown_levels, pixels.WHITE)
+        return shown_levels
+
+    def _levels(self, most: int) -> NDArray[Any]:
+        return pixels.levels(self.pixels, self._recipe.options["scalar_colors"], self.clim, most)
+
+    def to_pil(self) -> PillowImage:
+        """Return the picture as an image of Pillow: RGBA, 8 bit, straight alpha, as `save` writes a PNG."""
+        from PIL import Image as Pillow
+
+        return Pillow.fromarray(self._levels(255))
+
+    def to_axes(self, ax: Any = None, *, colorbar: bool = True, title: str | None = None) -> Any:
+        """Show the picture in axes of matplotlib, in world units, with a colour bar in units of the data.
+
+        Parameters
+        ----------
+        ax
+            The axes; those of a new figure of pyplot unless given.
+        colorbar
+            Whether a colour bar stands beside it: logarithmic where the range is.
+        title
+            Text above.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes of the picture. Its units are those of the world, in the plane through the camera's target.
+
+        Raises
+        ------
+        Unsupported
+            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[figures]"``.
+        """
+        from sheetsplat.figure import to_axes
+
+        return to_axes(self, ax, colorbar=colorbar, title=title)
+
+    def annotated(
+        self, *, colorbar: bool = True, axes: bool = True, scale_bar: bool = False, title: str | None = None
+    ) -> PillowImage:
+        """Return the picture with what a figure needs, as an RGB image of Pillow; no pixel is scaled.
+
+        Parameters
+        ----------
+        colorbar
+            A colour bar in units of the data, with a line at each iso value.
+        axes
+            Axes in world units, in the plane through the camera's target, and the directions of x, y and z where the
+            view is not along one of them.
+        scale_bar
+            A bar of a round length in the picture.
+        title
+            Text above.
+
+        Raises
+        ------
+        Unsupported
+            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[figures]"``.
+        """
+        from sheetsplat.figure import annotated
+
+        return annotated(self, colorbar=colorbar, axes=axes, scale_bar=scale_bar, title=title)
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
-        """Return `rgba` or `scalar`, by the mode of the scene."""
-        array = self._scalar if self._rgba is None else self._rgba
-        if copy is False and dtype is not None and np.dtype(dtype) != np.float32:
-            raise ValueError(f"an Image is float32; it cannot be seen as {np.dtype(dtype)} without a copy")
-        return np.array(array, dtype=dtype, copy=copy or None)
+        """Return straight red, green, blue and alpha, 0 to 1, or 0 to the largest number of an unsigned type."""
+        kind = np.dtype(np.float32 if dtype is None else dtype)
+        if copy is False:
+            raise ValueError("an Image holds premultiplied colours, or scalars: what it shows is a copy")
+        if kind in (np.dtype(np.uint8), np.dtype(np.uint16)):
+            return self._levels(int(np.iinfo(kind).max))
+        if kind.kind != "f":
+            raise complain(
+                f"the picture cannot become an array of {kind}", wanted="a floating-point type, uint8 or uint16"
+            )
+        straight = pixels.straight(self.pixels, self._recipe.options["scalar_colors"], self.clim)
+        return straight.astype(kind, copy=False)
 
     def _repr_png_(self) -> bytes:
-        import tempfile
+        import io
 
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "image.png"
-            self.native.save_png(str(path))
-            return path.read_bytes()
+        stream = io.BytesIO()
+        self.to_pil().save(stream, format="PNG")
+        return stream.getvalue()
 
     def __repr__(self) -> str:
         """Return a short description."""
         width, height = self.size
-        return f"Image({width} x {height}, {'scalar' if self.is_scalar else 'rgba'}, {self._plan.backend})"
+        low, high = self.clim
+        return (
+            f"Image({width} x {height}, {'scalar' if self.is_scalar else 'rgba'}, mode {self.mode!r}, colours from "
+            f"{low:g} to {high:g}, {self._plan.backend})"
+        )
+
+
+def pixels_of(picture: Any) -> Any:
+    """Return what was rendered, unchanged, of an image; anything else as it is."""
+    return picture.pixels if isinstance(picture, Image) else picture
+
+
+def _same(one: NDArray[np.float32] | None, other: NDArray[np.float32] | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return np.array_equal(one, other, equal_nan=True)
+
+
+def _restored(parts: dict[str, Any]) -> Image:
+    """Return the image of what `Image.__reduce_ex__` gave."""
+    image = Image.__new__(Image)
+    for name, part in {**parts, "_estimate": None}.items():
+        setattr(image, name, part)
+    return image

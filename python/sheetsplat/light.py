@@ -8,11 +8,12 @@ from typing import Literal
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Vector, choice, measurable, shown, strength, strengths, triple, truth
+from sheetsplat._values import OfArguments
 from sheetsplat.errors import complain, unusable
 
 
 @dataclass(frozen=True)
-class Light:
+class Light(OfArguments):
     """A directional light. Conventions, section 5 (Gradients and light).
 
     Parameters
@@ -56,7 +57,7 @@ class Light:
 
 
 @dataclass(frozen=True)
-class Material:
+class Material(OfArguments):
     """Phong coefficients. Conventions, section 5 (Gradients and light).
 
     Parameters

@@ -6,15 +6,17 @@ import logging
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, Unpack
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, instance, names, number, shown, whole
 from sheetsplat.camera import Camera
-from sheetsplat.errors import complain, unusable
+from sheetsplat.errors import complain, option_ref, unusable
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.look import empty
-from sheetsplat.options.core import checked, definitions, documented
+from sheetsplat.notices import warn
+from sheetsplat.options.core import checked, definitions, documented, filled
 from sheetsplat.options.renderer import (
     OUTPUTS,
     Backend,
@@ -25,6 +27,7 @@ from sheetsplat.options.renderer import (
     check_backend,
 )
 from sheetsplat.plan import RenderPlan
+from sheetsplat.recipe import Recipe
 from sheetsplat.scene import Scene
 
 _log = logging.getLogger("sheetsplat")
@@ -88,7 +91,7 @@ class Renderer:
     With `max_error` or `max_seconds` the renderer tries settings on a few pixels before the first picture of a scene.
     It changes only options of the scene that have their default values, and float64. Where these do not allow the
     error, InvalidInput says so; an error below that of shadows or ambient occlusion from volumes is Unsupported. Where
-    the time cannot be kept, the fastest settings are taken, with a warning in the log.
+    the time cannot be kept, the fastest settings are taken, with a PictureWarning.
 
     Parameters
     ----------
@@ -109,9 +112,32 @@ class Renderer:
         self.native = _native(self._settings)
         self._warned: frozenset[str] = frozenset()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy by the settings; the device and what was prepared on it are made anew."""
+        return _made, (self._settings,)
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the settings are the same."""
+        return self._settings == other._settings if isinstance(other, Renderer) else NotImplemented
+
+    def __hash__(self) -> int:
+        """Return a hash of the settings."""
+        return hash(tuple(value for name, value in self._settings.items() if name != "effects"))
+
     def __repr__(self) -> str:
-        """Return a short description."""
-        return f"Renderer({self._settings['backend']!r})"
+        """Return the settings that differ from their defaults."""
+        defaults = filled(RendererClassOptions, {})
+        changed = [
+            f"{name}={value!r}"
+            for name, value in self._settings.items()
+            if value not in (defaults[name], {}) and name != "backend"
+        ]
+        return f"Renderer({', '.join([repr(self._settings['backend']), *changed])})"
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """Every option of `Renderer` by its name, as it was given or by default."""
+        return MappingProxyType(self._settings)
 
     @property
     def max_error(self) -> float | None:
@@ -297,7 +323,7 @@ class Renderer:
             found = self.native.estimate_error(native, scene.native, camera.native, progress=None)
             return ErrorEstimate.of_native(found)
 
-        image = Image(native, estimate)
+        image = Image(native, self._recipe(native, scene, camera), estimate)
         width, height = image.size
         plan = image.plan
         self._warn_of_unused(plan)
@@ -308,13 +334,32 @@ class Renderer:
         _log.info("rendered %s%d x %d on %s in %.3f s", stage, width, height, plan.backend, seconds)
         for goal in ("max_error", "max_seconds"):
             if image.stats.get(f"{goal}_kept") == 0:
-                _log.warning("%s is not kept: %s", goal, image.plan.effects[-1].reason)
-        if empty.is_empty(image, scene):
-            _log.warning("nothing can be seen in the picture: %s", empty.why_empty(scene))
+                warn(option_ref(goal) + f" is not kept: {image.plan.effects[-1].reason}")
+        # A coarse stage may miss what the last one shows.
+        if image.stats.get("stage") == image.stats.get("stages"):
+            self._warn_of_unseen(image, scene)
         if _log.isEnabledFor(logging.DEBUG):
             _log.debug("plan\n%s", plan)
             _log.debug("stats %s", image.stats)
         return image
+
+    def _recipe(self, native: _sheetsplat.Image, scene: Scene, camera: Camera) -> Recipe:
+        """Return how a picture was made, with what a goal chose in place of what was given."""
+        chosen = dict(native.settings or {})
+        settings = {**self._settings, "backend": native.plan.backend}
+        if chosen:
+            settings["precision"] = chosen.pop("precision")
+            second_order = chosen.pop("second_order")
+            chosen["preintegration"] = "second_order" if second_order else chosen["preintegration"]
+        return Recipe.of(scene, camera, native.size, settings, **chosen)
+
+    @staticmethod
+    def _warn_of_unseen(image: Image, scene: Scene) -> None:
+        """Warn of a picture in which nothing can be seen, or in which all values have one colour."""
+        if empty.is_empty(image, scene):
+            warn("nothing can be seen in the picture: " + empty.why_empty(scene))
+        elif outside := empty.why_one_color(image, scene):
+            warn("all values have one colour in the picture: " + outside)
 
     def _warn_of_unused(self, plan: RenderPlan) -> None:
         """Warn of settings that the backend does not use; of each once."""
@@ -322,3 +367,8 @@ class Renderer:
         if unused:
             self._warned |= frozenset(unused)
             _log.warning("backend %s does not use %s", plan.backend, ", ".join(unused))
+
+
+def _made(settings: dict[str, Any]) -> Renderer:
+    """Return the renderer of what `Renderer.__reduce__` gave."""
+    return Renderer(**settings)

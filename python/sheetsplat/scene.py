@@ -12,6 +12,7 @@ from sheetsplat.fields import Field, as_fields, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.options.core import check_names, checked, documented
 from sheetsplat.options.scene import SceneOptions
+from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.transfer import TransferFunction
 
 
@@ -56,6 +57,8 @@ class Scene:
         self._transfer_function = transfer_function
         self._options = checked("Scene", options, SceneOptions)
         native = {name: _native(value) for name, value in self._options.items()}
+        # The engine makes the numbers of a scalar picture; the image makes their colours.
+        del native["scalar_colors"]
         native["filter"] = native["filter"] or "none"
         native["second_order"] = native["preintegration"] == "second_order"
         native["preintegration"] = bool(native["preintegration"])
@@ -107,6 +110,12 @@ class Scene:
         return found
 
     @property
+    def scalar_colors(self) -> ScalarColors:
+        """How the numbers of a scalar picture become colours."""
+        found: ScalarColors = self._options["scalar_colors"]
+        return found
+
+    @property
     def mode(self) -> str:
         """One of "composite", "isosurface", "xray" and "mip"."""
         found: str = self._options["mode"]
@@ -145,6 +154,27 @@ class Scene:
         """World-aligned box around all supports: its lower and its upper corner."""
         return joined_bounds([one.bounds for one in self._fields])
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy by the arguments."""
+        return _made, (self._fields, self._transfer_function, dict(self._options))
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether fields, transfer function and options are the same."""
+        if not isinstance(other, Scene):
+            return NotImplemented
+        # The quickest first.
+        mine = self._options, self._transfer_function, self._fields
+        return mine == (dict(other.options), other.transfer_function, other.fields)
+
+    def __hash__(self) -> int:
+        """Return a hash of fields, transfer function and mode."""
+        return hash((self._fields, self._transfer_function, self.mode))
+
     def __repr__(self) -> str:
         """Return a short description."""
         return f"Scene({', '.join(map(repr, self._fields))}, mode {self.mode!r}, {len(self.lights)} lights)"
+
+
+def _made(fields: tuple[Field, ...], function: TransferFunction, options: dict[str, Any]) -> Scene:
+    """Return the scene of what `Scene.__reduce__` gave."""
+    return Scene(fields, function, **options)

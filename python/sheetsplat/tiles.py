@@ -16,6 +16,8 @@ from sheetsplat._checks import Triple, image_size, instance, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, Unsupported, complain, unusable
 from sheetsplat.io.pictures import check_folder, whole_file
+from sheetsplat.notices import muted
+from sheetsplat.options.core import SCALAR
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
@@ -62,9 +64,7 @@ def window(camera: Camera, size: tuple[int, int], at: tuple[int, int], extent: t
     pixel = camera.height / size[1]
     x = (at[0] + 0.5 * extent[0] - 0.5 * size[0]) * pixel
     y = (0.5 * size[1] - at[1] - 0.5 * extent[1]) * pixel
-    rows = [camera.native.direction_to_eye(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
-    # The columns are the axes of eye space in world coordinates.
-    right, up, back = ((rows[0][n], rows[1][n], rows[2][n]) for n in range(3))
+    right, up, back = camera.world_axes()
     eye = _moved(camera.eye, right, up, x, y)
     # Far enough that rounding the target does not turn the view.
     far = max(1.0, math.hypot(*eye), math.dist(camera.eye, camera.target))
@@ -130,7 +130,7 @@ def render_tiles(
     if target.suffix.lower() != ".npy":
         raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npy")
     check_folder(target)
-    scalar = scene.mode in ("xray", "mip")
+    scalar = scene.mode in SCALAR
     shape = (height, width) if scalar else (height, width, 4)
     needed = 4 * math.prod(shape) + _HEADER
     room = shutil.disk_usage(target.resolve().parent).free
@@ -154,9 +154,11 @@ def render_tiles(
                 return progress is None or progress((number + share) / len(all_pieces))
 
             part = window(camera, (width, height), (column, row), (across, down))
-            image = drawing.render(scene, part, size=(across, down), progress=told)
+            # Many a tile is empty.
+            with muted():
+                image = drawing.render(scene, part, size=(across, down), progress=told)
             # Mapped anew for each tile: written pages stay in memory as long as the file is mapped.
-            open_memmap(made, mode="r+")[row : row + down, column : column + across] = np.asarray(image)
+            open_memmap(made, mode="r+")[row : row + down, column : column + across] = image.pixels
     if progress is not None and progress(1.0) is False:
         raise Cancelled("the rendering was cancelled by its progress callback")
     finished: Floats = np.load(target, mmap_mode="r", allow_pickle=False)

@@ -32,7 +32,7 @@ def _table(values: Any, what: str, wanted: str) -> Floats:
         raise complain(unusable(what), shown(values), wanted) from None
 
 
-def _colors(cmap: Colormap) -> Floats:
+def color_rows(cmap: Colormap) -> Floats:
     """Return rows r, g, b, a at equal distances over [0, 1]."""
     wanted = "a name of the cmap package, rows (N, 3) or (N, 4) of numbers in [0, 1], or a function that gives them"
     names = cmap.split(",") if isinstance(cmap, str) and "," in cmap else cmap
@@ -64,6 +64,19 @@ def _colors(cmap: Colormap) -> Floats:
     if rows.shape[1] == 3:
         rows = np.column_stack([rows, np.ones(len(rows))])
     return rows
+
+
+def color_limits(clim: Sequence[float], *, positive: bool = False) -> tuple[float, float]:
+    """Return the two numbers at which a colormap begins and ends, or InvalidInput; `positive`: for a logarithm."""
+    limits = list(clim) if not isinstance(clim, str) and hasattr(clim, "__iter__") else []
+    if len(limits) != 2:
+        raise complain(unusable("clim"), shown(clim), "two numbers, the lower one first")
+    low, high = number("clim", limits[0]), number("clim", limits[1])
+    if not (np.isfinite(low) and np.isfinite(high) and low < high):
+        raise complain(unusable("clim"), f"({low:g}, {high:g})", "two finite numbers, the lower one first")
+    if positive and not low > 0:
+        raise complain(unusable("clim"), f"({low:g}, {high:g}) for a logarithmic scale", "two numbers above 0")
+    return low, high
 
 
 def _opacities(opacity: Opacity, low: float, high: float) -> Floats:
@@ -157,13 +170,8 @@ class TransferFunction:
         InvalidInput
             For unknown names, other shapes, and numbers outside their range.
         """
-        limits = list(clim) if not isinstance(clim, str) and hasattr(clim, "__iter__") else []
-        if len(limits) != 2:
-            raise complain(unusable("clim"), shown(clim), "two numbers, the lower one first")
-        low, high = number("clim", limits[0]), number("clim", limits[1])
-        if not (np.isfinite(low) and np.isfinite(high) and low < high):
-            raise complain(unusable("clim"), f"({low:g}, {high:g})", "two finite numbers, the lower one first")
-        colors = _colors(cmap)
+        low, high = color_limits(clim)
+        colors = color_rows(cmap)
         color_at = np.linspace(low, high, len(colors))
         opacities = _opacities(opacity, low, high)
         values = np.unique(np.concatenate([color_at, opacities[:, 0]]))
@@ -202,6 +210,21 @@ class TransferFunction:
         rows = self.native.at(np.ascontiguousarray(array.ravel()))
         return rows[:, 1:].reshape(*array.shape, 4)
 
+    def __reduce__(self) -> tuple[type[TransferFunction], tuple[Floats]]:
+        """Pickle and copy by the points."""
+        return type(self), (self.points,)
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the points are the same."""
+        return np.array_equal(self.points, other.points) if isinstance(other, TransferFunction) else NotImplemented
+
+    def __hash__(self) -> int:
+        """Return a hash of the number of points and of their range."""
+        return hash((len(self.points), self.v_min, self.v_max, self.max_opacity))
+
     def __repr__(self) -> str:
         """Return a short description."""
-        return f"TransferFunction({len(self.points)} points, {self.v_min:g} to {self.v_max:g})"
+        return (
+            f"TransferFunction({len(self.points)} points, {self.v_min:g} to {self.v_max:g}, "
+            f"opacity up to {self.max_opacity:g})"
+        )

@@ -94,8 +94,8 @@ def _slabs(options: Options) -> Iterator[Row]:
                 picture, spent = _timed(renderer, scene(spacing, sampling, mode), camera, size)
                 keep(options, picture, "slabs", mode, name, f"{spacing:g}")
                 # Distances of scalars are relative to the largest.
-                unit = max(1.0, float(np.asarray(converged).max()))
-                score = rings(np.asarray(picture), np.asarray(converged)) / unit
+                unit = max(1.0, float(converged.pixels.max()))
+                score = rings(picture.pixels, converged.pixels) / unit
                 row: Row = {"row": name, "at": f"{mode}, {spacing:g} apart", "score": score}
                 yield row | _distance(picture, converged, spent)
 

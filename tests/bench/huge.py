@@ -66,7 +66,7 @@ def run(options: Options) -> Report:
         options.say("windows")
         for column, row in corners(side, tile, np.random.default_rng(64)):
             part = window(camera, size, (column, row), (_WINDOW, _WINDOW))
-            expected = np.asarray(reference.render(scene, part, size=(_WINDOW, _WINDOW)))
+            expected = reference.render(scene, part, size=(_WINDOW, _WINDOW)).pixels
             found = compare(picture[row : row + _WINDOW, column : column + _WINDOW], expected)
             seen += bool(expected.any())
             worst = {name: max(worst[name], found[name]) for name in worst}

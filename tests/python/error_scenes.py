@@ -157,7 +157,7 @@ def measured_cases(folder: Path, reduced: int = 2) -> list[Case]:
 
 def rmse(picture: ss.Image, reference: ss.Image) -> float:
     """Return the root mean square difference; scalars are divided by max(1, largest of the reference)."""
-    a, b = np.asarray(picture, np.float64), np.asarray(reference, np.float64)
+    a, b = np.asarray(picture.pixels, np.float64), np.asarray(reference.pixels, np.float64)
     scale = max(1.0, float(b.max())) if b.ndim == 2 else 1.0
     return float(np.sqrt(np.mean(((a - b) / scale) ** 2)))
 

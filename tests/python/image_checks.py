@@ -14,6 +14,7 @@ from PIL import Image as PillowImage
 
 from sheetsplat import _sheetsplat
 from sheetsplat.compare import compare
+from sheetsplat.image import pixels_of
 
 OUT = Path(__file__).resolve().parents[2] / "out" / "python"
 log = logging.getLogger("image_checks")
@@ -42,7 +43,7 @@ class Distance:
 
 def off_by(actual: ArrayLike, expected: ArrayLike) -> dict[str, float]:
     """Return rmse, p99_9 and maximum of section 8. FLIP takes longer than drawing such pictures: it is left out."""
-    one, other = np.ascontiguousarray(actual, np.float32), np.ascontiguousarray(expected, np.float32)
+    one, other = (np.ascontiguousarray(pixels_of(picture), np.float32) for picture in (actual, expected))
     assert one.shape == other.shape
     return _sheetsplat.compare(one, other, 1 if one.ndim == 2 else 4)
 
@@ -54,7 +55,7 @@ def within(found: dict[str, float], bounds: tuple[float, float]) -> bool:
 
 def distance(actual: ArrayLike, expected: ArrayLike, ambiguous: NDArray[np.bool_] | None = None) -> Distance:
     """Return the distances over the pixels that are not ambiguous."""
-    actual, expected = np.array(actual), np.array(expected)
+    actual, expected = np.array(pixels_of(actual)), np.array(pixels_of(expected))
     share = 0.0
     if ambiguous is not None:
         share = float(ambiguous.mean())
@@ -76,7 +77,7 @@ def assert_close(
     ambiguous: NDArray[np.bool_] | None = None,
 ) -> Distance:
     """Fail where two pictures differ by more than the bounds of RMSE and P99.9."""
-    actual, expected = np.asarray(actual), np.asarray(expected)
+    actual, expected = np.asarray(pixels_of(actual)), np.asarray(pixels_of(expected))
     found = distance(actual, expected, ambiguous)
     text = (
         f"{name}: RMSE {found.rmse:.3g} (at most {bounds[0]:.3g}), P99.9 {found.p99_9:.3g} (at most {bounds[1]:.3g}), "

@@ -41,7 +41,7 @@ def assert_right(scene: Parts, *, precision: str | None = None, may_jump: bool =
     built, camera, size = scene_parts.build(ss, scene)
     image = ss.Renderer("cpu", **options).render(built, camera, size=size, outputs=("coverage", "depth"))
     expected = by_reference(scene, ("coverage", "depth"))
-    pixels = np.array(np.asarray(image))
+    pixels = np.array(image.pixels)
     assert np.isfinite(pixels).all()
     assert precision is None or image.plan.precision == precision
     if may_jump:
@@ -50,7 +50,7 @@ def assert_right(scene: Parts, *, precision: str | None = None, may_jump: bool =
         spacing, length = built.slice_spacing, built.reference_length
         jumping = changed_pixels(expected.rgba, [scene_parts.nudged(scene, spacing, length, **move) for move in moves])
         assert jumping.sum() <= max(1, MOST_AMBIGUOUS * jumping.size)
-        pixels[jumping] = np.asarray(expected)[jumping]
+        pixels[jumping] = expected.pixels[jumping]
     for output, (found, wanted) in {
         "image": (pixels, expected),
         "coverage": (image.coverage, expected.coverage),
@@ -231,7 +231,8 @@ def test_threads_change_no_bit(size: tuple[int, int], sampling: str) -> None:
     """Also where few tiles would leave many threads idle."""
     built, camera, _ = scene_parts.build(ss, parts(cloud(13, 200, 4.0), sampling=sampling))
     pictures = [
-        np.array(ss.Renderer("cpu", threads=threads).render(built, camera, size=size)) for threads in (1, 2, 3, 16, 500)
+        np.array(ss.Renderer("cpu", threads=threads).render(built, camera, size=size).pixels)
+        for threads in (1, 2, 3, 16, 500)
     ]
     assert all(np.array_equal(pictures[0], picture) for picture in pictures[1:])
 
@@ -283,7 +284,7 @@ def test_pictures_of_many_threads_at_once(shared: bool) -> None:
         scene_parts.build(ss, parts(cloud(seed, 300, 4.0), camera, size=(60, 50)))
         for seed, camera in enumerate((scene_parts.parallel(), scene_parts.central()))
     ]
-    expected = [np.array(ss.Renderer("cpu").render(scene, camera, size=size)) for scene, camera, size in scenes]
+    expected = [np.array(ss.Renderer("cpu").render(scene, camera, size=size).pixels) for scene, camera, size in scenes]
     one = ss.Renderer("cpu")
     wrong: list[Any] = []
 
@@ -292,7 +293,7 @@ def test_pictures_of_many_threads_at_once(shared: bool) -> None:
         for turn in range(6):
             which = (number + turn) % 2
             scene, camera, size = scenes[which]
-            if not np.array_equal(np.asarray(renderer.render(scene, camera, size=size)), expected[which]):
+            if not np.array_equal(renderer.render(scene, camera, size=size).pixels, expected[which]):
                 wrong.append((number, turn))
 
     threads = [threading.Thread(target=work, args=(number,)) for number in range(6)]
@@ -313,7 +314,7 @@ def test_renderers_leave_no_threads() -> None:
 
 def test_one_processor_means_one_thread() -> None:
     scene, camera, size = busy()
-    expected = np.array(ss.Renderer("cpu").render(scene, camera, size=size))
+    expected = np.array(ss.Renderer("cpu").render(scene, camera, size=size).pixels)
     allowed = os.sched_getaffinity(0)
     try:
         os.sched_setaffinity(0, {min(allowed)})
@@ -321,7 +322,7 @@ def test_one_processor_means_one_thread() -> None:
     finally:
         os.sched_setaffinity(0, allowed)
     assert image.stats["threads"] == 1 and image.plan.device.endswith("1 thread")
-    assert np.array_equal(np.asarray(image), expected)
+    assert np.array_equal(image.pixels, expected)
 
 
 def test_a_renderer_says_that_it_cannot_be_pickled() -> None:
@@ -355,7 +356,7 @@ def test_rendering_stops_at_once(name: str) -> None:
     """By Ctrl-C and by a callback; the renderer draws again afterwards."""
     scene, camera, size = longs()[name]
     small, eye, small_size = busy()
-    expected = np.array(ss.Renderer("cpu").render(small, eye, size=small_size))
+    expected = np.array(ss.Renderer("cpu").render(small, eye, size=small_size).pixels)
     renderer = ss.Renderer("cpu", threads=2)
     pressed: list[float] = []
 
@@ -372,12 +373,12 @@ def test_rendering_stops_at_once(name: str) -> None:
         timer.cancel()
     # 20 ms on an idle machine.
     assert time.monotonic() - pressed[0] < 0.3
-    assert np.array_equal(np.asarray(renderer.render(small, eye, size=small_size)), expected)
+    assert np.array_equal(renderer.render(small, eye, size=small_size).pixels, expected)
     began = time.monotonic()
     with pytest.raises(ss.Cancelled):
         renderer.render(scene, camera, size=size, progress=lambda share: time.monotonic() - began < 0.2)
     assert time.monotonic() - began < 0.5
-    assert np.array_equal(np.asarray(renderer.render(small, eye, size=small_size)), expected)
+    assert np.array_equal(renderer.render(small, eye, size=small_size).pixels, expected)
 
 
 STARVED = """
@@ -503,7 +504,7 @@ def test_frames_do_not_depend_on_those_before(seed: int) -> None:
             continue
         image = renderer.render(scene, camera, size=now["size"], outputs=now["outputs"])
         fresh = ss.Renderer("cpu").render(scene, camera, size=now["size"], outputs=now["outputs"])
-        assert np.array_equal(np.asarray(image), np.asarray(fresh)), now
+        assert np.array_equal(image.pixels, fresh.pixels), now
         assert all(np.array_equal(getattr(image, name), getattr(fresh, name)) for name in now["outputs"])
         reused += image.stats["buckets_reused"]
     assert reused > 5

@@ -47,12 +47,12 @@ def picture(tmp_path, *arguments):
 def test_render_gives_what_python_gives(tmp_path, table):
     path, rows = table
     field = ss.EllipsoidField(rows[:, :3], rows[:, 4], None, rows[:, 3])
-    wanted = np.asarray(ss.render(field, size=(12, 12), backend="reference"))
+    wanted = ss.render(field, size=(12, 12), backend="reference").pixels
     assert wanted.max() > 0.1
     np.testing.assert_array_equal(picture(tmp_path, path), wanted)
-    np.testing.assert_array_equal(np.asarray(ss.render(path, size=(12, 12), backend="reference")), wanted)
+    np.testing.assert_array_equal(ss.render(path, size=(12, 12), backend="reference").pixels, wanted)
     decades = ss.EllipsoidField(rows[:, :3], rows[:, 4], None, np.log10(rows[:, 3] / rows[:, 3].min()))
-    logarithmic = np.asarray(ss.render(decades, size=(12, 12), backend="reference"))
+    logarithmic = ss.render(decades, size=(12, 12), backend="reference").pixels
     np.testing.assert_allclose(picture(tmp_path, path, "--log"), logarithmic, atol=1e-6)
     assert np.abs(logarithmic - wanted).max() > 0.05
 

@@ -180,7 +180,7 @@ def test_paper_slicing_draws_effects_beyond_the_papers_or_refuses_them() -> None
             assert "paper_slicing" in str(error)
             continue
         expected = ss.Renderer("reference").render(scene, camera, size=SIZE)
-        assert np.abs(np.asarray(image) - np.asarray(expected)).max() < 1e-3, options
+        assert np.abs(image.pixels - expected.pixels).max() < 1e-3, options
 
 
 def test_isosurfaces_need_a_value_and_fields_go_together() -> None:

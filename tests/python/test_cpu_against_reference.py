@@ -28,8 +28,8 @@ def test_hard_regular_scenes(case, precision):
 def test_float64_is_the_reference_to_the_last_digits(case):
     scene, camera = regular.make(case)
     image = ss.Renderer("cpu", precision="float64").render(scene, camera, size=regular.SIZE)
-    expected = np.asarray(regular.reference(case))
-    assert np.abs(np.asarray(image) - expected).max() <= 2e-6 * max(1.0, np.abs(expected).max())
+    expected = regular.reference(case).pixels
+    assert np.abs(image.pixels - expected).max() <= 2e-6 * max(1.0, np.abs(expected).max())
 
 
 CHANGES = [("culling", False), ("weight", True), ("empty_test", True), ("general_sections", True), ("gradient", True)]
@@ -48,7 +48,7 @@ def test_tiles_leave_no_seam(case, tile_size):
     whole = regular.check(case, FLOAT32_HARD, backend="cpu")
     pieces = regular.check(case, FLOAT32_HARD, backend="cpu", tile_size=tile_size)
     text = f"cpu pieces of {tile_size} {case}"
-    assert_close(np.asarray(pieces), np.asarray(whole), FLOAT32, text, regular.ambiguous(case))
+    assert_close(pieces.pixels, whole.pixels, FLOAT32, text, regular.ambiguous(case))
 
 
 def assert_same_depths(depth, expected):
@@ -74,7 +74,7 @@ def test_coverage_and_depth(case):
     image = ss.Renderer("cpu").render(scene, camera, size=regular.SIZE, outputs=("coverage", "depth"))
     assert_close(image.coverage, expected.coverage, FLOAT32, f"cpu coverage {case}")
     ambiguous = regular.ambiguous(case)
-    assert_close(np.asarray(image), np.asarray(expected), FLOAT32, f"cpu beside coverage {case}", ambiguous)
+    assert_close(image.pixels, expected.pixels, FLOAT32, f"cpu beside coverage {case}", ambiguous)
     assert np.isfinite(image.depth).any()
     assert_same_depths(image.depth, expected.depth)
 

@@ -72,7 +72,7 @@ def test_float64_is_the_reference_to_the_last_digits(effect):
         case = case_of(effect, field, "threshold", "perspective", sampling)
         scene, camera = make(case)
         image = renderer(precision="float64").render(scene, camera, size=SIZE)
-        assert np.abs(np.asarray(image) - np.asarray(reference(case))).max() <= 2e-6
+        assert np.abs(image.pixels - reference(case).pixels).max() <= 2e-6
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
@@ -145,10 +145,10 @@ def test_unlit_scenes_have_effects_too():
 def test_threads_and_tiles_change_nothing():
     for effect in EFFECTS:
         scene, camera = make(case_of(effect, "ellipsoids", "threshold", "perspective", "point"))
-        one = np.asarray(renderer(threads=1).render(scene, camera, size=(90, 70)))
-        three = np.asarray(renderer(threads=3).render(scene, camera, size=(90, 70)))
+        one = renderer(threads=1).render(scene, camera, size=(90, 70)).pixels
+        three = renderer(threads=3).render(scene, camera, size=(90, 70)).pixels
         assert np.array_equal(one, three)
-        pieces = np.asarray(renderer(tile_size=17).render(scene, camera, size=(90, 70)))
+        pieces = renderer(tile_size=17).render(scene, camera, size=(90, 70)).pixels
         assert_close(pieces, one, FLOAT32, f"cpu tiles {effect}")
 
 
@@ -161,15 +161,15 @@ def close_up(gradient: str) -> tuple[ss.Scene, ss.Camera]:
 def test_analytic_gradients_keep_float32_close_up():
     """Where differences of float32 sums lose the gradient the sums of derivatives do not."""
     scene, camera = close_up("analytic")
-    expected = np.asarray(ss.Renderer("reference").render(scene, camera, size=(12, 10)))
+    expected = ss.Renderer("reference").render(scene, camera, size=(12, 10)).pixels
     image = renderer().render(scene, camera, size=(12, 10))
     assert str(image.plan.precision) == "float32"
-    assert_close(np.asarray(image), expected, FLOAT32_HARD, "cpu analytic close up")
+    assert_close(image.pixels, expected, FLOAT32_HARD, "cpu analytic close up")
     differences, _ = close_up("sheets")
     assert str(renderer().plan(differences, camera, size=(12, 10)).precision) == "float64"
-    by_differences = np.asarray(ss.Renderer("reference").render(differences, camera, size=(12, 10)))
+    by_differences = ss.Renderer("reference").render(differences, camera, size=(12, 10)).pixels
     forced = ss.Renderer("cpu", precision="float32", allow_inexact=True).render(differences, camera, size=(12, 10))
-    assert distance(np.asarray(forced), by_differences).rmse > FLOAT32_HARD[0]
+    assert distance(forced.pixels, by_differences).rmse > FLOAT32_HARD[0]
 
 
 # Shadows and ambient occlusion
@@ -201,7 +201,7 @@ def test_shadows_and_occlusion_within_the_stated_error(case):
         lit = case.with_(**options)
         scene, camera = make(lit)
         image = renderer().render(scene, camera, size=SIZE)
-        found = distance(np.asarray(image), np.asarray(reference(lit)), ambiguous(case)).rmse
+        found = distance(image.pixels, reference(lit).pixels, ambiguous(case)).rmse
         effect = moved_by(lit, case)
         assert found <= stated(image), f"{lit}: {found} where {stated(image)} is stated"
         # Leaving them out would be a larger error than stated; the error found is a small part of that.
@@ -217,7 +217,7 @@ def test_occlusion_without_lights_and_where_nothing_else_comes_back(material):
     occluded = case.with_(ambient_occlusion=ss.AmbientOcclusion(0.6, 0.9))
     scene, camera = make(occluded)
     image = renderer().render(scene, camera, size=SIZE)
-    found = distance(np.asarray(image), np.asarray(reference(occluded))).rmse
+    found = distance(image.pixels, reference(occluded).pixels).rmse
     assert found <= stated(image) < moved_by(occluded, case)
 
 
@@ -225,9 +225,7 @@ def test_volumes_do_not_depend_on_threads():
     scene, camera = make(Case("ellipsoids", "threshold", "perspective").with_(shadows=True))
     scene = scene.replace(ambient_occlusion=ss.AmbientOcclusion(0.5, 1.0))
     one = ss.Renderer("cpu", threads=1).render(scene, camera, size=(70, 60))
-    assert np.array_equal(
-        np.asarray(ss.Renderer("cpu", threads=3).render(scene, camera, size=(70, 60))), np.asarray(one)
-    )
+    assert np.array_equal(ss.Renderer("cpu", threads=3).render(scene, camera, size=(70, 60)).pixels, one.pixels)
 
 
 @pytest.mark.alone
@@ -239,17 +237,17 @@ def test_volumes_serve_views_of_one_scene():
     own.render(world, camera, size=SIZE)
     turned = own.render(world, other, size=SIZE)
     fresh = ss.Renderer("cpu").render(world, other, size=SIZE)
-    assert np.array_equal(np.asarray(turned), np.asarray(fresh))
+    assert np.array_equal(turned.pixels, fresh.pixels)
     assert turned.stats["seconds_light"] < 0.2 * fresh.stats["seconds_light"]
     eye = scene.replace(lights=[ss.Light((0.4, 0.6, 1.0), space="eye")])
     own.render(eye, camera, size=SIZE)
     assert np.array_equal(
-        np.asarray(own.render(eye, other, size=SIZE)), np.asarray(ss.Renderer("cpu").render(eye, other, size=SIZE))
+        own.render(eye, other, size=SIZE).pixels, ss.Renderer("cpu").render(eye, other, size=SIZE).pixels
     )
     # Another transfer function casts other shadows.
     lighter = [(0.0, 0.1, 0.2, 0.6, 0.0), (1.0, 1.0, 0.9, 0.8, 0.1)]
     changed = world.replace(transfer_function=ss.TransferFunction(lighter))
     assert np.array_equal(
-        np.asarray(own.render(changed, other, size=SIZE)),
-        np.asarray(ss.Renderer("cpu").render(changed, other, size=SIZE)),
+        own.render(changed, other, size=SIZE).pixels,
+        ss.Renderer("cpu").render(changed, other, size=SIZE).pixels,
     )

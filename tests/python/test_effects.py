@@ -136,7 +136,7 @@ def check_forced_on(store: Forced, names: list[str], scenes: list[tuple[ss.Scene
             if not row(picture.plan, name).on:
                 continue
             drawn.add(name)
-            found = distance(np.asarray(picture), np.asarray(plain))
+            found = distance(picture.pixels, plain.pixels)
             assert found.within(FLOAT32), f"{name} forced on, scene {number}: {found}\n{row(picture.plan, name)}"
     return drawn
 
@@ -209,7 +209,7 @@ def test_what_the_scene_calls_for_matters(backend: str, forced: Callable[[str], 
         with pytest.raises(ss.Unsupported, match=name):
             forced(backend).renderer(name, on=False).render(scene, camera, size=SIZE)
         without = forced(backend).renderer(name, on=False, allow_inexact=True).render(scene, camera, size=SIZE)
-        found = distance(np.asarray(without), np.asarray(plain))
+        found = distance(without.pixels, plain.pixels)
         assert not found.within(FLOAT32_HARD), f"{name}: {found}"
 
 
@@ -245,8 +245,8 @@ def test_ambient_light_alone_needs_no_gradient() -> None:
         except ss.DeviceUnavailable:
             continue
         assert picture.plan.has("ambient_only") and not picture.plan.has("gradient")
-        assert distance(np.asarray(picture), np.asarray(expected)).within(FLOAT32)
-        assert not distance(np.asarray(picture), np.asarray(bright)).within(FLOAT32_HARD)
+        assert distance(picture.pixels, expected.pixels).within(FLOAT32)
+        assert not distance(picture.pixels, bright.pixels).within(FLOAT32_HARD)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -262,13 +262,13 @@ def test_light_from_volumes_keeps_the_error_that_it_owes(backend: str, ambient_o
             expected = ss.Renderer("reference").render(scene.replace(**options), camera, size=SIZE)
             image = ss.Renderer(backend).render(scene.replace(**options), camera, size=SIZE)  # type: ignore[arg-type]
             assert row(image.plan, name).on == (name != "shadows" or not ambient_only)
-            found = distance(np.asarray(image), np.asarray(expected)).rmse
+            found = distance(image.pixels, expected.pixels).rmse
             assert found <= image.plan.expected_error, f"{name}: {found}\n{image.plan}"
             assert not image.plan.has("gradient") or not ambient_only
             if row(image.plan, name).on:
                 plain = ss.Renderer("reference").render(scene, camera, size=SIZE)
                 assert row(image.plan, name).error > 0
-                assert 3 * found < distance(np.asarray(plain), np.asarray(expected)).rmse
+                assert 3 * found < distance(plain.pixels, expected.pixels).rmse
 
 
 @pytest.mark.parametrize("backend", [*BACKENDS, "reference"])
@@ -291,7 +291,7 @@ def test_values_that_do_not_occur_call_for_nothing(backend: str) -> None:
     image = ss.Renderer(backend).render(scene, ss.Camera.fit(field), size=SIZE)  # type: ignore[arg-type]
     assert not any(image.plan.has(name) for name in ("gradient", "specular", "eye_lights", "opacity_stop"))
     assert "opacity is 0 over all values that can occur" in row(image.plan, "gradient").reason
-    assert not np.asarray(image).any()
+    assert not image.pixels.any()
 
 
 def test_a_renderer_lets_go_of_fields_that_it_drew() -> None:

@@ -115,7 +115,7 @@ def test_kernels_are_drawn(rng: np.random.Generator) -> None:
     assert field.size == 60 and field.normalization == "threshold"
     assert kernels.field(normalization="none").normalization == "none"
     image = ss.render(kernels, size=(20, 20), backend="reference")
-    assert np.asarray(image)[..., 3].max() > 0.0
+    assert image.pixels[..., 3].max() > 0.0
     with pytest.raises(ValueError, match="read-only"):
         kernels.centers[0] = 0.0
 

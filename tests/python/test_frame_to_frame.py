@@ -89,7 +89,7 @@ def turned(field: str, way: str, degrees: float, **change: Any) -> Parts:
 def picture(backend: str, field: str, way: str, degrees: float, **change: Any) -> Pixels:
     """Return the pixels of a view."""
     scene, camera, size = scene_parts.build(ss, turned(field, way, degrees, **change))
-    return np.asarray(hard.renderer_of(backend).render(scene, camera, size=size), dtype=np.float64)
+    return np.asarray(hard.renderer_of(backend).render(scene, camera, size=size).pixels, dtype=np.float64)
 
 
 @cache

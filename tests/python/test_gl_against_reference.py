@@ -126,8 +126,8 @@ def ambiguous(case: Case) -> np.ndarray | None:
     nudged += [replace(case, nudge_radius=sign * 1e-5) for sign in (-1, 1)]
     if case.opacity_stop < 1:
         nudged += [replace(case, opacity_stop=case.opacity_stop + sign * 1e-5) for sign in (-1, 1)]
-    expected = np.asarray(reference(case))
-    moved = [np.abs(np.asarray(reference(other)) - expected) for other in nudged]
+    expected = reference(case).pixels
+    moved = [np.abs(reference(other).pixels - expected) for other in nudged]
     return np.max([change.reshape(*change.shape[:2], -1).max(2) for change in moved], axis=0) > 1e-3
 
 
@@ -144,7 +144,7 @@ def check(case: Case, bounds: tuple[float, float] = FLOAT32, **options: Any) -> 
     image = renderer(**options).render(scene, camera, size=SIZE)
     assert image.plan.backend == options.get("backend", "gl")
     name = f"{image.plan.backend} {case} {' '.join(f'{name}={value}' for name, value in options.items())}"
-    assert_close(np.asarray(image), np.asarray(reference(case)), bounds, name, ambiguous(case))
+    assert_close(image.pixels, reference(case).pixels, bounds, name, ambiguous(case))
     return image
 
 
@@ -255,9 +255,7 @@ def test_coverage_and_depth(case):
     for packing in ("wide", "paper"):
         image = renderer(packing=packing).render(scene, camera, size=SIZE, outputs=("coverage", "depth"))
         assert_close(image.coverage, expected.coverage, FLOAT32, f"coverage {case} {packing}")
-        assert_close(
-            np.asarray(image), np.asarray(expected), FLOAT32, f"beside coverage {case} {packing}", ambiguous(case)
-        )
+        assert_close(image.pixels, expected.pixels, FLOAT32, f"beside coverage {case} {packing}", ambiguous(case))
         finite = np.isfinite(image.depth)
         both = finite & np.isfinite(expected.depth)
         assert both.any() and (finite != np.isfinite(expected.depth)).mean() <= MOST_AMBIGUOUS
@@ -278,7 +276,7 @@ def test_sixteen_bits_keep_their_bound_or_are_refused(case, packing):
     except ss.Unsupported as error:
         assert "allow_inexact" in str(error)
         image = renderer(precision="float16", packing=packing, allow_inexact=True).render(scene, camera, size=SIZE)
-        assert image.plan.precision == "float16" and np.asarray(image).any()
+        assert image.plan.precision == "float16" and image.pixels.any()
         return
     check(case, FLOAT16, precision="float16", packing=packing)
 

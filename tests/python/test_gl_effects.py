@@ -123,8 +123,8 @@ def ambiguous(case: Case) -> np.ndarray | None:
     nudged += [replace(case, nudge_radius=sign * 1e-5) for sign in (-1, 1)]
     if stop < 1:
         nudged += [replace(case, nudge_stop=sign * 1e-5) for sign in (-1, 1)]
-    expected = np.asarray(reference(case))
-    moved = [np.abs(np.asarray(reference(other)) - expected) for other in nudged]
+    expected = reference(case).pixels
+    moved = [np.abs(reference(other).pixels - expected) for other in nudged]
     return np.max([change.reshape(*change.shape[:2], -1).max(2) for change in moved], axis=0) > 1e-3
 
 
@@ -144,7 +144,7 @@ def compare(case: Case, image: ss.Image, bounds: tuple[float, float], on: tuple[
     """Compare a picture and its outputs with the reference's; `on` are effects that the plan must have called for."""
     called = {effect.name for effect in image.plan.effects if effect.on}
     assert called >= set(on), f"not on: {set(on) - called}"
-    assert_close(np.asarray(image), np.asarray(reference(case)), bounds, name, ambiguous(case))
+    assert_close(image.pixels, reference(case).pixels, bounds, name, ambiguous(case))
     for output in case.outputs:
         found, expected = getattr(image, output), getattr(reference(case), output)
         assert np.array_equal(np.isinf(found), np.isinf(expected)), output
@@ -160,7 +160,7 @@ def check(case: Case, bounds: tuple[float, float] = FLOAT32, on: tuple[str, ...]
 
 def moved_by(case: Case, other: Case) -> float:
     """Return the RMSE between the reference's pictures of two cases."""
-    return distance(np.asarray(reference(case)), np.asarray(reference(other))).rmse
+    return distance(reference(case).pixels, reference(other).pixels).rmse
 
 
 CLIPS = {"planes": ss.Clip(planes=TILTED), "box": ss.Clip(box=CUBE)}
@@ -211,7 +211,7 @@ def test_points_on_a_plane_are_kept_whatever_their_rounding(axis, kept):
     def picture(backend: str, cut: float) -> np.ndarray:
         clip = ss.Clip([(normal, offset + cut)])
         scene = ss.Scene(field, [(0, 1, 1, 1, 0), (1, 1, 1, 1, 0.4)], slice_spacing=0.1, clip=clip)
-        return np.asarray(ss.Renderer(backend).render(scene, camera, size=(17, 17)))
+        return ss.Renderer(backend).render(scene, camera, size=(17, 17)).pixels
 
     assert np.abs(picture("gl", 0) - picture("reference", 0)).max() < FLOAT32[1]
     assert np.abs(picture("gl", 1e-4) - picture("reference", 1e-4)).max() < FLOAT32[1]
@@ -334,15 +334,15 @@ def test_tiles_leave_no_seam():
     case = TOGETHER[0]
     whole, tiles = draw(case), draw(case, tile_size=17)
     assert tiles.stats["tiles"] == 9
-    assert np.abs(np.asarray(whole) - np.asarray(tiles)).max() < FLOAT32[0]
+    assert np.abs(whole.pixels - tiles.pixels).max() < FLOAT32[0]
     shadowed = Case(options=(("shadows", True),))
-    assert np.abs(np.asarray(draw(shadowed)) - np.asarray(draw(shadowed, tile_size=17))).max() < FLOAT32[0]
+    assert np.abs(draw(shadowed).pixels - draw(shadowed, tile_size=17).pixels).max() < FLOAT32[0]
 
 
 def test_a_renderer_forgets_the_effects_of_the_last_picture():
     plain = Case("cartesian")
     pictures = [
-        np.asarray(draw(case)).copy()
+        draw(case).pixels.copy()
         for case in (plain, plain.with_(clip=CLIPS["box"], depth_cue=CUE), plain.with_(gradient="analytic"), plain)
     ]
     assert np.array_equal(pictures[0], pictures[-1])
@@ -382,11 +382,11 @@ def test_light_is_dimmed_as_on_the_processor(case):
     assert called >= {name for name in ("shadows", "ambient_occlusion") if case.scene.get(name)}
     scene, camera = make(case)
     processor = ss.Renderer("cpu").render(scene, camera, size=SIZE)
-    assert_close(np.asarray(image), np.asarray(processor), FLOAT32, f"light volumes {case}", ambiguous(case))
+    assert_close(image.pixels, processor.pixels, FLOAT32, f"light volumes {case}", ambiguous(case))
     without = case.with_(shadows=False, ambient_occlusion=None)
     effect = moved_by(case, without)
     assert effect > 50 * FLOAT32[0]
-    assert distance(np.asarray(image), np.asarray(reference(case))).rmse < effect / 5
+    assert distance(image.pixels, reference(case).pixels).rmse < effect / 5
 
 
 def test_what_is_refused():
@@ -424,8 +424,8 @@ def test_quotients_of_values_far_from_0_keep_their_gradients(fields_, camera, op
     points = [(300.02, 0.1, 0.2, 0.6, 0), (300.5, 0.2, 0.6, 0.4, 0.1), (301, 1, 0.9, 0.8, 0.3)]
     scene = ss.Scene(made, points, lights=LIGHTS, material=MATERIAL, opacity_stop=1, **options)
     view = make(Case(projection=camera))[1]
-    found = np.asarray(ss.Renderer("gl", packing=packing).render(scene, view, size=SIZE))
-    expected = np.asarray(ss.Renderer("reference").render(scene, view, size=SIZE))
+    found = ss.Renderer("gl", packing=packing).render(scene, view, size=SIZE).pixels
+    expected = ss.Renderer("reference").render(scene, view, size=SIZE).pixels
     moved = None
     if "iso_value" in options:
         nudged = [
@@ -438,7 +438,7 @@ def test_quotients_of_values_far_from_0_keep_their_gradients(fields_, camera, op
             )
             for nudge in (-1e-5, 1e-5)
         ]
-        pictures = [np.asarray(ss.Renderer("reference").render(other, view, size=SIZE)) for other in nudged]
+        pictures = [ss.Renderer("reference").render(other, view, size=SIZE).pixels for other in nudged]
         moved = np.max([np.abs(picture - expected).max(2) for picture in pictures], axis=0) > 1e-3
     assert_close(found, expected, FLOAT32, f"values far from 0: {fields_}, {camera}, {options}, {packing}", moved)
     assert expected[..., 3].max() > 0.1

@@ -78,7 +78,7 @@ def test_a_picture_that_is_a_little_wrong_fails(backend: str, monkeypatch: pytes
     for name, one in hard.CASES.items():
         if one.slow or one.outcome_on(backend) != hard.WITHIN:
             continue
-        expected = np.asarray(hard.expected_of(name))
+        expected = hard.expected_of(name).pixels
         off = off_by(expected + np.float32(3e-4), expected)
         found = replace(hard.Measured(bounds=FLOAT32_HARD), rmse=off["rmse"], p99_9=off["p99_9"], ambiguous=0)
         if not hard.fault(hard.WITHIN, found):
@@ -106,7 +106,7 @@ def test_faults_are_seen() -> None:
 )
 def test_cases_show_something(name: str) -> None:
     """An empty picture would prove nothing; only cases of cancelling kernels are empty."""
-    picture = np.asarray(hard.expected_of(name))
+    picture = hard.expected_of(name).pixels
     assert name.startswith("cancelled") or np.abs(picture).max() > (1e-6 if "faint" in name else 1e-3)
 
 

@@ -54,7 +54,7 @@ def test_the_map_shows_where(exact: ss.Renderer, cpu_renderer: ss.Renderer) -> N
     case = error_scenes.random_case(3001)
     image = cpu_renderer.render(case.drawn(), case.camera, SIZE)
     reference = error_scenes.converged(exact, case, SIZE)
-    true = np.square(np.asarray(image, float) - np.asarray(reference, float)).reshape(*SIZE, -1).mean(-1)
+    true = np.square(np.asarray(image.pixels, float) - np.asarray(reference.pixels, float)).reshape(*SIZE, -1).mean(-1)
     found = image.error.map
     assert found.shape == (SIZE[1], SIZE[0])
     assert found.dtype == np.float32
@@ -79,12 +79,12 @@ def test_it_is_made_once_and_when_asked_for(cpu_renderer: ss.Renderer) -> None:
     scene = case.drawn()
     count = sys.getrefcount(scene)
     image = ss.Renderer("cpu").render(scene, case.camera, SIZE)
-    before = np.array(image)
+    before = np.array(image.pixels)
     assert sys.getrefcount(scene) == count + 1
     first = image.error
     assert sys.getrefcount(scene) == count
     assert image.error is first
-    assert np.array_equal(before, np.array(image))
+    assert np.array_equal(before, np.array(image.pixels))
 
 
 def test_stages(cpu_renderer: ss.Renderer) -> None:

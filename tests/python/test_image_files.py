@@ -49,7 +49,7 @@ def test_floats_come_back_as_they_were(tmp_path, image, xray, suffix):
     for name, picture in (("color", image), ("scalar", xray)):
         path = tmp_path / f"{name}{suffix}"
         picture.save(path)
-        assert np.array_equal(pictures.read_picture(path), np.asarray(picture))
+        assert np.array_equal(pictures.read_picture(path), picture.pixels)
     pictures.save_channel(image.depth, tmp_path / f"depth{suffix}")
     assert np.array_equal(pictures.read_picture(tmp_path / f"depth{suffix}"), image.depth)
 
@@ -67,7 +67,7 @@ def test_notebooks_get_a_png(image):
         assert found.size == (24, 16)
 
 
-@pytest.mark.parametrize("name", ["a.jpg", "a", "a.PNGX", ".png"])
+@pytest.mark.parametrize("name", ["a.gif", "a", "a.PNGX", ".png"])
 def test_other_suffixes_are_refused(tmp_path, image, name):
     with pytest.raises(ss.InvalidInput, match="suffix"):
         image.save(tmp_path / name)

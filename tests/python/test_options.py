@@ -14,7 +14,7 @@ import sheetsplat as ss
 from sheetsplat.cli.accuracy import command as accuracy_command
 from sheetsplat.cli.plan import command as plan_command
 from sheetsplat.cli.render import command as render_command
-from sheetsplat.options.core import COLORED, MODES, choices_of, definitions
+from sheetsplat.options.core import MODES, SCALAR, choices_of, definitions
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.page import page
 from sheetsplat.options.picture import LookOptions, RenderOptions, unused
@@ -117,10 +117,10 @@ def test_spellings():
 
 
 def test_modes_and_their_options():
-    assert unused("composite", definitions(LookOptions)) == ["iso_value"]
+    assert unused("composite", definitions(LookOptions)) == ["log_scale", "iso_value", "scalar_colors"]
     assert unused("isosurface", ["opacity", "cmap", "depth", "second_order"]) == ["opacity", "second_order"]
     assert unused("mip", ["depth_cue_color", "depth", "coverage", "slice_spacing"]) == ["depth_cue_color", "depth"]
-    assert definitions(LookOptions)["clim"].modes == COLORED
+    assert definitions(LookOptions)["clim"].modes == MODES and definitions(LookOptions)["log_scale"].modes == SCALAR
 
 
 @pytest.mark.parametrize(

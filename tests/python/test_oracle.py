@@ -32,7 +32,7 @@ OUTPUTS = ("coverage", "depth")
 
 def pixels(image: ss.Image) -> np.ndarray:
     """Return the picture of any mode in float64."""
-    return np.asarray(image, np.float64)
+    return np.asarray(image.pixels, np.float64)
 
 
 def expected(picture: oracle.Picture) -> np.ndarray:

@@ -115,7 +115,7 @@ def picture(
     """Return a flat picture without an opacity stop; slices close together unless told otherwise."""
     given: dict[str, Any] = {"slice_spacing": 0.05, "reference_length": LENGTH, "opacity_stop": 1.0, **options}
     scene = ss.Scene(fields, given.pop("transfer", TRANSFER), **given)
-    return np.asarray(renderer(backend).render(scene, view, size=(size, size)), dtype=np.float64)
+    return np.asarray(renderer(backend).render(scene, view, size=(size, size)).pixels, dtype=np.float64)
 
 
 def distance(first: Array, second: Array) -> float:

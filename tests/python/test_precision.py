@@ -72,7 +72,7 @@ def references() -> list[tuple[ss.Scene, ss.Camera, np.ndarray]]:
     """Return sixteen scenes and their pictures by the reference."""
     renderer = ss.Renderer("reference")
     scenes = [some_scene(seed) for seed in range(100, 116)]
-    return [(scene, camera, np.asarray(renderer.render(scene, camera, size=SIZE))) for scene, camera in scenes]
+    return [(scene, camera, renderer.render(scene, camera, size=SIZE).pixels) for scene, camera in scenes]
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_predictions_bound_the_error_and_are_not_far_above_it(
             image = renderer.render(scene, camera, size=SIZE)
         except ss.Unsupported:
             continue
-        found = distance(np.asarray(image), expected).rmse
+        found = distance(image.pixels, expected).rmse
         assert found <= image.plan.expected_error, f"{scene}: {found:.2g}\n{image.plan}"
         times.append(image.plan.expected_error / max(found, 1e-12))
     assert len(times) >= 10
@@ -107,7 +107,7 @@ def test_predictions_bound_what_few_bits_lose(
     refused = 0
     for scene, camera, expected in references:
         image = inexact.render(scene, camera, size=SIZE)
-        found = distance(np.asarray(image), expected)
+        found = distance(image.pixels, expected)
         assert found.rmse <= image.plan.expected_error, f"{scene}: {found}\n{image.plan}"
         try:
             strict.plan(scene, camera, size=SIZE)
@@ -135,19 +135,19 @@ def cancelling(scale: float) -> tuple[ss.Scene, ss.Camera]:
 def test_cancellation_takes_float64_and_says_so() -> None:
     """Sums of 10⁷ that cancel to 1 are beyond float32; backend cpu uses float64."""
     scene, camera = cancelling(1e7)
-    expected = np.asarray(ss.Renderer("reference").render(scene, camera, size=SIZE))
+    expected = ss.Renderer("reference").render(scene, camera, size=SIZE).pixels
     image = ss.Renderer("cpu").render(scene, camera, size=SIZE)
     assert image.plan.precision == "float64"
     reason = next(effect.reason for effect in image.plan.effects if effect.name == "float64")
     assert "the transfer function distinguishes" in reason
-    assert distance(np.asarray(image), expected).within(FLOAT32_HARD)
-    assert distance(np.asarray(image), expected).rmse <= image.plan.expected_error
+    assert distance(image.pixels, expected).within(FLOAT32_HARD)
+    assert distance(image.pixels, expected).rmse <= image.plan.expected_error
     # The same in float32 would be wrong, and is refused.
     with pytest.raises(ss.Unsupported, match="float64"):
         ss.Renderer("cpu", precision="float32").render(scene, camera, size=SIZE)
     wrong = ss.Renderer("cpu", precision="float32", allow_inexact=True).render(scene, camera, size=SIZE)
-    assert not distance(np.asarray(wrong), expected).within(FLOAT32_HARD)
-    assert distance(np.asarray(wrong), expected).rmse <= wrong.plan.expected_error
+    assert not distance(wrong.pixels, expected).within(FLOAT32_HARD)
+    assert distance(wrong.pixels, expected).rmse <= wrong.plan.expected_error
     mild, camera = cancelling(3.0)
     assert ss.Renderer("cpu").plan(mild, camera, size=SIZE).precision == "float32"
 

@@ -34,7 +34,7 @@ def camera(field: ss.EllipsoidField) -> ss.Camera:
 
 
 def off_by(image: ss.Image, expected: ss.Image) -> float:
-    return float(np.sqrt(((np.asarray(image, np.float64) - np.asarray(expected)) ** 2).mean()))
+    return float(np.sqrt(((np.asarray(image.pixels, np.float64) - expected.pixels) ** 2).mean()))
 
 
 @pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=pytest.mark.gl), "reference"])

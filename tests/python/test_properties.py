@@ -61,7 +61,7 @@ def picture(
         camera = ss.Camera.orthographic(eye, centre, matrix @ UP, height=14 * scale)
     else:
         camera = ss.Camera.perspective(eye, centre, matrix @ UP, fov_y=25)
-    return np.asarray(renderer.render(scene, camera, size=SIZE))
+    return renderer.render(scene, camera, size=SIZE).pixels
 
 
 SEEDS = st.integers(0, 2**31)

@@ -59,7 +59,7 @@ def test_shading_and_lights(ball):
 
 @pytest.mark.parametrize("mode", ["composite", "isosurface", "xray", "mip"])
 def test_every_mode_shows_something(ball, mode):
-    picture = np.asarray(ss.render(ball, mode=mode, **SMALL))
+    picture = ss.render(ball, mode=mode, **SMALL).pixels
     assert picture.max() > 0.3 and (picture.reshape(24, 24, -1)[0, 0] == 0).all()
 
 

@@ -59,8 +59,7 @@ def test_pictures_have_the_promised_shapes(renderer, scene, camera):
     assert image.coverage.shape == image.depth.shape == (20, 30)
     assert image.coverage.dtype == image.depth.dtype == np.float32
     assert image.size == (30, 20) and not image.is_scalar
-    assert np.array_equal(np.asarray(image), image.rgba)
-    assert np.asarray(image, dtype=np.float64).dtype == np.float64
+    assert image.pixels is image.rgba
     assert image.rgba[0, 0].tolist() == [0, 0, 0, 0] and math.isinf(image.depth[0, 0]) and image.coverage[0, 0] == 0
     middle = image.rgba[10, 15]
     assert 0 < middle[3] <= 1 and middle[0] > middle[1] > middle[2] > 0
@@ -75,7 +74,7 @@ def test_pictures_have_the_promised_shapes(renderer, scene, camera):
 def test_scalar_modes_have_scalars(renderer, field, camera, mode):
     image = renderer.render(ss.Scene(field, RAMP, mode=mode), camera, size=(30, 20))
     assert image.scalar.shape == (20, 30) and image.scalar.dtype == np.float32 and image.is_scalar
-    assert np.array_equal(np.asarray(image), image.scalar)
+    assert image.pixels is image.scalar
     for name in ("rgba", "coverage", "depth"):
         with pytest.raises(ss.InvalidInput, match=name):
             getattr(image, name)

@@ -75,13 +75,13 @@ def compare(name: str, actual: ss.Image, bounds: Bounds, text: str) -> None:
         )
         return
     jumping = ambiguous(name)
-    pixels = np.array(actual)
+    pixels = np.array(actual.pixels)
     if jumping is not None and jumping.size * MOST_AMBIGUOUS < 1 and jumping.sum() == 1:
         # Of a picture this small one pixel is more than the share that is allowed.
         log.info(f"{text}: one ambiguous pixel of {jumping.size}")
-        pixels[jumping] = np.asarray(reference(name))[jumping]
+        pixels[jumping] = reference(name).pixels[jumping]
         jumping = None
-    assert_close(pixels, np.asarray(reference(name)), bounds, text, jumping)
+    assert_close(pixels, reference(name).pixels, bounds, text, jumping)
 
 
 def check(name: str, **options: Any) -> ss.Image:
@@ -353,7 +353,7 @@ def test_scenes_are_gentle_where_they_should_be_and_show_something() -> None:
     """Most scenes are held to the tighter bound, and all but two have something in their picture."""
     names = list(scattered.SCENES)
     assert np.mean([bounds_of(name) == FLOAT32 for name in names]) > 0.7
-    empty = {name for name in names if np.ptp(np.asarray(reference(name)).reshape(-1)) < 1e-3}
+    empty = {name for name in names if np.ptp(reference(name).pixels.reshape(-1)) < 1e-3}
     assert empty - {"size_1x1"} == {"behind_the_eye"}
 
 

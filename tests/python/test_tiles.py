@@ -41,7 +41,7 @@ def test_tiles_are_the_picture(backend: Any, tile: int, tmp_path: Path) -> None:
     size = (9, 7) if tile == 1 else SIZE
     scene, camera = scene_of("here")
     renderer = ss.Renderer(backend)
-    expected = np.asarray(renderer.render(scene, camera, size=size))
+    expected = renderer.render(scene, camera, size=size).pixels
     drawn = render_tiles(scene, camera, size, tmp_path / "p.npy", renderer=renderer, tile=tile)
     assert drawn.dtype == np.float32 and drawn.shape == (size[1], size[0], 4) and not drawn.flags.writeable
     assert [path.name for path in tmp_path.iterdir()] == ["p.npy"]
@@ -54,12 +54,12 @@ def test_a_tile_that_is_moved_is_seen() -> None:
     """Negative control: by a fiftieth of a pixel."""
     scene, camera = scene_of("here")
     renderer = ss.Renderer("cpu")
-    expected = np.asarray(renderer.render(scene, camera, size=SIZE))[12:32, 20:40]
+    expected = renderer.render(scene, camera, size=SIZE).pixels[12:32, 20:40]
     for aside, wrong in ((0.0, False), (0.02, True)):
         part = window(camera, SIZE, (20, 12), (20, 20))
         by = aside * part.height / 20 * np.array((1.0, 0.0, 0.0))
         moved = ss.Camera.orthographic(part.eye + by, part.target + by, part.up, height=part.height)
-        found = distance(np.asarray(renderer.render(scene, moved, size=(20, 20))), expected)
+        found = distance(renderer.render(scene, moved, size=(20, 20)).pixels, expected)
         assert (found.maximum > 3e-6) == wrong, found
 
 
@@ -76,7 +76,7 @@ def test_far_from_the_origin_the_view_is_not_turned(tmp_path: Path) -> None:
     scene, camera = scene_of("far")
     renderer = ss.Renderer("cpu")
     drawn = render_tiles(scene, camera, SIZE, tmp_path / "p.npy", renderer=renderer, tile=20)
-    assert_close(np.asarray(drawn), np.asarray(renderer.render(scene, camera, size=SIZE)), FLOAT32, "tiles far off")
+    assert_close(np.asarray(drawn), renderer.render(scene, camera, size=SIZE).pixels, FLOAT32, "tiles far off")
 
 
 def test_pieces_cover_every_pixel_once() -> None:

@@ -32,7 +32,9 @@ from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow, TruthText, f
 from sheetsplat.accuracy.sweeps import sweep
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, complain, option_refs, unusable
-from sheetsplat.image import Image
+from sheetsplat.image import Image, pixels_of
+from sheetsplat.notices import muted
+from sheetsplat.options.core import COLORED
 from sheetsplat.options.renderer import Backend, Progress
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
@@ -78,7 +80,8 @@ def measure_accuracy(
         raise complain(unusable("accuracy: progress"), shown(progress), "a function of one number, or None")
     pixels = image_size(size)
     base = _base(scene, camera, pixels, backend, settings)
-    return _Session(base, count, budget, clock, progress).run(wanted, _given_truth(truth, base))
+    with muted():
+        return _Session(base, count, budget, clock, progress).run(wanted, _given_truth(truth, base))
 
 
 def _base(scene: Scene, camera: Camera, size: tuple[int, int], backend: Backend, settings: Mapping[str, Any]) -> Base:
@@ -101,11 +104,11 @@ def _given_truth(truth: Image | ArrayLike | None, base: Base) -> measure.Truth |
     if truth is None:
         return None
     try:
-        values = np.asarray(truth, dtype=np.float64)
+        values = np.asarray(pixels_of(truth), dtype=np.float64)
     except (TypeError, ValueError):
         raise complain(unusable("accuracy: truth"), shown(truth), "a picture") from None
     expected: tuple[int, ...] = (base.size[1], base.size[0])
-    if base.scene.mode not in ("xray", "mip"):
+    if base.scene.mode in COLORED:
         expected += (4,)
     if values.shape != expected or not np.isfinite(values).all():
         found = f"shape {values.shape}" if values.shape != expected else "numbers that are not finite"

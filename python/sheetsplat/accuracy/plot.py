@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,8 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from sheetsplat._matplotlib import module_of, require_matplotlib
 from sheetsplat.accuracy.knobs import INTERPOLATED, KNOBS
-from sheetsplat.errors import Unsupported, complain
+from sheetsplat.errors import complain
 from sheetsplat.io.pictures import check_folder, whole_file
 
 if TYPE_CHECKING:
@@ -47,25 +47,6 @@ _PLACES = (
 )
 
 
-def require_matplotlib() -> None:
-    """Raise Unsupported where matplotlib is missing."""
-    try:
-        importlib.import_module("matplotlib")
-    except ImportError:
-        raise complain(
-            "the plot cannot be drawn",
-            "no package matplotlib",
-            "matplotlib 3.8 or newer",
-            'pip install "sheetsplat[bench]", or take the table or the JSON alone',
-            kind=Unsupported,
-        ) from None
-
-
-def _of(module: str) -> Any:
-    """Return a module of matplotlib, without a static import: it is an optional dependency."""
-    return importlib.import_module(f"matplotlib.{module}")
-
-
 def check_path(path: Path) -> None:
     """Raise InvalidInput for a suffix that no plot has, and Error where the folder is missing."""
     if path.suffix.lower() not in SUFFIXES:
@@ -76,7 +57,7 @@ def check_path(path: Path) -> None:
 def draw(report: AccuracyReport, path: Path) -> None:
     """Draw a report and save it; the file appears whole or not at all."""
     check_path(path)
-    require_matplotlib()
+    require_matplotlib("take the table or the JSON alone")
     rows = [row for row in report.rows if row.measured and not row.is_truth]
     panels = [
         (title, there)
@@ -89,8 +70,8 @@ def draw(report: AccuracyReport, path: Path) -> None:
     if not panels:
         raise complain("the plot cannot be drawn", "no row that was measured", "at least one")
     # Not pyplot, which would change the global state of a program with windows of its own.
-    figure = _of("figure").Figure(figsize=(9.4 + 4.4 * (len(panels) - 1), 6.8), dpi=100, facecolor="white")
-    canvas: Any = _of("backends.backend_agg").FigureCanvasAgg(figure)
+    figure = module_of("figure").Figure(figsize=(9.4 + 4.4 * (len(panels) - 1), 6.8), dpi=100, facecolor="white")
+    canvas: Any = module_of("backends.backend_agg").FigureCanvasAgg(figure)
     left = 0.08 if len(panels) == 1 else 0.06
     figure.subplots_adjust(left=left, right=0.985, top=0.85, bottom=0.2, wspace=0.14)
     all_axes = figure.subplots(1, len(panels), squeeze=False, width_ratios=(8.8, 4.4)[: len(panels)])[0]
@@ -182,7 +163,7 @@ def _panel(
     axes.grid(True, which="major", color="#ececec", lw=0.8, zorder=0)
     axes.set_axisbelow(True)
     axes.tick_params(which="both", color="#bbbbbb", labelcolor=_INK, labelsize=9)
-    ticker = _of("ticker")
+    ticker = module_of("ticker")
     decades = math.log10(right / left)
     axes.xaxis.set_major_locator(ticker.LogLocator(subs=(1.0,) if decades > 2.5 else (1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
@@ -214,7 +195,7 @@ def _runs(there: Sequence[_Point]) -> list[list[tuple[float, float]]]:
 
 def _label(axes: Any, canvas: Any, points: Sequence[_Point], now: _Point | None) -> None:
     """Write the settings beside their points where there is room: the current one, the front, then ends of lines."""
-    stroke, text_class, box = _of("patheffects").withStroke, _of("text").Text, _of("transforms").Bbox
+    stroke, text_class, box = module_of("patheffects").withStroke, module_of("text").Text, module_of("transforms").Bbox
     renderer = canvas.get_renderer()
     canvas.draw()
     taken = [box.from_bounds(x - 5, y - 5, 10, 10) for x, y in axes.transData.transform([one.place for one in points])]

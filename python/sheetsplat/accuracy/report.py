@@ -229,7 +229,7 @@ class AccuracyReport:
         Raises
         ------
         Unsupported
-            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[bench]"``.
+            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[figures]"``.
         InvalidInput
             For other suffixes, and where nothing was measured.
         Error

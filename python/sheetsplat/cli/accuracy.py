@@ -75,8 +75,9 @@ def command(
     Each knob is varied alone; each of its settings is timed and compared with the float64 reference at the same slices
     and with the converged picture. FILE and options are those of "sheetsplat render".
     """
+    from sheetsplat._matplotlib import require_matplotlib
     from sheetsplat.accuracy import accuracy
-    from sheetsplat.accuracy.plot import check_path, require_matplotlib
+    from sheetsplat.accuracy.plot import check_path
 
     if output is not None:
         # Before the measurement, which takes long.
@@ -84,7 +85,7 @@ def command(
         if output.suffix.lower() not in (".png", ".svg", ".pdf"):
             raise click.UsageError(f"{output}: a plot's name ends with .png, .svg or .pdf")
         check_path(output)
-        require_matplotlib()
+        require_matplotlib("leave out -o")
     if any(options.get(name) is not None for name in _GOALS):
         raise click.UsageError("leave out --max-error and --max-seconds: they choose the settings that are varied here")
     check_mode(options)

@@ -22,7 +22,7 @@ _DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "j
     type=click.Path(path_type=Path, dir_okay=False),
     default="sheetsplat-demo.png",
     show_default=True,
-    help="The picture: .png, .exr or .npy.",
+    help="The picture: .png, .jpg, .tif, .webp, .exr or .npy.",
 )
 @click.option("--dataset", type=click.Choice(_DATASETS), default="tubes", show_default=True, help="Generated data set.")
 @apply(single(PictureOptions, "size"))

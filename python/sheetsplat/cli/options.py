@@ -11,6 +11,7 @@ import click
 from click.core import ParameterSource
 
 from sheetsplat.cli.types import param_type
+from sheetsplat.cli.wording import warnings_on_stderr
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, CommandLine, Option, choices_of, definitions
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
@@ -54,7 +55,8 @@ def common(function: Function) -> Function:
     @functools.wraps(function)
     def wrapped(*args: Any, quiet: bool, verbose: int, **kwargs: Any) -> Any:
         _set_log(quiet, verbose)
-        return function(*args, quiet=quiet, **kwargs)
+        with warnings_on_stderr(quiet=quiet):
+            return function(*args, quiet=quiet, **kwargs)
 
     return wrapped  # type: ignore[return-value]
 

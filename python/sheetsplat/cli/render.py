@@ -10,7 +10,7 @@ import click
 
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
-from sheetsplat.cli.scene import prepare
+from sheetsplat.cli.scene import prepare, prepare_again
 from sheetsplat.options.renderer import Output
 
 _PATH = click.Path(path_type=Path, dir_okay=False)
@@ -18,21 +18,33 @@ _PATH = click.Path(path_type=Path, dir_okay=False)
 
 @click.command("render")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=_PATH, required=True, help="The picture: .png, .exr or .npy.")
+@click.argument("data", type=click.Path(path_type=Path), nargs=-1)
+@click.option(
+    "-o",
+    "--output",
+    type=_PATH,
+    required=True,
+    help="The picture: .png, .jpg, .tif, .webp, .exr or .npy.",
+)
 @click.option(
     "--depth", "depth_path", type=_PATH, help="Write the depth of opacity one half as well. [composite, isosurface]"
 )
 @click.option(
     "--coverage", "coverage_path", type=_PATH, help="Write the line integral of the kernels' weights as well."
 )
+@click.option(
+    "--metadata/--no-metadata", default=True, help="Say in a .png how it was made, so that it can be made again."
+)
 @scene_options
 @as_json
 @common
 def command(
     file: Path,
+    data: tuple[Path, ...],
     output: Path,
     depth_path: Path | None,
     coverage_path: Path | None,
+    metadata: bool,
     as_json: bool,
     quiet: bool,
     **options: Any,
@@ -43,9 +55,14 @@ def command(
     scattered data: a PLOT3D solution with --grid, .vtu, .vtp, HDF5 with particles, .ply of 3D Gaussian Splatting, .csv,
     or .npz with an array centers. Each may be gzipped.
 
+    FILE may also be a picture that this command wrote (.png): then DATA is what it was made of, one file for each
+    field, and the picture is made again. Options of files, of the renderer and --size may be given; all others are the
+    picture's own.
+
     Options whose help ends with names of modes are for these modes only.
     """
     from sheetsplat.io import pictures
+    from sheetsplat.io.png_text import is_png
     from sheetsplat.look.surface import surface_color, surface_text
 
     extra: dict[Output, Path] = {}
@@ -53,21 +70,32 @@ def command(
         extra["depth"] = depth_path
     if coverage_path is not None:
         extra["coverage"] = coverage_path
-    check_outputs([output, *extra.values()], [file, *([options["grid"]] if options["grid"] else [])])
+    check_outputs([output, *extra.values()], [file, *data, *([options["grid"]] if options["grid"] else [])])
     for path in (output, *extra.values()):
-        if path.suffix.lower() not in (".png", ".exr", ".npy"):
-            raise click.UsageError(f"{path}: a picture's name ends with .png, .exr or .npy")
+        suffixes = pictures.SUFFIXES if path == output else pictures.CHANNEL_SUFFIXES
+        if path.suffix.lower() not in suffixes:
+            raise click.UsageError(f"{path}: a picture's name ends with {pictures.listed_suffixes(suffixes)}")
         pictures.check_folder(path)
-    check_mode(options, tuple(extra))
+    again = is_png(file)
+    if bool(data) != again:
+        raise click.UsageError(
+            f"{file} is a picture; name the data that it was made of after it"
+            if again
+            else f"{file} is no picture (.png) to make again from {data[0]}"
+        )
     began = time.perf_counter()
-    scene, camera, renderer, size = prepare(file, options)
+    if again:
+        scene, camera, renderer, size = prepare_again(file, data, options)
+    else:
+        check_mode(options, tuple(extra))
+        scene, camera, renderer, size = prepare(file, options)
     if scene.mode == "isosurface":
         say(surface_text(scene), quiet=quiet)
     with progress_bar(file.name, quiet=quiet) as progress:
         image = renderer.render(scene, camera, size=size, outputs=tuple(extra), progress=progress)
     with pictures.whole_files([output, *extra.values()]) as (made, *others):
         with pictures.naming(output):
-            image.save(made)
+            image.save(made, metadata=metadata)
         for (name, path), beside in zip(extra.items(), others, strict=True):
             with pictures.naming(path):
                 pictures.save_channel(getattr(image, name), beside)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,14 +10,17 @@ import click
 from click.core import ParameterSource
 
 from sheetsplat.cli.types import ColorPairs
+from sheetsplat.cli.wording import usage_errors
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import pick
+from sheetsplat.options.core import definitions, pick
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.picture import LookOptions
 from sheetsplat.options.renderer import RendererOptions
+from sheetsplat.options.spelling import flag_of
 
 if TYPE_CHECKING:
     from sheetsplat.camera import Camera
+    from sheetsplat.fields import Field
     from sheetsplat.renderer import Renderer
     from sheetsplat.scene import Scene
 
@@ -75,21 +79,61 @@ def _look(options: dict[str, Any]) -> dict[str, Any]:
     return look
 
 
+def prepare_again(
+    path: Path, data: tuple[Path, ...], options: dict[str, Any]
+) -> tuple[Scene, Camera, Renderer, tuple[int, int]]:
+    """Return scene, camera, renderer and size of a picture that says how it was made, from its data."""
+    from sheetsplat._checks import image_size
+    from sheetsplat.recipe import Recipe
+    from sheetsplat.renderer import Renderer
+
+    context = click.get_current_context()
+    given = {name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
+    of_files = {"log_floor", *definitions(OpenOptions)}
+    own = sorted(given - of_files - {"size", *definitions(RendererOptions)})
+    if own:
+        raise click.UsageError(f"{path} has its own {', '.join(map(flag_of, own))}; leave out one or the other")
+    recipe = Recipe.read(path)
+    if len(data) != len(recipe.fields):
+        raise click.UsageError(f"{path} was made of {len(recipe.fields)} files of data, not of {len(data)}")
+    opened = {name: value for name, value in file_options(options).items() if name in given}
+    if "log_floor" in given:
+        opened["log"] = options["log_floor"]
+    scene = recipe.scene([one.open(file, **opened) for one, file in zip(recipe.fields, data, strict=True)])
+    settings = {name: value for name, value in pick(RendererOptions, options).items() if name in given}
+    if "effects" in settings:
+        settings["effects"] = forced_effects(options["effects"])
+    size = image_size(options["size"]) if "size" in given else recipe.size
+    return scene, recipe.camera, Renderer(**{**recipe.renderer, **settings}), size
+
+
 def prepare(path: Path, options: dict[str, Any]) -> tuple[Scene, Camera, Renderer, tuple[int, int]]:
     """Return scene, camera, renderer and size of a file and the values of `scene_options`."""
-    from sheetsplat import api, framing
+    from sheetsplat import api
     from sheetsplat._checks import image_size
-    from sheetsplat.look.compose import compose_scene
     from sheetsplat.renderer import Renderer
 
     effects = forced_effects(options["effects"])
     size = image_size(options["size"])
+    with usage_errors():
+        look = _look(options)
     fields = api.to_fields(path, **file_options(options))
+    with usage_errors():
+        scene, camera = _seen(fields, look, options, size)
+        return scene, camera, Renderer(**{**pick(RendererOptions, options), "effects": effects}), size
+
+
+def _seen(
+    fields: Sequence[Field], look: dict[str, Any], options: dict[str, Any], size: tuple[int, int]
+) -> tuple[Scene, Camera]:
+    """Return scene and camera of fields and the values of `scene_options`."""
+    from sheetsplat import framing
+    from sheetsplat.look.compose import compose_scene
+
     free = options["max_error"] is not None or options["max_seconds"] is not None
-    scene = compose_scene(fields, **_look(options), spacing_is_free=free)
+    scene = compose_scene(fields, **look, spacing_is_free=free)
     camera = framing.compose_camera(scene, size, **pick(CameraOptions, options))
     if options["depth_cue"] == "auto":
         color = options["depth_cue_color"] or (0, 0, 0)
         scene = scene.replace(depth_cue=framing.fitting_depth_cue(scene, camera, color))
-    renderer = Renderer(**{**pick(RendererOptions, options), "effects": effects})
-    return scene, camera, renderer, size
+    return scene, camera

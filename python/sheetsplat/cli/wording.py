@@ -1,10 +1,16 @@
-"""Messages of errors with options spelled as the command line has them."""
+"""Messages of errors and warnings with options spelled as the command line has them."""
 
 from __future__ import annotations
 
+import contextlib
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
 import click
 
-from sheetsplat.errors import Error, OptionRef, spelled_in_python
+from sheetsplat.errors import Error, InvalidInput, OptionRef, spelled_in_python
+from sheetsplat.notices import PictureWarning
 
 # Options of commands that stand for a value of an argument.
 _BY_VALUE = {
@@ -17,6 +23,42 @@ _BY_VALUE = {
 def message(error: Error, command: click.Command | None) -> str:
     """Return the message of an error that a command met."""
     return error.complaint.text(lambda option: spelled(option, command))
+
+
+@contextlib.contextmanager
+def usage_errors() -> Iterator[None]:
+    """Turn InvalidInput about options, which contradict each other or have no meaning, into wrong usage."""
+    try:
+        yield
+    except InvalidInput as error:
+        told = error.complaint
+        pieces = (*told.what.pieces, *told.found.pieces)
+        if error.option is None and not any(isinstance(piece, OptionRef) for piece in pieces):
+            raise
+        context = click.get_current_context()
+        raise click.UsageError(message(error, context.command), context) from None
+
+
+@contextlib.contextmanager
+def warnings_on_stderr(*, quiet: bool) -> Iterator[None]:
+    """Print each PictureWarning as one line on stderr, or none of them where `quiet`."""
+    command = click.get_current_context().command
+    seen: set[str] = set()
+
+    def show(warning: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        if not isinstance(warning, PictureWarning):
+            others(warning, category, *where, **more)
+            return
+        line = " ".join(warning.words.text(lambda option: spelled(option, command)).split())
+        if line not in seen:
+            seen.add(line)
+            click.echo(f"warning: {line}", err=True)
+
+    with warnings.catch_warnings():
+        others = warnings.showwarning
+        warnings.simplefilter("ignore" if quiet else "always", PictureWarning)
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
 
 
 def spelled(option: OptionRef, command: click.Command | None) -> str:

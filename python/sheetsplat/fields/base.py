@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -10,8 +13,26 @@ from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, shown, triple
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
+from sheetsplat.quantity import Quantity
 
 Normalization = Literal["none", "lattice", "threshold"]
+NOT_OPENED: Mapping[str, Any] = MappingProxyType({})
+
+
+def _same(first: Any, second: Any) -> bool:
+    """Return whether two parts of fields are equal; NaN is equal to NaN."""
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
+        return first.dtype == second.dtype and np.array_equal(first, second, equal_nan=first.dtype.kind == "f")
+    return type(first) is type(second) and bool(first == second)
+
+
+def _restored(kind: type[Field], parts: dict[str, Any]) -> Field:
+    """Return a field of what `Field.__reduce_ex__` gave."""
+    field = object.__new__(kind)
+    field._quantity = parts.pop("quantity")
+    field._opened = MappingProxyType(parts.pop("opened"))
+    field._restore(parts)
+    return field
 
 
 class Field:
@@ -20,10 +41,12 @@ class Field:
     Made by `RegularField` and `EllipsoidField`.
     """
 
-    __slots__ = ("_falloff", "native", "_normalization", "_w0")
+    __slots__ = ("_falloff", "native", "_normalization", "_opened", "_quantity", "_w0")
     _falloff: float
     native: _sheetsplat.Field
     _normalization: str
+    _opened: Mapping[str, Any]
+    _quantity: Quantity
     _w0: float
 
     def __init__(self) -> None:
@@ -42,6 +65,71 @@ class Field:
     default_slice_spacing = Forwarded[float](
         "native.default_slice_spacing", "Default distance of slices in scenes, world units. Conventions, section 3."
     )
+    quantity = Forwarded[Quantity]("_quantity", "What scalar and lengths are, for figures.")
+    opened = Forwarded[Mapping[str, Any]](
+        "_opened", "The options of `sheetsplat.open` that made it, without paths; empty for fields of arrays."
+    )
+
+    def _parts(self) -> dict[str, Any]:
+        """Return what the field is made of, arrays and plain values by name: what `_restore` takes, and equality."""
+        raise NotImplementedError
+
+    def _restore(self, parts: dict[str, Any]) -> None:
+        """Become the field of these parts, to the bit."""
+        raise NotImplementedError
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        """Pickle by arrays, which protocol 5 hands over as buffers."""
+        return _restored, (type(self), {**self._parts(), "quantity": self._quantity, "opened": dict(self._opened)})
+
+    def __copy__(self) -> Self:
+        """Return itself: it is immutable."""
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        """Return itself: it is immutable."""
+        return self
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other field has the same kernels, options and quantity."""
+        if self is other:
+            return True
+        if not isinstance(other, Field) or type(self) is not type(other):
+            return NotImplemented
+        if hash(self) != hash(other) or self._quantity != other._quantity:
+            return False
+        mine, others = self._parts(), other._parts()
+        return all(_same(part, others[name]) for name, part in mine.items())
+
+    def __hash__(self) -> int:
+        """Return a hash of the options and of the range of values."""
+        return hash((type(self), self.size, self.value_range, self._falloff, self._normalization, self._w0))
+
+    def with_quantity(
+        self,
+        name: str | None = None,
+        unit: str | None = None,
+        length_unit: str | None = None,
+        floor: float | None = None,
+    ) -> Self:
+        """Return the same field, without a copy of its arrays, with names and units for figures; see `Quantity`.
+
+        What is not given stays.
+        """
+        given = {"name": name, "unit": unit, "length_unit": length_unit, "floor": floor}
+        changes: dict[str, Any] = {key: one for key, one in given.items() if one is not None}
+        return self._with(_quantity=replace(self._quantity, **changes))
+
+    def opened_with(self, options: Mapping[str, Any]) -> Self:
+        """Return the same field with the options of `sheetsplat.open` that made it, for the pictures of it."""
+        return self._with(_opened=MappingProxyType(dict(options)))
+
+    def _with(self, **changes: Any) -> Self:
+        made = object.__new__(type(self))
+        for kind in type(self).__mro__[:-1]:
+            for name in getattr(kind, "__slots__", ()):
+                setattr(made, name, changes.get(name, getattr(self, name)))
+        return made
 
     # Regular fields have their own of these two.
     @property

@@ -13,10 +13,14 @@ from sheetsplat._checks import choice, number, numbers, optional_number
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import Words, complain, option_ref, unusable
 from sheetsplat.fields.axes import axes_of_covariances, axes_of_frames
-from sheetsplat.fields.base import Field, Normalization
+from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
+from sheetsplat.quantity import Quantity
 
 _FEWER = "use fewer kernels at a time"
 _FALLOFF = 8.0
+# All that a field is made of: arrays of the native field, and the rest.
+_ARRAYS = ("centers", "scales", "rotations", "values", "weights")
+_PARTS = ("_normalization", "_w0", "_falloff", "_min_scale", "_cell_volume", "_ghosts", "_ghost_options")
 
 
 def _rows(what: str, array: object, wanted: str, *shapes: tuple[int, ...]) -> NDArray[Any]:
@@ -109,8 +113,9 @@ class EllipsoidField(Field):
         Where the copies do not fit.
     """
 
-    __slots__ = ("_cell_volume", "_ghosts", "_min_scale")
+    __slots__ = ("_cell_volume", "_ghost_options", "_ghosts", "_min_scale")
     native: _sheetsplat.EllipsoidField
+    _ghost_options: tuple[float, float] | None
 
     def __init__(
         self,
@@ -131,7 +136,8 @@ class EllipsoidField(Field):
         self._falloff = number("EllipsoidField: falloff", falloff)
         self._min_scale = optional_number("EllipsoidField: min_scale", min_scale)
         self._cell_volume = optional_number("EllipsoidField: cell_volume", cell_volume)
-        self._ghosts = 0
+        self._quantity, self._opened = Quantity(), NOT_OPENED
+        self._ghosts, self._ghost_options = 0, None
         if values is None:
             raise _no_rows("values")
         places = _rows("centers", centers, "(N, 3) world positions", (3,))
@@ -156,6 +162,23 @@ class EllipsoidField(Field):
             turns,
             heights,
             weights=masses,
+            normalization=self._normalization,
+            w0=self._w0,
+            falloff=self._falloff,
+            min_scale=self._min_scale,
+            cell_volume=self._cell_volume,
+        )
+
+    def _parts(self) -> dict[str, Any]:
+        arrays = {name: getattr(self.native, name) for name in _ARRAYS}
+        return {name: getattr(self, name) for name in _PARTS} | arrays
+
+    def _restore(self, parts: dict[str, Any]) -> None:
+        for name in _PARTS:
+            setattr(self, name, parts[name])
+        self.native = _sheetsplat.EllipsoidField(
+            *(parts[name] for name in ("centers", "scales", "rotations", "values")),
+            weights=parts["weights"],
             normalization=self._normalization,
             w0=self._w0,
             falloff=self._falloff,
@@ -258,6 +281,9 @@ class EllipsoidField(Field):
         "native.weight_range", "Smallest and largest weight; 1, 1 without kernels.", tuple
     )
     ghosts = Forwarded[int]("_ghosts", "Number of ghost points, the last ones of the kernels.")
+    ghost_options = Forwarded[tuple[float, float] | None](
+        "_ghost_options", "Distance and weight of its ghost points, or None without them."
+    )
 
     def at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the field's scalar at points (M, 3) in the world, shape (M,); 0 where no kernel reaches.
@@ -364,7 +390,8 @@ class EllipsoidField(Field):
             cell_volume=self._cell_volume,
         )
         field._min_scale = self._min_scale
-        field._ghosts = count
+        field._quantity, field._opened = self._quantity, self._opened
+        field._ghosts, field._ghost_options = count, (away, mass)
         return field
 
     def __repr__(self) -> str:

@@ -12,13 +12,19 @@ from sheetsplat._checks import Triple, Vector, choice, number, triple, truth
 from sheetsplat._prefilter import Coefficients, require_kernel, solve
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain, option_ref
-from sheetsplat.fields.base import Field, Normalization
+from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
+from sheetsplat.quantity import Quantity
 
 Lattice = Literal["cartesian", "bcc"]
 NanPolicy = Literal["error", "skip"]
 
 _KEPT = ("uint8", "int16", "uint16", "float32", "float64")
 _FAILED = "RegularField: the samples cannot be used"
+# All that a field is made of, beside its coefficients.
+_PARTS = (
+    *("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan"),
+    *("_samples", "_residual", "_condition"),
+)
 
 
 def _narrow_integers(values: NDArray[Any]) -> np.dtype[Any]:
@@ -85,12 +91,13 @@ def as_samples(values: ArrayLike) -> NDArray[Any]:
                 _FAILED, f"{type(values).__name__}: {error}", "an array of numbers with three axes"
             ) from None
     if array.ndim != 3:
-        raise complain(
-            _FAILED,
-            f"{array.ndim} axes, shape {array.shape}",
-            "three axes, values[k, j, i]",
-            "choose one channel or one time step" if array.ndim > 3 else "reshape it to (nk, nj, ni)",
-        )
+        advice = "choose one channel or one time step" if array.ndim > 3 else "reshape it to (nk, nj, ni)"
+        if array.ndim == 2 and array.shape[1] in (3, 4):
+            advice = (
+                "if these are points, give them and their values to sheetsplat.fit.nearest or sheetsplat.fit.delaunay, "
+                "or their radii to sheetsplat.EllipsoidField; a volume: " + advice
+            )
+        raise complain(_FAILED, f"{array.ndim} axes, shape {array.shape}", "three axes, values[k, j, i]", advice)
     if array.dtype.kind not in "biuf":
         raise complain(_FAILED, f"values of type {array.dtype}", "integers, booleans or real floating-point numbers")
     # The copy that the field keeps; conversions of type, byte order or layout take another.
@@ -161,6 +168,7 @@ class RegularField(Field):
         prefilter: bool = False,
         nan: NanPolicy = "error",
     ) -> None:
+        self._quantity, self._opened = Quantity(), NOT_OPENED
         self._spacing = triple("RegularField: spacing", spacing)
         self._origin = triple("RegularField: origin", origin)
         self._lattice = choice("RegularField: lattice", lattice, ("cartesian", "bcc"))
@@ -181,7 +189,7 @@ class RegularField(Field):
         self.native = self._made(samples)
 
     def _made(self, samples: NDArray[Any]) -> _sheetsplat.RegularField:
-        """Return the native field of some samples with this field's options."""
+        """Return the native field of some samples, or coefficients, with this field's options."""
         return _sheetsplat.RegularField(
             samples,
             spacing=self._spacing,
@@ -193,6 +201,16 @@ class RegularField(Field):
             w0=self._w0,
             nan=self._nan,
         )
+
+    def _parts(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in _PARTS} | {"coefficients": self.native.values}
+
+    def _restore(self, parts: dict[str, Any]) -> None:
+        for name in _PARTS:
+            setattr(self, name, parts[name])
+        if self._samples is not None:
+            self._samples.flags.writeable = False
+        self.native = self._made(parts["coefficients"])
 
     def _prefiltered(self, samples: NDArray[Any]) -> Coefficients:
         """Return coefficients that interpolate, and set the normalisation that they need; InvalidInput without any."""
@@ -216,7 +234,7 @@ class RegularField(Field):
                     skips = self._nan == "skip" and np.isnan(layer[j, i])
                     raise complain(
                         failed,
-                        f"{layer[j, i]} at sample ({i}, {j}, {k})"
+                        f"{layer[j, i]} at sample [{k}, {j}, {i}]"
                         + (", which " + option_ref("nan", "skip") + " leaves out" if skips else ""),
                         "finite numbers, since each coefficient depends on the samples all around it",
                         "fill such samples before, or leave out " + option_ref("prefilter"),

@@ -29,6 +29,13 @@ def logarithm(values: Floats, what: str, floor: bool | float) -> Floats:
     """
     if not values.size:
         return values
+    base = log_base(values, what, floor)
+    _log.info("log10(%s / %g) is shown", what, base)
+    return np.asarray(np.maximum(np.log10(np.maximum(values, base)) - math.log10(base), 0.0))
+
+
+def log_base(values: Floats, what: str, floor: bool | float) -> float:
+    """Return the value that `logarithm` counts decades from: the smallest, or `floor`. Raises what that raises."""
     if floor is True:
         above = values[values > 0]
         if above.size < values.size:
@@ -40,13 +47,11 @@ def logarithm(values: Floats, what: str, floor: bool | float) -> Floats:
                 "pass " + option_ref("log", "...") + ", a floor to which all smaller values are raised",
                 option="log",
             )
-        base = float(values.min())
-    else:
-        base = float(floor)
-        if not (math.isfinite(base) and base > 0):
-            raise complain("log cannot be used", f"a floor of {base:g}", "True, or a floor above 0")
-    _log.info("log10(%s / %g) is shown", what, base)
-    return np.asarray(np.maximum(np.log10(np.maximum(values, base)) - math.log10(base), 0.0))
+        return float(values.min())
+    base = float(floor)
+    if not (math.isfinite(base) and base > 0):
+        raise complain("log cannot be used", f"a floor of {base:g}", "True, or a floor above 0")
+    return base
 
 
 def field_of(

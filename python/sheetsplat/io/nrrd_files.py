@@ -19,8 +19,10 @@ from sheetsplat._checks import Triple, shown, triple
 from sheetsplat.io.checks import beside, checked_shape, sides, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
+from sheetsplat.quantity import Quantity
 
 _HEADER_LIMIT = 1 << 20
+_LONGEST_UNIT = 32
 # Fields that become details of the volume.
 _TOLD: tuple[str, ...] = ("content", "space", "encoding")
 _ENCODINGS = {
@@ -182,4 +184,12 @@ def read(source: Source) -> Volume:
             flat = _read_samples(samples, plain, sizes, 0)
     values, spacing, origin = _placed(source.path, header, flat.reshape(sizes[::-1]))
     details: dict[str, str] = {name: str(header[name]) for name in _TOLD if name in header}
-    return Volume(values, spacing, origin, "nrrd", details)
+    return Volume(values, spacing, origin, "nrrd", details, Quantity(length_unit=_length_unit(header)))
+
+
+def _length_unit(header: dict[str, Any]) -> str:
+    """Return the unit of all three axes, or "" where there is none or more than one."""
+    units = _field(header, "space units") or _field(header, "units") or []
+    names = {str(unit).strip().strip('"') for unit in ([units] if isinstance(units, str) else units)}
+    name = names.pop() if len(names) == 1 else ""
+    return name if name.isprintable() and len(name) <= _LONGEST_UNIT else ""

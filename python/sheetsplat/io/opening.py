@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.io.checks import unreadable
 from sheetsplat.io.formats import BY_NAME, SCATTERED, find_format, format_of
-from sheetsplat.io.kernels import field_of, given, logarithm
+from sheetsplat.io.kernels import field_of, given, log_base, logarithm
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.source import Source
 
@@ -166,20 +166,31 @@ def read_regular(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Vo
     _memory.require(3 * 8 * volume.values.size, f"the logarithms of {path}")
     what = volume.details.get("content", "the samples")
     values = logarithm(volume.values.astype(np.float64), what, floor)
-    return replace(volume, values=values.astype(np.float32) if volume.values.dtype.itemsize <= 4 else values)
+    shown = values.astype(np.float32) if volume.values.dtype.itemsize <= 4 else values
+    floor = log_base(volume.values, what, floor) if values.size else None
+    return replace(volume, values=shown, quantity=replace(volume.quantity, floor=floor))
 
 
 def open_scattered(path: str | os.PathLike[str], options: Mapping[str, Any]) -> tuple[Scattered, EllipsoidField]:
     """Return what a file of scattered data holds, and the field of it; `options` as for `open_field`."""
     data = read_scattered(path, **{name: options[name] for name in _POINTS if name in options})
     chosen = {name: options[name] for name in _ELLIPSOIDS if name in options}
-    return data, field_of(data, logarithmic=options.get("log", False), **chosen)
+    log = options.get("log", False)
+    floor = log_base(data.values, data.scalar, log) if log is not False and data.values.size else None
+    return data, field_of(data, logarithmic=log, **chosen).with_quantity(name=data.scalar, floor=floor)
 
 
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
     """Return the field of a file; `options` are those of `sheetsplat.open` that the caller gave."""
+    # Paths are nothing that a field says about itself.
+    opened = {name: value for name, value in options.items() if name != "grid"}
+    return _field(path, options).opened_with(opened)
+
+
+def _field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
     if kind_of(path, options) in SCATTERED:
         return open_scattered(path, options)[1]
     volume = read_regular(path, options)
     placed = {"spacing": volume.spacing, "origin": volume.origin}
-    return RegularField(volume.values, **{**placed, **{name: options[name] for name in _SAMPLES if name in options}})
+    chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
+    return RegularField(volume.values, **chosen).with_quantity(**asdict(volume.quantity))

@@ -12,18 +12,37 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.errors import Error, complain
+from sheetsplat.errors import Error, complain, missing_package
+from sheetsplat.io.png_text import KEYWORD
 from sheetsplat.io.source import guarded
 
 Floats = NDArray[np.float32]
-_WRITTEN = (".png", ".exr", ".npy")
+# Formats that keep float32, and those that Pillow writes, with its options.
+FLOATS = (".exr", ".npy")
+_RASTERS: dict[str, tuple[str, dict[str, Any]]] = {
+    ".png": ("PNG", {}),
+    ".jpg": ("JPEG", {"quality": 95}),
+    ".jpeg": ("JPEG", {"quality": 95}),
+    ".tif": ("TIFF", {"compression": "tiff_adobe_deflate"}),
+    ".tiff": ("TIFF", {"compression": "tiff_adobe_deflate"}),
+    ".webp": ("WEBP", {"lossless": True, "exact": True}),
+}
+#: Suffixes of pictures.
+SUFFIXES = (*_RASTERS, *FLOATS)
+#: Suffixes of further outputs and of differences.
+CHANNEL_SUFFIXES = (".png", *FLOATS)
 
 
-def check_suffix(path: Path) -> str:
-    """Return the suffix in small letters, or InvalidInput for an unknown one."""
+def listed_suffixes(known: Sequence[str] = SUFFIXES) -> str:
+    """Return ".png, .exr or .npy"."""
+    return f"{', '.join(known[:-1])} or {known[-1]}"
+
+
+def check_suffix(path: Path, known: Sequence[str] = SUFFIXES) -> str:
+    """Return the suffix in small letters, or InvalidInput where it is not a known one."""
     suffix = path.suffix.lower()
-    if suffix not in _WRITTEN:
-        raise complain(f"{path} cannot be written", f"the suffix {suffix!r}", "one of: " + ", ".join(_WRITTEN))
+    if suffix not in known:
+        raise complain(f"{path} cannot be written", f"the suffix {suffix!r}", "one of: " + ", ".join(known))
     return suffix
 
 
@@ -81,12 +100,14 @@ def _unwritable(path: Path, error: OSError) -> Error:
 
 def save_array(array: Floats, path: Path) -> None:
     """Write float32 (h, w) or (h, w, 4), premultiplied, as .exr or .npy."""
-    if check_suffix(path) == ".npy":
+    if check_suffix(path, FLOATS) == ".npy":
         with whole_file(path) as made, made.open("wb") as stream:
             np.save(stream, array, allow_pickle=False)
         return
-    import OpenEXR  # type: ignore[import-not-found, import-untyped, unused-ignore]
-
+    try:
+        import OpenEXR  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    except ImportError as error:
+        raise missing_package(f"{path} cannot be written", error) from error
     channels = {"Y": array} if array.ndim == 2 else dict(zip("RGBA", np.moveaxis(array, -1, 0), strict=True))
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with whole_file(path) as made:
@@ -97,9 +118,30 @@ def save_array(array: Floats, path: Path) -> None:
             raise complain(f"{path} cannot be written", str(error), kind=Error) from None
 
 
+def save_raster(array: NDArray[Any], path: Path, text: str = "") -> None:
+    """Write gray levels, RGB or RGBA of 8 bits, or float32 (h, w), in the format of the suffix; whole or not at all.
+
+    `text` goes into a PNG, under `png_text.KEYWORD`.
+    """
+    from PIL import Image as PillowImage
+    from PIL.PngImagePlugin import PngInfo
+
+    form, options = _RASTERS[check_suffix(path, tuple(_RASTERS))]
+    if text:
+        information = PngInfo()
+        information.add_text(KEYWORD, text)
+        options = {**options, "pnginfo": information}
+    with whole_file(path) as made:
+        try:
+            PillowImage.fromarray(array).save(made, format=form, **options)
+        except (ValueError, SystemError, KeyError) as error:
+            # Of pictures with more pixels than the format has, among others.
+            raise complain(f"{path} cannot be written", str(error), "another format", kind=Error) from None
+
+
 def save_channel(channel: Floats, path: Path) -> None:
     """Write coverage or depth, float32 (h, w): .exr, .npy, or .png scaled to its largest finite value."""
-    if check_suffix(path) != ".png":
+    if check_suffix(path, CHANNEL_SUFFIXES) != ".png":
         save_array(channel, path)
         return
     finite = np.where(np.isfinite(channel), channel, 0.0)
@@ -117,7 +159,7 @@ def save_difference(picture: Floats, reference: Floats, path: Path, scale: float
         top = float(np.where(np.isfinite(difference), difference, 0.0).max(initial=0.0))
         scale = 1.0 / top if path.suffix.lower() == ".png" and top > 0 else 1.0
     difference = difference * np.float32(scale)
-    if check_suffix(path) != ".png":
+    if check_suffix(path, CHANNEL_SUFFIXES) != ".png":
         save_array(difference, path)
         return scale
     # NaN counts as the largest difference; differences of opacity appear in all colours.

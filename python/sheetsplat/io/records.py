@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple
+from sheetsplat.quantity import Quantity
 
 Floats = NDArray[np.float64]
 
@@ -27,6 +28,8 @@ class Volume:
         Name of the file format.
     details
         Further entries of the header, as texts.
+    quantity
+        What the samples and the lengths are.
     """
 
     values: NDArray[Any]
@@ -34,6 +37,7 @@ class Volume:
     origin: Triple = (0.0, 0.0, 0.0)
     format: str = ""
     details: dict[str, str] = field(default_factory=dict)
+    quantity: Quantity = Quantity()
 
 
 @dataclass(frozen=True)

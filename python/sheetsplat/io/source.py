@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import Error, OutOfMemory, Words, complain
+from sheetsplat.errors import Error, OutOfMemory, Words, complain, missing_package
 
 # Largest compression ratio of deflate (RFC 1951: a match of 258 bytes in two bits), and a margin for short files.
 DEFLATE_RATIO = 1032
@@ -43,6 +43,8 @@ def guarded(path: Path, kind: str = "") -> Iterator[None]:
             "contents that fit",
             kind=OutOfMemory,
         ) from error
+    except ImportError as error:
+        raise missing_package(f"{path} cannot be read" + (f" as {kind}" if kind else ""), error) from error
     except Exception as error:
         reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
         what = f"{path} cannot be read" + (f" as {kind}" if kind else "")

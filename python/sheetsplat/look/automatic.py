@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat.errors import option_ref
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.notices import warn
 
 # More samples than this do not change a histogram.
 _ENOUGH = 1_000_000
@@ -33,8 +34,6 @@ _OUTLIERS = 1.0
 # Largest ratio of a value to the width of the limits: half of what sums of float32 resolve within the error bound.
 _WIDEST = 20.0
 _EXTREMES = 256
-
-_log = logging.getLogger("sheetsplat")
 
 
 @dataclass(frozen=True)
@@ -126,11 +125,9 @@ def _wide_enough(look: Look, field: EllipsoidField) -> Look:
         largest = max(largest, float(known.max()))
     if not _WIDEST * (high - low) < largest < math.inf:
         return look
-    _log.warning(
-        "values up to %g lie in a field that is mostly below %g; showing them leaves little contrast for the others; "
-        "their logarithm, log=True of sheetsplat.open, would show both",
-        largest,
-        high,
+    warn(
+        f"values up to {largest:g} lie in a field that is mostly below {high:g}: showing them leaves little contrast "
+        "for the others; their logarithm, " + option_ref("log", "true") + ", would show both"
     )
     stretch = largest / (_WIDEST * (high - low))
     pairs = tuple((low + (value - low) * stretch, opacity) for value, opacity in look.opacity)

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from typing import Any, Unpack
 
 from sheetsplat._checks import number
-from sheetsplat.errors import complain, option_refs
+from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
 from sheetsplat.look.surface import surface_limits
+from sheetsplat.notices import warn
 from sheetsplat.options.core import COLORED, check_names, pick_given
 from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.options.picture import LookOptions
 from sheetsplat.options.scene import SceneOptions
+from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
-_log = logging.getLogger("sheetsplat")
 # One light over the viewer's left shoulder; with the specular share it shows the shape of smooth surfaces.
 HEAD_LIGHT = Light(direction=(-0.3, 0.4, 1.0))
 SHINY = Material(ambient=0.3, diffuse=0.85, specular=0.3, shininess=24.0, two_sided=True)
-# The modes xray and mip do not use it, but a scene has one.
+# Scalar modes do not use it, but a scene has one.
 _COLORLESS = TransferFunction([(0.0, 1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)])
 
 
@@ -53,12 +53,34 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     if spacing is not None and not spacing_is_free:
         scene_options.setdefault("slice_spacing", spacing)
     lit = options.get("shading") in (None, True) and mode in COLORED
+    if mode not in COLORED:
+        _set_scalar_colors(scene_options, options)
     scene_options.setdefault("lights", (HEAD_LIGHT,) if lit else ())
     scene_options.setdefault("material", SHINY)
     scene = Scene(list(fields), function, **scene_options)
     if scene.options["shadows"] and not scene.lights:
-        _log.warning("shadows change nothing where there are no lights")
+        warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene
+
+
+def _refuse_both(whole: str, parts: Sequence[str], options: Mapping[str, Any]) -> None:
+    """Raise InvalidInput where parts of an option are given beside the whole of it."""
+    clash = [name for name in parts if (value := options.get(name)) is not None and value is not False]
+    if clash:
+        raise complain(
+            "render: these options cannot be used together",
+            option_refs([whole, *clash]),
+            "either " + option_ref(whole) + ", or " + option_refs(parts),
+        )
+
+
+def _set_scalar_colors(scene_options: Any, options: Mapping[str, Any]) -> None:
+    """Set the colours of a scalar picture."""
+    if "scalar_colors" in scene_options:
+        _refuse_both("scalar_colors", ("cmap", "clim", "log_scale"), options)
+        return
+    cmap, clim, log = (options.get(name) for name in ("cmap", "clim", "log_scale"))
+    scene_options["scalar_colors"] = ScalarColors("gray" if cmap is None else cmap, clim, bool(log))
 
 
 def _transfer_function(
@@ -68,15 +90,10 @@ def _transfer_function(
     given: TransferFunction | None = options.get("transfer_function")
     cmap, opacity, clim = (options.get(name) for name in ("cmap", "opacity", "clim"))
     if given is not None:
-        clash = [name for name in ("cmap", "opacity", "clim") if options.get(name) is not None]
-        if clash:
-            raise complain(
-                "render: these options cannot be used together",
-                option_refs(["transfer_function", *clash]),
-                "either a transfer function, or cmap, opacity and clim",
-            )
+        if mode in COLORED:
+            _refuse_both("transfer_function", ("cmap", "opacity", "clim"), options)
         return given, None
-    if mode in ("xray", "mip"):
+    if mode not in COLORED:
         return _COLORLESS, None
     if mode == "isosurface" and clim is None:
         clim = surface_limits(fields, number("render: iso_value", iso_value))

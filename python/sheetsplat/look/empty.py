@@ -1,4 +1,4 @@
-"""Empty pictures: whether nothing can be seen, and why."""
+"""Pictures that show nothing, or all values alike: whether they do, and why."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sheetsplat.fields import EllipsoidField, Field
+from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.look import automatic
+from sheetsplat.options.core import SCALAR
 
 if TYPE_CHECKING:
     from sheetsplat.image import Image
@@ -42,7 +43,7 @@ def why_empty(scene: Scene) -> str:
     ranges = [_range_of(one) for one in known]
     low, high = sum(low for low, _ in ranges), sum(high for _, high in ranges)
     values = f"the values {low:g} to {high:g}"
-    if scene.mode in ("xray", "mip"):
+    if scene.mode in SCALAR:
         if low == high == 0:
             return "all values are 0"
         if scene.mode == "mip" and high <= 0:
@@ -65,3 +66,36 @@ def why_empty(scene: Scene) -> str:
     if scene.options["clip"].planes or scene.options["clip"].box is not None:
         return "perhaps the clip cuts off all that there is, or the camera looks past the field"
     return "perhaps the camera looks past the field"
+
+
+def _bounds_of(field: Field) -> tuple[float, float]:
+    """Return bounds of a field's scalar inside its supports."""
+    low, high = field.value_range
+    # Where few kernels overlap, the mean of scattered data falls to 0.
+    return (min(low, 0.0), max(high, 0.0)) if isinstance(field, EllipsoidField) else (low, high)
+
+
+def why_one_color(image: Image, scene: Scene) -> str:
+    """Return why all values of a picture have one colour, where they lie beyond the range of the colours; else "".
+
+    Scattered fields whose sums are not divided are left out: only sampling would tell their range.
+    """
+    if image.is_scalar:
+        colors = scene.scalar_colors
+        if colors.clim is None:
+            return ""
+        values, limits = (float(image.scalar.min()), float(image.scalar.max())), colors.limits(image.scalar)
+    else:
+        known = [one for one in scene.fields if one.size]
+        bounded = all(one.normalization != "none" or (isinstance(one, RegularField) and one.prefilter) for one in known)
+        if scene.mode != "composite" or not known or not bounded:
+            return ""
+        lows, highs = zip(*map(_bounds_of, known), strict=True)
+        # Where fields overlap their scalars add up; elsewhere there is one alone.
+        below, above = [value for value in lows if value < 0], [value for value in highs if value > 0]
+        values = sum(below) if below else min(lows), sum(above) if above else max(highs)
+        limits = scene.transfer_function.v_min, scene.transfer_function.v_max
+        if limits[0] == limits[1]:
+            return ""
+    side = "above" if values[0] > limits[1] else "below" if values[1] < limits[0] else ""
+    return f"{values[0]:g} to {values[1]:g} lie {side} the range {limits[0]:g} to {limits[1]:g}" if side else ""

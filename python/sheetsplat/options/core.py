@@ -16,9 +16,10 @@ from sheetsplat.options.values import Value
 
 Mode = Literal["composite", "isosurface", "xray", "mip"]
 MODES: tuple[str, ...] = get_args(Mode)
-# Modes that show colours, and the one that also accumulates opacity.
+# Modes that show colours, the one that also accumulates opacity, and those that make one number a pixel.
 COLORED = ("composite", "isosurface")
 COMPOSITE = ("composite",)
+SCALAR = tuple(mode for mode in MODES if mode not in COLORED)
 
 # Converts the value of an option, or raises InvalidInput; the first argument names the option in the message.
 Check = Callable[[str, Any], Any]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Annotated, TypedDict
 
-from sheetsplat.options.core import COLORED, COMPOSITE, CommandLine, Option
+from sheetsplat.options.core import COLORED, COMPOSITE, SCALAR, CommandLine, Option
 from sheetsplat.options.values import Numbers, Special
 from sheetsplat.transfer import Colormap, Opacity, TransferFunction
 
@@ -18,15 +18,14 @@ class TransferOptions(TypedDict, total=False):
         Option(
             "Colormap: a name of the package cmap (viridis, gray, matlab:jet …), or names of colours, spread evenly "
             "over {clim}.",
-            unset=f'"{DEFAULT_CMAP}"',
+            unset=f'"{DEFAULT_CMAP}", and "gray" in scalar modes',
             accepts="str, sequence of str, array (N, 3) or (N, 4), or function",
-            modes=COLORED,
             cli=(
                 CommandLine(
                     value=Special.COLORMAP,
                     help="Colormap: a name of the package cmap (viridis, gray, matlab:jet …), colours spread evenly "
                     "over {clim}, or colours at values.",
-                    default=DEFAULT_CMAP,
+                    default=f"{DEFAULT_CMAP}, and gray in scalar modes",
                 ),
             ),
         ),
@@ -45,10 +44,19 @@ class TransferOptions(TypedDict, total=False):
         Sequence[float] | None,
         Option(
             "Values at which the colormap begins and ends.",
-            unset="by the histogram; for an isosurface limits that give it a colour from the upper part of the map",
+            unset="by the histogram; for an isosurface limits that give it a colour from the upper part of the map; in "
+            "scalar modes by the picture",
             accepts="two numbers",
-            modes=COLORED,
             value=Numbers("LOW,HIGH", 2, rising=True),
+        ),
+    ]
+    log_scale: Annotated[
+        bool,
+        Option(
+            "Spread the colormap over the logarithm of the numbers.",
+            default=False,
+            modes=SCALAR,
+            switch=True,
         ),
     ]
     transfer_function: Annotated[

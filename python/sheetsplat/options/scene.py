@@ -8,8 +8,9 @@ from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
 from sheetsplat.errors import complain, unusable
 from sheetsplat.light import Light, Material
 from sheetsplat.options.checks import instance_of, one_of, optional, or_default
-from sheetsplat.options.core import COLORED, COMPOSITE, CommandLine, Mode, Option
+from sheetsplat.options.core import COLORED, COMPOSITE, SCALAR, CommandLine, Mode, Option
 from sheetsplat.options.values import POSITIVE, Numbers, Real, Special
+from sheetsplat.scalar_colors import ScalarColors
 
 Sampling = Literal["point", "slab"]
 Filter = Literal["ewa"]
@@ -99,6 +100,17 @@ class ModeOptions(TypedDict, total=False):
             check=optional_number,
             flag="--iso",
             value=Real(),
+        ),
+    ]
+    scalar_colors: Annotated[
+        ScalarColors | None,
+        Option(
+            "How the numbers of a scalar picture become colours.",
+            unset="gray, from 0 to the largest number",
+            chosen="by {cmap}, {clim} and {log_scale}",
+            modes=SCALAR,
+            check=or_default(ScalarColors),
+            cli=(),
         ),
     ]
 

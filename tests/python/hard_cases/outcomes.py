@@ -90,14 +90,14 @@ def measure(name: str, backend: str) -> Measured:
         image = renderer_of(backend).render(scene, camera, size=size)
     except ss.Error as error:
         return Measured(refusal=error)
-    pixels = np.array(np.asarray(image))
+    pixels = np.array(image.pixels)
     facts: dict[str, Any] = {
         "pixels": size[0] * size[1],
         "precision": image.plan.precision,
         "transparent": not pixels.any(),
         "finite": bool(np.isfinite(pixels).all()),
     }
-    expected = np.asarray(expected_of(name))
+    expected = expected_of(name).pixels
     bounds = FLOAT32 if is_gentle(scene_of(name)) else FLOAT32_HARD
     found = off_by(pixels, expected)
     count = 0

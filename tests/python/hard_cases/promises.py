@@ -61,7 +61,7 @@ DIVERSE = (
 def picture(name: str, renderer: ss.Renderer) -> NDArray[np.float32]:
     """Return the pixels of a case."""
     scene, camera, size = build(ss, scene_of(name))
-    return np.array(np.asarray(renderer.render(scene, camera, size=size)))
+    return np.array(renderer.render(scene, camera, size=size).pixels)
 
 
 @promised(

@@ -17,6 +17,7 @@ from sheetsplat.io.scalars import column_of
 from sheetsplat.io.source import Source
 from sheetsplat.io.vtk_xml.arrays import ArrayReader
 from sheetsplat.io.vtk_xml.document import parse_document
+from sheetsplat.quantity import Quantity
 
 
 def _integers(path: Path, text: str, what: str) -> list[int]:
@@ -86,4 +87,4 @@ def _image(source: Source, scalar: str | None) -> Volume:
     if filled < math.prod(shape):
         raise unreadable(path, f"pieces with {filled} samples", f"{math.prod(shape)}, as WholeExtent says")
     start = [first + gap * (at + 0.5 * cells) for first, gap, at in zip(origin, spacing, whole[::2], strict=True)]
-    return Volume(values, spacing, triple("Origin", start), "vti", {"content": name})
+    return Volume(values, spacing, triple("Origin", start), "vti", {"content": name}, Quantity(name))

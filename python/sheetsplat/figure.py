@@ -1,0 +1,289 @@
+"""Figures of pictures: axes in world units, colour bars in units of the data. Needs matplotlib."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat import pixels
+from sheetsplat._matplotlib import module_of, require_matplotlib
+from sheetsplat.quantity import Quantity
+from sheetsplat.transfer import TransferFunction
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as PillowImage
+
+    from sheetsplat.image import Image
+
+_COLORS = 256
+_DPI = 100
+_INK = "#222222"
+# Colours of x, y and z that most colour-blind readers can tell apart (after Okabe and Ito).
+_AXES = (("x", "#D55E00"), ("y", "#009E73"), ("z", "#0072B2"))
+# A view direction closer to an axis than this is along it.
+_ALONG = 1e-6
+# Share of the picture's width that a scale bar has at most.
+_BAR_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class ColorBar:
+    """Colours, evenly spaced between two values of the data, or between their logarithms."""
+
+    colors: NDArray[np.float64]
+    low: float
+    high: float
+    log: bool
+    label: str
+    marks: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class PicturePlane:
+    """The plane through the camera's target in which a figure measures.
+
+    Attributes
+    ----------
+    extent
+        World positions of the left, right, bottom and top edge along the labelled axes.
+    labels
+        What lies to the right and upwards, with units.
+    oblique
+        Whether neither of them is an axis of the world.
+    """
+
+    extent: tuple[float, float, float, float]
+    labels: tuple[str, str]
+    oblique: bool
+
+
+def color_bars(image: Image) -> list[ColorBar]:
+    """Return the colour bars of a picture, one for each of its transfer functions."""
+    quantity = _quantity(image)
+    options = image.recipe.options
+    if image.is_scalar:
+        colors = options["scalar_colors"]
+        low, high = image.clim
+        at = np.linspace(0.0, 1.0, _COLORS)
+        rows = colors.table
+        table = np.column_stack([np.interp(at, np.linspace(0.0, 1.0, len(rows)), column) for column in rows.T])
+        if image.mode == "xray":
+            return [ColorBar(table, low, high, colors.log, _integral_label(quantity))]
+        label = f"{_MEANS.get(image.mode, image.mode)} {quantity.label}"
+        if quantity.floor is not None and not colors.log:
+            return [ColorBar(table, quantity.scalar(low), quantity.scalar(high), True, label)]
+        return [ColorBar(table, low, high, colors.log, label)]
+    iso = options.get("iso_value") if image.mode == "isosurface" else None
+    return [_bar_of(image.recipe.transfer_function, quantity, iso)]
+
+
+_MEANS = {"mip": "largest", "minimum": "smallest", "average": "mean"}
+
+
+def _bar_of(function: TransferFunction, quantity: Quantity, iso: Any) -> ColorBar:
+    low, high = function.v_min, function.v_max
+    if not low < high:
+        # One point: one colour everywhere.
+        half = max(abs(low), 1.0) * 1e-3
+        low, high = low - half, high + half
+    table = np.clip(function.at(np.linspace(low, high, _COLORS)), 0.0, 1.0)
+    # The opacity is per length; a bar shows the colours alone.
+    table[:, 3] = 1.0
+    marks = () if iso is None else (quantity.scalar(float(iso)),)
+    return ColorBar(
+        table, quantity.scalar(low), quantity.scalar(high), quantity.floor is not None, quantity.label, marks
+    )
+
+
+def _quantity(image: Image) -> Quantity:
+    """Return what the scalar of a picture is: that of its fields where they agree."""
+    known = {one.quantity for one in image.recipe.fields}
+    return known.pop() if len(known) == 1 else Quantity(length_unit=_length_unit(image))
+
+
+def _length_unit(image: Image) -> str:
+    units = {one.quantity.length_unit for one in image.recipe.fields}
+    return units.pop() if len(units) == 1 else ""
+
+
+def _integral_label(quantity: Quantity) -> str:
+    length = quantity.length_unit or "world units"
+    if quantity.floor is not None:
+        return f"integral of log10({quantity.name or 'value'} / {quantity.floor:g}) along the ray [{length}]"
+    unit = f"{quantity.unit} · {length}" if quantity.unit else f"value · {length}" if not quantity.name else length
+    return f"integral of {quantity.name or 'the value'} along the ray [{unit}]"
+
+
+def picture_plane(image: Image) -> PicturePlane:
+    """Return where the edges of a picture lie in the plane through the camera's target."""
+    camera, (width, height) = image.camera, image.size
+    high = world_height(image)
+    wide = high * width / height
+    unit = _length_unit(image)
+    right, up, _ = camera.world_axes()
+    edges: list[float] = []
+    labels = []
+    for direction, length, word in ((right, wide, "across"), (up, high, "up")):
+        axis = int(np.argmax(np.abs(direction)))
+        if 1.0 - abs(direction[axis]) < _ALONG:
+            middle, sign = camera.target[axis], math.copysign(1.0, direction[axis])
+            label = "xyz"[axis]
+        else:
+            middle, sign, label = 0.0, 1.0, f"distance {word} from the middle"
+        edges += [middle - 0.5 * sign * length, middle + 0.5 * sign * length]
+        labels.append(f"{label} [{unit or 'world units'}]")
+    if camera.kind == "perspective":
+        labels[0] += ", at the depth of the target"
+    left, to_right, bottom, top = edges
+    return PicturePlane((left, to_right, bottom, top), (labels[0], labels[1]), all("distance" in one for one in labels))
+
+
+def world_height(image: Image) -> float:
+    """Return the height of a picture in world units, at the depth of the camera's target."""
+    camera = image.camera
+    if camera.kind == "orthographic":
+        return camera.height
+    return 2.0 * math.dist(camera.eye, camera.target) * math.tan(math.radians(camera.fov_y) / 2.0)
+
+
+def round_length(most: float) -> float:
+    """Return the largest of 1, 2 and 5 times a power of ten that is at most `most`."""
+    power = 10.0 ** math.floor(math.log10(most))
+    return next((step * power for step in (5.0, 2.0) if step * power <= most), power)
+
+
+def to_axes(image: Image, ax: Any, *, colorbar: bool, title: str | None) -> Any:
+    """Show a picture in axes; see `Image.to_axes`."""
+    require_matplotlib()
+    if ax is None:
+        _, ax = module_of("pyplot").subplots()
+    plane = picture_plane(image)
+    ax.imshow(np.asarray(image), extent=plane.extent)
+    ax.set_xlabel(plane.labels[0])
+    ax.set_ylabel(plane.labels[1])
+    if title is not None:
+        ax.set_title(title)
+    for bar in color_bars(image) if colorbar else ():
+        made = ax.figure.colorbar(_mappable(bar), ax=ax, label=bar.label)
+        _mark(made.ax, bar)
+    return ax
+
+
+def _mappable(bar: ColorBar) -> Any:
+    colors = module_of("colors")
+    norm = (colors.LogNorm if bar.log else colors.Normalize)(bar.low, bar.high)
+    return module_of("cm").ScalarMappable(norm, colors.ListedColormap(bar.colors))
+
+
+def _mark(axes: Any, bar: ColorBar) -> None:
+    for value in bar.marks:
+        axes.axhline(value, color="black", linewidth=3.0)
+        axes.axhline(value, color="white", linewidth=1.2)
+
+
+def annotated(image: Image, *, colorbar: bool, axes: bool, scale_bar: bool, title: str | None) -> PillowImage:
+    """Return a figure of a picture; see `Image.annotated`."""
+    require_matplotlib()
+    from PIL import Image as Pillow
+
+    width, height = image.size
+    # Points of 1/72 inch: about a thirtieth of the picture, as long as it can be read.
+    font = min(max(height / 36.0, 11.0), 40.0) * 72.0 / _DPI
+    pixel = font * _DPI / 72.0
+    bars = color_bars(image) if colorbar else []
+    pad = math.ceil(8 * pixel)
+    room = pad + math.ceil(len(bars) * 12 * pixel)
+    canvas_size = (width + pad + room, height + 2 * pad)
+    # Not pyplot, which would change the global state of a program with windows of its own.
+    figure = module_of("figure").Figure([edge / _DPI for edge in canvas_size], dpi=_DPI, facecolor="white")
+    canvas = module_of("backends.backend_agg").FigureCanvasAgg(figure)
+    style = {"font.size": font, "text.color": _INK, "axes.labelcolor": _INK}
+    with importlib.import_module("matplotlib").rc_context(style):
+        frame = _axes_at(figure, pad, pad, width, height)
+        shown = pixels.over(np.asarray(image, np.uint8), pixels.WHITE)
+        plane = picture_plane(image)
+        frame.imshow(shown, extent=plane.extent, aspect="auto", interpolation="nearest")
+        if axes:
+            frame.set_xlabel(plane.labels[0])
+            frame.set_ylabel(plane.labels[1])
+        else:
+            frame.set_axis_off()
+        if title is not None:
+            frame.set_title(title)
+        left = pad + width + pixel
+        for bar in bars:
+            beside = _axes_at(figure, left, pad, 1.2 * pixel, height)
+            figure.colorbar(_mappable(bar), cax=beside, label=bar.label)
+            _mark(beside, bar)
+            left += math.ceil(11 * pixel)
+        over = _axes_at(figure, pad, pad, width, height)
+        over.set_axis_off()
+        over.set(xlim=(0, width), ylim=(0, height))
+        if axes and plane.oblique:
+            _draw_directions(over, image, pixel)
+        if scale_bar:
+            _draw_scale_bar(over, image, pixel)
+        canvas.draw()
+        box = figure.get_tightbbox(canvas.get_renderer())
+    drawn = np.asarray(canvas.buffer_rgba())[..., :3]
+    margin = 0.5 * pixel
+    left, right = (round(box.x0 * _DPI - margin), round(box.x1 * _DPI + margin))
+    top, bottom = (round(canvas_size[1] - box.y1 * _DPI - margin), round(canvas_size[1] - box.y0 * _DPI + margin))
+    return Pillow.fromarray(np.ascontiguousarray(drawn[max(top, 0) : bottom, max(left, 0) : right]))
+
+
+def _axes_at(figure: Any, left: float, bottom: float, width: float, height: float) -> Any:
+    """Return axes at a place in pixels."""
+    wide, high = figure.get_size_inches() * _DPI
+    return figure.add_axes([left / wide, bottom / high, width / wide, height / high])
+
+
+def _outlined(text: Any, pixel: float) -> None:
+    effects = module_of("patheffects")
+    text.set_path_effects([effects.withStroke(linewidth=0.25 * pixel, foreground="white")])
+
+
+def _draw_scale_bar(axes: Any, image: Image, pixel: float) -> None:
+    """Draw a bar of a round length into the lower right corner; axes in pixels."""
+    width, height = image.size
+    scale = world_height(image) / height
+    length = round_length(_BAR_SHARE * width * scale)
+    right, bottom, across = width - pixel, pixel, length / scale
+    for color, thick in (("white", 0.6), (_INK, 0.3)):
+        edge = 0.15 * pixel if color == "white" else 0.0
+        axes.plot(
+            [right - across - edge, right + edge],
+            [bottom, bottom],
+            color=color,
+            linewidth=thick * pixel * 72.0 / _DPI,
+            solid_capstyle="butt",
+        )
+    text = f"{length:g} {_length_unit(image) or 'world units'}"
+    middle = max(right - 0.5 * across, 0.0)
+    _outlined(axes.text(middle, bottom + 0.5 * pixel, text, ha="center", va="bottom", color=_INK), pixel)
+
+
+def _draw_directions(axes: Any, image: Image, pixel: float) -> None:
+    """Draw the directions of x, y and z into the lower left corner, those that point away first; axes in pixels."""
+    reach = 2.6 * pixel
+    middle = 4.2 * pixel
+    right, up, back = image.camera.world_axes()
+    for n in sorted(range(3), key=lambda axis: back[axis]):
+        name, color = _AXES[n]
+        x, y = right[n] * reach, up[n] * reach
+        for edge, thick in (("white", 0.5), (color, 0.22)):
+            axes.plot(
+                [middle, middle + x],
+                [middle, middle + y],
+                color=edge,
+                linewidth=thick * pixel * 72.0 / _DPI,
+                solid_capstyle="round",
+            )
+        label = axes.text(middle + 1.35 * x, middle + 1.35 * y, name, ha="center", va="center", color=color)
+        label.set_fontweight("bold")
+        _outlined(label, pixel)

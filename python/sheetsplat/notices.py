@@ -1,0 +1,60 @@
+"""Warnings about pictures: the one place that issues them."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import os
+import warnings
+from collections.abc import Iterator
+from contextvars import ContextVar
+
+from sheetsplat.errors import Words
+
+_PACKAGE = os.path.join(os.path.dirname(__file__), "")
+
+_MUTED: ContextVar[bool] = ContextVar("sheetsplat_muted", default=False)
+
+
+class PictureWarning(UserWarning):
+    """A picture may not show what was meant.
+
+    Nothing can be seen in it, its range leaves out all values, some data are shown at others' cost, an option has no
+    effect on it, or an error or a time is not kept.
+
+    Attributes
+    ----------
+    words
+        The message, with references to options that a front end can spell in its own way.
+    """
+
+    __module__ = "sheetsplat"
+
+    def __init__(self, words: str | Words = "") -> None:
+        self.words = Words.of(words)
+        super().__init__(self.words.text())
+
+    def __reduce__(self) -> tuple[type[PictureWarning], tuple[Words]]:
+        """Keep the references to options."""
+        return type(self), (self.words,)
+
+
+def warn(words: str | Words) -> None:
+    """Issue a PictureWarning at the line that called the package."""
+    if _MUTED.get():
+        return
+    # 1 is this function itself.
+    level, frame = 1, inspect.currentframe()
+    while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(PictureWarning(words), stacklevel=level)
+
+
+@contextlib.contextmanager
+def muted() -> Iterator[None]:
+    """Issue no warnings: for pictures that nobody sees, and for parts of one."""
+    token = _MUTED.set(True)
+    try:
+        yield
+    finally:
+        _MUTED.reset(token)

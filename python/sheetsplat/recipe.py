@@ -1,0 +1,379 @@
+"""How a picture was made, without its data: as text in a PNG, and back into a scene and a camera."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from sheetsplat import _sheetsplat
+from sheetsplat._checks import image_size, shown, strength
+from sheetsplat._values import arguments_of
+from sheetsplat.camera import Camera
+from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
+from sheetsplat.errors import Error, complain
+from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.light import Light, Material
+from sheetsplat.options.core import checked, definitions
+from sheetsplat.options.data import OpenOptions
+from sheetsplat.options.renderer import RendererClassOptions
+from sheetsplat.options.scene import SceneOptions
+from sheetsplat.quantity import Quantity
+from sheetsplat.scalar_colors import ScalarColors
+from sheetsplat.scene import Scene
+from sheetsplat.transfer import TransferFunction
+
+#: Version of the format of the text.
+FORMAT = 1
+#: Most characters of the text; more are neither written nor read.
+LONGEST = 1 << 20
+_FAILED = "the description in the picture cannot be used"
+_MOST_FIELDS = 256
+# Options of a scene that are objects of these classes.
+_OBJECTS: dict[str, type] = {
+    "material": Material,
+    "clip": Clip,
+    "depth_cue": DepthCue,
+    "ambient_occlusion": AmbientOcclusion,
+    "scalar_colors": ScalarColors,
+}
+# Settings of a renderer that belong to a machine, or that chose settings which are written themselves.
+_LEFT_OUT = ("device", "threads", "max_error", "max_seconds")
+_RENDERER = tuple(name for name in definitions(RendererClassOptions) if name not in _LEFT_OUT)
+_OF_VOLUMES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
+_OF_ELLIPSOIDS = ("normalization", "w0", "falloff", "min_scale")
+_OPENED = tuple(name for name in definitions(OpenOptions) if name != "grid")
+_KINDS: dict[str, tuple[type[Field], tuple[str, ...]]] = {
+    "RegularField": (RegularField, _OF_VOLUMES),
+    "EllipsoidField": (EllipsoidField, _OF_ELLIPSOIDS),
+}
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True)
+class FieldRecipe:
+    """How a field was made.
+
+    Attributes
+    ----------
+    kind
+        "RegularField" or "EllipsoidField".
+    options
+        Its own options, without its arrays.
+    opened
+        The options of `sheetsplat.open` that made it, without paths; empty for fields of arrays.
+    quantity
+        What scalar and lengths are.
+    ghost_points
+        Distance and weight of its ghost points, or None.
+    """
+
+    kind: str
+    options: Mapping[str, Any]
+    opened: Mapping[str, Any]
+    quantity: Quantity = Quantity()
+    ghost_points: tuple[float, float] | None = None
+
+    @classmethod
+    def of(cls, field: Field) -> FieldRecipe:
+        """Return how a field was made."""
+        kind = type(field).__name__
+        options = {name: getattr(field, name) for name in _KINDS[kind][1]}
+        ghosts = field.ghost_options if isinstance(field, EllipsoidField) else None
+        return cls(kind, options, dict(field.opened), field.quantity, ghosts)
+
+    def open(self, path: str | os.PathLike[str], **options: Any) -> Field:
+        """Return the field of a file, opened as this one was; `options` of `sheetsplat.open` replace what they name."""
+        from sheetsplat.io.formats import SCATTERED, find_format
+        from sheetsplat.io.opening import open_field
+
+        raw = any(name in options or name in self.opened for name in ("shape", "dtype"))
+        form = find_format(path, raw_options=raw, name=options.get("name"), grid="grid" in options)
+        if (form in SCATTERED) != (self.kind == "EllipsoidField"):
+            raise complain(
+                f"{path} is no data for this picture", f"a file of format {form}", f"what makes a {self.kind}"
+            )
+        own = {} if self.kind == "EllipsoidField" and self.opened else self.options
+        given = {**own, **self.opened, **options}
+        given = {name: value for name, value in given.items() if value is not None and value is not False}
+        field: Field = open_field(path, given).opened_with(self.opened)
+        if isinstance(field, EllipsoidField) and self.ghost_points is not None:
+            return field.with_ghost_points(distance=self.ghost_points[0], weight=self.ghost_points[1])
+        return field
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a picture was made, without its data: everything that `render` needs to make it again from the same data.
+
+    Attributes
+    ----------
+    transfer_function
+        Of the scene.
+    options
+        Every option of `Scene` by its name.
+    camera
+        The camera.
+    size
+        (width, height) in pixels.
+    fields
+        How each field was made.
+    renderer
+        Options of `Renderer`: the backend that drew the picture, and what may change its last digits.
+    """
+
+    transfer_function: TransferFunction
+    options: Mapping[str, Any]
+    camera: Camera
+    size: tuple[int, int]
+    fields: tuple[FieldRecipe, ...]
+    renderer: Mapping[str, Any]
+
+    @classmethod
+    def of(
+        cls, scene: Scene, camera: Camera, size: tuple[int, int], renderer: Mapping[str, Any], **changes: Any
+    ) -> Recipe:
+        """Return the recipe of a picture; `changes` are options of the scene that were chosen in place of its own."""
+        made_of = tuple(map(FieldRecipe.of, scene.fields))
+        settings = {name: renderer[name] for name in _RENDERER}
+        return cls(scene.transfer_function, {**scene.options, **changes}, camera, size, made_of, settings)
+
+    def scene(self, fields: Sequence[Field]) -> Scene:
+        """Return the scene of as many fields as the picture had."""
+        if len(fields) != len(self.fields):
+            raise complain(
+                "the picture cannot be made again",
+                f"{len(fields)} field{'s' * (len(fields) != 1)}",
+                f"{len(self.fields)}, as many as it was made of",
+                "give as many files",
+            )
+        return Scene(fields, self.transfer_function, **self.options)
+
+    def to_json(self) -> str:
+        """Return it as JSON, with the version of the package."""
+        camera = {"kind": self.camera.kind, **self.camera.arguments()}
+        plain = {
+            "format": FORMAT,
+            "version": _sheetsplat.__version__,
+            "size": self.size,
+            "camera": camera,
+            "transfer_function": self.transfer_function.points.tolist(),
+            "scene": dict(self.options),
+            "fields": [_members(one) for one in self.fields],
+            "renderer": dict(self.renderer),
+        }
+        return json.dumps(plain, default=_plain, allow_nan=False, separators=(",", ":"))
+
+    @classmethod
+    def from_json(cls, text: str) -> Recipe:
+        """Return what `to_json` wrote. InvalidInput, naming the key, for anything else: nothing in it is executed."""
+        if len(text) > LONGEST:
+            raise complain(_FAILED, f"{len(text)} characters", f"at most {LONGEST}")
+        with _reading("JSON"):
+            plain = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_without_repetition)
+        names = ("format", "version", "size", "camera", "transfer_function", "scene", "fields", "renderer")
+        parts = _mapping("description", plain, names, all_of_them=True)
+        _check_version(parts["format"], parts["version"])
+        return cls(
+            transfer_function=_read("transfer_function", _transfer_function, parts["transfer_function"]),
+            options=_read("scene", _scene_options, parts["scene"]),
+            camera=_read("camera", _camera, parts["camera"]),
+            size=_read("size", image_size, parts["size"]),
+            fields=_read("fields", _fields, parts["fields"]),
+            renderer=_read("renderer", _renderer, parts["renderer"]),
+        )
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Recipe:
+        """Return the recipe in a PNG. InvalidInput where it has none, or one that was changed or damaged."""
+        from sheetsplat.io.png_text import KEYWORD, read_text
+
+        text = read_text(Path(path), LONGEST)
+        if text is None:
+            raise complain(
+                f"{path} does not say how it was made",
+                f"no text {KEYWORD!r} in it",
+                "a PNG that sheetsplat wrote with its description",
+            )
+        return cls.from_json(text)
+
+
+def _members(instance: Any) -> dict[str, Any]:
+    return {one.name: getattr(instance, one.name) for one in fields(instance)}
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON has no name for as something that it has."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.dtype):
+        return value.str
+    if isinstance(value, type):
+        return np.dtype(value).str
+    if isinstance(value, os.PathLike):
+        raise TypeError("a path is nothing that a picture says")
+    return arguments_of(value)
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"the number {name}")
+
+
+def _without_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"the key {shown(next(name for name in names if names.count(name) > 1))} twice")
+    return found
+
+
+@contextlib.contextmanager
+def _reading(key: str) -> Iterator[None]:
+    """Turn what goes wrong with the value of a key into InvalidInput that names the key."""
+    try:
+        yield
+    except Error as error:
+        if error.what == _FAILED:
+            raise
+        named = f"{key}: {error.option}: " if error.option else f"{key}: "
+        raise complain(_FAILED, named + (error.found or error.what), error.wanted) from None
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError, AttributeError) as error:
+        raise complain(_FAILED, f"{key}: {str(error) or type(error).__name__}", "what sheetsplat wrote") from None
+
+
+def _read(key: str, reader: Callable[[Any], _Result], value: Any) -> _Result:
+    with _reading(key):
+        return reader(value)
+
+
+def _mapping(key: str, value: Any, known: Sequence[str], *, all_of_them: bool = False) -> dict[str, Any]:
+    """Return an object of JSON whose keys are known; every key of it, or any of them."""
+    if not isinstance(value, dict):
+        raise complain(_FAILED, f"{key}: {shown(value)}", "an object {name: value}")
+    for name in value:
+        if name not in known:
+            raise complain(_FAILED, f"{key}: the unknown key {shown(name)}", "only: " + ", ".join(known))
+    for name in known if all_of_them else ():
+        if name not in value:
+            raise complain(_FAILED, f"{key}: no key {name!r}", "all of: " + ", ".join(known))
+    return value
+
+
+def _list(key: str, value: Any, most: int) -> list[Any]:
+    if not isinstance(value, list) or len(value) > most:
+        found = f"{len(value)} entries" if isinstance(value, list) else shown(value)
+        raise complain(_FAILED, f"{key}: {found}", f"a list of at most {most}")
+    return value
+
+
+def _tuples(value: Any) -> Any:
+    """Return lists as tuples, at any depth."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+def _check_version(form: Any, version: Any) -> None:
+    if type(form) is not int or form != FORMAT:
+        raise complain(_FAILED, f"format: {shown(form)}", f"{FORMAT}", "use the version of sheetsplat that wrote it")
+    here = _numbers_of(_sheetsplat.__version__)
+    found = _numbers_of(version) if isinstance(version, str) else None
+    if found is None or here is None or found > here:
+        advice = "use the version of sheetsplat that wrote it"
+        raise complain(_FAILED, f"version: {shown(version)}", f"a version up to {_sheetsplat.__version__}", advice)
+
+
+def _numbers_of(version: str) -> tuple[int, ...] | None:
+    found = re.fullmatch(r"(\d{1,6})\.(\d{1,6})\.(\d{1,6})", version, re.ASCII)
+    return None if found is None else tuple(map(int, found.groups()))
+
+
+def _transfer_function(value: Any) -> TransferFunction:
+    rows = _list("transfer_function", value, LONGEST)
+    for row in rows:
+        if not isinstance(row, list) or len(row) != 5:
+            raise complain(_FAILED, f"transfer_function: {shown(row)}", "rows of five numbers")
+        for part in row:
+            strength("transfer_function", part)
+    return TransferFunction(rows)
+
+
+def _camera(value: Any) -> Camera:
+    kind = value.get("kind") if isinstance(value, dict) else None
+    last = {"orthographic": ("height",), "perspective": ("fov_y", "near")}
+    if not isinstance(kind, str) or kind not in last:
+        raise complain(_FAILED, f"camera: kind: {shown(kind)}", "orthographic or perspective")
+    arguments = dict(_mapping("camera", value, ("kind", "eye", "target", "up", *last[kind]), all_of_them=True))
+    del arguments["kind"]
+    made: Camera = getattr(Camera, kind)(**arguments)
+    return made
+
+
+def _object(key: str, kind: type, value: Any) -> Any:
+    names = tuple(one.name for one in fields(kind) if one.init)
+    given = _mapping(key, value, names)
+    with _reading(key):
+        return kind(**{name: _tuples(part) for name, part in given.items()})
+
+
+def _scene_options(value: Any) -> dict[str, Any]:
+    given = dict(_mapping("scene", value, tuple(definitions(SceneOptions))))
+    for name, part in given.items():
+        if name in _OBJECTS:
+            given[name] = None if part is None else _object(name, _OBJECTS[name], part)
+        elif name == "lights":
+            given[name] = tuple(_object("lights", Light, one) for one in _list("lights", part, 4096))
+        elif isinstance(part, dict):
+            raise complain(_FAILED, f"scene: {name}: {shown(part)}", "a value, or a list of values")
+        else:
+            given[name] = _tuples(part)
+    return checked("scene", given, SceneOptions)
+
+
+def _fields(value: Any) -> tuple[FieldRecipe, ...]:
+    found = tuple(map(_field, _list("fields", value, _MOST_FIELDS)))
+    if not found:
+        raise complain(_FAILED, "fields: none", "at least one")
+    return found
+
+
+def _field(value: Any) -> FieldRecipe:
+    given = _mapping("fields", value, tuple(one.name for one in fields(FieldRecipe)), all_of_them=True)
+    kind, ghosts = given["kind"], given["ghost_points"]
+    if not isinstance(kind, str) or kind not in _KINDS:
+        raise complain(_FAILED, f"fields: kind: {shown(kind)}", " or ".join(_KINDS))
+    options = _simple("options", _mapping("options", given["options"], _KINDS[kind][1]))
+    opened = _simple("opened", _mapping("opened", given["opened"], _OPENED))
+    quantity = _object("quantity", Quantity, given["quantity"])
+    if ghosts is not None:
+        parts = _list("ghost_points", ghosts, 2)
+        if len(parts) != 2 or not all(_is_number(part) for part in parts):
+            raise complain(_FAILED, f"ghost_points: {shown(ghosts)}", "two numbers, or null")
+        ghosts = (float(parts[0]), float(parts[1]))
+    return FieldRecipe(kind, options, opened, quantity, ghosts)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _simple(key: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values that are texts, numbers, truths, or lists of a few numbers; whoever uses them checks them again."""
+    for name, value in given.items():
+        simple = value is None or isinstance(value, str | bool) or _is_number(value)
+        if not simple and not (isinstance(value, list) and len(value) <= 3 and all(map(_is_number, value))):
+            raise complain(_FAILED, f"{key}: {name}: {shown(value)}", "a text, a number, or up to three numbers")
+    return {name: _tuples(value) for name, value in given.items()}
+
+
+def _renderer(value: Any) -> dict[str, Any]:
+    given = _mapping("renderer", value, _RENDERER)
+    return {name: part for name, part in checked("renderer", given, RendererClassOptions).items() if name in _RENDERER}

@@ -1,0 +1,95 @@
+"""Colours of scalar pictures. Conventions, section 7 (Modes)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat._checks import truth
+from sheetsplat.transfer import Colormap, color_limits, color_rows
+
+# Limits of a logarithmic scale leave out this share of the positive numbers, and go over so many decades at most.
+_FAINT_PERCENTILE = 1.0
+_DECADES = 6.0
+
+
+@dataclass(frozen=True)
+class ScalarColors:
+    """How the numbers of a scalar picture become colours: a colormap over limits. Conventions, section 7 (Modes).
+
+    Parameters
+    ----------
+    cmap
+        As for `TransferFunction.from_colormap`; kept as a name, or as a tuple of rows r, g, b, opacity.
+    clim
+        The two numbers at which the colormap begins and ends; by the picture unless given: from its smallest number or
+        0, whichever is lower, to its largest or 0.
+    log
+        Spread the colours over the logarithm. Numbers of 0 and below have the first colour. Unless given, `clim` then
+        goes from the first percentile of the positive numbers to the largest, over six decades at most.
+
+    Raises
+    ------
+    InvalidInput
+        For unknown colormaps, and for limits that do not rise, or are not above 0 for a logarithm.
+    """
+
+    cmap: Colormap = "gray"
+    clim: Sequence[float] | None = None
+    log: bool = False
+
+    def __post_init__(self) -> None:
+        """Check and convert."""
+        rows = color_rows(self.cmap)
+        if not isinstance(self.cmap, str):
+            object.__setattr__(self, "cmap", tuple(map(tuple, rows.tolist())))
+        object.__setattr__(self, "log", truth("ScalarColors: log", self.log))
+        if self.clim is not None:
+            object.__setattr__(self, "clim", color_limits(self.clim, positive=self.log))
+
+    @property
+    def table(self) -> NDArray[np.float64]:
+        """The colours at equal distances over the limits, rows r, g, b, opacity."""
+        return color_rows(self.cmap)
+
+    @property
+    def is_gray(self) -> bool:
+        """Whether every colour is opaque and gray, black where it begins and white where it ends, linear between."""
+        rows = self.table
+        ramp = np.linspace(0.0, 1.0, len(rows))[:, None]
+        return bool((rows[:, 3] == 1).all() and np.abs(rows[:, :3] - ramp).max() < 1e-6)
+
+    def limits(self, scalar: NDArray[np.float32]) -> tuple[float, float]:
+        """Return `clim`, or the limits that the numbers of a picture give."""
+        if self.clim is not None:
+            return float(self.clim[0]), float(self.clim[1])
+        known = scalar[np.isfinite(scalar)]
+        if not self.log:
+            low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
+            return (low, high) if low < high else (0.0, 1.0)
+        known = known[known > 0]
+        if not known.size:
+            return 0.1, 1.0
+        high = float(known.max())
+        low = max(float(np.percentile(known, _FAINT_PERCENTILE)), high * 10.0**-_DECADES)
+        return (low, high) if low < high else (0.5 * high, high)
+
+    def shares(self, scalar: NDArray[np.float32], limits: tuple[float, float]) -> NDArray[np.float64]:
+        """Return where numbers lie between limits, 0 to 1; 0 for NaN."""
+        low, high = limits
+        known = np.nan_to_num(scalar.astype(np.float64), nan=low, posinf=high, neginf=low)
+        if not self.log:
+            return np.clip((known - low) / (high - low), 0.0, 1.0)
+        raised = np.log(np.maximum(known, low)) - math.log(low)
+        return np.clip(raised / (math.log(high) - math.log(low)), 0.0, 1.0)
+
+    def colors(self, scalar: NDArray[np.float32], limits: tuple[float, float]) -> NDArray[np.float64]:
+        """Return straight r, g, b, opacity of numbers, one more axis of 4."""
+        rows = self.table
+        at = np.linspace(0.0, 1.0, len(rows))
+        shares = self.shares(scalar, limits)
+        return np.stack([np.interp(shares, at, column) for column in rows.T], axis=-1)

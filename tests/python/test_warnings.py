@@ -1,0 +1,135 @@
+"""Warnings about pictures: that they are seen, where they point, and what does not warn."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+from command_line import run
+
+import sheetsplat as ss
+from sheetsplat.tiles import render_tiles
+
+SMALL = {"size": (20, 16), "backend": "reference"}
+RAMP = [(0, 0, 0, 1, 0), (1, 1, 1, 0, 0.5)]
+AWAY = ss.Camera.orthographic((900, 900, 9), (900, 900, 0), height=5)
+
+
+def caught(action) -> list[warnings.WarningMessage]:
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        action()
+    return found
+
+
+def test_the_class_is_a_user_warning():
+    assert issubclass(ss.PictureWarning, UserWarning) and ss.PictureWarning.__module__ == "sheetsplat"
+    with pytest.warns(ss.PictureWarning) as found:
+        ss.render(np.zeros((4, 4, 4)), mode="mip", **SMALL)
+    again = pickle.loads(pickle.dumps(found[0].message))
+    assert str(again) == str(found[0].message) and again.words == found[0].message.words
+
+
+def test_every_way_of_rendering_points_at_the_callers_line(ball):
+    field = ss.RegularField(ball)
+    scene = ss.Scene(field, RAMP)
+    renderer = ss.Renderer("reference")
+    ways = [
+        lambda: ss.render(ball, camera=AWAY, **SMALL),
+        lambda: ss.render(scene, camera=AWAY, **SMALL),
+        lambda: renderer.render(scene, AWAY, size=(8, 8)),
+        lambda: list(renderer.progressive(scene, AWAY, size=(8, 8))),
+    ]
+    for way in ways:
+        (found,) = caught(way)
+        assert found.category is ss.PictureWarning and found.filename == __file__
+        assert found.lineno == way.__code__.co_firstlineno
+        assert "nothing can be seen in the picture" in str(found.message)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"clim": (5, 9), "opacity": 0.5}, "0 to 0.876282 lie below the range 5 to 9"),
+        ({"clim": (-9, -5), "opacity": 0.5}, "0 to 0.876282 lie above the range -9 to -5"),
+        ({"transfer_function": ss.TransferFunction([(2, 1, 1, 1, 0.5), (3, 0, 0, 0, 0.5)])}, "below the range 2 to 3"),
+        ({"mode": "mip", "clim": (5, 9)}, "lie below the range 5 to 9"),
+        ({"mode": "xray", "clim": (-9, -1)}, "lie above the range -9 to -1"),
+        ({"mode": "xray", "opacity": 0.5}, "mode xray does not use these options: opacity"),
+        ({"shadows": True, "shading": False}, "shadows=True changes nothing"),
+        ({"max_seconds": 1e-9, "backend": "cpu"}, "max_seconds is not kept"),
+    ],
+)
+def test_what_warns(ball, options, words):
+    (found,) = caught(lambda: ss.render(ball, **{**SMALL, **options}))
+    assert found.category is ss.PictureWarning and words in str(found.message)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"clim": (0.8, 5), "opacity": 0.5},
+        {"clim": (-5, 0.1), "opacity": 0.5},
+        {"mode": "mip", "clim": (0.5, 9)},
+        {"mode": "xray", "cmap": "magma", "log_scale": True},
+        {"mode": "isosurface", "iso_value": 0.5, "clim": (3, 4)},
+        {"shadows": True},
+    ],
+)
+def test_what_does_not_warn(ball, options):
+    assert caught(lambda: ss.render(ball, **SMALL, **options)) == []
+
+
+def test_scattered_data_are_judged_by_what_they_can_reach(rng):
+    centers, values = rng.normal(size=(40, 3)), np.full(40, 3.0)
+    mean = ss.EllipsoidField(centers, 1.0, values=values)
+    (found,) = caught(lambda: ss.render(mean, clim=(4, 5), opacity=0.5, **SMALL))
+    assert "0 to 3 lie below the range 4 to 5" in str(found.message)
+    # Sums have no range that their values tell.
+    sums = ss.EllipsoidField(centers, 1.0, values=values, normalization="none")
+    assert caught(lambda: ss.render(sums, clim=(4, 5), opacity=0.5, **SMALL)) == []
+
+
+def test_coarse_stages_do_not_warn(ball):
+    stages = ss.Renderer("cpu").progressive(ss.Scene(ss.RegularField(ball), RAMP), AWAY, (96, 96), first_seconds=1e-9)
+    found = caught(lambda: list(stages))
+    assert len(found) == 1
+
+
+def test_warnings_become_errors_where_they_should(ball, volume):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ss.PictureWarning, match="nothing can be seen"):
+            ss.render(ball, camera=AWAY, **SMALL)
+    code = f"import sheetsplat as ss; ss.render({str(volume)!r}, clim=(900, 901), size=(8, 8), backend='reference')"
+    strict = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True)
+    assert strict.returncode == 1 and "sheetsplat.PictureWarning: nothing can be seen" in strict.stderr
+    seen = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert seen.returncode == 0 and "<string>:1: PictureWarning: nothing can be seen" in seen.stderr
+
+
+def test_the_command_line_has_one_line_for_each(tmp_path, volume):
+    options = ["render", volume, "-o", tmp_path / "a.png", "--size", "8", "--backend", "reference"]
+    lines = run(*options, "--clim", "900,901").stderr.splitlines()
+    assert len(lines) == 2 and lines[0].startswith("warning: nothing") and "warning" not in lines[1]
+    # Options are spelled as on the command line, and no line of code is shown.
+    stderr = run(*options, "--shadows", "--no-shading").stderr
+    assert "warning: --shadows changes nothing" in stderr and ".py" not in stderr
+    assert run(*options, "--clim", "900,901", "-q").stderr == ""
+    # The filters of the process are as they were.
+    with pytest.warns(ss.PictureWarning):
+        ss.render(volume, clim=(900, 901), **SMALL)
+
+
+def test_parts_of_pictures_do_not_warn(ball, tmp_path):
+    scene = ss.Scene(ss.RegularField(ball), RAMP)
+    camera = ss.Camera.fit(scene, margin=4.0)
+    renderer = ss.Renderer("reference")
+    assert caught(lambda: render_tiles(scene, camera, (40, 40), tmp_path / "a.npy", renderer=renderer, tile=10)) == []
+    # Only these pictures: the next one warns again.
+    assert len(caught(lambda: renderer.render(scene, AWAY, (8, 8)))) == 1

@@ -1,5 +1,6 @@
-// How far a picture is from the converged one, without it. Richardson's idea: what changes from slice distance ds to
-// ds / 2 says what is left at ds. Source: conventions, section 8; the shares were measured (docs, error-estimate).
+// How far a picture is from the converged one, without computing that. Richardson extrapolation: the change from slice
+// distance ds to ds / 2 gives the error at ds. Source: conventions, section 8; the shares were measured
+// (error-estimate.md).
 #pragma once
 
 #include <vector>
@@ -21,7 +22,8 @@ RendererOptions exact_options(const RendererOptions& options);
 /// The scene with other settings.
 Scene with_settings(const Scene& scene, const Settings& settings);
 
-/// Pictures of one view that tell causes apart; null where a picture would be the same as another, or cannot be had.
+/// Pictures of one view that separate the causes of its error; null where a picture would be the same as another, or is
+/// not available.
 struct Probes {
     const Image* drawn = nullptr;     ///< the picture in question
     const Image* exact = nullptr;     ///< the same in float64; null: arithmetic is taken from the plan

@@ -41,7 +41,7 @@ Renderer::State::Pilots::Pilots(State& state, const Request& request, const Sett
     projection_ = request.camera.projection();
     work_ = prepared.work;
     precision_ = prepared.plan.precision;
-    // Of all pilots, the one that kernels reach furthest into.
+    // The pilot with the largest pixels and slice distance: kernels that it draws suffice for all pilots.
     widest_ = prepared.frame;
     widest_.slice_spacing *= coarsest_spacing;
     widest_.pixel *= larger;
@@ -133,7 +133,7 @@ double Renderer::State::Pilots::of_model(const Settings& settings) {
 }
 
 Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {
-    // The reference would take minutes for what backend cpu in float64 tells as well.
+    // The reference would take minutes; backend cpu in float64 gives the same estimate.
     const bool slow = backend_ == Backend::reference;
     RendererOptions options = exact || slow ? exact_options(request_.options) : request_.options;
     if (settings.precision != Precision::automatic) {

@@ -14,7 +14,7 @@ namespace {
 
 /// Of the error that is aimed at, what the stop may have: squares add up, so this leaves 0.92 to the rest.
 constexpr double stop_share = 0.4;
-/// Of 1 - A_stop: beyond, a stop saves no more, and it costs nothing to leave it out.
+/// Bounds of 1 - A_stop: above the first a stop saves no more time, below the second it is left out.
 constexpr double largest_left = 0.1;
 constexpr double smallest_left = 1e-6;
 constexpr int most_stops = 4;
@@ -100,7 +100,7 @@ class Search {
     Choice for_time(double most) {
         best_.error = std::numeric_limits<double>::infinity();
         best_.seconds_kept = false;
-        // A stop that is the largest part of the error would make all kinds look alike.
+        // If the stop caused most of the error, all kinds would have about the same error.
         Settings start = start_;
         start.opacity_stop = freedom_.stop ? 1.0 : start.opacity_stop;
         for (const Settings& kind : kinds(start, freedom_)) {
@@ -128,7 +128,7 @@ class Search {
         }
     }
 
-    /// A_stop that leaves no more than the given error. Opacity may jump over what was left: that is looked at.
+    /// A_stop whose error is at most the given one. Measured, because opacity may jump past A_stop.
     double stop_within(double most, Settings settings, double error) {
         const double usual = settings.opacity_stop;
         const bool suffices = error <= most;
@@ -154,7 +154,7 @@ class Search {
         if (third > stalled * first) {
             return true;
         }
-        // Of both halvings, the better one: one error may be small by chance.
+        // The better of the two halvings, because one error may be small by chance.
         const double order = std::max({std::log2(first / second), std::log2(second / third), 1.0}) + faster_order;
         return third * std::pow(finest_spacing / fine, order) > aim_;
     }

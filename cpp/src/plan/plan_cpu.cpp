@@ -236,9 +236,8 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
     plan.packing = Packing::wide;
     plan.tagging = Tagging::tiles;
     const bool ends = plan.stop || plan.mode == Mode::isosurface;
-    effects.state(EffectId::elimination, ends,
-                  ends ? "rows, blocks and tiles whose pixels are all opaque are skipped"
-                       : "no pixel can become opaque enough to stop");
+    effects.state(EffectId::elimination, ends, "rows, blocks and tiles whose pixels are all opaque are skipped",
+                  "no pixel can become opaque enough to stop");
     effects.state(EffectId::opacity_buffer, false, "opaque blocks and tiles are skipped without a buffer");
     effects.state(EffectId::tagging, true, "tiles: pixels that no kernel of a tile touches are skipped");
 

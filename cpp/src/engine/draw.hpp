@@ -20,7 +20,7 @@ namespace backend_gl {
 class GlRenderer;
 }
 
-/// A picture that was asked for, and the options that it is drawn with.
+/// A requested picture, and the options that it is drawn with.
 struct Request {
     const Scene& scene;
     const Camera& camera;

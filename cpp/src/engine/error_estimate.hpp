@@ -37,8 +37,8 @@ bool is_of_model(const ErrorShare& share);
 /// Of a plan's causes the root of the sum of squares of those that are.
 double model_error(const std::vector<ErrorShare>& budget);
 
-/// share: richardson_share. budget: the plan's. Its causes of the model count as they stand, spread over the pixels in
-/// proportion to opacity; the others say how the error of arithmetic is divided among them.
+/// share: richardson_share. budget: the plan's. Its causes of the model count unchanged, distributed over the pixels in
+/// proportion to opacity; the error of arithmetic is divided among the others in proportion.
 ErrorEstimate estimate_from(const Probes& probes, double share, const std::vector<ErrorShare>& budget);
 
 } // namespace sheetsplat

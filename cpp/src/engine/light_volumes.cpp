@@ -37,7 +37,7 @@ DrawPlan through(const DrawPlan& plan, const Scene& scene) {
 }
 
 /// Step of the grids on which light is kept: a slice distance, or twice, four times ... as much where pixels are
-/// larger. Few different ones, so that a camera that moves a little closer asks for no other.
+/// larger. Few different values, so that a camera that moves a little closer can use the same volumes.
 double light_step(const Frame& frame) {
     const double pixels = std::clamp(frame.smallest_pixel() / frame.slice_spacing, 1.0, 1e6);
     return frame.slice_spacing * std::exp2(std::floor(std::log2(pixels)));
@@ -160,18 +160,7 @@ std::array<Vec3, 7> directions() {
 
 /// A grid along the world's axes over all supports, empty.
 LightVolume world_grid(const Scene& scene, double step, double elements) {
-    Box box;
-    for (const auto& field : scene.fields) {
-        if (field->size() == 0) {
-            continue;
-        }
-        const Box own = field->supports_world();
-        if (box.empty()) {
-            box = own;
-        }
-        box.lower = glm::min(box.lower, own.lower);
-        box.upper = glm::max(box.upper, own.upper);
-    }
+    const Box box = supports_world(scene);
     LightVolume volume;
     const Vec3 extent = box.extent();
     for (;; step *= coarser) {

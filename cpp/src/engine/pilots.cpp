@@ -18,10 +18,10 @@ namespace {
 constexpr double converged = 0.25;
 constexpr double converged_close = 0.5;
 constexpr double close_spacing = 0.3;
-/// What the distance to such a picture is of the distance to the converged one.
+/// Distance to such a picture over that to the converged one.
 constexpr double converged_share = 0.92;
 constexpr double converged_close_share = 0.8;
-/// Errors that are asked for, from which on the picture that a pilot is compared with may be in float32.
+/// Requested errors from which on the picture that a pilot is compared with may be in float32.
 constexpr double plain_reference = 3e-5;
 constexpr int timed_pilots = 3;
 

@@ -24,7 +24,7 @@ namespace {
 /// surfaces occur at few pixels, on their edges, so their pilots have the full size up to 1024 x 1024.
 constexpr double pilot_pixels = 64.0 * 64.0;
 constexpr double surface_pilot_pixels = 1024.0 * 1024.0;
-/// Of the error that is asked for, what float32 may have before float64 is taken.
+/// Largest share of the requested error that float32 may cause; beyond it float64 is used.
 constexpr double arithmetic_share = 0.3;
 /// A check looks through pixels of this share of a pilot's width.
 constexpr double check_pixels = 0.75;
@@ -55,7 +55,7 @@ Settings settings_of(const Scene& scene) {
             scene.second_order,     scene.opacity_stop, Precision::automatic};
 }
 
-/// What is at its default is chosen, what is not is the caller's.
+/// Only settings at their defaults may be changed.
 Freedom freedom_of(const Scene& scene) {
     Freedom free;
     free.spacing = !scene.slice_spacing.has_value();

@@ -29,7 +29,7 @@ struct Chosen {
     [[nodiscard]] RendererOptions options(const RendererOptions& options) const;
     /// The row of the plan.
     [[nodiscard]] Effect plan_row(const RendererOptions& options) const;
-    /// Adds that row, and says of effects that were chosen what for. Errors of the plan's effects are distances from
+    /// Adds that row, and the reason to each effect that was chosen. Errors of the plan's effects are distances from
     /// the float64 reference at the same slices; the row has none, its sentence names the distance that was chosen for.
     void describe(RenderPlan& plan, const RendererOptions& options) const;
 };

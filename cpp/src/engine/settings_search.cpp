@@ -23,11 +23,11 @@ constexpr int most_steps = 3;
 constexpr double nearly = 0.97;
 constexpr double least_gain = 1.08;
 constexpr double lowest_order = 0.5;
-/// A kind is given up where halving the slice distance twice leaves more than this of its error, or where the finest
-/// slices would not suffice though errors fell faster by this much of an order than they do.
+/// The search of a kind ends where halving the slice distance twice leaves more than this of its error, or where the
+/// finest slices would not suffice though errors fell faster by this much of an order than they do.
 constexpr double stalled = 0.8;
 constexpr double faster_order = 0.75;
-/// How closely the slice distance of a time is found.
+/// Bisection steps for the slice distance of a requested time.
 constexpr int time_steps = 24;
 
 Settings at(const Settings& kind, const Settings& start, double spacing) {
@@ -149,7 +149,7 @@ class Search {
         return 1.0;
     }
 
-    /// Errors at 4, 2 and 1 times a slice distance: whether closer slices are worth a look.
+    /// From errors at 4, 2 and 1 times a slice distance: true where closer slices will not reach the error either.
     [[nodiscard]] bool is_hopeless(double first, double second, double third, double fine) const {
         if (third > stalled * first) {
             return true;

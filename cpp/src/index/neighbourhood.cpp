@@ -81,7 +81,7 @@ Neighbourhood::Neighbourhood(const RegularField& field, double reach_world) : la
 
 bool Neighbourhood::holds(const Vec3& offset) const {
     // A convex set holds a point if for every direction u the point lies below the set's support function, which for a
-    // sum of sets is the sum of theirs. Looking only at some directions can keep a point too many, never lose one.
+    // sum of sets is the sum of theirs. Looking only at some directions can keep a point too many, but never drops one.
     const auto beyond = [&](const Vec3& u) {
         return glm::dot(offset, u) >= two_radii_ * glm::length(u) + glm::length(reach_ * u);
     };

@@ -259,7 +259,7 @@ std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const Spa
     const std::vector<std::uint32_t>& order = grid.order();
     const BoxTree tree(n, leaf, [&](std::size_t at) { return Node{box_of(order[at]), shares_of(order[at])}; });
 
-    // Neighbours in the order are asked for together first: away from everything visible they go together.
+    // Neighbours in the order are tested together first: far from everything visible they are dropped together.
     constexpr std::size_t together = 16;
     for (std::size_t begin = 0; begin < n; begin += together) {
         poll_at(begin);

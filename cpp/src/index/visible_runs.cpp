@@ -227,7 +227,7 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
                     }
                 }
             };
-            // Counted before they are kept, so that memory is asked for once and exactly.
+            // Counted first, so that memory is allocated once.
             visit_runs([&](std::size_t at, std::uint32_t, std::uint32_t) { ++result.row_offset_[at + 1]; });
             for (std::size_t at = 0; at < rows; ++at) {
                 result.row_offset_[at + 1] += result.row_offset_[at];

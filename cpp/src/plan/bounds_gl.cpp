@@ -26,7 +26,7 @@ namespace {
     throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", found, wanted, advice});
 }
 
-/// Sums of many equal numbers drift, where those of different ones walk at random.
+/// Rounding errors of sums of many equal numbers add up; those of different numbers partly cancel.
 void check_crowds(const ViewFacts& view, const DrawPlan& plan, bool lit_quotient, double ratio) {
     const double times = std::max(1.0, ratio);
     double most = most_alike_unlit / times;

@@ -1,4 +1,4 @@
-// What the sums of a scene's kernels come to, and the errors that follow from it.
+// Bounds of the sums of a scene's kernels, and the errors that follow.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -24,7 +24,7 @@ constexpr double least_unit = 1e-300;
 constexpr double largest_absorbed = 0.999;
 /// Volume of the unit ball.
 constexpr double ball = 4.18879020478639;
-/// What the kernels of a field are worth in sums.
+/// What the kernels of a field contribute to sums.
 struct Amounts {
     double low = 0.0, high = 0.0; ///< of what a kernel stands for in rho: f where weights are divided out, else m f
     double largest = 0.0;         ///< bound on its part of |rho|
@@ -176,7 +176,7 @@ double sum_noise(Precision precision, bool truncates, double crowd) {
     case Precision::uint8:
         return crowd / 255.0;
     case Precision::float16:
-        // What is cut off adds up; what is rounded walks at random.
+        // Truncation errors add up; rounding errors are a random walk.
         return truncates ? crowd * 0.15 / 1024.0 : std::sqrt(crowd) / 4096.0;
     case Precision::float64:
         return rounded_sum * float64_epsilon * std::sqrt(crowd);

@@ -201,7 +201,7 @@ double memory_of_light(const Scene& scene, const ViewFacts& view, const DrawPlan
     for (int axis = 0; axis < 3; ++axis) {
         elements *= extent[axis] / std::max(view.frame.slice_spacing, view.frame.smallest_pixel) + 8.0;
     }
-    // (Askew to the world's axes a grid that holds them all is larger.)
+    // A grid that is not along the world's axes is larger.
     elements *= 2.0;
     const auto at_most = [&](std::int64_t most) { return std::min(elements, static_cast<double>(most)); };
     const double of_lights =

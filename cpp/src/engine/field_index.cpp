@@ -119,16 +119,6 @@ Decision decision_of(VisibilityQuery query) {
     return decided;
 }
 
-template <class Entry>
-void keep_fields(std::vector<std::unique_ptr<Entry>>& entries, const Scene& scene) {
-    entries.erase(std::remove_if(entries.begin(), entries.end(),
-                                 [&](const std::unique_ptr<Entry>& entry) {
-                                     return std::find(scene.fields.begin(), scene.fields.end(), entry->field) ==
-                                            scene.fields.end();
-                                 }),
-                  entries.end());
-}
-
 } // namespace
 
 bool Decision::answers(const VisibilityQuery& other) const {

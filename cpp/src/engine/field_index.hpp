@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "facts/field_survey.hpp"
 #include "facts/frame.hpp"
 #include "index/spatial_grid.hpp"
 #include "index/visible_runs.hpp"

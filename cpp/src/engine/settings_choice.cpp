@@ -8,6 +8,7 @@
 
 #include <glm/geometric.hpp>
 
+#include "base/checks.hpp"
 #include "base/unusable.hpp"
 #include "error_estimate.hpp"
 #include "pilots.hpp"
@@ -71,19 +72,19 @@ void check_goals(const RendererOptions& options) {
     if (options.max_error) {
         const double error = *options.max_error;
         if (!(error > 0.0) || !std::isfinite(error)) {
-            throw InvalidInput(Complaint{unusable("Renderer", "max_error"), short_number(error),
+            throw InvalidInput(Complaint{unusable("Renderer", "max_error"), text_of(error, 3),
                                          "a finite root mean square error above 0",
                                          "leave it out, or pass " + option_ref("max_error", "1e-3")});
         }
         if (error < least_max_error) {
             throw InvalidInput(
-                Complaint{unusable("Renderer", "max_error"), short_number(error),
-                          "at least " + short_number(least_max_error) + ", the resolution of pictures in float32",
+                Complaint{unusable("Renderer", "max_error"), text_of(error, 3),
+                          "at least " + text_of(least_max_error, 3) + ", the resolution of pictures in float32",
                           "allow a larger error"});
         }
     }
     if (options.max_seconds && (!(*options.max_seconds > 0.0) || !std::isfinite(*options.max_seconds))) {
-        throw InvalidInput(Complaint{unusable("Renderer", "max_seconds"), short_number(*options.max_seconds),
+        throw InvalidInput(Complaint{unusable("Renderer", "max_seconds"), text_of(*options.max_seconds, 3),
                                      "a finite number of seconds above 0",
                                      "leave it out, or pass " + option_ref("max_seconds", "0.1")});
     }
@@ -122,25 +123,25 @@ Effect Chosen::plan_row(const RendererOptions& options) const {
                : error          ? "settings for max_error"
                                 : "settings for max_seconds";
     row.on = true;
-    std::string reason = kind_of(settings) + ", slices " + short_number(settings.slice_spacing) + " apart (default " +
-                         short_number(scene.default_slice_spacing()) + "), opacity stop " +
-                         std::string(settings.opacity_stop < 1.0 ? short_number(settings.opacity_stop) : "off");
+    std::string reason = kind_of(settings) + ", slices " + text_of(settings.slice_spacing, 3) + " apart (default " +
+                         text_of(scene.default_slice_spacing(), 3) + "), opacity stop " +
+                         std::string(settings.opacity_stop < 1.0 ? text_of(settings.opacity_stop, 3) : "off");
     if (settings.precision == Precision::float64) {
         reason += ", float64";
     }
-    reason += ": expected are an error of " + short_number(choice.error) + " from the converged picture and " +
-              short_number(choice.seconds) + " s";
+    reason += ": expected are an error of " + text_of(choice.error, 3) + " from the converged picture and " +
+              text_of(choice.seconds, 3) + " s";
     std::string looked;
     for (const std::string& kind : choice.looked_at) {
         looked += (looked.empty() ? "" : ", ") + kind;
     }
     if (error) {
-        reason += choice.error_kept ? "; max_error = " + short_number(*options.max_error) + " is kept"
-                                    : "; max_error = " + short_number(*options.max_error) + " is not kept";
+        reason += choice.error_kept ? "; max_error = " + text_of(*options.max_error, 3) + " is kept"
+                                    : "; max_error = " + text_of(*options.max_error, 3) + " is not kept";
     }
     if (seconds) {
-        reason += choice.seconds_kept ? "; max_seconds = " + short_number(*options.max_seconds) + " is kept"
-                                      : "; max_seconds = " + short_number(*options.max_seconds) +
+        reason += choice.seconds_kept ? "; max_seconds = " + text_of(*options.max_seconds, 3) + " is kept"
+                                      : "; max_seconds = " + text_of(*options.max_seconds, 3) +
                                             " is not kept: nothing that was looked at is faster";
     }
     row.reason = reason + (refined ? "; refined after a check through other pixels" : "") + "; looked at " + looked;

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 
+#include "base/checks.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/renderer.hpp"
 
@@ -73,8 +73,8 @@ class Search {
         const Judge::Floor floor = judge_.floor();
         if (floor.error > aim_) {
             throw Unsupported(Complaint{option_ref("max_error") + " cannot be reached",
-                                        floor.cause + " = " + short_number(floor.error) + " alone, with any settings",
-                                        option_ref("max_error", short_number(most)) + ", less a margin for safety",
+                                        floor.cause + " = " + text_of(floor.error, 3) + " alone, with any settings",
+                                        option_ref("max_error", text_of(most, 3)) + ", less a margin for safety",
                                         floor.advice});
         }
         Settings start = start_;
@@ -84,9 +84,9 @@ class Search {
         } else if (stopped > most) {
             throw InvalidInput(
                 Complaint{option_ref("max_error") + " cannot be kept with this " + option_ref("opacity_stop"),
-                          option_ref("opacity_stop", short_number(start.opacity_stop)) +
-                              ", which alone causes an error of " + short_number(stopped),
-                          option_ref("max_error", short_number(most)), "leave out " + option_ref("opacity_stop")});
+                          option_ref("opacity_stop", text_of(start.opacity_stop, 3)) +
+                              ", which alone causes an error of " + text_of(stopped, 3),
+                          option_ref("max_error", text_of(most, 3)), "leave out " + option_ref("opacity_stop")});
         }
         for (const Settings& kind : kinds(start, freedom_)) {
             look(kind);
@@ -276,17 +276,17 @@ class Search {
     }
 
     [[noreturn]] void give_up(double most) const {
-        const std::string reached = "errors down to " + short_number(least_) + ", by " + kind_of(least_at_) +
-                                    " of slices " + short_number(least_at_.slice_spacing) + " apart";
+        const std::string reached = "errors down to " + text_of(least_, 3) + ", by " + kind_of(least_at_) +
+                                    " of slices " + text_of(least_at_.slice_spacing, 3) + " apart";
         if (!freedom_.spacing) {
             throw InvalidInput(Complaint{
                 option_ref("max_error") + " cannot be kept with this " + option_ref("slice_spacing"),
-                option_ref("slice_spacing", short_number(start_.slice_spacing)) + ", with " + reached,
-                option_ref("max_error", short_number(most)) + ", less a margin for safety",
+                option_ref("slice_spacing", text_of(start_.slice_spacing, 3)) + ", with " + reached,
+                option_ref("max_error", text_of(most, 3)) + ", less a margin for safety",
                 "leave out " + option_ref("slice_spacing") + ", or allow a larger " + option_ref("max_error")});
         }
         throw Unsupported(Complaint{option_ref("max_error") + " cannot be reached", reached,
-                                    option_ref("max_error", short_number(most)),
+                                    option_ref("max_error", text_of(most, 3)),
                                     "allow a larger " + option_ref("max_error") + "; " +
                                         option_ref("precision", "float64") + " may help where slices are many"});
     }
@@ -301,13 +301,6 @@ class Search {
 };
 
 } // namespace
-
-std::string short_number(double value) {
-    std::ostringstream text;
-    text.precision(3);
-    text << value;
-    return text.str();
-}
 
 std::string kind_of(const Settings& settings) {
     const char* sampling = settings.sampling == Sampling::slab ? "slab" : "point";

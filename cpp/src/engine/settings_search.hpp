@@ -11,9 +11,6 @@
 
 namespace sheetsplat {
 
-/// A number for a sentence: three digits.
-std::string short_number(double value);
-
 /// The settings that may be changed; the others stay as the caller set them.
 struct Freedom {
     bool spacing = true;

@@ -37,13 +37,12 @@ namespace ss = sheetsplat;
 
 constexpr double pi = 3.14159265358979323846;
 
-enum class SampleType { uint8, int16, uint16, float32, float64 };
 enum class Generated { ball, marschner_lobb, ellipsoids };
 
 struct Options {
     std::string raw;
     std::array<std::uint64_t, 3> shape{}; ///< samples along x, y, z
-    SampleType type = SampleType::uint8;
+    std::string type = "uint8";
     std::optional<Generated> generated;
     std::size_t samples = 64;
     std::size_t kernels = 3000;
@@ -102,28 +101,26 @@ ss::SampleArray read_samples(const std::string& path, std::size_t count) {
     return samples;
 }
 
-std::size_t bytes_of(SampleType type) {
-    switch (type) {
-    case SampleType::uint8:
-        return 1;
-    case SampleType::int16:
-    case SampleType::uint16:
-        return 2;
-    case SampleType::float32:
-        return 4;
-    case SampleType::float64:
-        return 8;
-    }
-    return 0;
-}
+struct SampleType {
+    const char* name;
+    std::size_t bytes;
+    ss::SampleArray (*read)(const std::string& path, std::size_t count);
+};
+constexpr std::array<SampleType, 5> sample_types{{{"uint8", 1, read_samples<std::uint8_t>},
+                                                  {"int16", 2, read_samples<std::int16_t>},
+                                                  {"uint16", 2, read_samples<std::uint16_t>},
+                                                  {"float32", 4, read_samples<float>},
+                                                  {"float64", 8, read_samples<double>}}};
 
 /// Throws InvalidInput where the file is not exactly as long as shape and type say; takes memory only after that.
 std::shared_ptr<const ss::RegularField> read_raw(const Options& options) {
     const std::string failed = options.raw + ": the volume cannot be read";
+    const SampleType& type = *std::find_if(sample_types.begin(), sample_types.end(),
+                                           [&](const SampleType& each) { return options.type == each.name; });
     const std::string shape_text = std::to_string(options.shape[0]) + " x " + std::to_string(options.shape[1]) + " x " +
-                                   std::to_string(options.shape[2]) + " samples of " +
-                                   std::to_string(bytes_of(options.type)) + " bytes";
-    std::uint64_t bytes = bytes_of(options.type);
+                                   std::to_string(options.shape[2]) + " samples of " + std::to_string(type.bytes) +
+                                   " bytes";
+    std::uint64_t bytes = type.bytes;
     for (const std::uint64_t edge : options.shape) {
         if (edge == 0 || bytes > static_cast<std::uint64_t>(std::numeric_limits<std::streamsize>::max()) / edge) {
             throw ss::InvalidInput(
@@ -144,25 +141,7 @@ std::shared_ptr<const ss::RegularField> read_raw(const Options& options) {
             failed, std::to_string(found) + " bytes", std::to_string(bytes) + " bytes for " + shape_text,
             "correct " + ss::option_ref("shape") + " or " + ss::option_ref("dtype") + ", or fetch the whole file"});
     }
-    const std::size_t count = static_cast<std::size_t>(bytes) / bytes_of(options.type);
-    ss::SampleArray samples;
-    switch (options.type) {
-    case SampleType::uint8:
-        samples = read_samples<std::uint8_t>(options.raw, count);
-        break;
-    case SampleType::int16:
-        samples = read_samples<std::int16_t>(options.raw, count);
-        break;
-    case SampleType::uint16:
-        samples = read_samples<std::uint16_t>(options.raw, count);
-        break;
-    case SampleType::float32:
-        samples = read_samples<float>(options.raw, count);
-        break;
-    case SampleType::float64:
-        samples = read_samples<double>(options.raw, count);
-        break;
-    }
+    ss::SampleArray samples = type.read(options.raw, static_cast<std::size_t>(bytes) / type.bytes);
     ss::RegularFieldOptions field;
     field.spacing = vector_of(options.spacing);
     return std::make_shared<const ss::RegularField>(
@@ -342,45 +321,33 @@ void run(const Options& options) {
 }
 
 template <typename T>
-CLI::Validator one_of(const std::vector<std::pair<std::string, T>>& names) {
-    return CLI::CheckedTransformer(names, CLI::ignore_case).description("");
+CLI::Validator one_of(std::vector<std::pair<std::string, T>> names) {
+    return CLI::CheckedTransformer(std::move(names), CLI::ignore_case).description("");
 }
 
 void declare(CLI::App& app, Options& options) {
-    using Names = std::vector<std::pair<std::string, SampleType>>;
-    auto* raw = app.add_option("--raw", options.raw, "headerless volume, x fastest, in this machine's byte order")
-                    ->group("Volume");
-    auto* shape = app.add_option("--shape", options.shape, "samples along x, y, z, XxYxZ or X Y Z")
-                      ->delimiter('x')
-                      ->group("Volume");
+    app.option_defaults()->group("Volume");
+    auto* raw = app.add_option("--raw", options.raw, "headerless volume, x fastest, in this machine's byte order");
+    auto* shape = app.add_option("--shape", options.shape, "samples along x, y, z, XxYxZ or X Y Z")->delimiter('x');
     app.add_option("--dtype", options.type, "uint8 | int16 | uint16 | float32 | float64")
-        ->transform(one_of(Names{{"uint8", SampleType::uint8},
-                                 {"int16", SampleType::int16},
-                                 {"uint16", SampleType::uint16},
-                                 {"float32", SampleType::float32},
-                                 {"float64", SampleType::float64}}))
-        ->needs(raw)
-        ->group("Volume");
+        ->transform(CLI::IsMember({"uint8", "int16", "uint16", "float32", "float64"}, CLI::ignore_case).description(""))
+        ->needs(raw);
     raw->needs(shape);
     shape->needs(raw);
-    auto* generated =
-        app.add_option("--generate", options.generated, "ball | marschner-lobb | ellipsoids")
-            ->transform(
-                one_of(std::vector<std::pair<std::string, Generated>>{{"ball", Generated::ball},
-                                                                      {"marschner-lobb", Generated::marschner_lobb},
-                                                                      {"ellipsoids", Generated::ellipsoids}}))
-            ->excludes(raw)
-            ->group("Volume");
+    auto* generated = app.add_option("--generate", options.generated, "ball | marschner-lobb | ellipsoids")
+                          ->transform(one_of<Generated>({{"ball", Generated::ball},
+                                                         {"marschner-lobb", Generated::marschner_lobb},
+                                                         {"ellipsoids", Generated::ellipsoids}}))
+                          ->excludes(raw);
     app.add_option("--samples", options.samples, "of a generated volume, along each edge (64)")
         ->check(CLI::Range(2, 1024).description(""))
-        ->needs(generated)
-        ->group("Volume");
+        ->needs(generated);
     app.add_option("--kernels", options.kernels, "how many generated ellipsoids (3000)")
         ->check(CLI::Range(1, 10'000'000).description(""))
-        ->needs(generated)
-        ->group("Volume");
-    app.add_option("--spacing", options.spacing, "world units between samples, X Y Z (1 1 1)")->group("Volume");
+        ->needs(generated);
+    app.add_option("--spacing", options.spacing, "world units between samples, X Y Z (1 1 1)");
 
+    app.option_defaults()->group("Classification");
     auto* points = app.add_option_function<std::vector<std::string>>(
         "--tf",
         [&options](const std::vector<std::string>& texts) {
@@ -389,62 +356,46 @@ void declare(CLI::App& app, Options& options) {
             }
         },
         "a point of the transfer function, \"value red green blue opacity\"; repeated, values rising");
-    points->expected(1)->take_all()->group("Classification");
+    points->expected(1)->take_all();
     app.add_option("--clim", options.limits, "values that the built-in transfer function spans (the volume's range)")
-        ->excludes(points)
-        ->group("Classification");
+        ->excludes(points);
     app.add_option("--mode", options.mode, "composite | isosurface | xray | mip")
-        ->transform(one_of(std::vector<std::pair<std::string, ss::Mode>>{{"composite", ss::Mode::composite},
-                                                                         {"isosurface", ss::Mode::isosurface},
-                                                                         {"xray", ss::Mode::xray},
-                                                                         {"mip", ss::Mode::mip}}))
-        ->group("Classification");
-    app.add_option("--iso,--iso-value", options.iso_value, "value of the isosurface (the middle of the range)")
-        ->group("Classification");
+        ->transform(one_of<ss::Mode>({{"composite", ss::Mode::composite},
+                                      {"isosurface", ss::Mode::isosurface},
+                                      {"xray", ss::Mode::xray},
+                                      {"mip", ss::Mode::mip}}));
+    app.add_option("--iso,--iso-value", options.iso_value, "value of the isosurface (the middle of the range)");
     app.add_option("--sampling", options.sampling, "point | slab")
-        ->transform(one_of(std::vector<std::pair<std::string, ss::Sampling>>{{"point", ss::Sampling::point},
-                                                                             {"slab", ss::Sampling::slab}}))
-        ->group("Classification");
+        ->transform(one_of<ss::Sampling>({{"point", ss::Sampling::point}, {"slab", ss::Sampling::slab}}));
     app.add_option("--slice-spacing", options.slice_spacing,
-                   "world units between slices (the smallest spacing; of ellipsoids half their median thickness)")
-        ->group("Classification");
-    app.add_option("--opacity-stop", options.opacity_stop, "opacity at which a pixel is done; 1: never (0.98)")
-        ->group("Classification");
-    app.add_flag("--shading,!--no-shading", options.shading, "light the volume (on)")->group("Classification");
-    app.add_flag("--preintegration", options.preintegration, "classify between slices, not on them")
-        ->group("Classification");
+                   "world units between slices (the smallest spacing; of ellipsoids half their median thickness)");
+    app.add_option("--opacity-stop", options.opacity_stop, "opacity at which a pixel is done; 1: never (0.98)");
+    app.add_flag("--shading,!--no-shading", options.shading, "light the volume (on)");
+    app.add_flag("--preintegration", options.preintegration, "classify between slices, not on them");
 
+    app.option_defaults()->group("Camera");
     app.add_option("--projection", options.projection, "orthographic | perspective")
-        ->transform(one_of(std::vector<std::pair<std::string, ss::Projection>>{
-            {"orthographic", ss::Projection::orthographic}, {"perspective", ss::Projection::perspective}}))
-        ->group("Camera");
-    app.add_option("--azimuth", options.azimuth, "degrees about the y axis (25)")->group("Camera");
-    app.add_option("--elevation", options.elevation, "degrees above the xz plane (20)")->group("Camera");
-    app.add_option("--zoom", options.zoom, "1 shows the whole volume")
-        ->check(CLI::PositiveNumber.description(""))
-        ->group("Camera");
-    app.add_option("--fov,--fov-y", options.fov_y, "vertical angle of the perspective camera in degrees (30)")
-        ->group("Camera");
+        ->transform(one_of<ss::Projection>(
+            {{"orthographic", ss::Projection::orthographic}, {"perspective", ss::Projection::perspective}}));
+    app.add_option("--azimuth", options.azimuth, "degrees about the y axis (25)");
+    app.add_option("--elevation", options.elevation, "degrees above the xz plane (20)");
+    app.add_option("--zoom", options.zoom, "1 shows the whole volume")->check(CLI::PositiveNumber.description(""));
+    app.add_option("--fov,--fov-y", options.fov_y, "vertical angle of the perspective camera in degrees (30)");
 
-    app.add_option("--size", options.size, "pixels, WIDTHxHEIGHT or WIDTH HEIGHT (400x400)")
-        ->delimiter('x')
-        ->group("Picture");
-    app.add_option("--background", options.background, "RED GREEN BLUE, 0 to 1 (transparent)")->group("Picture");
+    app.option_defaults()->group("Picture");
+    app.add_option("--size", options.size, "pixels, WIDTHxHEIGHT or WIDTH HEIGHT (400x400)")->delimiter('x');
+    app.add_option("--background", options.background, "RED GREEN BLUE, 0 to 1 (transparent)");
     app.add_option("--backend", options.backend, "auto | gl | cpu | reference")
-        ->transform(one_of(std::vector<std::pair<std::string, ss::Backend>>{{"auto", ss::Backend::automatic},
-                                                                            {"gl", ss::Backend::gl},
-                                                                            {"cpu", ss::Backend::cpu},
-                                                                            {"reference", ss::Backend::reference}}))
-        ->group("Picture");
+        ->transform(one_of<ss::Backend>({{"auto", ss::Backend::automatic},
+                                         {"gl", ss::Backend::gl},
+                                         {"cpu", ss::Backend::cpu},
+                                         {"reference", ss::Backend::reference}}));
     app.add_option("--threads", options.threads, "of backend cpu; 0: as many as the process may run on (0)")
-        ->check(CLI::NonNegativeNumber.description(""))
-        ->group("Picture");
+        ->check(CLI::NonNegativeNumber.description(""));
     app.add_option("--max-error", options.max_error,
-                   "root mean square error that the picture may have; chooses slices and classification")
-        ->group("Picture");
+                   "root mean square error that the picture may have; chooses slices and classification");
     app.add_option("--max-seconds", options.max_seconds,
-                   "how long drawing may take, about; chooses slices and classification")
-        ->group("Picture");
+                   "how long drawing may take, about; chooses slices and classification");
     app.add_option("-o,--output", options.output, "the picture, .png or .pfm")
         ->required()
         ->check(CLI::Validator(
@@ -453,8 +404,7 @@ void declare(CLI::App& app, Options& options) {
                            ? std::string()
                            : "'" + path + "' ends neither in .png nor in .pfm";
             },
-            ""))
-        ->group("Picture");
+            ""));
 }
 
 /// A reference to an option as this program spells it; without such an option, as C++ does.

@@ -1,4 +1,4 @@
-// The machines that pictures can be made on.
+// The devices of the backends on this machine.
 #pragma once
 
 #include <string>
@@ -6,7 +6,7 @@
 
 namespace sheetsplat {
 
-/// One backend or one way to an OpenGL context, tried here.
+/// One backend, or one attempt to make an OpenGL context.
 struct DeviceReport {
     std::string backend;  ///< "reference", "cpu" or "gl"
     std::string platform; ///< "" or "egl" | "surfaceless" | "osmesa"

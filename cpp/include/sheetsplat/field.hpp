@@ -164,8 +164,8 @@ struct EllipsoidFieldOptions {
 /// Ellipsoidal Gaussians of any place, size and direction ([NM06]). Immutable; may have no kernels at all.
 class EllipsoidField final : public Field {
   public:
-    /// Throws InvalidInput, with the index of the first offender, for arrays of unequal length, numbers that are not
-    /// finite, semi-axes <= 0 (cure: min_scale), quaternions farther than 1e-3 from unit length (closer ones are
+    /// Throws InvalidInput, with the index of the first wrong entry, for arrays of unequal length, numbers that are not
+    /// finite, semi-axes <= 0 (see min_scale), quaternions farther than 1e-3 from unit length (closer ones are
     /// normalised), negative weights, weights that are all 0; for falloff, w0, min_scale or cell_volume that are not
     /// finite and positive; for normalisation lattice without cell_volume or with kernels of different volume (relative
     /// difference above 1e-6).

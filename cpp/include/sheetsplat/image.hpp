@@ -32,12 +32,12 @@ struct Image {
     std::vector<float> depth;    ///< h * w, when asked for; infinite where nothing is
     std::shared_ptr<const RenderPlan> plan;
     std::map<std::string, double> stats; ///< seconds per stage, slices, kernels drawn and culled, bytes
-    /// What stood in place of the scene's own settings (RendererOptions::max_error and max_seconds); else nothing.
+    /// What replaced the scene's own settings (RendererOptions::max_error and max_seconds); else nothing.
     std::optional<Settings> settings;
 };
 
-/// How far a picture is from the converged one (slice distance towards 0, A_stop = 1, exact arithmetic), told without
-/// it. Distances are those of compare().
+/// How far a picture is from the converged one (slice distance towards 0, A_stop = 1, exact arithmetic), estimated
+/// without it. Distances are those of compare().
 struct ErrorEstimate {
     Size size{};
     double rmse = 0.0;

@@ -38,7 +38,7 @@ std::vector<EffectInfo> known_effects();
 struct ErrorShare {
     std::string cause;
     double rmse = 0.0;    ///< bound or estimate
-    std::string effect{}; ///< that owes it
+    std::string effect{}; ///< that causes it
 };
 
 struct RenderPlan {

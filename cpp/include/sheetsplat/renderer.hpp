@@ -50,7 +50,7 @@ struct Outputs {
 /// Called with each stage of a picture. Returning false ends it there.
 using OnStage = std::function<bool(const Image& picture, bool last)>;
 
-/// Keeps a device and the caches between frames. One thread at a time; several renderers may live side by side.
+/// Keeps a device and the caches between frames. One thread at a time; there may be several renderers.
 class Renderer {
   public:
     explicit Renderer(const RendererOptions& options = {});

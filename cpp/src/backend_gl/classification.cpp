@@ -52,10 +52,8 @@ Classification::Classification(const gl::Api& gl, const TransferFunction& functi
 }
 
 void Classification::bind(const gl::Program& program) const {
-    index_.bind(UNIT_TRANSFER_INDEX);
-    points_.bind(UNIT_TRANSFER_POINTS);
-    program.set("transfer_index", UNIT_TRANSFER_INDEX);
-    program.set("transfer_points", UNIT_TRANSFER_POINTS);
+    program.bind("transfer_index", index_, UNIT_TRANSFER_INDEX);
+    program.bind("transfer_points", points_, UNIT_TRANSFER_POINTS);
     program.set("transfer_range", first_, cells_per_unit_);
     program.set("transfer_last", last_);
 }

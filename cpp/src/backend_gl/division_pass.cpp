@@ -36,21 +36,8 @@ void divide_own_sheets(const TileScope& scope, std::int64_t pass) {
         targets.bind_sum(wide ? sheet_number : 1);
         program.use();
         const Sheet& sheet = targets.own_sheet(own, sheet_number);
-        const auto bind = [&](const char* name, const gl::Texture& texture, int unit) {
-            texture.bind(unit);
-            program.set(name, unit);
-        };
-        bind("sheet_front_texture", sheet.value, UNIT_SHEET_FRONT);
-        bind("weight_front_texture", sheet.weight, UNIT_WEIGHT_FRONT);
+        sheet.bind(program, "front");
         program.set("pivot", scope.pivots[static_cast<std::size_t>(own)]);
-        if (slopes) {
-            bind("x_front_texture", sheet.slope[0], UNIT_SLOPE_X_FRONT);
-            bind("y_front_texture", sheet.slope[1], UNIT_SLOPE_Y_FRONT);
-            bind("z_front_texture", sheet.slope[2], UNIT_SLOPE_Z_FRONT);
-            bind("weight_x_front_texture", sheet.weight_slope[0], UNIT_WEIGHT_X_FRONT);
-            bind("weight_y_front_texture", sheet.weight_slope[1], UNIT_WEIGHT_Y_FRONT);
-            bind("weight_z_front_texture", sheet.weight_slope[2], UNIT_WEIGHT_Z_FRONT);
-        }
         program.set("w0", static_cast<float>(scope.job.scene->fields[field]->w0()));
         scope.draw_targets(program);
         targets.clear_own(own, sheet_number);

@@ -1,10 +1,9 @@
 #include "ellipsoid_splats.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <cstring>
 
+#include "base/clock.hpp"
 #include "interop.h"
 
 namespace sheetsplat::backend_gl {
@@ -39,7 +38,7 @@ void EllipsoidSplats::splat(std::size_t part, std::int64_t pass) {
         return EllipsoidView::pixels(bounds, frame, scope_.tile, wider);
     };
     const auto counts = [&](const PixelBox& box) { return !box.empty() && splatting_.counts(box); };
-    const auto started = std::chrono::steady_clock::now();
+    const auto started = Clock::now();
     walks_[part].next([&](const EllipsoidView::ScreenBounds& bounds) { return splatting_.hides(pixels(bounds)); },
                       [&](const CellTraversal::Entry& entry) {
                           const bool narrow = entry.narrow != 0U;
@@ -66,7 +65,7 @@ void EllipsoidSplats::splat(std::size_t part, std::int64_t pass) {
                               draw_group(part, number, pass);
                           }
                       });
-    splatting_.vertex_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+    splatting_.vertex_seconds += seconds_since(started);
     for (std::size_t number = 0; number < groups_.size(); ++number) {
         draw_group(part, number, pass);
     }
@@ -92,22 +91,17 @@ void EllipsoidSplats::bind_attributes(SectionGroup group, std::size_t first) con
     const gl::Api& gl = scope_.gl;
     const Resources& resources = scope_.resources;
     const GLuint divisor = group == SectionGroup::sprite ? 0 : 1;
-    const auto bind = [&](GLuint location, std::size_t start, GLsizei stride, GLuint every) {
-        gl.EnableVertexAttribArray(location);
-        gl.VertexAttribPointer(location, 4, GL_FLOAT, GL_FALSE, stride, reinterpret_cast<const void*>(start));
-        gl.VertexAttribDivisor(location, every);
-    };
+    constexpr std::size_t quarter = 4 * sizeof(float);
     for (GLuint rest = 0; rest < 3; ++rest) {
-        if (!is_precise(group)) {
+        if (is_precise(group)) {
+            resources.rests.attribute(ATTRIBUTE_REST_HEIGHTS + rest, 4, GL_FLOAT, sizeof(SectionRest),
+                                      first * sizeof(SectionRest) + rest * quarter, 1);
+        } else {
             gl.DisableVertexAttribArray(ATTRIBUTE_REST_HEIGHTS + rest);
-            continue;
         }
-        resources.rests.bind();
-        bind(ATTRIBUTE_REST_HEIGHTS + rest,
-             resources.rests.offset() + first * sizeof(SectionRest) + rest * 4 * sizeof(float), sizeof(SectionRest), 1);
     }
-    resources.records.bind();
     if (scope_.plan.resident_sections) {
+        resources.records.bind();
         gl.EnableVertexAttribArray(ATTRIBUTE_RECORD_INDEX);
         gl.VertexAttribIPointer(
             ATTRIBUTE_RECORD_INDEX, 1, GL_UNSIGNED_INT, sizeof(std::uint32_t),
@@ -118,10 +112,9 @@ void EllipsoidSplats::bind_attributes(SectionGroup group, std::size_t first) con
         }
         return;
     }
-    for (GLuint quarter = 0; quarter < 4; ++quarter) {
-        bind(ATTRIBUTE_RECORD_PLACE + quarter,
-             resources.records.offset() + first * sizeof(SectionRecord) + quarter * 4 * sizeof(float),
-             sizeof(SectionRecord), divisor);
+    for (GLuint part = 0; part < 4; ++part) {
+        resources.records.attribute(ATTRIBUTE_RECORD_PLACE + part, 4, GL_FLOAT, sizeof(SectionRecord),
+                                    first * sizeof(SectionRecord) + part * quarter, divisor);
     }
 }
 
@@ -159,24 +152,19 @@ void EllipsoidSplats::draw(const EllipsoidView& view, const Gathered& gathered, 
         const std::size_t records = gathered.records.size() + gathered.indices.size();
         for (std::size_t begin = 0; begin < records; begin += records_at_once) {
             const std::size_t count = std::min(records_at_once, records - begin);
-            std::memcpy(scope_.resources.records.map_next(count * size), data + begin * size, count * size);
-            scope_.resources.records.unmap();
+            scope_.resources.records.upload_next(data + begin * size, count * size);
             if (is_precise(group)) {
-                std::memcpy(scope_.resources.rests.map_next(count * sizeof(SectionRest)), gathered.rests.data() + begin,
-                            count * sizeof(SectionRest));
-                scope_.resources.rests.unmap();
+                scope_.resources.rests.upload_next(gathered.rests.data() + begin, count * sizeof(SectionRest));
             }
-            for (std::size_t first = 0; first < count;) {
-                const std::size_t now =
-                    group == SectionGroup::sprite ? count : std::min(scope_.hooks.kernels_a_call(), count - first);
+            if (group == SectionGroup::sprite) {
+                bind_attributes(group, 0);
+                scope_.gl.DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(count));
+                continue;
+            }
+            splatting_.in_calls(count, [&](std::size_t first, std::size_t now) {
                 bind_attributes(group, first);
-                if (group == SectionGroup::sprite) {
-                    scope_.gl.DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(now));
-                } else {
-                    scope_.gl.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(now));
-                }
-                first += now;
-            }
+                scope_.gl.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(now));
+            });
         }
     };
     if (group != SectionGroup::sprite) {

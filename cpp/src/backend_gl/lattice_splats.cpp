@@ -1,9 +1,9 @@
 #include "lattice_splats.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
+#include "base/clock.hpp"
 #include "interop.h"
 
 namespace sheetsplat::backend_gl {
@@ -37,7 +37,7 @@ void LatticeSplats::splat(std::size_t part, std::int64_t pass) {
     const VertexMaker& maker = makers_[part];
     const bool boxed = scope_.plan.projection == Projection::perspective;
     gl::Buffer& samples = scope_.resources.samples;
-    const auto started = std::chrono::steady_clock::now();
+    const auto started = Clock::now();
     auto* vertices = static_cast<SplatVertex*>(samples.map_next(count * sizeof(SplatVertex)));
     auto* boxes = boxed ? static_cast<PixelBox*>(scope_.resources.boxes.map_next(count * sizeof(PixelBox))) : nullptr;
     const std::size_t made = maker.make(batches.begin(batch), count, first_slab, vertices, boxes,
@@ -46,7 +46,7 @@ void LatticeSplats::splat(std::size_t part, std::int64_t pass) {
     if (boxed) {
         scope_.resources.boxes.unmap();
     }
-    splatting_.vertex_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+    splatting_.vertex_seconds += seconds_since(started);
     if (made == 0) {
         return;
     }
@@ -60,23 +60,14 @@ void LatticeSplats::splat(std::size_t part, std::int64_t pass) {
 }
 
 void LatticeSplats::bind_attributes(std::size_t first) const {
-    const gl::Api& gl = scope_.gl;
-    scope_.resources.splat_array.bind();
-    scope_.resources.samples.bind();
-    gl.EnableVertexAttribArray(ATTRIBUTE_SAMPLE);
-    gl.VertexAttribPointer(
-        ATTRIBUTE_SAMPLE, 4, GL_FLOAT, GL_FALSE, sizeof(SplatVertex),
-        reinterpret_cast<const void*>(scope_.resources.samples.offset() + first * sizeof(SplatVertex)));
-    gl.VertexAttribDivisor(ATTRIBUTE_SAMPLE, scope_.plan.points ? 0 : 1);
+    const Resources& resources = scope_.resources;
+    resources.splat_array.bind();
+    resources.samples.attribute(ATTRIBUTE_SAMPLE, 4, GL_FLOAT, sizeof(SplatVertex), first * sizeof(SplatVertex),
+                                scope_.plan.points ? 0 : 1);
     if (scope_.plan.projection == Projection::perspective) {
-        scope_.resources.boxes.bind();
-        gl.EnableVertexAttribArray(ATTRIBUTE_BOX);
-        gl.VertexAttribPointer(
-            ATTRIBUTE_BOX, 4, GL_INT, GL_FALSE, sizeof(PixelBox),
-            reinterpret_cast<const void*>(scope_.resources.boxes.offset() + first * sizeof(PixelBox)));
-        gl.VertexAttribDivisor(ATTRIBUTE_BOX, 1);
+        resources.boxes.attribute(ATTRIBUTE_BOX, 4, GL_INT, sizeof(PixelBox), first * sizeof(PixelBox), 1);
     } else {
-        gl.DisableVertexAttribArray(ATTRIBUTE_BOX);
+        scope_.gl.DisableVertexAttribArray(ATTRIBUTE_BOX);
     }
 }
 
@@ -98,26 +89,21 @@ void LatticeSplats::draw(const gl::Program& program, const FieldView& view, cons
         program.set("first_depth", f(frame.depth_of(first_slab)));
         program.set("last_offset", f(scope_.job.layout.covered - 1));
     }
-    const std::size_t at_once = scope_.hooks.kernels_a_call();
     if (scope_.plan.points) {
         program.set("point_size", f(2.0 * maker.half_size() + sprite_margin(scope_.capabilities)));
         splatting_.draw_points(program, static_cast<int>(std::ceil(maker.half_size())) + 1, [&] {
             bind_attributes(0);
-            for (std::size_t first = 0; first < count;) {
-                const std::size_t now = std::min(at_once, count - first);
+            splatting_.in_calls(count, [&](std::size_t first, std::size_t now) {
                 scope_.gl.DrawArrays(GL_POINTS, static_cast<GLint>(first), static_cast<GLsizei>(now));
-                first += now;
-            }
+            });
         });
         return;
     }
     program.set("half_size", f(maker.half_x()), f(maker.half_y()));
-    for (std::size_t first = 0; first < count;) {
-        const std::size_t now = std::min(at_once, count - first);
+    splatting_.in_calls(count, [&](std::size_t first, std::size_t now) {
         bind_attributes(first);
         scope_.gl.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(now));
-        first += now;
-    }
+    });
 }
 
 } // namespace sheetsplat::backend_gl

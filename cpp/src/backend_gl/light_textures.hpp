@@ -1,4 +1,4 @@
-// What light finds on its way, as the shading pass looks it up.
+// Volumes of shadows and ambient occlusion as a texture of the shading pass.
 #pragma once
 
 #include <cstdint>
@@ -29,7 +29,7 @@ class LightTextures {
     const gl::Api* gl_;
     gl::Buffer buffer_;
     gl::BufferTexture texture_;
-    std::vector<std::shared_ptr<const LightVolume>> volumes_; ///< null: nothing dims the light
+    std::vector<std::shared_ptr<const LightVolume>> volumes_; ///< null: a transmittance of 1 everywhere
 };
 
 } // namespace sheetsplat::backend_gl

@@ -6,6 +6,18 @@
 
 namespace sheetsplat::backend_gl {
 
+namespace {
+
+template <class Kept, class... Arguments>
+Kept& made_once(std::unique_ptr<Kept>& kept, const Arguments&... arguments) {
+    if (!kept) {
+        kept = std::make_unique<Kept>(arguments...);
+    }
+    return *kept;
+}
+
+} // namespace
+
 Resources::Resources(const gl::Api& gl, const Capabilities& capabilities)
     : samples(gl, GL_ARRAY_BUFFER), boxes(gl, GL_ARRAY_BUFFER), records(gl, GL_ARRAY_BUFFER),
       rests(gl, GL_ARRAY_BUFFER), rectangles(gl, GL_ARRAY_BUFFER), splat_array(gl), record_array(gl),
@@ -40,26 +52,9 @@ void Resources::rewind() {
     }
 }
 
-SectionPass& Resources::section_pass() {
-    if (!section_pass_) {
-        section_pass_ = std::make_unique<SectionPass>(*gl_);
-    }
-    return *section_pass_;
-}
-
-PaperSlicing& Resources::paper_slicing() {
-    if (!paper_slicing_) {
-        paper_slicing_ = std::make_unique<PaperSlicing>(*gl_, precise_);
-    }
-    return *paper_slicing_;
-}
-
-LightTextures& Resources::light() {
-    if (!light_) {
-        light_ = std::make_unique<LightTextures>(*gl_);
-    }
-    return *light_;
-}
+SectionPass& Resources::section_pass() { return made_once(section_pass_, *gl_); }
+PaperSlicing& Resources::paper_slicing() { return made_once(paper_slicing_, *gl_, precise_); }
+LightTextures& Resources::light() { return made_once(light_, *gl_); }
 
 const Targets& Resources::targets(const TargetShape& shape) {
     if (!targets_ || !(targets_->shape() == shape)) {

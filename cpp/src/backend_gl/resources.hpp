@@ -33,10 +33,9 @@ class Resources {
     const Targets& targets(const TargetShape& shape);
 
     gl::Buffer samples, boxes, records, rests, rectangles;
-    /// Made at its first use: it needs OpenGL 4.1.
+    /// Made at their first use.
     SectionPass& section_pass();
     PaperSlicing& paper_slicing();
-    /// Made at its first use.
     LightTextures& light();
     /// Of what is kept for fields and views; surfaces and buffers are not counted.
     [[nodiscard]] std::size_t bytes() const;

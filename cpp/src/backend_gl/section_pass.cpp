@@ -37,20 +37,19 @@ const gl::Program& SectionPass::program(Projection projection) {
 }
 
 SectionPass::Entry& SectionPass::entry_of(const std::shared_ptr<const EllipsoidField>& kernels) {
-    for (const auto& entry : entries_) {
-        if (entry->kernels == kernels) {
-            return *entry;
-        }
+    const auto known = entries_.find(kernels.get());
+    if (known != entries_.end()) {
+        return known->second;
     }
-    auto entry = std::make_unique<Entry>();
-    entry->kernels = kernels;
-    entry->input = gl::Buffer(*gl_, GL_ARRAY_BUFFER);
-    entry->output = gl::Buffer(*gl_, GL_ARRAY_BUFFER);
-    entry->array = gl::VertexArray(*gl_);
+    Entry entry;
+    entry.kernels = kernels;
+    entry.input = gl::Buffer(*gl_, GL_ARRAY_BUFFER);
+    entry.output = gl::Buffer(*gl_, GL_ARRAY_BUFFER);
+    entry.array = gl::VertexArray(*gl_);
     const EllipsoidField& field = *kernels;
     const Vec3 middle = field.centres_world().centre();
     auto* vertices = static_cast<KernelVertex*>(
-        entry->input.map(checked_product(field.size(), sizeof(KernelVertex), "the kernels on the device")));
+        entry.input.map(checked_product(field.size(), sizeof(KernelVertex), "the kernels on the device")));
     for (std::size_t i = 0; i < field.size(); ++i) {
         const Vec3 center = field.center(i) - middle;
         const Mat3 shape = field.shape(i);
@@ -65,14 +64,14 @@ SectionPass::Entry& SectionPass::entry_of(const std::shared_ptr<const EllipsoidF
         vertex.weight = field.weight(i);
         vertices[i] = vertex;
     }
-    entry->input.unmap();
+    entry.input.unmap();
     // Storage alone: the pass fills it.
     static_cast<void>(
-        entry->output.map(checked_product(field.size(), sizeof(SectionRecord), "the sections on the device")));
-    entry->output.unmap();
-    entry->texture = gl::BufferTexture(*gl_, GL_RGBA32F, entry->output);
-    entry->array.bind();
-    entry->input.bind();
+        entry.output.map(checked_product(field.size(), sizeof(SectionRecord), "the sections on the device")));
+    entry.output.unmap();
+    entry.texture = gl::BufferTexture(*gl_, GL_RGBA32F, entry.output);
+    entry.array.bind();
+    entry.input.bind();
     const auto attribute = [&](GLuint location, GLint size, std::size_t offset) {
         gl_->EnableVertexAttribArray(location);
         gl_->VertexAttribLPointer(location, size, GL_DOUBLE, sizeof(KernelVertex),
@@ -83,8 +82,7 @@ SectionPass::Entry& SectionPass::entry_of(const std::shared_ptr<const EllipsoidF
         attribute(ATTRIBUTE_KERNEL_AXIS_A + axis, 3, (3 + 3 * axis) * sizeof(double));
     }
     attribute(ATTRIBUTE_KERNEL_AMOUNT, 2, 12 * sizeof(double));
-    entries_.push_back(std::move(entry));
-    return *entries_.back();
+    return entries_.emplace(kernels.get(), std::move(entry)).first->second;
 }
 
 void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view) {
@@ -120,25 +118,19 @@ void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, co
     gl::check_errors(*gl_, "slicing the ellipsoids");
 }
 
-const gl::BufferTexture& SectionPass::records(const EllipsoidField& field) const {
-    const auto found = std::find_if(entries_.begin(), entries_.end(),
-                                    [&](const auto& entry) { return entry->kernels.get() == &field; });
-    return (*found)->texture;
-}
+const gl::BufferTexture& SectionPass::records(const EllipsoidField& field) const { return entries_.at(&field).texture; }
 
 void SectionPass::keep(const std::vector<const EllipsoidField*>& fields) {
-    entries_.erase(std::remove_if(entries_.begin(), entries_.end(),
-                                  [&](const auto& entry) {
-                                      return std::find(fields.begin(), fields.end(), entry->kernels.get()) ==
-                                             fields.end();
-                                  }),
-                   entries_.end());
+    for (auto entry = entries_.begin(); entry != entries_.end();) {
+        const bool used = std::find(fields.begin(), fields.end(), entry->first) != fields.end();
+        entry = used ? std::next(entry) : entries_.erase(entry);
+    }
 }
 
 std::size_t SectionPass::bytes() const {
     std::size_t sum = 0;
-    for (const auto& entry : entries_) {
-        sum += entry->input.capacity() + entry->output.capacity();
+    for (const auto& [field, entry] : entries_) {
+        sum += entry.input.capacity() + entry.output.capacity();
     }
     return sum;
 }

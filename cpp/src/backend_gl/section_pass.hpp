@@ -2,6 +2,7 @@
 // records stay on the device, and nothing is read back.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -35,9 +36,9 @@ class SectionPass {
     [[nodiscard]] const gl::Program& program(Projection projection);
 
     const gl::Api* gl_;
-    std::vector<std::unique_ptr<Entry>> entries_;
+    std::map<const EllipsoidField*, Entry> entries_;
     gl::Program orthographic_, perspective_;
-    gl::Texture pixel_; ///< nothing is drawn to it, but without a window some framebuffer must be bound
+    gl::Texture pixel_; ///< of a framebuffer that is bound because a context without a window has none
     gl::Framebuffer nowhere_;
 };
 

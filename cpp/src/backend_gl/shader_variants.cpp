@@ -9,6 +9,8 @@
 
 namespace sheetsplat::backend_gl {
 
+bool splats_slopes(const DrawPlan& plan) { return plan.fine_gradient || plan.analytic_gradient; }
+
 namespace {
 
 const std::string on = "1";
@@ -23,12 +25,6 @@ void define(const std::array<std::pair<const char*, bool>, count>& switches, gl:
     }
 }
 
-} // namespace
-
-bool splats_slopes(const DrawPlan& plan) { return plan.fine_gradient || plan.analytic_gradient; }
-
-namespace {
-
 /// Whether what adds to a target adds changes too: those of weights only where quotients need them.
 bool slopes_of(const DrawPlan& plan, const SplatTarget& target) {
     return splats_slopes(plan) && (!target.weights_alone || plan.threshold || target.own >= 0);
@@ -38,6 +34,28 @@ bool slopes_of(const DrawPlan& plan, const SplatTarget& target) {
 bool pivots(const DrawPlan& plan) {
     const bool classified = plan.mode == Mode::composite || plan.mode == Mode::isosurface;
     return classified && !plan.own_sheets.empty() && !plan.paper_slicing;
+}
+
+/// The defines of all splats.
+gl::Defines common_defines(const DrawPlan& plan, const SplatTarget& target, int slab_nodes, int slab_pieces) {
+    gl::Defines defines;
+    if (plan.sampling == Sampling::slab) {
+        defines = {
+            {"SLAB", on}, {"SLAB_NODES", std::to_string(slab_nodes)}, {"SLAB_PIECES", std::to_string(slab_pieces)}};
+    }
+    const std::array<std::pair<const char*, bool>, 9> switches{{
+        {"PERSPECTIVE", plan.projection == Projection::perspective},
+        {"TWO_TARGETS", plan.packing == Packing::wide && !target.narrow},
+        {"FINE", slopes_of(plan, target)},
+        {"FINE_XY", plan.fine_across},
+        {"FINE_Z", plan.fine_along},
+        {"ANALYTIC", plan.analytic_gradient},
+        {"PIVOT", pivots(plan) && target.own >= 0 && !target.weights_alone},
+        {"WEIGHT", target.weight && !splats_slopes(plan)},
+        {"WEIGHT_ALONE", target.weights_alone},
+    }};
+    define(switches, defines);
+    return defines;
 }
 
 } // namespace
@@ -90,56 +108,29 @@ double largest_sprite(const DrawPlan& plan, const Capabilities& capabilities) {
 gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target) {
     const bool general = plan.general || view.sheared;
     const bool separable = plan.separable && !general && view.extent_x == view.extent_y;
-    gl::Defines defines;
-    if (plan.sampling == Sampling::slab) {
-        defines["SLAB"] = on;
-        defines["SLAB_NODES"] = std::to_string(plan.slab_nodes);
-        defines["SLAB_PIECES"] = std::to_string(plan.slab_pieces);
-    }
-    const std::array<std::pair<const char*, bool>, 13> switches{{
+    gl::Defines defines = common_defines(plan, target, plan.slab_nodes, plan.slab_pieces);
+    const std::array<std::pair<const char*, bool>, 4> switches{{
         {"GENERAL", general},
-        {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"SEPARABLE", separable},
         {"NONNEGATIVE", separable && !target.weight && view.field != nullptr && view.field->value_range()[0] >= 0.0},
-        {"TWO_TARGETS", plan.packing == Packing::wide},
         {"POINTS", plan.points},
-        {"FINE", slopes_of(plan, target)},
-        {"FINE_XY", plan.fine_across},
-        {"FINE_Z", plan.fine_along},
-        {"ANALYTIC", plan.analytic_gradient},
-        {"PIVOT", pivots(plan) && target.own >= 0 && !target.weights_alone},
-        {"WEIGHT", target.weight && !splats_slopes(plan)},
-        {"WEIGHT_ALONE", target.weights_alone},
     }};
     define(switches, defines);
     return defines;
 }
 
 gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const SplatTarget& target) {
-    gl::Defines defines{{"ELLIPSOID", on}};
-    if (plan.sampling == Sampling::slab) {
-        defines["SLAB"] = on;
-        const bool thin = group == SectionGroup::thin || group == SectionGroup::precise_thin;
-        const bool medium = group == SectionGroup::medium || group == SectionGroup::precise_medium;
-        defines["SLAB_NODES"] = thin ? "4" : medium ? "6" : "0";
-        // Differences of means are integrated in pieces short enough for six nodes; a chord is at most 2 sqrt(k) widths
-        // long.
-        defines["SLAB_PIECES"] = thin || medium ? "1" : "4";
-    }
-    const std::array<std::pair<const char*, bool>, 13> switches{{
+    const bool thin = group == SectionGroup::thin || group == SectionGroup::precise_thin;
+    const bool medium = group == SectionGroup::medium || group == SectionGroup::precise_medium;
+    // Differences of means are integrated in pieces short enough for six nodes; a chord is at most 2 sqrt(k) widths
+    // long.
+    gl::Defines defines = common_defines(plan, target, thin ? 4 : medium ? 6 : 0, thin || medium ? 1 : 4);
+    const std::array<std::pair<const char*, bool>, 5> switches{{
+        {"ELLIPSOID", true},
         {"RESIDENT", plan.resident_sections},
         {"PRECISE_PLACES", is_precise(group)},
         {"SPRITE", group == SectionGroup::sprite},
         {"COMPACT", group == SectionGroup::compact && !slopes_of(plan, target) && plan.packing == Packing::wide},
-        {"PERSPECTIVE", plan.projection == Projection::perspective},
-        {"TWO_TARGETS", plan.packing == Packing::wide && !target.narrow},
-        {"FINE", slopes_of(plan, target)},
-        {"FINE_XY", plan.fine_across},
-        {"FINE_Z", plan.fine_along},
-        {"ANALYTIC", plan.analytic_gradient},
-        {"PIVOT", pivots(plan) && target.own >= 0 && !target.weights_alone},
-        {"WEIGHT", target.weight && !splats_slopes(plan)},
-        {"WEIGHT_ALONE", target.weights_alone},
     }};
     define(switches, defines);
     return defines;

@@ -16,8 +16,6 @@ class ShadingPass {
     void shade(const TouchedPixels& touched, std::int64_t pass) const;
 
   private:
-    void bind_sheets(const gl::Program& program, std::int64_t pass) const;
-
     const TileScope& scope_;
     const Classification* classification_;
     const ShadingInputs inputs_;

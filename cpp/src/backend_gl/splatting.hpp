@@ -1,6 +1,7 @@
 // What lattices and scattered ellipsoids share when a batch of them is splatted.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <vector>
 
@@ -51,12 +52,21 @@ class Splatting {
         scope.gl.Disable(GL_SCISSOR_TEST);
         scope.gl.Viewport(0, 0, width, height);
     }
+    /// Calls draw(first, now) until `count` kernels are drawn, each time for as many as the hooks allow.
+    template <class Draw>
+    void in_calls(std::size_t count, Draw&& draw) const {
+        for (std::size_t first = 0; first < count;) {
+            const std::size_t now = std::min(scope.hooks.kernels_a_call(), count - first);
+            draw(first, now);
+            first += now;
+        }
+    }
     [[nodiscard]] SlabPass slab_pass(std::int64_t pass) const;
 
     const TileScope& scope;
     std::size_t drawn = 0;       ///< kernels, counted at every batch that they stand in
     std::size_t dropped = 0;     ///< kernels that the opacity buffer dropped
-    double vertex_seconds = 0.0; ///< of vertex making, of which the device knows nothing
+    double vertex_seconds = 0.0; ///< spent on vertices by the processor
 
   private:
     void set_offsets(const gl::Program& program, std::int64_t first_slab) const;

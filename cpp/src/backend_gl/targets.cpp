@@ -1,5 +1,6 @@
 #include "targets.hpp"
 
+#include <array>
 #include <limits>
 
 #include "interop.h"
@@ -29,6 +30,32 @@ void append(std::vector<const gl::Texture*>& list, const std::vector<const Sheet
 }
 
 } // namespace
+
+void Sheet::bind(const gl::Program& program, const std::string& side) const {
+    // Samplers of the back follow those of the front.
+    const int offset = side == "back" ? 1 : 0;
+    const auto bind_plane = [&](const gl::Texture& plane, const std::string& name, int front_unit) {
+        if (plane) {
+            program.bind(name + "_" + side + "_texture", plane, front_unit + offset);
+        }
+    };
+    bind_plane(value, "sheet", UNIT_SHEET_FRONT);
+    bind_plane(weight, "weight", UNIT_WEIGHT_FRONT);
+    constexpr std::array<const char*, 3> axes{"x", "y", "z"};
+    for (int axis = 0; axis < 3; ++axis) {
+        const std::string name = axes[static_cast<std::size_t>(axis)];
+        bind_plane(slope[axis], name, UNIT_SLOPE_X_FRONT + 2 * axis);
+        bind_plane(weight_slope[axis], "weight_" + name, UNIT_WEIGHT_X_FRONT + 2 * axis);
+    }
+}
+
+std::size_t Sheet::bytes() const {
+    std::size_t sum = value.bytes() + weight.bytes();
+    for (int axis = 0; axis < 3; ++axis) {
+        sum += slope[axis].bytes() + weight_slope[axis].bytes();
+    }
+    return sum;
+}
 
 Sheet Targets::make_sheet(bool weight, bool weight_slopes) const {
     const auto texture = [&](bool wanted) {
@@ -61,60 +88,48 @@ Targets::Ways Targets::make_ways(const std::vector<Sheet>& sheets, bool weight) 
             }
             return gl::Framebuffer(*gl_, colors, depth);
         };
-        ways.values.push_back(made(true, false, tags));
-        ways.clear.push_back(made(false, false, nullptr));
-        if (shape_.wide) {
-            ways.one.push_back(made(false, false, tags));
-        }
-        if (weight && shape_.slopes) {
-            ways.weights.push_back(made(true, true, tags));
-            ways.clear_weights.push_back(made(false, true, nullptr));
+        const auto add = [&](Way& way, bool weights) {
+            way.both.push_back(made(true, weights, tags));
+            way.clear.push_back(made(false, weights, nullptr));
             if (shape_.wide) {
-                ways.one_weights.push_back(made(false, true, tags));
+                way.one.push_back(made(false, weights, tags));
             }
+        };
+        add(ways.values, false);
+        if (weight && shape_.slopes) {
+            add(ways.weights, true);
         }
     }
     return ways;
 }
 
 Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_(shape) {
-    const int w = shape.width;
-    const int h = shape.height;
+    const auto texture = [&](GLenum format) { return gl::Texture(gl, format, shape.width, shape.height); };
     const int count = shape.wide ? 3 : 2;
     for (int r = 0; r < count; ++r) {
         sheets_.push_back(make_sheet(shape.weight, shape.weight_slopes));
     }
     if (shape.shared_depth) {
-        depth_tags_ = gl::Texture(gl, GL_DEPTH_COMPONENT32F, w, h);
+        depth_tags_ = texture(GL_DEPTH_COMPONENT32F);
     }
     const gl::Texture* tags = shape.shared_depth ? &depth_tags_ : nullptr;
-    image_ = gl::Texture(gl, GL_RGBA32F, w, h);
-    std::vector<const gl::Texture*> picture{&image_};
-    if (shape.depth) {
-        image_depth_ = gl::Texture(gl, GL_R32F, w, h);
-        picture.push_back(&image_depth_);
-    }
-    if (shape.coverage) {
-        image_coverage_ = gl::Texture(gl, GL_RG32F, w, h);
-        picture.push_back(&image_coverage_);
-    }
-    if (shape.compensated) {
-        image_error_ = gl::Texture(gl, GL_RGBA32F, w, h);
-        picture.push_back(&image_error_);
-    }
-    if (shape.copies) {
-        image_copy_ = gl::Texture(gl, GL_RGBA32F, w, h);
-        if (shape.depth) {
-            image_depth_copy_ = gl::Texture(gl, GL_R32F, w, h);
+    const auto add = [&](bool wanted, GLenum format, const char* sampler, int unit, float empty) {
+        if (wanted) {
+            pictures_.push_back({sampler, unit, empty, texture(format), {}});
+            if (shape.copies) {
+                pictures_.back().copy = texture(format);
+            }
         }
-        if (shape.coverage) {
-            image_coverage_copy_ = gl::Texture(gl, GL_RG32F, w, h);
-        }
-        if (shape.compensated) {
-            image_error_copy_ = gl::Texture(gl, GL_RGBA32F, w, h);
-        }
+    };
+    add(true, GL_RGBA32F, "image_texture", UNIT_IMAGE, 0.0F);
+    add(shape.depth, GL_R32F, "image_depth_texture", UNIT_IMAGE_DEPTH, std::numeric_limits<float>::infinity());
+    add(shape.coverage, GL_RG32F, "image_coverage_texture", UNIT_IMAGE_COVERAGE, 0.0F);
+    add(shape.compensated, GL_RGBA32F, "image_error_texture", UNIT_IMAGE_ERROR, 0.0F);
+    std::vector<const gl::Texture*> attachments;
+    for (const Picture& picture : pictures_) {
+        attachments.push_back(&picture.now);
     }
-    image_fbo_ = gl::Framebuffer(gl, picture, tags);
+    image_fbo_ = gl::Framebuffer(gl, attachments, tags);
     if (tags != nullptr) {
         depth_fbo_ = gl::Framebuffer(gl, {}, tags);
     }
@@ -152,34 +167,28 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
 }
 
 std::size_t Targets::bytes() const {
-    std::size_t sum = depth_tags_.bytes() + image_.bytes() + image_depth_.bytes() + image_coverage_.bytes() +
-                      image_copy_.bytes() + image_depth_copy_.bytes() + image_coverage_copy_.bytes() +
-                      image_error_.bytes() + image_error_copy_.bytes();
-    const auto add = [&](const Sheet& sheet) {
-        sum += sheet.value.bytes() + sheet.weight.bytes();
-        for (int axis = 0; axis < 3; ++axis) {
-            sum += sheet.slope[axis].bytes() + sheet.weight_slope[axis].bytes();
-        }
-    };
+    std::size_t sum = depth_tags_.bytes();
+    for (const Picture& picture : pictures_) {
+        sum += picture.now.bytes() + picture.copy.bytes();
+    }
     for (const Own& own : own_) {
         for (const Sheet& sheet : own.sheets) {
-            add(sheet);
+            sum += sheet.bytes();
         }
     }
     for (const Sheet& sheet : sheets_) {
-        add(sheet);
+        sum += sheet.bytes();
     }
     return sum;
 }
 
 void Targets::clear(const Ways& ways, int r) const {
-    const auto at = static_cast<std::size_t>(r);
-    ways.clear[at].bind();
     gl_->ClearColor(0.0F, 0.0F, 0.0F, 0.0F);
-    gl_->Clear(GL_COLOR_BUFFER_BIT);
-    if (!ways.clear_weights.empty()) {
-        ways.clear_weights[at].bind();
-        gl_->Clear(GL_COLOR_BUFFER_BIT);
+    for (const Way* way : {&ways.values, &ways.weights}) {
+        if (!way->clear.empty()) {
+            way->clear[static_cast<std::size_t>(r)].bind();
+            gl_->Clear(GL_COLOR_BUFFER_BIT);
+        }
     }
 }
 
@@ -204,7 +213,7 @@ void Targets::clear_all(float empty) const {
     }
     if (empty != 0.0F) {
         const float values[4] = {empty, empty, empty, empty};
-        ways_.clear.back().bind();
+        ways_.values.clear.back().bind();
         gl_->ClearBufferfv(GL_COLOR, 0, values);
     }
     for (std::size_t field = 0; field < own_.size(); ++field) {
@@ -213,56 +222,22 @@ void Targets::clear_all(float empty) const {
         }
     }
     image_fbo_.bind();
-    const float zero[4] = {0.0F, 0.0F, 0.0F, 0.0F};
-    const float far_away[4] = {std::numeric_limits<float>::infinity(), 0.0F, 0.0F, 0.0F};
-    int attachment = 0;
-    gl_->ClearBufferfv(GL_COLOR, attachment++, zero);
-    if (shape_.depth) {
-        gl_->ClearBufferfv(GL_COLOR, attachment++, far_away);
-    }
-    if (shape_.coverage) {
-        gl_->ClearBufferfv(GL_COLOR, attachment++, zero);
-    }
-    if (shape_.compensated) {
-        gl_->ClearBufferfv(GL_COLOR, attachment++, zero);
+    for (std::size_t i = 0; i < pictures_.size(); ++i) {
+        const float start[4] = {pictures_[i].empty, 0.0F, 0.0F, 0.0F};
+        gl_->ClearBufferfv(GL_COLOR, static_cast<GLint>(i), start);
     }
     clear_tags();
 }
 
 void Targets::bind_so_far(const gl::Program& program) const {
-    program.set("image_texture", UNIT_IMAGE);
-    program.set("image_depth_texture", UNIT_IMAGE_DEPTH);
-    program.set("image_coverage_texture", UNIT_IMAGE_COVERAGE);
-    program.set("image_error_texture", UNIT_IMAGE_ERROR);
-    if (!shape_.copies) {
-        image_.bind(UNIT_IMAGE);
-        if (shape_.depth) {
-            image_depth_.bind(UNIT_IMAGE_DEPTH);
-        }
-        if (shape_.coverage) {
-            image_coverage_.bind(UNIT_IMAGE_COVERAGE);
-        }
-        if (shape_.compensated) {
-            image_error_.bind(UNIT_IMAGE_ERROR);
-        }
-        return;
-    }
     image_fbo_.bind();
-    int attachment = 0;
-    const auto copy = [&](const gl::Texture& to, int unit) {
-        gl_->ReadBuffer(GL_COLOR_ATTACHMENT0 + static_cast<GLenum>(attachment++));
-        to.bind(unit);
-        gl_->CopyTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, 0, 0, shape_.width, shape_.height);
-    };
-    copy(image_copy_, UNIT_IMAGE);
-    if (shape_.depth) {
-        copy(image_depth_copy_, UNIT_IMAGE_DEPTH);
-    }
-    if (shape_.coverage) {
-        copy(image_coverage_copy_, UNIT_IMAGE_COVERAGE);
-    }
-    if (shape_.compensated) {
-        copy(image_error_copy_, UNIT_IMAGE_ERROR);
+    for (std::size_t i = 0; i < pictures_.size(); ++i) {
+        const Picture& picture = pictures_[i];
+        program.bind(picture.sampler, shape_.copies ? picture.copy : picture.now, picture.unit);
+        if (shape_.copies) {
+            gl_->ReadBuffer(static_cast<GLenum>(GL_COLOR_ATTACHMENT0 + i));
+            gl_->CopyTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, 0, 0, shape_.width, shape_.height);
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 // The off-screen surfaces of a tile: the PBuffer of [NM05] section 4.5 as framebuffers that share one depth buffer.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "gl/objects.hpp"
@@ -31,6 +32,10 @@ struct TargetShape {
 struct Sheet {
     gl::Texture value, weight;
     gl::Texture slope[3], weight_slope[3];
+
+    /// Binds what there is of it to the samplers NAME_SIDE_texture; side: "front" or "back".
+    void bind(const gl::Program& program, const std::string& side) const;
+    [[nodiscard]] std::size_t bytes() const;
 };
 
 class Targets {
@@ -48,10 +53,8 @@ class Targets {
     /// values and their changes, or `weights` and theirs. one: sheet r of the ring alone.
     void bind_splat(int own, int r, bool weights, bool one) const {
         const Ways& ways = own < 0 ? ways_ : own_[static_cast<std::size_t>(own)].ways;
-        (weights ? one ? ways.one_weights : ways.weights
-         : one   ? ways.one
-                 : ways.values)[static_cast<std::size_t>(r)]
-            .bind();
+        const Way& way = weights ? ways.weights : ways.values;
+        (one ? way.one : way.both)[static_cast<std::size_t>(r)].bind();
     }
     void bind_copy(bool weights) const { (weights ? copy_weight_ : copy_).bind(); }
     void bind_image() const { image_fbo_.bind(); }
@@ -75,9 +78,7 @@ class Targets {
     /// to date.
     void bind_so_far(const gl::Program& program) const;
 
-    [[nodiscard]] const gl::Texture& image() const { return image_; }
-    [[nodiscard]] const gl::Texture& image_depth() const { return image_depth_; }
-    [[nodiscard]] const gl::Texture& image_coverage() const { return image_coverage_; }
+    [[nodiscard]] const gl::Texture& image() const { return pictures_.front().now; }
     /// Reads a rectangle of attachment 0 (picture), 1 (depth or coverage), 2 (coverage after depth).
     void read(int attachment, int x, int y, int width, int height, GLenum format, float* out) const;
 
@@ -85,11 +86,21 @@ class Targets {
     const gl::Api* gl_ = nullptr;
     TargetShape shape_;
     std::vector<Sheet> sheets_;
-    /// What can be drawn to at once, for each sheet of the ring.
+    /// What can be drawn to at once, for each sheet of the ring: both sheets of a batch; one sheet, with tags; one
+    /// sheet without tags, to be cleared.
+    struct Way {
+        std::vector<gl::Framebuffer> both, one, clear;
+    };
     struct Ways {
-        std::vector<gl::Framebuffer> values, weights;      ///< both sheets of a batch
-        std::vector<gl::Framebuffer> one, one_weights;     ///< one sheet, with tags
-        std::vector<gl::Framebuffer> clear, clear_weights; ///< one sheet, without
+        Way values;  ///< with the weights, unless there are slopes
+        Way weights; ///< where there are slopes
+    };
+    /// A result of the shading pass, with its copy where the shader cannot read what it draws to.
+    struct Picture {
+        const char* sampler;
+        int unit;
+        float empty; ///< what its first channel is cleared to
+        gl::Texture now, copy;
     };
     [[nodiscard]] Sheet make_sheet(bool weight, bool weight_slopes) const;
     [[nodiscard]] Ways make_ways(const std::vector<Sheet>& sheets, bool weight) const;
@@ -101,8 +112,8 @@ class Targets {
     };
     Ways ways_;
     std::vector<Own> own_;
-    gl::Texture depth_tags_, image_, image_depth_, image_coverage_, image_error_;
-    gl::Texture image_copy_, image_depth_copy_, image_coverage_copy_, image_error_copy_;
+    gl::Texture depth_tags_;
+    std::vector<Picture> pictures_; ///< in the order of their attachments
     std::vector<gl::Framebuffer> sum_;
     gl::Framebuffer copy_, copy_weight_, image_fbo_, depth_fbo_;
 };

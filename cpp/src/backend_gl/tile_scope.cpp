@@ -1,7 +1,6 @@
 #include "tile_scope.hpp"
 
 #include <algorithm>
-#include <cstring>
 
 #include "interop.h"
 
@@ -55,15 +54,9 @@ void TileScope::draw_rectangles(const std::vector<Rectangle>& rectangles) const 
     if (rectangles.empty()) {
         return;
     }
-    std::memcpy(resources.rectangles.map_next(rectangles.size() * sizeof(Rectangle)), rectangles.data(),
-                rectangles.size() * sizeof(Rectangle));
-    resources.rectangles.unmap();
+    resources.rectangles.upload_next(rectangles.data(), rectangles.size() * sizeof(Rectangle));
     resources.rectangle_array.bind();
-    resources.rectangles.bind();
-    gl.EnableVertexAttribArray(ATTRIBUTE_RECTANGLE);
-    gl.VertexAttribPointer(ATTRIBUTE_RECTANGLE, 4, GL_FLOAT, GL_FALSE, sizeof(Rectangle),
-                           reinterpret_cast<const void*>(resources.rectangles.offset()));
-    gl.VertexAttribDivisor(ATTRIBUTE_RECTANGLE, 1);
+    resources.rectangles.attribute(ATTRIBUTE_RECTANGLE, 4, GL_FLOAT, sizeof(Rectangle), 0, 1);
     gl.DrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(rectangles.size()));
 }
 

@@ -88,8 +88,7 @@ void TouchedPixels::eliminate() const {
     scope_.targets.bind_depth_only();
     const gl::Program& program = scope_.resources.program({"rectangle.vert", "eliminate.frag", {}, {}});
     program.use();
-    scope_.targets.image().bind(UNIT_IMAGE);
-    program.set("image_texture", UNIT_IMAGE);
+    program.bind("image_texture", scope_.targets.image(), UNIT_IMAGE);
     program.set("opacity_stop",
                 scope_.plan.mode == Mode::isosurface ? 1.0F : static_cast<float>(scope_.job.scene->opacity_stop));
     program.set("last_pixel", scope_.tile.width, scope_.tile.height);

@@ -5,6 +5,7 @@
 #include "backend_cpu/cpu_renderer.hpp"
 #include "backend_gl/gl_renderer.hpp"
 #include "base/checks.hpp"
+#include "sheetsplat/device.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -123,6 +124,21 @@ DrawPlan BackendChoice::choose_plan(const Request& request, const ViewFacts& fac
     }
     throw Unsupported(Complaint{"no backend can draw this scene within its error bound",
                                 refusals + (why_no_gl_ ? "; no OpenGL: " + why_no_gl_->words() : Words())});
+}
+
+std::vector<DeviceReport> devices() {
+    DeviceReport reference;
+    reference.backend = "reference";
+    reference.available = true;
+    reference.description = "float64 on one thread: defines the picture";
+    DeviceReport processor;
+    processor.backend = "cpu";
+    processor.available = true;
+    processor.description = describe_cpu(thread_count(0));
+    processor.extensions = backend_cpu::instruction_sets();
+    std::vector<DeviceReport> reports = backend_gl::survey();
+    reports.insert(reports.begin(), {reference, processor});
+    return reports;
 }
 
 } // namespace sheetsplat

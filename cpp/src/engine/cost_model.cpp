@@ -23,7 +23,7 @@ constexpr double lit_price = 1.8;
 constexpr double first_order_price = 1.4;
 constexpr double second_order_price = 2.6;
 constexpr double float64_price = 1.7;
-/// What a picture takes in any case.
+/// Seconds that every picture takes.
 constexpr double least_seconds = 3e-4;
 
 /// Sum of the volumes of all supports.
@@ -79,13 +79,30 @@ void set_prices(Work& work, const Scene& scene, Projection projection, bool floa
 double expected_seconds(const Work& work, double larger_pixels, double larger_spacing, int threads) {
     const double fewer = larger_pixels * larger_pixels * larger_spacing;
     const double sections = std::max(1.0, work.slices_each / larger_spacing);
-    // Of kernels that are smaller than a pixel some fall between pixels: of a radius of 3/8, seven of ten were seen to.
+    // Some kernels smaller than a pixel fall between pixels: with a radius of 3/8 pixel, 70 % do.
     const double radius = work.radius_px / larger_pixels;
     const double met = std::min(1.0, 2.2 * radius * radius);
     const double seconds = work.kernels * (look_seconds + met * (place_seconds + section_seconds * sections)) +
                            work.splats * work.splat_price * splat_seconds / fewer +
                            work.pixels * work.shade_price * shade_seconds / fewer;
     return least_seconds + work.number_price * seconds / threads;
+}
+
+void Paces::note(Backend backend, bool coarse, double pace) {
+    Pace& known = paces_[static_cast<std::size_t>(backend)][coarse ? 1 : 0];
+    if (!known.timed) {
+        known.recent.fill(pace);
+    }
+    known.recent = {known.recent[1], known.recent[2], pace};
+    known.last = pace;
+    known.timed = true;
+}
+
+double Paces::best(Backend backend) const {
+    const Pace& pictures = at(backend, false);
+    const Pace& known = pictures.timed || !at(backend, true).timed ? pictures : at(backend, true);
+    // Other work on the machine only ever makes pictures slower.
+    return known.timed ? *std::min_element(known.recent.begin(), known.recent.end()) : known.last;
 }
 
 } // namespace sheetsplat

@@ -13,19 +13,38 @@
 
 namespace sheetsplat {
 
-namespace {
-
-std::vector<EllipsoidView> views_of(const Request& request, const Prepared& prepared, const Indexed& indexed) {
+std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan, const Camera& camera,
+                                    const Frame& frame, Sampling sampling) {
     std::vector<EllipsoidView> views;
     views.reserve(indexed.grids.size());
     for (const GridEntry* entry : indexed.grids) {
-        views.emplace_back(*entry->kernels, request.camera, prepared.frame, request.scene.sampling,
-                           prepared.plan.filter ? Filter::ewa : Filter::none, prepared.plan.value_unit, 1.0);
+        views.emplace_back(*entry->kernels, camera, frame, sampling, plan.filter ? Filter::ewa : Filter::none,
+                           plan.value_unit, 1.0);
     }
     return views;
 }
 
-} // namespace
+backend_cpu::Job cpu_job(const Request& request, const Prepared& prepared, const Indexed& indexed,
+                         const std::vector<FieldView>& lattices, const std::vector<EllipsoidView>& scattered,
+                         const Camera& camera, const Frame& frame, const DrawPlan& plan) {
+    backend_cpu::Job job;
+    for (std::size_t part = 0; part < lattices.size(); ++part) {
+        job.regular.push_back({prepared.view_fields[part], &lattices[part], &indexed.runs[part]->runs});
+    }
+    for (std::size_t part = 0; part < scattered.size(); ++part) {
+        const GridEntry& entry = *indexed.grids[part];
+        job.ellipsoids.push_back(
+            {prepared.ellipsoid_fields[part], entry.kernels, &scattered[part], &entry.visible, entry.version});
+    }
+    job.scene = &request.scene;
+    job.camera = &camera;
+    job.frame = &frame;
+    job.plan = &plan;
+    job.tile_size = request.options.tile_size;
+    job.threads = request.options.threads;
+    job.progress = &request.progress;
+    return job;
+}
 
 void draw_on_reference(const Request& request, Image& image) {
     const auto drawing = Clock::now();
@@ -66,12 +85,13 @@ void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const 
     }
     const int wider = plan.fine_gradient ? 1 : 0;
     const bool may_narrow = plan.packing == Packing::wide && !plan.fine_gradient;
-    const std::vector<EllipsoidView> views = views_of(request, prepared, indexed);
+    const std::vector<EllipsoidView> views =
+        views_of(indexed, plan, request.camera, prepared.frame, request.scene.sampling);
     std::vector<CellTraversal> traversals;
     traversals.reserve(views.size());
     for (std::size_t part = 0; part < views.size(); ++part) {
         const GridEntry& entry = *indexed.grids[part];
-        traversals.push_back(CellTraversal::of(views[part], entry.grid, entry.reach.get(), entry.visible, job.layout,
+        traversals.push_back(CellTraversal::of(views[part], entry.grid, entry.starts.get(), entry.visible, job.layout,
                                                wider, wider, may_narrow, setup.largest_sprite, plan.precise_aspect));
         drawn += traversals.back().kernels();
         bytes += traversals.back().bytes();
@@ -95,26 +115,12 @@ void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const 
 void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, const Prepared& prepared,
                  const Indexed& indexed, Image& image) {
     const auto viewing = Clock::now();
-    backend_cpu::Job job;
-    for (std::size_t part = 0; part < indexed.runs.size(); ++part) {
-        job.regular.push_back({prepared.view_fields[part], &prepared.views[part], &indexed.runs[part]->runs});
-    }
-    const std::vector<EllipsoidView> views = views_of(request, prepared, indexed);
-    for (std::size_t part = 0; part < views.size(); ++part) {
-        const GridEntry& entry = *indexed.grids[part];
-        job.ellipsoids.push_back(
-            {prepared.ellipsoid_fields[part], entry.kernels, &views[part], &entry.visible, entry.version});
-    }
-    image.stats["seconds_view"] = seconds_since(viewing);
-
-    job.scene = &request.scene;
-    job.camera = &request.camera;
-    job.frame = &prepared.frame;
-    job.plan = &prepared.plan;
-    job.tile_size = request.options.tile_size;
-    job.threads = request.options.threads;
-    job.progress = &request.progress;
+    const std::vector<EllipsoidView> scattered =
+        views_of(indexed, prepared.plan, request.camera, prepared.frame, request.scene.sampling);
+    backend_cpu::Job job =
+        cpu_job(request, prepared, indexed, prepared.views, scattered, request.camera, prepared.frame, prepared.plan);
     job.volumes = &indexed.volumes;
+    image.stats["seconds_view"] = seconds_since(viewing);
     // Short pictures end before the first poll.
     report_progress(request.progress, 0.0);
     renderer.render(job, image);

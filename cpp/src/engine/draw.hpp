@@ -1,14 +1,16 @@
-// One view on its way through the engine: prepared, indexed, and drawn by one of the backends.
+// The steps from a request to a picture, and the drawing by each backend.
 #pragma once
 
 #include <cstddef>
 #include <vector>
 
+#include "backend_cpu/cpu_renderer.hpp"
 #include "cost_model.hpp"
 #include "field_index.hpp"
 #include "plan/make_plan.hpp"
 #include "sheetsplat/image.hpp"
 #include "sheetsplat/renderer.hpp"
+#include "view/ellipsoid_view.hpp"
 #include "view/field_view.hpp"
 #include "view/light_volume.hpp"
 
@@ -17,11 +19,8 @@ namespace sheetsplat {
 namespace backend_gl {
 class GlRenderer;
 }
-namespace backend_cpu {
-class CpuRenderer;
-}
 
-/// A picture that was asked for, and the options that it is drawn with.
+/// A requested picture, and the options that it is drawn with.
 struct Request {
     const Scene& scene;
     const Camera& camera;
@@ -54,6 +53,15 @@ struct Indexed {
     std::size_t visible = 0, all = 0, bytes = 0;
     LightVolumes volumes; ///< where the plan has shadows or ambient occlusion
 };
+
+/// How the scattered kernels of a picture look to a camera, in the order of Indexed::grids. Refers to its arguments.
+std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan, const Camera& camera,
+                                    const Frame& frame, Sampling sampling);
+
+/// The processor's job for a view, which refers to the arguments.
+backend_cpu::Job cpu_job(const Request& request, const Prepared& prepared, const Indexed& indexed,
+                         const std::vector<FieldView>& lattices, const std::vector<EllipsoidView>& scattered,
+                         const Camera& camera, const Frame& frame, const DrawPlan& plan);
 
 /// Each fills the picture, and its stats: kernels_drawn, bytes_view and bytes_device (not the reference), seconds_draw.
 void draw_on_reference(const Request& request, Image& image);

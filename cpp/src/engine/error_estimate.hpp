@@ -1,5 +1,6 @@
-// How far a picture is from the converged one, without it. Richardson's idea: what changes from slice distance ds to
-// ds / 2 says what is left at ds. Source: conventions, section 8; the shares were measured (docs, error-estimate).
+// How far a picture is from the converged one, without computing that. Richardson extrapolation: the change from slice
+// distance ds to ds / 2 gives the error at ds. Source: conventions, section 8; the shares were measured
+// (error-estimate.md).
 #pragma once
 
 #include <vector>
@@ -21,7 +22,8 @@ RendererOptions exact_options(const RendererOptions& options);
 /// The scene with other settings.
 Scene with_settings(const Scene& scene, const Settings& settings);
 
-/// Pictures of one view that tell causes apart; null where a picture would be the same as another, or cannot be had.
+/// Pictures of one view that separate the causes of its error; null where a picture would be the same as another, or is
+/// not available.
 struct Probes {
     const Image* drawn = nullptr;     ///< the picture in question
     const Image* exact = nullptr;     ///< the same in float64; null: arithmetic is taken from the plan
@@ -35,8 +37,8 @@ bool is_of_model(const ErrorShare& share);
 /// Of a plan's causes the root of the sum of squares of those that are.
 double model_error(const std::vector<ErrorShare>& budget);
 
-/// share: richardson_share. budget: the plan's. Its causes of the model count as they stand, spread over the pixels in
-/// proportion to opacity; the others say how the error of arithmetic is divided among them.
+/// share: richardson_share. budget: the plan's. Its causes of the model count unchanged, distributed over the pixels in
+/// proportion to opacity; the error of arithmetic is divided among the others in proportion.
 ErrorEstimate estimate_from(const Probes& probes, double share, const std::vector<ErrorShare>& budget);
 
 } // namespace sheetsplat

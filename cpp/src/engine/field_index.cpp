@@ -7,6 +7,7 @@
 #include <glm/geometric.hpp>
 
 #include "base/memory.hpp"
+#include "same_scene.hpp"
 #include "scene/mode_rules.hpp"
 
 namespace sheetsplat {
@@ -16,25 +17,11 @@ namespace {
 /// Above, lists of the cells that kernels reach into would take more memory than the kernels.
 constexpr std::size_t most_start_cells = 1U << 20;
 
-bool same(const std::vector<TransferPoint>& a, const std::vector<TransferPoint>& b) {
-    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const TransferPoint& x, const TransferPoint& y) {
-        return x.value == y.value && x.color == y.color && x.opacity == y.opacity;
-    });
-}
-
-bool same_function(const std::vector<TransferPoint>& points, const TransferFunction* other) {
-    return other == nullptr ? points.empty() : same(points, other->points());
-}
-
-std::vector<TransferPoint> points_of(const TransferFunction* function) {
-    return function != nullptr ? function->points() : std::vector<TransferPoint>{};
-}
-
-/// A longer reach than was asked for draws more than needed, which is never wrong; twice as long would be a waste.
+/// A longer reach than needed draws more kernels than needed, which is correct; more than twice as long wastes time.
 bool reaches(double kept, double asked) { return kept == asked || (kept >= asked && kept <= 2.0 * asked); }
 
-/// Where a somewhat longer reach is asked for than before, a longer one still, so that a camera that moves on in the
-/// same direction needs no further look.
+/// A reach that grows by less than a factor of 2 is raised by another quarter, so that a camera that keeps moving in
+/// the same direction does not need a new index for every picture.
 double ahead(double kept, double asked) { return kept < asked && asked < 2.0 * kept ? 1.25 * asked : asked; }
 
 bool same_runs(const VisibleRuns& a, const VisibleRuns& b) {
@@ -88,9 +75,8 @@ std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
 }
 
 /// Slices beyond its own that a slice's colour depends on: slabs average over a spacing of depth, crossings and
-/// intervals reach one further; where both hold, their sum.
+/// intervals reach one further, second order reads four slices; where several hold, their sum.
 int slices_beyond(const DrawPlan& plan) {
-    // (Second order looks at four slices.)
     return (plan.second_order ? 2 : 0) + (plan.sampling == Sampling::slab ? 1 : 0) +
            (uses_intervals(plan.mode, plan.preintegration) ? 1 : 0);
 }
@@ -102,63 +88,62 @@ bool may_cull(const DrawPlan& plan) {
            !(plan.mode == Mode::isosurface && (plan.shadows || plan.ambient_occlusion));
 }
 
-const TransferFunction* asked_function(const Scene& scene, const DrawPlan& plan) {
-    return is_scalar(plan.mode) ? nullptr : &scene.transfer_function;
+VisibilityQuery query_of(const Scene& scene, const DrawPlan& plan, const Frame& frame) {
+    const double slant = frame.largest_slant();
+    VisibilityQuery query;
+    query.transfer_function = is_scalar(plan.mode) ? nullptr : &scene.transfer_function;
+    query.weights_matter = plan.weight || !plan.culling;
+    // A filter makes kernels as large as a pixel is at their own depth, which has no bound behind the eye.
+    query.cull = may_cull(plan) && !(plan.filter && frame.cut_by_near);
+    query.isosurface = plan.mode == Mode::isosurface;
+    query.iso_value = scene.iso_value.value_or(0.0);
+    query.alone = scene.fields.size() == 1;
+    query.reach_world = slices_beyond(plan) * frame.slice_spacing * slant;
+    if (plan.gradient) {
+        query.reach_world += std::max(frame.largest_pixel(), frame.slice_spacing * slant);
+    }
+    if (plan.filter) {
+        // Twice what it widens a support by, in any direction, at depths a little beyond the last slice too.
+        query.reach_world += 4.0 * (2.0 * frame.largest_pixel() + frame.slice_spacing);
+    }
+    return query;
 }
 
-template <class Entry>
-void keep_fields(std::vector<std::unique_ptr<Entry>>& entries, const Scene& scene) {
-    entries.erase(std::remove_if(entries.begin(), entries.end(),
-                                 [&](const std::unique_ptr<Entry>& entry) {
-                                     return std::find(scene.fields.begin(), scene.fields.end(), entry->field) ==
-                                            scene.fields.end();
-                                 }),
-                  entries.end());
+Decision decision_of(VisibilityQuery query) {
+    Decision decided;
+    if (query.transfer_function != nullptr) {
+        decided.points = query.transfer_function->points();
+        query.transfer_function = nullptr;
+    }
+    decided.query = query;
+    return decided;
 }
 
 } // namespace
 
-bool RunsEntry::answers(const VisibilityQuery& other) const {
-    return same_function(points, other.transfer_function) && query.weights_matter == other.weights_matter &&
-           reaches(query.stencil_world, other.stencil_world) && query.cull == other.cull &&
+bool Decision::answers(const VisibilityQuery& other) const {
+    const TransferFunction* function = other.transfer_function;
+    return (function == nullptr ? points.empty() : same(points, function->points())) &&
+           query.weights_matter == other.weights_matter && query.cull == other.cull &&
            query.isosurface == other.isosurface && query.iso_value == other.iso_value && query.alone == other.alone &&
-           reaches(query.slice_spacing, other.slice_spacing);
-}
-
-bool GridEntry::answers(const EllipsoidVisibility& other) const {
-    return judged && same_function(points, other.transfer_function) && query.weights_matter == other.weights_matter &&
-           query.cull == other.cull && query.isosurface == other.isosurface && query.iso_value == other.iso_value &&
-           query.alone == other.alone && reaches(query.reach_world, other.reach_world);
+           reaches(query.reach_world, other.reach_world);
 }
 
 const RunsEntry& FieldIndex::runs_of(const std::shared_ptr<const Field>& field, const Scene& scene,
-                                     const DrawPlan& plan, const Frame& frame, double slant) {
-    VisibilityQuery query;
-    query.transfer_function = asked_function(scene, plan);
-    query.weights_matter = plan.weight || !plan.culling;
-    // Coverage needs every kernel; elsewhere one whose value is 0 adds nothing where weights do not count.
-    query.cull = may_cull(plan);
-    query.stencil_world = plan.gradient ? std::max(frame.largest_pixel(), frame.slice_spacing * slant) : 0.0;
-    query.isosurface = plan.mode == Mode::isosurface;
-    query.iso_value = scene.iso_value.value_or(0.0);
-    query.alone = scene.fields.size() == 1;
-    query.slice_spacing = slices_beyond(plan) * frame.slice_spacing * slant;
-
+                                     const DrawPlan& plan, const Frame& frame) {
+    VisibilityQuery query = query_of(scene, plan, frame);
     const auto found = std::find_if(runs_.begin(), runs_.end(),
                                     [&](const std::unique_ptr<RunsEntry>& entry) { return entry->field == field; });
-    if (found != runs_.end() && (*found)->answers(query)) {
-        return **found;
+    if (found != runs_.end()) {
+        if ((*found)->decided.answers(query)) {
+            return **found;
+        }
+        query.reach_world = ahead((*found)->decided.query.reach_world, query.reach_world);
     }
     auto made = std::make_unique<RunsEntry>();
     made->field = field;
-    made->points = points_of(query.transfer_function);
-    if (found != runs_.end()) {
-        query.stencil_world = ahead((*found)->query.stencil_world, query.stencil_world);
-        query.slice_spacing = ahead((*found)->query.slice_spacing, query.slice_spacing);
-    }
     made->runs = VisibleRuns::of(*as_regular(field.get()), query);
-    made->query = query;
-    made->query.transfer_function = nullptr;
+    made->decided = decision_of(query);
     made->version = ++versions_;
     // One index a field is kept: that of the last scene.
     if (found == runs_.end()) {
@@ -183,7 +168,7 @@ GridEntry* FieldIndex::find_grid(const Field* field) const {
 }
 
 const GridEntry& FieldIndex::grid_of(const std::shared_ptr<const Field>& field, const Scene& scene,
-                                     const DrawPlan& plan, const Frame& frame, double slant) {
+                                     const DrawPlan& plan, const Frame& frame) {
     GridEntry* entry = find_grid(field.get());
     if (entry == nullptr) {
         auto made = std::make_unique<GridEntry>();
@@ -194,42 +179,24 @@ const GridEntry& FieldIndex::grid_of(const std::shared_ptr<const Field>& field, 
         grids_.push_back(std::move(made));
         entry = grids_.back().get();
     }
-    if (plan.summary.backend == Backend::gl && !entry->reach && entry->kernels->size() <= most_start_cells) {
-        entry->reach = std::make_unique<ReachLists>(ReachLists::of(*entry->kernels, entry->grid));
+    if (plan.summary.backend == Backend::gl && !entry->starts && entry->kernels->size() <= most_start_cells) {
+        entry->starts = std::make_unique<StartCells>(StartCells::of(*entry->kernels, entry->grid));
     }
-    EllipsoidVisibility query;
-    query.transfer_function = asked_function(scene, plan);
-    query.weights_matter = plan.weight || !plan.culling;
-    // A filter makes kernels as large as a pixel is at their own depth, which has no bound behind the eye.
-    query.cull = may_cull(plan) && !(plan.filter && frame.cut_by_near);
-    query.isosurface = plan.mode == Mode::isosurface;
-    query.iso_value = scene.iso_value.value_or(0.0);
-    query.alone = scene.fields.size() == 1;
-    query.reach_world = slices_beyond(plan) * frame.slice_spacing * slant;
-    if (plan.gradient) {
-        query.reach_world += std::max(frame.largest_pixel(), frame.slice_spacing * slant);
-    }
-    if (plan.filter) {
-        // Twice what it widens a support by, in any direction, at depths a little beyond the last slice too.
-        query.reach_world += 4.0 * (2.0 * frame.largest_pixel() + frame.slice_spacing);
-    }
-    if (entry->answers(query)) {
-        return *entry;
-    }
-    if (entry->judged) {
-        query.reach_world = ahead(entry->query.reach_world, query.reach_world);
+    VisibilityQuery query = query_of(scene, plan, frame);
+    if (entry->decided) {
+        if (entry->decided->answers(query)) {
+            return *entry;
+        }
+        query.reach_world = ahead(entry->decided->query.reach_world, query.reach_world);
     }
     std::vector<std::uint8_t> visible = visible_kernels(*entry->kernels, entry->grid, query);
-    if (!entry->judged || visible != entry->visible) {
+    if (!entry->decided || visible != entry->visible) {
         entry->visible = std::move(visible);
         entry->visible_count =
             static_cast<std::size_t>(std::count(entry->visible.begin(), entry->visible.end(), std::uint8_t{1}));
         entry->version = ++versions_;
     }
-    entry->judged = true;
-    entry->points = points_of(query.transfer_function);
-    entry->query = query;
-    entry->query.transfer_function = nullptr;
+    entry->decided = decision_of(query);
     return *entry;
 }
 

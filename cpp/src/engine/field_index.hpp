@@ -5,8 +5,10 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
+#include "facts/field_survey.hpp"
 #include "facts/frame.hpp"
 #include "index/spatial_grid.hpp"
 #include "index/visible_runs.hpp"
@@ -15,15 +17,21 @@
 
 namespace sheetsplat {
 
-/// Which samples of a lattice are drawn, and what that was decided from.
+/// What the drawn kernels of a field were decided from.
+struct Decision {
+    VisibilityQuery query;             ///< without its transfer function
+    std::vector<TransferPoint> points; ///< of the transfer function; none where it was not used
+
+    /// Whether a query has the same answer, or one that draws little more than it needs.
+    [[nodiscard]] bool answers(const VisibilityQuery& other) const;
+};
+
+/// Which samples of a lattice are drawn.
 struct RunsEntry {
     std::shared_ptr<const Field> field;
-    std::vector<TransferPoint> points; ///< of the transfer function; none where it was not asked
-    VisibilityQuery query;
+    Decision decided;
     VisibleRuns runs;
     std::uint64_t version = 0; ///< another one for other runs
-
-    [[nodiscard]] bool answers(const VisibilityQuery& other) const;
 };
 
 /// Scattered kernels with their grid, and which of them are drawn.
@@ -31,25 +39,24 @@ struct GridEntry {
     std::shared_ptr<const Field> field;            ///< of the scene
     std::shared_ptr<const EllipsoidField> kernels; ///< the field itself, or a lattice's kernels one by one
     SpatialGrid grid;
-    std::unique_ptr<ReachLists> reach; ///< made for OpenGL alone; null too where kernels begin in their homes
-    bool judged = false;
-    std::vector<TransferPoint> points; ///< what `visible` was decided from
-    EllipsoidVisibility query;
+    std::unique_ptr<StartCells> starts; ///< for OpenGL alone; null too where kernels start in their homes
+    std::optional<Decision> decided;
     std::vector<std::uint8_t> visible;
     std::size_t visible_count = 0;
     std::uint64_t version = 0; ///< another one for other flags
 
-    [[nodiscard]] bool answers(const EllipsoidVisibility& other) const;
-    [[nodiscard]] std::size_t bytes() const { return grid.bytes() + (reach ? reach->bytes() : 0) + visible.capacity(); }
+    [[nodiscard]] std::size_t bytes() const {
+        return grid.bytes() + (starts ? starts->bytes() : 0) + visible.capacity();
+    }
 };
 
 class FieldIndex {
   public:
-    /// slant: largest of the picture. Throws OutOfMemory, Unsupported.
+    /// Throw OutOfMemory, Unsupported.
     const RunsEntry& runs_of(const std::shared_ptr<const Field>& field, const Scene& scene, const DrawPlan& plan,
-                             const Frame& frame, double slant);
+                             const Frame& frame);
     const GridEntry& grid_of(const std::shared_ptr<const Field>& field, const Scene& scene, const DrawPlan& plan,
-                             const Frame& frame, double slant);
+                             const Frame& frame);
     /// Field::reach_along, by way of the field's grid where there is one.
     [[nodiscard]] std::array<double, 2> reach_along(const Field& field, const Vec3& from, const Vec3& direction) const;
     /// Drops what belongs to fields that the scene does not hold.

@@ -7,23 +7,21 @@
 
 #include <glm/geometric.hpp>
 
-#include "backend_cpu/cpu_renderer.hpp"
 #include "base/clock.hpp"
 #include "plan/limits_common.hpp"
 #include "same_scene.hpp"
 #include "sheetsplat/error.hpp"
-#include "view/ellipsoid_view.hpp"
 
 namespace sheetsplat {
 
 namespace {
 
-/// Those of a few scenes, or of the stages of one picture.
+/// Volumes that are kept: enough for a few scenes, or for the stages of one picture.
 constexpr std::size_t most_kept = 32;
 /// Grids are this much coarser until they fit.
 constexpr double coarser = 1.25;
 
-/// The plan of the same scene as light goes through it: slices that are points, and nothing but their opacity.
+/// The plan with which the opacity along a light is computed: point sampling, no shading, no outputs beside opacity.
 DrawPlan through(const DrawPlan& plan, const Scene& scene) {
     DrawPlan made = plan;
     made.mode = Mode::composite;
@@ -39,7 +37,7 @@ DrawPlan through(const DrawPlan& plan, const Scene& scene) {
 }
 
 /// Step of the grids on which light is kept: a slice distance, or twice, four times ... as much where pixels are
-/// larger. Few different ones, so that a camera that moves a little closer asks for no other.
+/// larger. Few different values, so that a camera that moves a little closer can use the same volumes.
 double light_step(const Frame& frame) {
     const double pixels = std::clamp(frame.smallest_pixel() / frame.slice_spacing, 1.0, 1e6);
     return frame.slice_spacing * std::exp2(std::floor(std::log2(pixels)));
@@ -101,31 +99,14 @@ LightVolume absorption(const Request& request, const DrawPlan& plan, const Index
                        const Reach& reach, const LightView& view, backend_cpu::CpuRenderer& processor) {
     const Scene& scene = request.scene;
     const Frame frame = make_frame(scene, view.camera, view.size, reach);
-    backend_cpu::Job job;
     std::vector<FieldView> lattices;
-    lattices.reserve(indexed.runs.size());
-    for (std::size_t part = 0; part < indexed.runs.size(); ++part) {
-        const std::size_t field = prepared.view_fields[part];
+    for (const std::size_t field : prepared.view_fields) {
         lattices.push_back(make_field_view(*as_regular(scene.fields[field].get()), view.camera, frame, Sampling::point,
                                            plan.value_unit));
-        job.regular.push_back({field, &lattices.back(), &indexed.runs[part]->runs});
     }
-    std::vector<EllipsoidView> scattered;
-    scattered.reserve(indexed.grids.size());
-    for (std::size_t part = 0; part < indexed.grids.size(); ++part) {
-        const GridEntry& entry = *indexed.grids[part];
-        scattered.emplace_back(*entry.kernels, view.camera, frame, Sampling::point,
-                               plan.filter ? Filter::ewa : Filter::none, plan.value_unit, 1.0);
-        job.ellipsoids.push_back(
-            {prepared.ellipsoid_fields[part], entry.kernels, &scattered.back(), &entry.visible, entry.version});
-    }
-    job.scene = &scene;
-    job.camera = &view.camera;
-    job.frame = &frame;
-    job.plan = &plan;
-    job.tile_size = request.options.tile_size;
-    job.threads = request.options.threads;
-    // (The picture itself has not begun.)
+    const std::vector<EllipsoidView> scattered = views_of(indexed, plan, view.camera, frame, Sampling::point);
+    backend_cpu::Job job = cpu_job(request, prepared, indexed, lattices, scattered, view.camera, frame, plan);
+    // Light comes before the picture, of which nothing is done yet.
     const Progress nothing_yet =
         request.progress ? Progress([&request](double) { return request.progress(0.0); }) : Progress();
     job.progress = &nothing_yet;
@@ -134,8 +115,8 @@ LightVolume absorption(const Request& request, const DrawPlan& plan, const Index
     return volume;
 }
 
-/// In the place of the absorption on the way to each point: what `steps` slices ahead leave of light, and as many
-/// behind, added up.
+/// Replaces the absorption in front of each point by the sum of two transmittances: of the `steps` slices before the
+/// point, and of as many behind it.
 void look_around(int every, double steps, LightVolume& volume) {
     const std::size_t plane = static_cast<std::size_t>(volume.counts[0]) * static_cast<std::size_t>(volume.counts[1]);
     const int planes = volume.counts[2];
@@ -163,7 +144,7 @@ void look_around(int every, double steps, LightVolume& volume) {
         float* out = volume.values.data() + static_cast<std::size_t>(n) * plane;
         for (std::size_t element = 0; element < plane; ++element) {
             const float ahead = here.at(element) - far.at(element), past = behind.at(element) - after.at(element);
-            // Most of space is empty.
+            // exp is skipped for empty space, which is most of it.
             out[element] = (ahead > 0.0F ? std::exp(-ahead) : 1.0F) + (past > 0.0F ? std::exp(-past) : 1.0F);
         }
     }
@@ -179,18 +160,7 @@ std::array<Vec3, 7> directions() {
 
 /// A grid along the world's axes over all supports, empty.
 LightVolume world_grid(const Scene& scene, double step, double elements) {
-    Box box;
-    for (const auto& field : scene.fields) {
-        if (field->size() == 0) {
-            continue;
-        }
-        const Box own = field->supports_world();
-        if (box.empty()) {
-            box = own;
-        }
-        box.lower = glm::min(box.lower, own.lower);
-        box.upper = glm::max(box.upper, own.upper);
-    }
+    const Box box = supports_world(scene);
     LightVolume volume;
     const Vec3 extent = box.extent();
     for (;; step *= coarser) {

@@ -1,5 +1,5 @@
-// What light finds on its way: transmittance of a scene towards each light, and how open the surroundings of each point
-// are, on grids. Made by the processor for all backends. Source: conventions, section 10.
+// Volumes for shadows and ambient occlusion: transmittance towards each light, and the mean transmittance of each
+// point's surroundings, on grids. Made by the processor for all backends. Source: conventions, section 10.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace sheetsplat {
 
-/// Keeps volumes between pictures: those of world lights, and openness, serve every view of a scene.
+/// Keeps volumes between pictures: those of world lights and of ambient occlusion serve every view of a scene.
 class LightVolumeCache {
   public:
     /// For a plan with shadows or ambient occlusion; volumes that it does not call for are left out. Adds to the stats
@@ -46,7 +46,7 @@ class LightVolumeCache {
     /// Puts the entry first for which `serves` holds, or a new one.
     template <class Serves, class Make>
     std::shared_ptr<const LightVolume> find(const Serves& serves, const Make& make);
-    /// Lets go of what belongs to other fields, of lights that have turned away, and of what is too much.
+    /// Drops volumes of other fields and of lights that turn with the camera, and all beyond the limits of memory.
     void tidy(const Scene& scene, std::size_t used);
 
     std::vector<Entry> entries_; ///< the last used ones first

@@ -18,10 +18,10 @@ namespace {
 constexpr double converged = 0.25;
 constexpr double converged_close = 0.5;
 constexpr double close_spacing = 0.3;
-/// What the distance to such a picture is of the distance to the converged one.
+/// Distance to such a picture over that to the converged one.
 constexpr double converged_share = 0.92;
 constexpr double converged_close_share = 0.8;
-/// Errors that are asked for, from which on the picture that a pilot is compared with may be in float32.
+/// Requested errors from which on the picture that a pilot is compared with may be in float32.
 constexpr double plain_reference = 3e-5;
 constexpr int timed_pilots = 3;
 
@@ -41,7 +41,7 @@ Renderer::State::Pilots::Pilots(State& state, const Request& request, const Sett
     projection_ = request.camera.projection();
     work_ = prepared.work;
     precision_ = prepared.plan.precision;
-    // Of all pilots, the one that kernels reach furthest into.
+    // The pilot with the largest pixels and slice distance: kernels that it draws suffice for all pilots.
     widest_ = prepared.frame;
     widest_.slice_spacing *= coarsest_spacing;
     widest_.pixel *= larger;
@@ -133,7 +133,7 @@ double Renderer::State::Pilots::of_model(const Settings& settings) {
 }
 
 Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {
-    // The reference would take minutes for what backend cpu in float64 tells as well.
+    // The reference would take minutes; backend cpu in float64 gives the same estimate.
     const bool slow = backend_ == Backend::reference;
     RendererOptions options = exact || slow ? exact_options(request_.options) : request_.options;
     if (settings.precision != Precision::automatic) {

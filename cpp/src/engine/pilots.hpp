@@ -1,4 +1,4 @@
-// Pilots: pictures of few pixels of a view, which tell errors and times of settings before the picture is drawn.
+// Pilots: pictures of few pixels of a view, from which errors and times of settings are estimated.
 #pragma once
 
 #include <map>
@@ -20,7 +20,7 @@ class Renderer::State::Pilots : public Judge {
     double seconds(const Settings& settings) override;
     Floor floor() override;
 
-    /// What the renderer's own numbers differ by from float64; 0 where that cannot be had.
+    /// Root mean square difference between the renderer's precision and float64; 0 where float64 is not available.
     double arithmetic();
     /// Times pilots, where no picture was timed yet.
     void find_pace();

@@ -16,18 +16,18 @@ namespace sheetsplat {
 namespace {
 
 constexpr int coarsest = 32;
-/// Above, slices would miss the smallest kernels of a field: in default slice distances, which are half of these.
+/// In default slice distances, which are half the smallest kernels: wider slices would miss some of them.
 constexpr double largest_spacing = 2.0;
 /// Slice distances grow with pixels beyond this factor: below it, slices are as close as in the last picture.
 constexpr double pixels_before_slices = 4.0;
 /// A stage that takes a larger share of the last one's time is left out: where many small kernels take the time, fewer
 /// pixels save little of it.
 constexpr double worth_a_stage = 0.5;
-/// Of the time that the first stage may take, what is planned with: expectations are rough.
+/// Share of the first stage's time that is planned with, because expected times are rough.
 constexpr double kept_share = 0.7;
 /// Orders in the size of pixels by which pictures approach the last one. Sums along rays are as smooth as the kernels:
-/// nearly second order. Other pictures have edges and kinks; what the last differences say is kept to what was seen of
-/// them.
+/// nearly second order. Other pictures have edges and kinks, so an order from the last differences is clamped to the
+/// range that was measured.
 constexpr double highest_order = 2.0;
 constexpr double smooth_order = 1.8;
 constexpr double usual_order = 1.0;
@@ -132,11 +132,11 @@ struct Stages::State {
     Camera camera;
     Size size;
     Outputs outputs;
-    Frame frame;               ///< of the last picture
-    std::vector<Step> steps;   ///< of all stages, coarse ones first
-    std::optional<Step> ahead; ///< drawn before the first stage, to compare it with
+    Frame frame{};               ///< of the last picture
+    std::vector<Step> steps{};   ///< of all stages, coarse ones first
+    std::optional<Step> ahead{}; ///< drawn before the first stage, to compare it with
     std::size_t next = 0;
-    std::optional<Coarse> before;
+    std::optional<Coarse> before{};
     double difference = 0.0; ///< between the last two; 0: not known yet
 
     void choose_steps(double first_seconds) {
@@ -216,18 +216,7 @@ struct Stages::State {
 
 Stages::Stages(Renderer& renderer, const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
                double first_seconds)
-    : state_(new State{renderer.state_.get(),
-                       scene,
-                       scene,
-                       camera,
-                       size,
-                       outputs,
-                       Frame{},
-                       {},
-                       std::nullopt,
-                       0,
-                       std::nullopt,
-                       0.0}) {
+    : state_(new State{renderer.state_.get(), scene, scene, camera, size, outputs}) {
     if (!(first_seconds > 0.0)) {
         throw InvalidInput(Complaint{"the picture cannot be made in stages",
                                      option_ref("first_seconds", std::to_string(first_seconds)), "more than 0",

@@ -25,15 +25,6 @@ void check_options(const RendererOptions& options) {
     check_goals(options);
 }
 
-void check_size(Size size) {
-    if (size.width < 1 || size.height < 1) {
-        throw InvalidInput(
-            Complaint{"the picture cannot be made",
-                      "a size of " + std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels",
-                      "at least 1 x 1", "correct " + option_ref("size"), "size"});
-    }
-}
-
 void check_picture_memory(Size size, const Outputs& outputs) {
     const std::uint64_t pixels =
         checked_product(static_cast<std::uint64_t>(size.width), static_cast<std::uint64_t>(size.height), "the picture");
@@ -53,7 +44,7 @@ void check_finite(const std::vector<float>& sums, const char* advice) {
     }
 }
 
-/// The scene as it is drawn: where only ambient light comes back, its share is in the colours and the lights are gone.
+/// The same scene without lights for a material that reflects ambient light only: the colours hold its coefficient.
 Scene with_ambient_colors(const Scene& scene) {
     Scene drawn = scene;
     std::vector<TransferPoint> points = scene.transfer_function.points();
@@ -108,12 +99,10 @@ Reach Renderer::State::reach() const {
 
 Prepared Renderer::State::prepare(const Request& request) {
     const Scene& scene = request.scene;
-    check_size(request.size);
     scene.validate();
-    check_picture_memory(request.size, request.outputs);
-
     Prepared prepared;
     prepared.frame = make_frame(scene, request.camera, request.size, reach());
+    check_picture_memory(request.size, request.outputs);
     surveys_.forget_others(scene);
     const ViewFacts facts = view_facts(scene, request.camera, prepared.frame, surveys_);
     prepared.plan = backends_.choose_plan(request, facts);
@@ -134,17 +123,16 @@ Prepared Renderer::State::prepare(const Request& request) {
 
 Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prepared, const Frame& frame) {
     const Scene& scene = request.scene;
-    const double slant = frame.largest_slant();
     index_.forget_others(scene);
     Indexed indexed;
     for (const std::size_t field : prepared.view_fields) {
-        const RunsEntry& entry = index_.runs_of(scene.fields[field], scene, prepared.plan, frame, slant);
+        const RunsEntry& entry = index_.runs_of(scene.fields[field], scene, prepared.plan, frame);
         indexed.runs.push_back(&entry);
         indexed.visible += entry.runs.samples();
         indexed.bytes += entry.runs.bytes();
     }
     for (const std::size_t field : prepared.ellipsoid_fields) {
-        const GridEntry& entry = index_.grid_of(scene.fields[field], scene, prepared.plan, frame, slant);
+        const GridEntry& entry = index_.grid_of(scene.fields[field], scene, prepared.plan, frame);
         indexed.grids.push_back(&entry);
         indexed.visible += entry.visible_count;
         indexed.bytes += entry.bytes();
@@ -186,7 +174,7 @@ void Renderer::State::draw(const Request& request, const Prepared& prepared, con
 
 Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     const auto started = Clock::now();
-    // Surveys and indices of millions of kernels take long enough to be unwanted before they are done.
+    // Surveys and indices of millions of kernels take long, so they can be cancelled too.
     const PollScope polling([&request] { report_progress(request.progress, 0.0); });
     const Prepared prepared = prepare(request);
     const Backend backend = prepared.plan.summary.backend;
@@ -208,7 +196,7 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     image.stats["slices"] = static_cast<double>(prepared.frame.slices);
     image.stats["seconds_total"] = seconds_since(started);
     image.plan = std::make_shared<const RenderPlan>(prepared.plan.summary);
-    // The next picture has the index already.
+    // The index is not counted, because the next picture has it already.
     const double drawn = seconds_since(drawing) - image.stats["seconds_index"];
     const double expected = expected_seconds(prepared.work, 1.0, 1.0, thread_count(request.options.threads));
     paces_.note(backend, drawn_like != nullptr, drawn / expected);

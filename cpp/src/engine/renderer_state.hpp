@@ -9,7 +9,6 @@
 #include "facts/field_survey.hpp"
 #include "field_index.hpp"
 #include "light_volumes.hpp"
-#include "paces.hpp"
 #include "settings_choice.hpp"
 #include "sheetsplat/renderer.hpp"
 

@@ -7,13 +7,6 @@ namespace sheetsplat {
 
 namespace {
 
-bool same(const TransferFunction& a, const TransferFunction& b) {
-    return std::equal(a.points().begin(), a.points().end(), b.points().begin(), b.points().end(),
-                      [](const TransferPoint& one, const TransferPoint& other) {
-                          return one.value == other.value && one.color == other.color && one.opacity == other.opacity;
-                      });
-}
-
 bool same(const Light& a, const Light& b) {
     return a.direction == b.direction && a.color == b.color && a.space == b.space;
 }
@@ -34,6 +27,12 @@ bool same(const std::optional<AmbientOcclusion>& a, const std::optional<AmbientO
 
 } // namespace
 
+bool same(const std::vector<TransferPoint>& a, const std::vector<TransferPoint>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const TransferPoint& one, const TransferPoint& other) {
+        return one.value == other.value && one.color == other.color && one.opacity == other.opacity;
+    });
+}
+
 bool same(const Clip& a, const Clip& b) {
     const std::vector<Clip::Plane> first = a.half_spaces(), second = b.half_spaces();
     return std::equal(first.begin(), first.end(), second.begin(), second.end(),
@@ -43,7 +42,7 @@ bool same(const Clip& a, const Clip& b) {
 }
 
 bool same(const Scene& a, const Scene& b) {
-    return a.fields == b.fields && same(a.transfer_function, b.transfer_function) &&
+    return a.fields == b.fields && same(a.transfer_function.points(), b.transfer_function.points()) &&
            a.slice_spacing == b.slice_spacing && a.sampling == b.sampling && a.reference_length == b.reference_length &&
            a.mode == b.mode && a.iso_value == b.iso_value &&
            std::equal(a.lights.begin(), a.lights.end(), b.lights.begin(), b.lights.end(),

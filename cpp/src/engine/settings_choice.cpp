@@ -8,6 +8,7 @@
 
 #include <glm/geometric.hpp>
 
+#include "base/checks.hpp"
 #include "base/unusable.hpp"
 #include "error_estimate.hpp"
 #include "pilots.hpp"
@@ -20,24 +21,24 @@ namespace sheetsplat {
 
 namespace {
 
-/// Pixels of a pilot, at least: errors over so few were seen within some percent of those over all. Those of surfaces
-/// are at few pixels, on their edges, so their pilots have the full size up to 1024 x 1024.
+/// Least number of a pilot's pixels: errors over so many were within some percent of those over all pixels. Errors of
+/// surfaces occur at few pixels, on their edges, so their pilots have the full size up to 1024 x 1024.
 constexpr double pilot_pixels = 64.0 * 64.0;
 constexpr double surface_pilot_pixels = 1024.0 * 1024.0;
-/// Of the error that is asked for, what float32 may have before float64 is taken.
+/// Largest share of the requested error that float32 may cause; beyond it float64 is used.
 constexpr double arithmetic_share = 0.3;
 /// A check looks through pixels of this share of a pilot's width.
 constexpr double check_pixels = 0.75;
 constexpr int most_corrections = 3;
-/// Of the error that is asked for, what is aimed at, and what a check may find. Light sees differences between pixels,
-/// which larger pixels smooth.
+/// Shares of the requested error that are aimed at, and that a check may find. Lower with lights, because gradients are
+/// differences between pixels, which larger pixels smooth.
 constexpr double flat_aim = 0.85;
 constexpr double flat_found = 0.93;
 constexpr double lit_aim = 0.72;
 constexpr double lit_found = 0.8;
 constexpr double surface_aim = 0.5;
 constexpr double surface_found = 0.6;
-constexpr double mending_order = 1.5;
+constexpr double refining_order = 1.5;
 constexpr double usual_opacity_stop = 0.98;
 constexpr double least_turn_cosine = 0.9848; ///< of 10 degrees
 constexpr double least_move = 0.125;         ///< of the height of the view
@@ -55,7 +56,7 @@ Settings settings_of(const Scene& scene) {
             scene.second_order,     scene.opacity_stop, Precision::automatic};
 }
 
-/// What is at its default is chosen, what is not is the caller's.
+/// Only settings at their defaults may be changed.
 Freedom freedom_of(const Scene& scene) {
     Freedom free;
     free.spacing = !scene.slice_spacing.has_value();
@@ -71,19 +72,19 @@ void check_goals(const RendererOptions& options) {
     if (options.max_error) {
         const double error = *options.max_error;
         if (!(error > 0.0) || !std::isfinite(error)) {
-            throw InvalidInput(Complaint{unusable("Renderer", "max_error"), short_number(error),
+            throw InvalidInput(Complaint{unusable("Renderer", "max_error"), text_of(error, 3),
                                          "a finite root mean square error above 0",
                                          "leave it out, or pass " + option_ref("max_error", "1e-3")});
         }
         if (error < least_max_error) {
             throw InvalidInput(
-                Complaint{unusable("Renderer", "max_error"), short_number(error),
-                          "at least " + short_number(least_max_error) + ", the resolution of pictures in float32",
+                Complaint{unusable("Renderer", "max_error"), text_of(error, 3),
+                          "at least " + text_of(least_max_error, 3) + ", the resolution of pictures in float32",
                           "allow a larger error"});
         }
     }
     if (options.max_seconds && (!(*options.max_seconds > 0.0) || !std::isfinite(*options.max_seconds))) {
-        throw InvalidInput(Complaint{unusable("Renderer", "max_seconds"), short_number(*options.max_seconds),
+        throw InvalidInput(Complaint{unusable("Renderer", "max_seconds"), text_of(*options.max_seconds, 3),
                                      "a finite number of seconds above 0",
                                      "leave it out, or pass " + option_ref("max_seconds", "0.1")});
     }
@@ -92,7 +93,7 @@ void check_goals(const RendererOptions& options) {
 bool Chosen::serves(const Scene& other, const Camera& from, Size other_size) const {
     const double height = view_height(camera), other_height = view_height(from);
     const double near = least_move * std::min(height, other_height);
-    // Perspective: what is near the eye grows as it comes closer, though what is at the target does not.
+    // In perspective what is near the eye grows as the eye comes closer, though what is at the target does not.
     const double distance = glm::length(camera.eye() - camera.target());
     const double other_distance = glm::length(from.eye() - from.target());
     const bool as_far = from.projection() == Projection::orthographic ||
@@ -114,7 +115,7 @@ RendererOptions Chosen::options(const RendererOptions& options) const {
     return chosen;
 }
 
-Effect Chosen::told(const RendererOptions& options) const {
+Effect Chosen::plan_row(const RendererOptions& options) const {
     const bool error = options.max_error.has_value(), seconds = options.max_seconds.has_value();
     const Settings& settings = choice.settings;
     Effect row;
@@ -122,32 +123,32 @@ Effect Chosen::told(const RendererOptions& options) const {
                : error          ? "settings for max_error"
                                 : "settings for max_seconds";
     row.on = true;
-    std::string reason = kind_of(settings) + ", slices " + short_number(settings.slice_spacing) + " apart (default " +
-                         short_number(scene.default_slice_spacing()) + "), opacity stop " +
-                         std::string(settings.opacity_stop < 1.0 ? short_number(settings.opacity_stop) : "off");
+    std::string reason = kind_of(settings) + ", slices " + text_of(settings.slice_spacing, 3) + " apart (default " +
+                         text_of(scene.default_slice_spacing(), 3) + "), opacity stop " +
+                         std::string(settings.opacity_stop < 1.0 ? text_of(settings.opacity_stop, 3) : "off");
     if (settings.precision == Precision::float64) {
         reason += ", float64";
     }
-    reason += ": expected are an error of " + short_number(choice.error) + " from the converged picture and " +
-              short_number(choice.seconds) + " s";
+    reason += ": expected are an error of " + text_of(choice.error, 3) + " from the converged picture and " +
+              text_of(choice.seconds, 3) + " s";
     std::string looked;
     for (const std::string& kind : choice.looked_at) {
         looked += (looked.empty() ? "" : ", ") + kind;
     }
     if (error) {
-        reason += choice.error_kept ? "; max_error = " + short_number(*options.max_error) + " is kept"
-                                    : "; max_error = " + short_number(*options.max_error) + " is not kept";
+        reason += choice.error_kept ? "; max_error = " + text_of(*options.max_error, 3) + " is kept"
+                                    : "; max_error = " + text_of(*options.max_error, 3) + " is not kept";
     }
     if (seconds) {
-        reason += choice.seconds_kept ? "; max_seconds = " + short_number(*options.max_seconds) + " is kept"
-                                      : "; max_seconds = " + short_number(*options.max_seconds) +
+        reason += choice.seconds_kept ? "; max_seconds = " + text_of(*options.max_seconds, 3) + " is kept"
+                                      : "; max_seconds = " + text_of(*options.max_seconds, 3) +
                                             " is not kept: nothing that was looked at is faster";
     }
-    row.reason = reason + (mended ? "; refined after a check through other pixels" : "") + "; looked at " + looked;
+    row.reason = reason + (refined ? "; refined after a check through other pixels" : "") + "; looked at " + looked;
     return row;
 }
 
-void Chosen::tell(RenderPlan& plan, const RendererOptions& options) const {
+void Chosen::describe(RenderPlan& plan, const RendererOptions& options) const {
     const Settings& settings = choice.settings;
     const auto say_chosen = [&](EffectId id, bool chosen) {
         for (Effect& effect : plan.effects) {
@@ -159,7 +160,7 @@ void Chosen::tell(RenderPlan& plan, const RendererOptions& options) const {
     say_chosen(EffectId::preintegration, settings.preintegration && !scene.preintegration);
     say_chosen(EffectId::second_order, settings.second_order && !scene.second_order);
     say_chosen(EffectId::slab_sampling, settings.sampling == Sampling::slab && scene.sampling != Sampling::slab);
-    plan.effects.push_back(told(options));
+    plan.effects.push_back(plan_row(options));
 }
 
 const Chosen* Renderer::State::choose(const Request& request) {
@@ -204,9 +205,9 @@ const Chosen* Renderer::State::choose(const Request& request) {
                 break;
             }
             choice.settings.slice_spacing *=
-                std::min(0.95, std::pow(aim * *options_.max_error / found, 1.0 / mending_order));
+                std::min(0.95, std::pow(aim * *options_.max_error / found, 1.0 / refining_order));
             choice.seconds = pilots.seconds(choice.settings);
-            made->mended = true;
+            made->refined = true;
         }
         choice.seconds_kept = !options_.max_seconds || choice.seconds <= *options_.max_seconds;
     }
@@ -221,7 +222,7 @@ RenderPlan Renderer::State::plan_chosen(const Request& request) {
         return prepare(request).plan.summary;
     }
     RenderPlan plan = prepare(request.with(chosen->scene_to_draw()).with(chosen->options(options_))).plan.summary;
-    chosen->tell(plan, options_);
+    chosen->describe(plan, options_);
     return plan;
 }
 
@@ -232,7 +233,7 @@ Image Renderer::State::render_chosen(const Request& request) {
     }
     Image image = render(request.with(chosen->scene_to_draw()).with(chosen->options(options_)));
     RenderPlan plan = *image.plan;
-    chosen->tell(plan, options_);
+    chosen->describe(plan, options_);
     image.plan = std::make_shared<const RenderPlan>(std::move(plan));
     image.settings = chosen->choice.settings;
     image.stats["estimated_rmse"] = chosen->choice.error;

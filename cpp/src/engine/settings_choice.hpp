@@ -18,7 +18,7 @@ struct Chosen {
     Size size{};
     double pace = 1.0; ///< that times were expected with
     Choice choice{};
-    bool mended = false; ///< refined after a check through other pixels
+    bool refined = false; ///< refined after a check through other pixels
     Backend backend = Backend::cpu;
 
     /// True where a view has the same scene and size, and differs by less than an eighth of its height, its width and
@@ -28,10 +28,10 @@ struct Chosen {
     [[nodiscard]] Scene scene_to_draw() const;
     [[nodiscard]] RendererOptions options(const RendererOptions& options) const;
     /// The row of the plan.
-    [[nodiscard]] Effect told(const RendererOptions& options) const;
-    /// Adds that row, and says of effects that were chosen what for. Errors of the plan's effects are distances from
+    [[nodiscard]] Effect plan_row(const RendererOptions& options) const;
+    /// Adds that row, and the reason to each effect that was chosen. Errors of the plan's effects are distances from
     /// the float64 reference at the same slices; the row has none, its sentence names the distance that was chosen for.
-    void tell(RenderPlan& plan, const RendererOptions& options) const;
+    void describe(RenderPlan& plan, const RendererOptions& options) const;
 };
 
 /// Throws InvalidInput for numbers that no picture can keep.

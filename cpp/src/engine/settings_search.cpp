@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 
+#include "base/checks.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/renderer.hpp"
 
@@ -14,7 +14,7 @@ namespace {
 
 /// Of the error that is aimed at, what the stop may have: squares add up, so this leaves 0.92 to the rest.
 constexpr double stop_share = 0.4;
-/// Of 1 - A_stop: beyond, a stop saves no more, and it costs nothing to leave it out.
+/// Bounds of 1 - A_stop: above the first a stop saves no more time, below the second it is left out.
 constexpr double largest_left = 0.1;
 constexpr double smallest_left = 1e-6;
 constexpr int most_stops = 4;
@@ -23,11 +23,11 @@ constexpr int most_steps = 3;
 constexpr double nearly = 0.97;
 constexpr double least_gain = 1.08;
 constexpr double lowest_order = 0.5;
-/// A kind is given up where halving the slice distance twice leaves more than this of its error, or where the finest
-/// slices would not suffice though errors fell faster by this much of an order than they do.
+/// The search of a kind ends where halving the slice distance twice leaves more than this of its error, or where the
+/// finest slices would not suffice though errors fell faster by this much of an order than they do.
 constexpr double stalled = 0.8;
 constexpr double faster_order = 0.75;
-/// How closely the slice distance of a time is found.
+/// Bisection steps for the slice distance of a requested time.
 constexpr int time_steps = 24;
 
 Settings at(const Settings& kind, const Settings& start, double spacing) {
@@ -73,8 +73,8 @@ class Search {
         const Judge::Floor floor = judge_.floor();
         if (floor.error > aim_) {
             throw Unsupported(Complaint{option_ref("max_error") + " cannot be reached",
-                                        floor.cause + " = " + short_number(floor.error) + " alone, with any settings",
-                                        option_ref("max_error", short_number(most)) + ", less a margin for safety",
+                                        floor.cause + " = " + text_of(floor.error, 3) + " alone, with any settings",
+                                        option_ref("max_error", text_of(most, 3)) + ", less a margin for safety",
                                         floor.advice});
         }
         Settings start = start_;
@@ -84,9 +84,9 @@ class Search {
         } else if (stopped > most) {
             throw InvalidInput(
                 Complaint{option_ref("max_error") + " cannot be kept with this " + option_ref("opacity_stop"),
-                          option_ref("opacity_stop", short_number(start.opacity_stop)) +
-                              ", which alone causes an error of " + short_number(stopped),
-                          option_ref("max_error", short_number(most)), "leave out " + option_ref("opacity_stop")});
+                          option_ref("opacity_stop", text_of(start.opacity_stop, 3)) +
+                              ", which alone causes an error of " + text_of(stopped, 3),
+                          option_ref("max_error", text_of(most, 3)), "leave out " + option_ref("opacity_stop")});
         }
         for (const Settings& kind : kinds(start, freedom_)) {
             look(kind);
@@ -100,7 +100,7 @@ class Search {
     Choice for_time(double most) {
         best_.error = std::numeric_limits<double>::infinity();
         best_.seconds_kept = false;
-        // A stop that is the largest part of the error would make all kinds look alike.
+        // If the stop caused most of the error, all kinds would have about the same error.
         Settings start = start_;
         start.opacity_stop = freedom_.stop ? 1.0 : start.opacity_stop;
         for (const Settings& kind : kinds(start, freedom_)) {
@@ -128,7 +128,7 @@ class Search {
         }
     }
 
-    /// A_stop that leaves no more than the given error. Opacity may jump over what was left: that is looked at.
+    /// A_stop whose error is at most the given one. Measured, because opacity may jump past A_stop.
     double stop_within(double most, Settings settings, double error) {
         const double usual = settings.opacity_stop;
         const bool suffices = error <= most;
@@ -149,12 +149,12 @@ class Search {
         return 1.0;
     }
 
-    /// Errors at 4, 2 and 1 times a slice distance: whether closer slices are worth a look.
+    /// From errors at 4, 2 and 1 times a slice distance: true where closer slices will not reach the error either.
     [[nodiscard]] bool is_hopeless(double first, double second, double third, double fine) const {
         if (third > stalled * first) {
             return true;
         }
-        // Of both halvings, the better one: one error may be small by chance.
+        // The better of the two halvings, because one error may be small by chance.
         const double order = std::max({std::log2(first / second), std::log2(second / third), 1.0}) + faster_order;
         return third * std::pow(finest_spacing / fine, order) > aim_;
     }
@@ -276,17 +276,17 @@ class Search {
     }
 
     [[noreturn]] void give_up(double most) const {
-        const std::string reached = "errors down to " + short_number(least_) + ", by " + kind_of(least_at_) +
-                                    " of slices " + short_number(least_at_.slice_spacing) + " apart";
+        const std::string reached = "errors down to " + text_of(least_, 3) + ", by " + kind_of(least_at_) +
+                                    " of slices " + text_of(least_at_.slice_spacing, 3) + " apart";
         if (!freedom_.spacing) {
             throw InvalidInput(Complaint{
                 option_ref("max_error") + " cannot be kept with this " + option_ref("slice_spacing"),
-                option_ref("slice_spacing", short_number(start_.slice_spacing)) + ", with " + reached,
-                option_ref("max_error", short_number(most)) + ", less a margin for safety",
+                option_ref("slice_spacing", text_of(start_.slice_spacing, 3)) + ", with " + reached,
+                option_ref("max_error", text_of(most, 3)) + ", less a margin for safety",
                 "leave out " + option_ref("slice_spacing") + ", or allow a larger " + option_ref("max_error")});
         }
         throw Unsupported(Complaint{option_ref("max_error") + " cannot be reached", reached,
-                                    option_ref("max_error", short_number(most)),
+                                    option_ref("max_error", text_of(most, 3)),
                                     "allow a larger " + option_ref("max_error") + "; " +
                                         option_ref("precision", "float64") + " may help where slices are many"});
     }
@@ -301,13 +301,6 @@ class Search {
 };
 
 } // namespace
-
-std::string short_number(double value) {
-    std::ostringstream text;
-    text.precision(3);
-    text << value;
-    return text.str();
-}
 
 std::string kind_of(const Settings& settings) {
     const char* sampling = settings.sampling == Sampling::slab ? "slab" : "point";

@@ -1,4 +1,5 @@
-// From an error or a time that is asked for to settings: the cheapest that keep the one, or the best within the other.
+// Searches settings for a requested error or time: the fastest that keep the error, or the most accurate within the
+// time.
 #pragma once
 
 #include <optional>
@@ -10,13 +11,10 @@
 
 namespace sheetsplat {
 
-/// A number for a sentence: three digits.
-std::string short_number(double value);
-
-/// What may be chosen. The rest is as the caller has it.
+/// The settings that may be changed; the others stay as the caller set them.
 struct Freedom {
     bool spacing = true;
-    bool sampling = true; ///< towards slab, that is
+    bool sampling = true; ///< from point to slab
     bool preintegration = true;
     bool stop = true;
 };
@@ -24,7 +22,7 @@ struct Freedom {
 struct Goal {
     std::optional<double> error;   ///< root mean square
     std::optional<double> seconds; ///< of one picture
-    /// Of the error that is asked for, what is aimed at: errors are estimates.
+    /// Share of the requested error that is aimed at, because errors are estimates.
     double aimed_share = 0.85;
 };
 
@@ -37,10 +35,10 @@ class Judge {
     virtual ~Judge() = default;
     /// Distance from the converged picture; nothing where the scene cannot be drawn with these settings.
     virtual std::optional<double> error(const Settings& settings) = 0;
-    /// The part of it that the stop has.
+    /// The part of it that the stop causes.
     virtual double stop_error(const Settings& settings) = 0;
     virtual double seconds(const Settings& settings) = 0;
-    /// An error that no settings get below, as far as is known, and what makes it.
+    /// An error below which no settings are known to get, and its cause.
     struct Floor {
         double error = 0.0;
         std::string cause;

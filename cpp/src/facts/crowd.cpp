@@ -22,7 +22,7 @@ constexpr double alike_share = 1.0 / 1024.0;
 constexpr double shift = 0.381966;
 /// Mean of a lowered Gaussian with falloff 8 along its diameter.
 constexpr double mean_along = 0.31;
-/// Beyond, nothing is left of a place in float32.
+/// Beyond this, float32 does not resolve the place at all.
 constexpr double largest_loss = 1e7;
 
 std::uint64_t mixed(std::uint64_t sum, double part) {
@@ -84,7 +84,7 @@ Crowd survey_crowd(const EllipsoidField& field) {
 }
 
 ThinInSlabs survey_slabs(const EllipsoidField& field, const Camera& camera, const Frame& frame, double thick) {
-    // A sphere's sections stay where they are in orthographic view: nothing is lost.
+    // In orthographic view the sections of a sphere do not move, so no precision is lost.
     if (field.size() == 0 || frame.slice_spacing <= thick * field.scale_range()[0] ||
         (field.isotropic() && frame.projection == Projection::orthographic)) {
         return {};

@@ -48,8 +48,6 @@ KernelFacts survey_kernels(const EllipsoidField& field) {
 EllipsoidFacts survey_ellipsoids(const EllipsoidField& field, const KernelFacts& kernels, const Camera& camera,
                                  const Frame& frame) {
     EllipsoidFacts facts;
-    facts.largest_aspect = kernels.largest_aspect;
-    facts.mean_overlap = kernels.mean_overlap;
     if (field.size() == 0) {
         return facts;
     }

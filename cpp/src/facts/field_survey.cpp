@@ -63,13 +63,4 @@ const FieldSurvey& FieldSurveys::of(const std::shared_ptr<const Field>& field) {
     return *surveys_.back();
 }
 
-void FieldSurveys::forget_others(const Scene& scene) {
-    surveys_.erase(std::remove_if(surveys_.begin(), surveys_.end(),
-                                  [&](const std::unique_ptr<FieldSurvey>& survey) {
-                                      return std::find(scene.fields.begin(), scene.fields.end(), survey->field) ==
-                                             scene.fields.end();
-                                  }),
-                   surveys_.end());
-}
-
 } // namespace sheetsplat

@@ -5,6 +5,8 @@
 #include <limits>
 #include <string>
 
+#include <glm/common.hpp>
+
 #include "base/checks.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -34,6 +36,17 @@ double Frame::largest_slant() const {
     const double x = 0.5 * pixel * size.width;
     const double y = 0.5 * pixel * size.height;
     return std::sqrt(1.0 + x * x + y * y);
+}
+
+Box supports_world(const Scene& scene) {
+    Box all;
+    for (const auto& field : scene.fields) {
+        const Box own = field->size() > 0 ? field->supports_world() : Box{};
+        if (!own.empty()) {
+            all = all.empty() ? own : Box{glm::min(all.lower, own.lower), glm::max(all.upper, own.upper)};
+        }
+    }
+    return all;
 }
 
 Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reach& reach) {

@@ -55,7 +55,7 @@ void add_ellipsoids(const EllipsoidField& field, const FieldSurvey& survey, cons
     facts.kernels.ellipsoids = facts.kernels.ellipsoids || field.size() > 0;
     facts.kernels.most_ellipsoids = std::max(facts.kernels.most_ellipsoids, field.size());
     facts.kernels.unresolved += own.unresolved;
-    facts.shapes.largest_aspect = std::max(facts.shapes.largest_aspect, own.largest_aspect);
+    facts.shapes.largest_aspect = std::max(facts.shapes.largest_aspect, survey.kernels.largest_aspect);
     facts.shapes.largest_filtering = std::max(facts.shapes.largest_filtering, own.largest_change);
     ScreenSizes& screen = facts.screen_px;
     screen.smallest_ellipsoid = std::min(screen.smallest_ellipsoid, own.smallest_px);
@@ -64,7 +64,7 @@ void add_ellipsoids(const EllipsoidField& field, const FieldSurvey& survey, cons
         screen.largest_ellipsoid = std::max(screen.largest_ellipsoid, field.scale_range()[1] / frame.smallest_pixel());
     }
     screen.largest_ellipsoid_at_unit = std::max(screen.largest_ellipsoid_at_unit, field.scale_range()[1] / frame.pixel);
-    facts.overlap.typical = std::max(facts.overlap.typical, own.mean_overlap);
+    facts.overlap.typical = std::max(facts.overlap.typical, survey.kernels.mean_overlap);
     facts.overlap.densest = std::max(facts.overlap.densest, survey.kernels.crowd.overlap);
     facts.overlap.alike = std::max(facts.overlap.alike, survey.kernels.crowd.alike);
     facts.slabs.thickest = std::max(facts.slabs.thickest, frame.slice_spacing / survey.kernels.thinnest);

@@ -11,7 +11,7 @@ namespace sheetsplat::gl {
 
 namespace {
 
-/// Storage that is kept for a frame's vertices; a larger frame hands its storage back part by part.
+/// Most storage that is reserved in advance for a frame's vertices.
 constexpr std::size_t most_ring_bytes = std::size_t{16} << 20;
 
 } // namespace
@@ -29,17 +29,16 @@ void Buffer::bind() const { handle_.api().BindBuffer(target_, name()); }
 
 void* Buffer::map(std::size_t bytes) {
     const Api& gl = handle_.api();
-    // Its contents pass through a target that no drawing reads: GL_ELEMENT_ARRAY_BUFFER would change the bound vertex
-    // array.
+    // GL_COPY_WRITE_BUFFER, since binding to GL_ELEMENT_ARRAY_BUFFER would change the bound vertex array.
     gl.BindBuffer(GL_COPY_WRITE_BUFFER, name());
     std::size_t capacity = std::max<std::size_t>(capacity_, 1);
     if (bytes > capacity) {
-        // By half more than before, so that slowly growing contents do not ask for new memory every time.
+        // At least half more than before, so that slowly growing contents rarely need new memory.
         capacity = std::max(bytes, capacity_ + capacity_ / 2);
     }
     constexpr auto most = static_cast<std::size_t>(std::numeric_limits<GLsizeiptr>::max());
     const auto refuse = [&](const std::string& found) {
-        // What the driver keeps of it is not defined any more.
+        // The buffer's contents are undefined now.
         capacity_ = 0;
         throw OutOfMemory(Complaint{"the device has no memory for a buffer", std::to_string(bytes) + " bytes: " + found,
                                     "", "draw fewer kernels at once, or free memory of the device"});
@@ -72,7 +71,7 @@ void* Buffer::map_next(std::size_t bytes) {
     constexpr std::size_t least = std::size_t{1} << 20;
     const std::size_t begin = (used_ + alignment - 1) / alignment * alignment;
     if (capacity_ == 0 || begin + bytes > capacity_) {
-        // A frame that outgrows the storage doubles it for the frames to come; what is queued keeps the old one.
+        // The storage doubles for later frames; queued drawing commands keep the old one.
         void* memory = map(std::max({bytes, least, std::min(2 * capacity_, most_ring_bytes)}));
         offset_ = 0;
         used_ = bytes;
@@ -108,6 +107,21 @@ void Buffer::upload(const void* data, std::size_t bytes) {
         std::memcpy(memory, data, bytes);
     }
     unmap();
+}
+
+void Buffer::upload_next(const void* data, std::size_t bytes) {
+    std::memcpy(map_next(bytes), data, bytes);
+    unmap();
+}
+
+void Buffer::attribute(GLuint location, int components, GLenum type, std::size_t stride, std::size_t begin,
+                       GLuint divisor) const {
+    const Api& gl = handle_.api();
+    bind();
+    gl.EnableVertexAttribArray(location);
+    gl.VertexAttribPointer(location, components, type, GL_FALSE, static_cast<GLsizei>(stride),
+                           reinterpret_cast<const void*>(offset_ + begin));
+    gl.VertexAttribDivisor(location, divisor);
 }
 
 VertexArray::VertexArray(const Api& gl) {

@@ -15,14 +15,14 @@
 namespace sheetsplat::gl {
 namespace {
 
-/// A trait of some driver that passes must steer round.
+/// A behaviour of some drivers for which passes have a work-around.
 struct Workaround {
     const char* name;
     bool (*applies)(const Capabilities&);
     const char* purpose;
 };
 
-constexpr std::array<Workaround, 5> workarounds = {{
+constexpr std::array<Workaround, 4> workarounds = {{
     {"fp16_store_truncates", [](const Capabilities& c) { return !c.float16_blend_rounds; },
      "sums in 16-bit floats are cut off instead of rounded, so that long sums come out dark: sheets are 32-bit"},
     {"no_float32_blend", [](const Capabilities& c) { return !c.float32_blend; },
@@ -32,18 +32,14 @@ constexpr std::array<Workaround, 5> workarounds = {{
      "point's radius"},
     {"glsl_330_only", [](const Capabilities& c) { return !c.at_least(4, 0); },
      "the driver stops at OpenGL 3.3: shaders keep to GLSL 3.30 and storage is made by glTexImage2D"},
-    {"cpu_stage_clock", [](const Capabilities& c) { return c.software || !c.timer_query; },
-     "timer queries are missing, or those of a software device, which disturb it and can be wrong: stages are timed by "
-     "the clock"},
 }};
 
-/// What the driver does, as far as it must be seen to be known. Pessimistic where the measurement itself fails.
+/// What only a test drawing tells about a driver. The defaults hold where the test drawing fails.
 struct Probes {
     bool float32_blend = false;
     bool float16_blend_rounds = false;
     bool points_reach_in = false;
     float max_point_size = 1.0F;
-    int depth_bits = 16;
 };
 
 const SourceFiles& probe_files() {
@@ -103,8 +99,8 @@ class Prober {
         return drawn;
     }
 
-    /// The largest size, of `claimed` and its halves, that a point really has: its right edge is put in the target's
-    /// middle.
+    /// The largest size, of `claimed` and its halves, at which points are drawn whole: tested with a point whose right
+    /// edge lies in the target's middle.
     float max_point_size(float claimed, int max_viewport) {
         const Texture target(gl_, GL_RGBA32F, probe_size, probe_size);
         const Framebuffer framebuffer(gl_, {&target});
@@ -124,15 +120,6 @@ class Prober {
         }
         check_errors(gl_, "probing the size of points");
         return std::max(size, 1.0F);
-    }
-
-    int depth_bits() {
-        const Texture target(gl_, GL_DEPTH_COMPONENT24, 1, 1);
-        GLint bits = 0;
-        target.bind(0);
-        gl_.GetTexLevelParameteriv(GL_TEXTURE_2D, 0, GL_TEXTURE_DEPTH_SIZE, &bits);
-        check_errors(gl_, "probing the depth buffer");
-        return bits;
     }
 
   private:
@@ -191,7 +178,6 @@ Probes probe(const Api& gl, float claimed_point_size, int max_viewport) {
                 [&] { return prober.blended(GL_RGBA16F, 1.0F, 0.75F * step) == 1.0F + step; });
         measure(gl, probes.points_reach_in, [&] { return prober.points_reach_in(); });
         measure(gl, probes.max_point_size, [&] { return prober.max_point_size(claimed_point_size, max_viewport); });
-        measure(gl, probes.depth_bits, [&] { return prober.depth_bits(); });
         reset();
     } catch (...) {
         reset();
@@ -213,19 +199,17 @@ bool is_software(const std::string& renderer) {
                        [&](const char* name) { return renderer.find(name) != std::string::npos; });
 }
 
-// SHEETSPLAT_GL_DISABLE: what tests of the fallbacks take away.
+// SHEETSPLAT_GL_DISABLE: capabilities that tests of the fallbacks switch off.
 struct Switch {
     const char* name;
     void (*off)(Capabilities&);
 };
 
-constexpr std::array<Switch, 6> switches = {{
-    {"buffer_storage", [](Capabilities& c) { c.buffer_storage = false; }},
+constexpr std::array<Switch, 4> switches = {{
     {"debug_output", [](Capabilities& c) { c.debug_output = false; }},
     {"depth_bounds", [](Capabilities& c) { c.depth_bounds = false; }},
     {"float32_blend", [](Capabilities& c) { c.float32_blend = false; }},
     {"texture_barrier", [](Capabilities& c) { c.texture_barrier = false; }},
-    {"timer_query", [](Capabilities& c) { c.timer_query = false; }},
 }};
 
 void apply_switches(Capabilities& capabilities) {
@@ -249,7 +233,7 @@ void apply_switches(Capabilities& capabilities) {
     }
 }
 
-// Of one driver every context behaves alike, so it is measured once in a process.
+// All contexts of one driver behave alike, so each driver is measured once in a process.
 Probes probed_once(const Api& gl, const std::string& driver, float claimed_point_size, int max_viewport) {
     static std::mutex& mutex = *new std::mutex;
     static std::map<std::string, Probes>& known = *new std::map<std::string, Probes>;
@@ -260,7 +244,7 @@ Probes probed_once(const Api& gl, const std::string& driver, float claimed_point
             return found->second;
         }
     }
-    // Not under the lock: drawing may take long, and two threads that both measure find the same.
+    // Without the lock, because drawing may take long; two threads that measure at once get the same results.
     const Probes probes = probe(gl, claimed_point_size, max_viewport);
     const std::lock_guard<std::mutex> lock(mutex);
     known.emplace(driver, probes);
@@ -287,30 +271,19 @@ Capabilities read_capabilities(const Api& gl, const std::string& platform) {
     c.depth_bounds = gl.EXT_depth_bounds_test != 0 && gl.DepthBoundsEXT != nullptr;
     c.texture_barrier =
         gl.TextureBarrier != nullptr && (c.at_least(4, 5) || gl.ARB_texture_barrier != 0 || gl.NV_texture_barrier != 0);
-    c.buffer_storage = gl.BufferStorage != nullptr && (c.at_least(4, 4) || gl.ARB_buffer_storage != 0);
     c.debug_output = gl.DebugMessageCallback != nullptr && (c.at_least(4, 3) || gl.KHR_debug != 0);
-    GLint timer_bits = 0;
-    gl.GetQueryiv(GL_TIME_ELAPSED, GL_QUERY_COUNTER_BITS, &timer_bits);
-    c.timer_query = timer_bits > 0;
-
     gl.GetIntegerv(GL_MAX_TEXTURE_SIZE, &c.max_texture_size);
     GLint viewport[2] = {};
     gl.GetIntegerv(GL_MAX_VIEWPORT_DIMS, viewport);
     c.max_viewport = std::min(viewport[0], viewport[1]);
-    GLint attachments = 0;
-    gl.GetIntegerv(GL_MAX_COLOR_ATTACHMENTS, &attachments);
     gl.GetIntegerv(GL_SUBPIXEL_BITS, &c.subpixel_bits);
-    gl.GetIntegerv(GL_MAX_DRAW_BUFFERS, &c.max_draw_buffers);
-    c.max_draw_buffers = std::min(c.max_draw_buffers, attachments);
     gl.GetIntegerv(GL_MAX_TEXTURE_IMAGE_UNITS, &c.max_texture_units);
     gl.GetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &c.max_buffer_texels);
     GLfloat point_sizes[2] = {1.0F, 1.0F};
     gl.GetFloatv(GL_POINT_SIZE_RANGE, point_sizes);
 
-    const std::array<std::pair<const char*, int>, 6> used = {{
-        {"GL_ARB_buffer_storage", gl.ARB_buffer_storage},
+    const std::array<std::pair<const char*, int>, 4> used = {{
         {"GL_ARB_texture_barrier", gl.ARB_texture_barrier},
-        {"GL_ARB_timer_query", gl.ARB_timer_query},
         {"GL_EXT_depth_bounds_test", gl.EXT_depth_bounds_test},
         {"GL_KHR_debug", gl.KHR_debug},
         {"GL_NV_texture_barrier", gl.NV_texture_barrier},
@@ -327,7 +300,6 @@ Capabilities read_capabilities(const Api& gl, const std::string& platform) {
     c.float16_blend_rounds = probes.float16_blend_rounds;
     c.points_reach_in = probes.points_reach_in;
     c.max_point_size = probes.max_point_size;
-    c.depth_bits = probes.depth_bits;
 
     apply_switches(c);
     for (const Workaround& each : workarounds) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <atomic>
 #include <charconv>
+#include <numeric>
 #include <utility>
 
 #include <sys/types.h>
@@ -29,7 +30,7 @@ void GLAD_API_PTR on_debug_message(GLenum, GLenum type, GLuint, GLenum severity,
         return;
     }
     auto& errors = *static_cast<std::vector<std::string>*>(const_cast<void*>(user));
-    // A wrong call in a loop must not fill the memory.
+    // Bounded, so that an error in a loop cannot fill the memory.
     if (errors.size() < most_debug_errors) {
         errors.emplace_back(length > 0 ? std::string(message, static_cast<std::size_t>(length)) : std::string(message));
     }
@@ -56,18 +57,15 @@ std::string chosen_platform(const ContextOptions& options) {
 
 std::optional<int> chosen_device(const ContextOptions& options, const std::string& platform) {
     const bool by_device = platform == "auto" || platform == "egl";
-    if (options.egl_device.has_value()) {
-        if (!by_device) {
-            throw InvalidInput(Complaint{"an EGL device cannot be chosen on this platform",
-                                         "device " + std::to_string(*options.egl_device) + ", platform " + platform,
-                                         "platform auto or egl together with a device",
-                                         "leave out " + option_ref("device") + ", or unset SHEETSPLAT_GL", "device"});
-        }
-        return options.egl_device;
+    if (options.egl_device.has_value() && !by_device) {
+        throw InvalidInput(Complaint{"an EGL device cannot be chosen on this platform",
+                                     "device " + std::to_string(*options.egl_device) + ", platform " + platform,
+                                     "platform auto or egl together with a device",
+                                     "leave out " + option_ref("device") + ", or unset SHEETSPLAT_GL", "device"});
     }
     const std::string variable = environment("SHEETSPLAT_EGL_DEVICE");
-    if (variable.empty() || !by_device) {
-        return std::nullopt;
+    if (options.egl_device.has_value() || variable.empty() || !by_device) {
+        return options.egl_device;
     }
     int number = 0;
     const char* end = variable.data() + variable.size();
@@ -85,9 +83,7 @@ bool wants_debug(const ContextOptions& options) { return options.debug || enviro
 // Indices of the devices, those of hardware first, each kind in the driver's order.
 std::vector<std::size_t> preferred_order(const std::vector<EglDevice>& devices) {
     std::vector<std::size_t> order(devices.size());
-    for (std::size_t i = 0; i < order.size(); ++i) {
-        order[i] = i;
-    }
+    std::iota(order.begin(), order.end(), std::size_t{0});
     std::stable_partition(order.begin(), order.end(), [&](std::size_t i) { return !devices[i].software; });
     return order;
 }
@@ -101,15 +97,13 @@ std::vector<std::size_t> preferred_order(const std::vector<EglDevice>& devices) 
                                  "choose one of these, or leave out " + option_ref("device"), "device"});
 }
 
-// Calls attempt(Made) for every try until it returns true.
+// Calls take(platform, Made) for each device until it returns true.
 template <class Take>
 bool try_egl(std::optional<int> device, bool debug, Take take) {
     std::string story;
     const std::vector<EglDevice> devices = egl_devices(story);
     if (devices.empty()) {
-        Made none;
-        none.story = story;
-        return take("egl", std::move(none));
+        return take("egl", Made{nullptr, story});
     }
     if (device.has_value()) {
         if (*device < 0 || static_cast<std::size_t>(*device) >= devices.size()) {
@@ -135,7 +129,7 @@ bool try_platform(const std::string& platform, std::optional<int> device, bool d
 
 constexpr std::array<const char*, 3> all_platforms = {"egl", "surfaceless", "osmesa"};
 
-// Drivers keep threads and locks that a forked child has no part in: the first call there would wait for ever.
+// A forked child has none of the driver's threads, so a call there could wait forever for one of its locks.
 std::atomic<pid_t> home_process{0};
 
 constexpr const char* forked_story =
@@ -178,7 +172,7 @@ std::unique_ptr<Context> Context::create(const ContextOptions& options) {
         return context != nullptr;
     };
     for (const char* each : all_platforms) {
-        // A device number names an EGL device, so nothing else may stand in for it.
+        // A device number names an EGL device, so no other platform is tried.
         const bool tried =
             platform == each || (platform == "auto" && (!device.has_value() || std::string("egl") == each));
         if (tried && try_platform(each, device, debug, take)) {
@@ -195,32 +189,24 @@ std::unique_ptr<Context> Context::create(const ContextOptions& options) {
 
 std::vector<Attempt> Context::survey() {
     std::vector<Attempt> attempts;
-    if (in_forked_child()) {
-        for (const char* platform : all_platforms) {
-            Attempt attempt;
-            attempt.platform = platform;
-            attempt.story = forked_story;
-            attempts.push_back(attempt);
-        }
-        return attempts;
-    }
-    note_home_process();
     const auto take = [&](const std::string& name, Made made) {
-        Attempt attempt;
-        attempt.platform = name;
-        attempt.succeeded = made.context != nullptr;
-        attempt.story = made.story;
-        if (attempt.succeeded) {
-            attempt.capabilities = made.context->capabilities();
-        }
-        attempts.push_back(std::move(attempt));
+        const bool succeeded = made.context != nullptr;
+        attempts.push_back({name, succeeded, made.story, succeeded ? made.context->capabilities() : Capabilities{}});
         return false;
     };
+    const bool forked = in_forked_child();
+    if (!forked) {
+        note_home_process();
+    }
     for (const char* each : all_platforms) {
         try {
-            try_platform(each, std::nullopt, false, take);
+            if (forked) {
+                attempts.push_back({each, false, forked_story, {}});
+            } else {
+                try_platform(each, std::nullopt, false, take);
+            }
         } catch (const std::exception& error) {
-            attempts.push_back(Attempt{each, false, error.what(), {}});
+            attempts.push_back({each, false, error.what(), {}});
         }
     }
     return attempts;
@@ -238,7 +224,7 @@ void NativeContext::set_up(const std::string& platform, bool debug) {
                                                  std::to_string(GLAD_VERSION_MINOR(version)),
                               "OpenGL 3.3 core", ""});
     }
-    // NVIDIA's older name for the same call, so that callers know one.
+    // GL_NV_texture_barrier is the same function.
     if (api_.TextureBarrier == nullptr) {
         api_.TextureBarrier = api_.TextureBarrierNV;
     }
@@ -250,6 +236,18 @@ void NativeContext::set_up(const std::string& platform, bool debug) {
         api_.Enable(GL_DEBUG_OUTPUT);
     }
     check_errors(api_, "setting up an OpenGL context");
+}
+
+void Made::finish(std::unique_ptr<NativeContext> fresh, const std::string& platform, bool debug) {
+    try {
+        fresh->set_up(platform, debug);
+    } catch (const InvalidInput&) {
+        throw;
+    } catch (const Error& error) {
+        tell(story, error.what());
+        return;
+    }
+    context = std::move(fresh);
 }
 
 void NativeContext::leave_current() noexcept {
@@ -264,9 +262,8 @@ Current::Current(Context& context) : context_(context), previous_(current_here) 
     if (current_here == &context) {
         return;
     }
-    // The other one is released first, and not merely replaced: OSMesa and Mesa's EGL share the thread's slot for the
-    // current context without telling each other, and EGL skips a call that asks for what it believes to be current
-    // already.
+    // The other context is released first, not just replaced: OSMesa and Mesa's EGL share the thread's current context
+    // without notifying each other, and EGL ignores a request for the context that it believes to be current.
     Context* previous = current_here;
     if (previous != nullptr) {
         previous->release();
@@ -295,14 +292,14 @@ Current::~Current() {
         try {
             previous->make_current();
             current_here = previous;
-        } catch (const std::exception&) { // nothing can be thrown from here; the next Current reports it
+        } catch (const std::exception&) { // a destructor must not throw; the next Current reports it
         }
     }
 }
 
 GlErrors take_errors(const Api& gl) {
     GlErrors errors;
-    // A lost context reports errors without end.
+    // Bounded, because a lost context never stops reporting errors.
     for (int i = 0; i < 16; ++i) {
         const GLenum error = gl.GetError();
         if (error == GL_NO_ERROR) {

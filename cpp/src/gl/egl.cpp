@@ -4,6 +4,7 @@
 #include "library.hpp"
 #include "platforms.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -73,15 +74,9 @@ struct Egl {
     Display (*get_platform_display)(EglEnum, void*, const EglInt*) = nullptr;
 
     bool usable = false;
-    std::string story;             // how loading went
+    std::string story;             // how loading succeeded or failed
     std::string client_extensions; // of the library, before any display
 };
-
-template <class Function>
-bool find(const Library& library, const char* name, Function& function) {
-    function = reinterpret_cast<Function>(library.symbol(name));
-    return function != nullptr;
-}
 
 template <class Function>
 void find_extension(const Egl& egl, const char* name, Function& function) {
@@ -121,16 +116,16 @@ Egl load_egl() {
         return egl;
     }
     const bool whole =
-        find(library, "eglGetProcAddress", egl.get_proc_address) && find(library, "eglQueryString", egl.query_string) &&
-        find(library, "eglInitialize", egl.initialize) && find(library, "eglGetError", egl.get_error) &&
-        find(library, "eglBindAPI", egl.bind_api) && find(library, "eglQueryAPI", egl.query_api) &&
-        find(library, "eglChooseConfig", egl.choose_config) && find(library, "eglCreateContext", egl.create_context) &&
-        find(library, "eglDestroyContext", egl.destroy_context) &&
-        find(library, "eglCreatePbufferSurface", egl.create_pbuffer_surface) &&
-        find(library, "eglDestroySurface", egl.destroy_surface) && find(library, "eglMakeCurrent", egl.make_current) &&
-        find(library, "eglGetCurrentContext", egl.get_current_context) &&
-        find(library, "eglGetCurrentDisplay", egl.get_current_display) &&
-        find(library, "eglGetCurrentSurface", egl.get_current_surface);
+        library.find("eglGetProcAddress", egl.get_proc_address) && library.find("eglQueryString", egl.query_string) &&
+        library.find("eglInitialize", egl.initialize) && library.find("eglGetError", egl.get_error) &&
+        library.find("eglBindAPI", egl.bind_api) && library.find("eglQueryAPI", egl.query_api) &&
+        library.find("eglChooseConfig", egl.choose_config) && library.find("eglCreateContext", egl.create_context) &&
+        library.find("eglDestroyContext", egl.destroy_context) &&
+        library.find("eglCreatePbufferSurface", egl.create_pbuffer_surface) &&
+        library.find("eglDestroySurface", egl.destroy_surface) && library.find("eglMakeCurrent", egl.make_current) &&
+        library.find("eglGetCurrentContext", egl.get_current_context) &&
+        library.find("eglGetCurrentDisplay", egl.get_current_display) &&
+        library.find("eglGetCurrentSurface", egl.get_current_surface);
     if (!whole) {
         tell(egl.story, "but it lacks functions of EGL 1.4");
         return egl;
@@ -143,61 +138,48 @@ Egl load_egl() {
     return egl;
 }
 
-// Never destroyed: contexts in static objects of a program may outlive this file's own.
+// Never destroyed: contexts in static objects of a program may be destroyed after this file's static objects.
 const Egl& egl_library() {
     static const Egl& egl = *new Egl(load_egl());
     return egl;
 }
 
 struct InitialisedDisplay {
-    Display display = nullptr;
     std::string extensions;
-    std::string description; // "EGL 1.5 of Mesa Project"
+    std::string description; // "EGL 1.5, Mesa Project"
 };
 
-// eglGetPlatformDisplay gives one and the same EGLDisplay to everybody in the process who asks for the same device, and
-// eglInitialize does not count: a single eglTerminate marks the contexts of all others (other contexts of ours, other
-// libraries) for destruction. So a display that was initialised stays so for the life of the process; there are as many
-// as there are devices, and contexts come and go on them without leaving anything behind.
-struct DisplayTable {
-    std::mutex mutex;
-    std::map<Display, InitialisedDisplay> displays;
-};
-
-DisplayTable& display_table() {
-    static DisplayTable& table = *new DisplayTable;
-    return table;
-}
-
+// eglGetPlatformDisplay returns the same EGLDisplay to all code in the process that asks for a device, and
+// eglInitialize does not count references: one eglTerminate would destroy the contexts of other code as well. So
+// displays stay initialised until the process ends.
 const InitialisedDisplay* initialise(const Egl& egl, Display display, std::string& story) {
-    DisplayTable& table = display_table();
-    const std::lock_guard<std::mutex> lock(table.mutex);
-    const auto known = table.displays.find(display);
-    if (known != table.displays.end()) {
-        tell(story, known->second.description);
-        return &known->second;
+    static std::mutex& mutex = *new std::mutex;
+    static std::map<Display, InitialisedDisplay>& displays = *new std::map<Display, InitialisedDisplay>;
+    const std::lock_guard<std::mutex> lock(mutex);
+    auto known = displays.find(display);
+    if (known == displays.end()) {
+        EglInt major = 0, minor = 0;
+        if (egl.initialize(display, &major, &minor) == 0) {
+            tell(story, std::string("eglInitialize failed with ") + error_name(egl.get_error()) +
+                            " (is there a driver for this device, and may this user open /dev/dri/renderD* or "
+                            "/dev/nvidia*?)");
+            return nullptr;
+        }
+        known = displays
+                    .emplace(display,
+                             InitialisedDisplay{text_or_empty(egl.query_string(display, extensions_string)),
+                                                "EGL " + text_or_empty(egl.query_string(display, version_string)) +
+                                                    ", " + text_or_empty(egl.query_string(display, vendor_string))})
+                    .first;
     }
-    EglInt major = 0;
-    EglInt minor = 0;
-    if (egl.initialize(display, &major, &minor) == 0) {
-        tell(story,
-             std::string("eglInitialize failed with ") + error_name(egl.get_error()) +
-                 " (is there a driver for this device, and may this user open /dev/dri/renderD* or /dev/nvidia*?)");
-        return nullptr;
-    }
-    InitialisedDisplay fresh;
-    fresh.display = display;
-    fresh.extensions = text_or_empty(egl.query_string(display, extensions_string));
-    fresh.description = "EGL " + text_or_empty(egl.query_string(display, version_string)) + ", " +
-                        text_or_empty(egl.query_string(display, vendor_string));
-    tell(story, fresh.description);
-    return &table.displays.emplace(display, fresh).first->second;
+    tell(story, known->second.description);
+    return &known->second;
 }
 
 class EglContext final : public NativeContext {
   public:
-    EglContext(const Egl& egl, Display display, NativeEglContext context, Surface surface)
-        : egl_(egl), display_(display), context_(context), surface_(surface) {}
+    EglContext(const Egl& egl, Display display, NativeEglContext context)
+        : egl_(egl), display_(display), context_(context) {}
 
     ~EglContext() override {
         leave_current();
@@ -209,14 +191,21 @@ class EglContext final : public NativeContext {
     EglContext(const EglContext&) = delete;
     EglContext& operator=(const EglContext&) = delete;
 
+    /// For drivers that cannot make a context current without a surface. False where there is none.
+    bool make_surface(Config config) {
+        static constexpr std::array<EglInt, 5> one_pixel = {width_attribute, 1, height_attribute, 1, none};
+        surface_ = egl_.create_pbuffer_surface(display_, config, one_pixel.data());
+        return surface_ != nullptr;
+    }
+
     GLADapiproc address(const char* name) override {
         return reinterpret_cast<GLADapiproc>(egl_.get_proc_address(name));
     }
 
   protected:
     void make_current() override {
-        // None of ours is current here (Current sees to that), so what is current belongs to somebody else in this
-        // process, who finds it again afterwards.
+        // Current has released this library's contexts, so what is current belongs to other code in the process;
+        // release() makes it current again.
         Foreign foreign;
         foreign.api = egl_.query_api();
         foreign.context = egl_.get_current_context();
@@ -257,31 +246,11 @@ class EglContext final : public NativeContext {
     const Egl& egl_;
     Display display_;
     NativeEglContext context_;
-    Surface surface_;
+    Surface surface_ = nullptr;
     Foreign foreign_;
 };
 
-// Destroys what was made so far where a later step fails.
-struct Parts {
-    const Egl& egl;
-    Display display;
-    NativeEglContext context = nullptr;
-    Surface surface = nullptr;
-
-    Parts(const Egl& library, Display of) : egl(library), display(of) {}
-    Parts(const Parts&) = delete;
-    Parts& operator=(const Parts&) = delete;
-    ~Parts() {
-        if (surface != nullptr) {
-            egl.destroy_surface(display, surface);
-        }
-        if (context != nullptr) {
-            egl.destroy_context(display, context);
-        }
-    }
-};
-
-// The thread's bound API is somebody else's business again when this ends.
+// Binds desktop OpenGL to this thread, and at the end what was bound before.
 struct BoundApi {
     const Egl& egl;
     EglEnum before;
@@ -319,10 +288,9 @@ Made make_on_display(const Egl& egl, Display display, const std::string& platfor
         }
     }
 
-    Parts parts(egl, display);
-    static constexpr std::array<std::array<EglInt, 2>, 4> versions = {{{4, 5}, {4, 3}, {4, 1}, {3, 3}}};
+    NativeEglContext native = nullptr;
     const bool flags_by_extension = has_word(initialised->extensions, "EGL_KHR_create_context");
-    for (const auto& version : versions) {
+    for (const auto& version : wanted_versions) {
         std::vector<EglInt> attributes = {context_major_version, version[0],      context_minor_version, version[1],
                                           context_profile_mask,  core_profile_bit};
         if (debug) {
@@ -330,37 +298,32 @@ Made make_on_display(const Egl& egl, Display display, const std::string& platfor
             attributes.push_back(flags_by_extension ? debug_bit_khr : 1);
         }
         attributes.push_back(none);
-        parts.context = egl.create_context(display, config, nullptr, attributes.data());
-        if (parts.context != nullptr) {
+        native = egl.create_context(display, config, nullptr, attributes.data());
+        if (native != nullptr) {
             break;
         }
         tell(made.story, "OpenGL " + std::to_string(version[0]) + "." + std::to_string(version[1]) +
                              " core: " + error_name(egl.get_error()));
     }
-    if (parts.context == nullptr) {
+    if (native == nullptr) {
         return made;
     }
-    if (!without_surface) {
-        static constexpr std::array<EglInt, 5> one_pixel = {width_attribute, 1, height_attribute, 1, none};
-        parts.surface = egl.create_pbuffer_surface(display, config, one_pixel.data());
-        if (parts.surface == nullptr) {
-            tell(made.story, std::string("eglCreatePbufferSurface failed with ") + error_name(egl.get_error()));
-            return made;
-        }
-    }
-    auto context = std::make_unique<EglContext>(egl, display, parts.context, parts.surface);
-    parts.context = nullptr;
-    parts.surface = nullptr;
-    try {
-        context->set_up(platform, debug);
-    } catch (const InvalidInput&) {
-        throw;
-    } catch (const Error& error) {
-        tell(made.story, error.what());
+    auto context = std::make_unique<EglContext>(egl, display, native);
+    if (!without_surface && !context->make_surface(config)) {
+        tell(made.story, std::string("eglCreatePbufferSurface failed with ") + error_name(egl.get_error()));
         return made;
     }
-    made.context = std::move(context);
+    made.finish(std::move(context), platform, debug);
     return made;
+}
+
+// A context on a display of one of EGL's platforms; device: null for those without devices.
+Made make_on_platform(const Egl& egl, EglEnum platform, Device device, const std::string& name, bool debug) {
+    Display display = egl.get_platform_display(platform, device, nullptr);
+    if (display == nullptr) {
+        return {nullptr, std::string("eglGetPlatformDisplayEXT failed with ") + error_name(egl.get_error())};
+    }
+    return make_on_display(egl, display, name, debug);
 }
 
 std::vector<Device> list_devices(const Egl& egl, std::string& story) {
@@ -379,11 +342,11 @@ std::vector<Device> list_devices(const Egl& egl, std::string& story) {
         tell(story, std::string("eglQueryDevicesEXT failed with ") + error_name(egl.get_error()));
         return {};
     }
-    std::vector<Device> devices(static_cast<std::size_t>(count > 0 ? count : 0));
-    if (count > 0 && egl.query_devices(count, devices.data(), &count) == 0) {
+    std::vector<Device> devices(static_cast<std::size_t>(std::max(count, 0)));
+    if (egl.query_devices(count, devices.data(), &count) == 0) {
         count = 0;
     }
-    devices.resize(static_cast<std::size_t>(count > 0 ? count : 0));
+    devices.resize(static_cast<std::size_t>(std::max(count, 0)));
     if (devices.empty()) {
         tell(story,
              "it lists no devices (a driver for it may be missing: on Debian or Ubuntu apt-get install libegl-mesa0 "
@@ -399,20 +362,14 @@ EglDevice describe(const Egl& egl, Device device) {
     }
     const std::string extensions = text_or_empty(egl.query_device_string(device, extensions_string));
     described.software = has_word(extensions, "EGL_MESA_device_software");
-    std::string file;
-    std::string renderer;
-    if (has_word(extensions, "EGL_EXT_device_drm")) {
-        file = text_or_empty(egl.query_device_string(device, drm_device_file));
-    }
-    if (has_word(extensions, "EGL_EXT_device_query_name")) {
-        renderer = text_or_empty(egl.query_device_string(device, renderer_string));
-    }
     described.name = described.software ? "software" : "hardware";
-    for (const std::string& part : {renderer, file}) {
-        if (!part.empty()) {
-            described.name += ", " + part;
-        }
-    }
+    const auto add = [&](const char* extension, EglInt string) {
+        const std::string part =
+            has_word(extensions, extension) ? text_or_empty(egl.query_device_string(device, string)) : "";
+        described.name += part.empty() ? "" : ", " + part;
+    };
+    add("EGL_EXT_device_query_name", renderer_string);
+    add("EGL_EXT_device_drm", drm_device_file);
     return described;
 }
 
@@ -435,16 +392,9 @@ Made make_on_egl_device(std::size_t index, bool debug) {
         tell(made.story, "there is no EGL device " + std::to_string(index));
         return made;
     }
-    std::string story = "EGL device " + std::to_string(index) + " (" + describe(egl, devices[index]).name + ")";
-    Display display = egl.get_platform_display(platform_device, devices[index], nullptr);
-    if (display == nullptr) {
-        tell(story, std::string("eglGetPlatformDisplayEXT failed with ") + error_name(egl.get_error()));
-        made.story = story;
-        return made;
-    }
-    made = make_on_display(egl, display, "egl", debug);
-    tell(story, made.story);
-    made.story = story;
+    const std::string device = "EGL device " + std::to_string(index) + " (" + describe(egl, devices[index]).name + ")";
+    made = make_on_platform(egl, platform_device, devices[index], "egl", debug);
+    made.story = device + (made.story.empty() ? "" : "; ") + made.story;
     return made;
 }
 
@@ -460,12 +410,7 @@ Made make_egl_surfaceless(bool debug) {
         tell(made.story, "it lacks EGL_MESA_platform_surfaceless");
         return made;
     }
-    Display display = egl.get_platform_display(platform_surfaceless, nullptr, nullptr);
-    if (display == nullptr) {
-        tell(made.story, std::string("eglGetPlatformDisplayEXT failed with ") + error_name(egl.get_error()));
-        return made;
-    }
-    Made on_display = make_on_display(egl, display, "surfaceless", debug);
+    Made on_display = make_on_platform(egl, platform_surfaceless, nullptr, "surfaceless", debug);
     tell(made.story, on_display.story);
     made.context = std::move(on_display.context);
     return made;

@@ -10,28 +10,18 @@ namespace sheetsplat::gl {
 
 namespace {
 
-const char* status_in_words(GLenum status) {
+const char* name_of(GLenum status) {
     switch (status) {
-    case GL_FRAMEBUFFER_UNDEFINED:
-        return "GL_FRAMEBUFFER_UNDEFINED: there is no default framebuffer";
     case GL_FRAMEBUFFER_INCOMPLETE_ATTACHMENT:
-        return "GL_FRAMEBUFFER_INCOMPLETE_ATTACHMENT: an attachment's format cannot be drawn to, or is not of the kind "
-               "(colour, depth) "
-               "that it is attached as";
+        return "GL_FRAMEBUFFER_INCOMPLETE_ATTACHMENT: the format of an attachment cannot be drawn to, or is of the "
+               "wrong "
+               "kind (colour, depth)";
     case GL_FRAMEBUFFER_INCOMPLETE_MISSING_ATTACHMENT:
         return "GL_FRAMEBUFFER_INCOMPLETE_MISSING_ATTACHMENT: it has no attachments";
-    case GL_FRAMEBUFFER_INCOMPLETE_DRAW_BUFFER:
-        return "GL_FRAMEBUFFER_INCOMPLETE_DRAW_BUFFER: a draw buffer has no attachment";
-    case GL_FRAMEBUFFER_INCOMPLETE_READ_BUFFER:
-        return "GL_FRAMEBUFFER_INCOMPLETE_READ_BUFFER: the read buffer has no attachment";
     case GL_FRAMEBUFFER_UNSUPPORTED:
         return "GL_FRAMEBUFFER_UNSUPPORTED: the driver does not draw to this combination of formats";
-    case GL_FRAMEBUFFER_INCOMPLETE_MULTISAMPLE:
-        return "GL_FRAMEBUFFER_INCOMPLETE_MULTISAMPLE: the attachments' sample counts differ";
-    case GL_FRAMEBUFFER_INCOMPLETE_LAYER_TARGETS:
-        return "GL_FRAMEBUFFER_INCOMPLETE_LAYER_TARGETS: some attachments are layered and some are not";
     default:
-        return "a status that OpenGL does not name";
+        return "a status that it should not have";
     }
 }
 
@@ -66,27 +56,20 @@ Framebuffer::Framebuffer(const Api& gl, const std::vector<const Texture*>& color
     handle_ = Handle<delete_framebuffer>(gl, name);
     gl.BindFramebuffer(GL_FRAMEBUFFER, name);
     std::vector<GLenum> draw_buffers;
-    GLenum read_buffer = GL_NONE;
     for (std::size_t i = 0; i < colors.size(); ++i) {
         const auto attachment = static_cast<GLenum>(GL_COLOR_ATTACHMENT0 + i);
-        const bool there = colors[i] != nullptr;
-        draw_buffers.push_back(there ? attachment : static_cast<GLenum>(GL_NONE));
-        if (there) {
-            gl.FramebufferTexture2D(GL_FRAMEBUFFER, attachment, GL_TEXTURE_2D, colors[i]->name(), 0);
-            read_buffer = read_buffer == GL_NONE ? attachment : read_buffer;
-        }
+        draw_buffers.push_back(attachment);
+        gl.FramebufferTexture2D(GL_FRAMEBUFFER, attachment, GL_TEXTURE_2D, colors[i]->name(), 0);
     }
     if (depth != nullptr) {
-        const bool with_stencil = format_of(depth->internal_format()).format == GL_DEPTH_STENCIL;
-        gl.FramebufferTexture2D(GL_FRAMEBUFFER, with_stencil ? GL_DEPTH_STENCIL_ATTACHMENT : GL_DEPTH_ATTACHMENT,
-                                GL_TEXTURE_2D, depth->name(), 0);
+        gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth->name(), 0);
     }
     if (draw_buffers.empty()) {
         gl.DrawBuffer(GL_NONE);
     } else {
         gl.DrawBuffers(static_cast<GLsizei>(draw_buffers.size()), draw_buffers.data());
     }
-    gl.ReadBuffer(read_buffer);
+    gl.ReadBuffer(colors.empty() ? GL_NONE : GL_COLOR_ATTACHMENT0);
     const GLenum status = gl.CheckFramebufferStatus(GL_FRAMEBUFFER);
     const GlErrors errors = take_errors(gl);
     gl.BindFramebuffer(GL_DRAW_FRAMEBUFFER, static_cast<GLuint>(draw_before));
@@ -95,7 +78,7 @@ Framebuffer::Framebuffer(const Api& gl, const std::vector<const Texture*>& color
     if (status == GL_FRAMEBUFFER_COMPLETE && errors.names.empty()) {
         return;
     }
-    std::string found = status == GL_FRAMEBUFFER_COMPLETE ? std::string() : std::string(status_in_words(status)) + "; ";
+    std::string found = status == GL_FRAMEBUFFER_COMPLETE ? std::string() : std::string(name_of(status)) + "; ";
     found += errors.names.empty() ? "" : errors.names + "; ";
     for (std::size_t i = 0; i < colors.size(); ++i) {
         found += "colour " + std::to_string(i) + ": " + described(colors[i]) + ", ";

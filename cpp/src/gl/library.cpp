@@ -17,8 +17,8 @@ std::string last_reason(const std::string& name) {
     return reason != nullptr ? reason : name;
 }
 
-// A library out of a wheel lies beside the libraries that it needs, yet does not say so (its wheel has them loaded
-// before by another file). Those that the linker misses are opened from there first; `left` bounds how many.
+// A library from a Python wheel lies in one folder with its dependencies but has no search path to them, because the
+// wheel loads them itself. Dependencies that the linker does not find are opened from that folder; at most `left`.
 void* open_with_neighbours(const std::string& path, int& left, std::string& reason) {
     const std::size_t slash = path.rfind('/');
     while (true) {

@@ -1,4 +1,4 @@
-// Libraries that are found while the program runs.
+// Shared libraries that are opened at run time.
 #pragma once
 
 #include <string>
@@ -10,11 +10,18 @@ struct Library {
     void* handle = nullptr;
     std::string story;
 
-    /// Address of a symbol, or null.
+    /// Sets `function` to the address of a symbol, or null; returns whether there is one.
+    template <class Function>
+    bool find(const char* name, Function& function) const {
+        function = reinterpret_cast<Function>(symbol(name));
+        return function != nullptr;
+    }
+
+  private:
     [[nodiscard]] void* symbol(const char* name) const;
 };
 
-/// Adds a step to a story.
+/// Appends a step to the account of an attempt.
 void tell(std::string& story, const std::string& step);
 
 /// Opens the first of `names` (nullptr ends them) that can be opened. A path may lie beside libraries that it needs.

@@ -33,12 +33,6 @@ struct Osmesa {
     std::string story;
 };
 
-template <class Function>
-bool find(const Library& library, const char* name, Function& function) {
-    function = reinterpret_cast<Function>(library.symbol(name));
-    return function != nullptr;
-}
-
 // OSMesa keeps lists that all contexts share (of screens, and up to Mesa 20 of buffers) and locks only some of them.
 std::mutex& osmesa_mutex() {
     static std::mutex& mutex = *new std::mutex;
@@ -58,18 +52,18 @@ Osmesa load(const std::string& path) {
                                : "set SHEETSPLAT_OSMESA to the path of a libOSMesa, or unset it");
         return osmesa;
     }
-    osmesa.usable = find(library, "OSMesaCreateContextAttribs", osmesa.create_context) &&
-                    find(library, "OSMesaDestroyContext", osmesa.destroy_context) &&
-                    find(library, "OSMesaMakeCurrent", osmesa.make_current) &&
-                    find(library, "OSMesaGetProcAddress", osmesa.get_proc_address);
+    osmesa.usable = library.find("OSMesaCreateContextAttribs", osmesa.create_context) &&
+                    library.find("OSMesaDestroyContext", osmesa.destroy_context) &&
+                    library.find("OSMesaMakeCurrent", osmesa.make_current) &&
+                    library.find("OSMesaGetProcAddress", osmesa.get_proc_address);
     if (!osmesa.usable) {
         tell(osmesa.story, "but it lacks OSMesaCreateContextAttribs (wanted OSMesa 11.2 or later)");
     }
     return osmesa;
 }
 
-// Entries are never destroyed or changed, so references to them stay good for contexts of any lifetime. A failure is
-// not kept: the library may be installed, or the variable set right, while the process runs.
+// Entries are never destroyed or changed, so contexts of any lifetime can refer to them. A failure is not kept: the
+// library may be installed, or the variable corrected, while the process runs.
 const Osmesa& osmesa_library(std::string& story) {
     static std::map<std::string, const Osmesa*>& loaded = *new std::map<std::string, const Osmesa*>;
     static const Osmesa& unusable = *new Osmesa;
@@ -130,9 +124,8 @@ Made make_osmesa(bool debug) {
     if (!osmesa.usable) {
         return made;
     }
-    static constexpr std::array<std::array<int, 2>, 4> versions = {{{4, 5}, {4, 3}, {4, 1}, {3, 3}}};
     NativeOsmesaContext native = nullptr;
-    for (const auto& version : versions) {
+    for (const auto& version : wanted_versions) {
         const std::array<int, 15> attributes = {
             format_attribute,  rgba_format,  depth_bits,      0,          stencil_bits,    0,          accum_bits, 0,
             profile_attribute, core_profile, major_attribute, version[0], minor_attribute, version[1], 0};
@@ -146,16 +139,7 @@ Made make_osmesa(bool debug) {
     if (native == nullptr) {
         return made;
     }
-    auto context = std::make_unique<OsmesaContext>(osmesa, native);
-    try {
-        context->set_up("osmesa", debug);
-    } catch (const InvalidInput&) {
-        throw;
-    } catch (const Error& error) {
-        tell(made.story, error.what());
-        return made;
-    }
-    made.context = std::move(context);
+    made.finish(std::make_unique<OsmesaContext>(osmesa, native), "osmesa", debug);
     return made;
 }
 

@@ -1,6 +1,7 @@
-// The ways to a context, one function each, and what they share.
+// One function for each platform that makes contexts, and what they share.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,7 +11,7 @@
 
 namespace sheetsplat::gl {
 
-/// A context of some platform, between the driver's call that made it and its use.
+/// A context of one platform, while it is set up.
 class NativeContext : public Context {
   public:
     /// The address of a GL function; asked for with the context current.
@@ -21,15 +22,21 @@ class NativeContext : public Context {
 
   protected:
     NativeContext() = default;
-    /// For destructors: a context that is destroyed while it is current on this thread stops being so.
+    /// For destructors: releases the context if it is current on this thread.
     void leave_current() noexcept;
 };
 
-/// What came of one try; the story tells its steps whether it succeeded or not.
+/// The result of one attempt; story: its steps, in words.
 struct Made {
     std::unique_ptr<NativeContext> context;
     std::string story;
+
+    /// Sets a new context up and keeps it; where it is no OpenGL 3.3, the story says why.
+    void finish(std::unique_ptr<NativeContext> fresh, const std::string& platform, bool debug);
 };
+
+/// Versions of OpenGL that are asked for, the best one first.
+constexpr std::array<std::array<int, 2>, 4> wanted_versions = {{{4, 5}, {4, 3}, {4, 1}, {3, 3}}};
 
 /// One entry of the EGL device list.
 struct EglDevice {
@@ -44,9 +51,9 @@ Made make_on_egl_device(std::size_t index, bool debug);
 Made make_egl_surfaceless(bool debug);
 Made make_osmesa(bool debug);
 
-/// Reads what the context can do, measures what the driver does not tell, applies SHEETSPLAT_GL_DISABLE and names the
-/// work-arounds. The context must be current and in its first state, which is kept. Throws InvalidInput for names in
-/// SHEETSPLAT_GL_DISABLE that are none.
+/// Reads the context's capabilities, measures those that the driver does not report, applies SHEETSPLAT_GL_DISABLE and
+/// lists the work-arounds. The context must be current and in its initial state, and stays so. Throws InvalidInput for
+/// unknown names in SHEETSPLAT_GL_DISABLE.
 Capabilities read_capabilities(const Api& gl, const std::string& platform);
 
 /// Takes all pending errors: their names, and whether GL_OUT_OF_MEMORY was among them.

@@ -21,28 +21,20 @@ std::string listed(const Defines& defines) {
     return text.empty() ? "none" : text;
 }
 
-std::string shader_log(const Api& gl, GLuint shader) {
+/// The compiler's or linker's message; get_number and get_log: those of shaders or of programs.
+std::string log_of(PFNGLGETSHADERIVPROC get_number, PFNGLGETSHADERINFOLOGPROC get_log, GLuint name) {
     GLint length = 0;
-    gl.GetShaderiv(shader, GL_INFO_LOG_LENGTH, &length);
+    get_number(name, GL_INFO_LOG_LENGTH, &length);
     std::string log(static_cast<std::size_t>(std::max(length, 1)), '\0');
     GLsizei written = 0;
-    gl.GetShaderInfoLog(shader, static_cast<GLsizei>(log.size()), &written, log.data());
+    get_log(name, static_cast<GLsizei>(log.size()), &written, log.data());
     log.resize(static_cast<std::size_t>(std::max(written, 0)));
     return log;
 }
 
-std::string program_log(const Api& gl, GLuint program) {
-    GLint length = 0;
-    gl.GetProgramiv(program, GL_INFO_LOG_LENGTH, &length);
-    std::string log(static_cast<std::size_t>(std::max(length, 1)), '\0');
-    GLsizei written = 0;
-    gl.GetProgramInfoLog(program, static_cast<GLsizei>(log.size()), &written, log.data());
-    log.resize(static_cast<std::size_t>(std::max(written, 0)));
-    return log;
-}
-
-Handle<delete_shader> compile(const Api& gl, GLenum stage, const StageSource& source, const SourceFiles& files,
-                              const std::string& file, const Defines& defines) {
+Handle<delete_shader> compile(const Api& gl, GLenum stage, const std::string& file, const SourceFiles& files,
+                              const Defines& defines, const std::string& version_line) {
+    const StageSource source = preprocess(files, file, version_line, defines);
     Handle<delete_shader> shader(gl, gl.CreateShader(stage));
     const GLchar* text = source.text.data();
     const auto length = static_cast<GLint>(source.text.size());
@@ -52,67 +44,74 @@ Handle<delete_shader> compile(const Api& gl, GLenum stage, const StageSource& so
     gl.GetShaderiv(shader.name(), GL_COMPILE_STATUS, &compiled);
     if (compiled != GL_TRUE) {
         throw Error(Complaint{"the shader " + file + " does not compile (defines: " + listed(defines) + ")",
-                              translate_log(shader_log(gl, shader.name()), source, files), "", ""});
+                              translate_log(log_of(gl.GetShaderiv, gl.GetShaderInfoLog, shader.name()), source, files),
+                              "", ""});
     }
     return shader;
+}
+
+/// Compiles and links stages. prepare(program) is called between the two.
+template <class Prepare>
+Handle<delete_program> linked(const Api& gl, const std::vector<std::pair<GLenum, std::string>>& stages,
+                              const SourceFiles& files, const Defines& defines, const std::string& version_line,
+                              const Prepare& prepare) {
+    check_errors(gl, "before a program was made");
+    std::vector<Handle<delete_shader>> shaders;
+    std::string names;
+    for (const auto& [stage, file] : stages) {
+        shaders.push_back(compile(gl, stage, file, files, defines, version_line));
+        names += (names.empty() ? "" : " and ") + file;
+    }
+    Handle<delete_program> program(gl, gl.CreateProgram());
+    const GLuint name = program.name();
+    for (const auto& shader : shaders) {
+        gl.AttachShader(name, shader.name());
+    }
+    prepare(name);
+    gl.LinkProgram(name);
+    // Attached shaders would live as long as the program.
+    for (const auto& shader : shaders) {
+        gl.DetachShader(name, shader.name());
+    }
+    GLint is_linked = GL_FALSE;
+    gl.GetProgramiv(name, GL_LINK_STATUS, &is_linked);
+    if (is_linked != GL_TRUE) {
+        throw Error(Complaint{"the shaders " + names + " do not link (defines: " + listed(defines) + ")",
+                              log_of(gl.GetProgramiv, gl.GetProgramInfoLog, name), "", ""});
+    }
+    check_errors(gl, "making a program");
+    return program;
 }
 
 } // namespace
 
 Program::Program(const Api& gl, const SourceFiles& files, const std::string& vertex_file,
                  const std::string& fragment_file, const Defines& defines, const std::string& version_line,
-                 const std::vector<std::string>& outputs) {
-    const StageSource vertex_source = preprocess(files, vertex_file, version_line, defines);
-    const StageSource fragment_source = preprocess(files, fragment_file, version_line, defines);
-    check_errors(gl, "before a program was made");
-    const auto vertex = compile(gl, GL_VERTEX_SHADER, vertex_source, files, vertex_file, defines);
-    const auto fragment = compile(gl, GL_FRAGMENT_SHADER, fragment_source, files, fragment_file, defines);
-
-    handle_ = Handle<delete_program>(gl, gl.CreateProgram());
-    gl.AttachShader(name(), vertex.name());
-    gl.AttachShader(name(), fragment.name());
-    for (std::size_t i = 0; i < outputs.size(); ++i) {
-        gl.BindFragDataLocation(name(), static_cast<GLuint>(i), outputs[i].c_str());
-    }
-    gl.LinkProgram(name());
-    // Attached shaders would live as long as the program.
-    gl.DetachShader(name(), vertex.name());
-    gl.DetachShader(name(), fragment.name());
-    GLint linked = GL_FALSE;
-    gl.GetProgramiv(name(), GL_LINK_STATUS, &linked);
-    if (linked != GL_TRUE) {
-        throw Error(Complaint{"the shaders " + vertex_file + " and " + fragment_file +
-                                  " do not link (defines: " + listed(defines) + ")",
-                              program_log(gl, name()), "", ""});
-    }
-    check_errors(gl, "making a program");
-}
+                 const std::vector<std::string>& outputs)
+    : handle_(linked(gl, {{GL_VERTEX_SHADER, vertex_file}, {GL_FRAGMENT_SHADER, fragment_file}}, files, defines,
+                     version_line, [&](GLuint program) {
+                         for (std::size_t i = 0; i < outputs.size(); ++i) {
+                             gl.BindFragDataLocation(program, static_cast<GLuint>(i), outputs[i].c_str());
+                         }
+                     })) {}
 
 Program Program::capturing(const Api& gl, const SourceFiles& files, const std::string& vertex_file,
                            const Defines& defines, const std::string& version_line,
                            const std::vector<std::string>& captured) {
-    const StageSource source = preprocess(files, vertex_file, version_line, defines);
-    check_errors(gl, "before a program was made");
-    const auto vertex = compile(gl, GL_VERTEX_SHADER, source, files, vertex_file, defines);
-    Program program;
-    program.handle_ = Handle<delete_program>(gl, gl.CreateProgram());
-    gl.AttachShader(program.name(), vertex.name());
     std::vector<const char*> names;
     for (const std::string& name : captured) {
         names.push_back(name.c_str());
     }
-    gl.TransformFeedbackVaryings(program.name(), static_cast<GLsizei>(names.size()), names.data(),
-                                 GL_INTERLEAVED_ATTRIBS);
-    gl.LinkProgram(program.name());
-    gl.DetachShader(program.name(), vertex.name());
-    GLint linked = GL_FALSE;
-    gl.GetProgramiv(program.name(), GL_LINK_STATUS, &linked);
-    if (linked != GL_TRUE) {
-        throw Error(Complaint{"the shader " + vertex_file + " does not link (defines: " + listed(defines) + ")",
-                              program_log(gl, program.name()), "", ""});
-    }
-    check_errors(gl, "making a program");
+    Program program;
+    program.handle_ = linked(gl, {{GL_VERTEX_SHADER, vertex_file}}, files, defines, version_line, [&](GLuint name) {
+        gl.TransformFeedbackVaryings(name, static_cast<GLsizei>(names.size()), names.data(), GL_INTERLEAVED_ATTRIBS);
+    });
     return program;
+}
+
+void Program::bind(const std::string& sampler, const Texture& texture, int unit) const {
+    texture.bind(unit);
+    set(sampler, unit);
 }
 
 void Program::set(const std::string& uniform, double value) const { handle_.api().Uniform1d(location(uniform), value); }

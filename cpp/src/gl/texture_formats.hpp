@@ -1,4 +1,4 @@
-// Formats of textures: what OpenGL 3.3 has, and what a texel of each takes.
+// Formats of textures that passes use, and what a texel of each takes.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,5 @@ struct Format {
 const Format& format_of(GLenum internal);
 /// "640 x 480"
 std::string in_pixels(int width, int height);
-/// "0x8814"
-std::string hexadecimal(GLenum value);
 
 } // namespace sheetsplat::gl

@@ -42,18 +42,7 @@ std::uint32_t spread_bits(std::uint32_t bits) {
 }
 
 /// Number of leading bits 0 of 64; 64 for 0.
-int leading_zeros(std::uint64_t bits) {
-#if defined(__GNUC__)
-    return bits == 0 ? 64 : __builtin_clzll(bits);
-#else
-    int count = 0;
-    while (count < 64 && (bits >> 63) == 0) {
-        bits <<= 1;
-        ++count;
-    }
-    return count;
-#endif
-}
+int leading_zeros(std::uint64_t bits) { return bits == 0 ? 64 : __builtin_clzll(bits); }
 
 } // namespace
 

@@ -1,4 +1,4 @@
-// Which cell each kernel of a field lives in.
+// Assigns each kernel of a field to its cell, its home.
 #pragma once
 
 #include <array>

@@ -24,7 +24,7 @@ namespace sheetsplat {
 namespace {
 
 constexpr double pi = 3.14159265358979323846;
-// Beyond this radius only the bound by Gaussian sums is used: the ripple is small, and such fields take ages to draw.
+// Beyond this radius only the bound by Gaussian sums is used, because the ripple is small.
 constexpr double widest_sampled = 64.0;
 constexpr double wanted_margin = 2e-4;
 constexpr int coarsest_grid = 4;

@@ -23,30 +23,16 @@ std::ptrdiff_t clamped(double half_width, std::size_t most) {
     return static_cast<std::ptrdiff_t>(std::min(half_width, static_cast<double>(most)));
 }
 
-void widen(std::vector<BitWord>& row) {
+/// Sets the neighbours of the bits that are set: the next higher bit where `up`, the next lower one where `down`.
+void widen(std::vector<BitWord>& row, bool up, bool down) {
     BitWord before = 0;
-    const std::size_t last = row.size() - 1;
-    for (std::size_t w = 0; w <= last; ++w) {
-        const BitWord word = row[w];
-        const BitWord after = w < last ? row[w + 1] : 0;
-        row[w] = word | (word << 1) | (before >> (word_bits - 1)) | (word >> 1) | (after << (word_bits - 1));
-        before = word;
-    }
-}
-
-void widen_up(std::vector<BitWord>& row) {
-    BitWord before = 0;
-    for (BitWord& word : row) {
-        const BitWord old = word;
-        word |= (old << 1) | (before >> (word_bits - 1));
-        before = old;
-    }
-}
-
-void widen_down(std::vector<BitWord>& row) {
     for (std::size_t w = 0; w < row.size(); ++w) {
+        const BitWord word = row[w];
         const BitWord after = w + 1 < row.size() ? row[w + 1] : 0;
-        row[w] |= (row[w] >> 1) | (after << (word_bits - 1));
+        const BitWord higher = (word << 1) | (before >> (word_bits - 1));
+        const BitWord lower = (word >> 1) | (after << (word_bits - 1));
+        row[w] = word | (up ? higher : 0) | (down ? lower : 0);
+        before = word;
     }
 }
 
@@ -81,7 +67,7 @@ Neighbourhood::Neighbourhood(const RegularField& field, double reach_world) : la
 
 bool Neighbourhood::holds(const Vec3& offset) const {
     // A convex set holds a point if for every direction u the point lies below the set's support function, which for a
-    // sum of sets is the sum of theirs. Looking only at some directions can keep a point too many, never lose one.
+    // sum of sets is the sum of theirs. Looking only at some directions can keep a point too many, but never drops one.
     const auto beyond = [&](const Vec3& u) {
         return glm::dot(offset, u) >= two_radii_ * glm::length(u) + glm::length(reach_ * u);
     };
@@ -143,15 +129,13 @@ void Neighbourhood::spread_row(const BitRows& seeds, std::size_t j, std::size_t 
                                std::vector<BitWord>& scratch, BitRows& spread) const {
     const std::size_t words = seeds.words();
     std::copy_n(seeds.row(j, k), words, scratch.begin());
-    if (offsets.shift == Shift::target_half_up) {
-        widen_down(scratch);
-    } else if (offsets.shift == Shift::target_half_down) {
-        widen_up(scratch);
+    if (offsets.shift != Shift::none) {
+        widen(scratch, offsets.shift == Shift::target_half_down, offsets.shift == Shift::target_half_up);
     }
     std::size_t half = 0;
     for (const RowOffset& offset : offsets.rows) {
         for (; half < offset.half; ++half) {
-            widen(scratch);
+            widen(scratch, true, true);
         }
         // A negative index wraps round to one beyond the end.
         const std::size_t target_j = j + static_cast<std::size_t>(offset.dj);

@@ -79,7 +79,6 @@ SpatialGrid SpatialGrid::of(const EllipsoidField& field) {
     grid.offset_.resize(settled.size() + 1, static_cast<std::uint32_t>(n));
     grid.corner_.resize(settled.size());
     grid.supports_.resize(settled.size());
-    grid.values_.resize(settled.size());
     std::vector<std::uint32_t> next_cell(grid.level_begin_.begin(), grid.level_begin_.end() - 1);
     const std::uint32_t* kernel = settled_order.data();
     const double per_world = finest_places / grid.root_;
@@ -92,18 +91,14 @@ SpatialGrid SpatialGrid::of(const EllipsoidField& field) {
             coarser(finest_corner(field.center(*kernel) - grid.lower_, per_world), max_depth - cell.depth);
         grid.offset_[number] = kernels_before[level];
         Box box{field.center(*kernel), field.center(*kernel)};
-        std::array<double, 2> values{field.value(*kernel), field.value(*kernel)};
         for (std::uint32_t i = 0; i < cell.kernels; ++i, ++kernel) {
             const Vec3& centre = field.center(*kernel);
             const Vec3 extent = field.extent(*kernel);
-            const double value = field.value(*kernel);
             box = Box{glm::min(box.lower, centre - extent), glm::max(box.upper, centre + extent)};
-            values = {std::min(values[0], value), std::max(values[1], value)};
             grid.order_[kernels_before[level]++] = *kernel;
             grid.home_[*kernel] = number;
         }
         grid.supports_[number] = box;
-        grid.values_[number] = values;
     }
     return grid;
 }
@@ -111,8 +106,7 @@ SpatialGrid SpatialGrid::of(const EllipsoidField& field) {
 std::size_t SpatialGrid::bytes() const {
     return (order_.capacity() + home_.capacity() + offset_.capacity() + level_begin_.capacity()) *
                sizeof(std::uint32_t) +
-           corner_.capacity() * sizeof(Corner) + supports_.capacity() * sizeof(Box) +
-           values_.capacity() * sizeof(std::array<double, 2>);
+           corner_.capacity() * sizeof(Corner) + supports_.capacity() * sizeof(Box);
 }
 
 double SpatialGrid::cell_size(int level) const { return std::ldexp(root_, -depth_of_level(level)); }
@@ -124,14 +118,6 @@ int SpatialGrid::level_of_cell(std::size_t cell) const {
 
 Box SpatialGrid::cell_bounds(std::size_t cell) const {
     return box_of(lower_, root_, corner_[cell], depth_of_level(level_of_cell(cell)));
-}
-
-Vec3 first_point(const EllipsoidField& field, std::size_t kernel, const Vec3& towards_viewer) {
-    const Mat3 shape = field.shape(kernel);
-    const Vec3 turned = glm::normalize(towards_viewer) * shape;
-    // Divided before it is squared, so that no semi-axis is too short or too long for it.
-    const double largest = std::max({std::abs(turned.x), std::abs(turned.y), std::abs(turned.z)});
-    return field.center(kernel) + shape * glm::normalize(turned / largest);
 }
 
 } // namespace sheetsplat

@@ -64,29 +64,12 @@ double least_visible(const Visible& visible) {
     return double_of(seen);
 }
 
-/// Where something becomes visible on the way from 0 up and down.
-struct Limits {
-    double above, below; ///< both positive: at rho >= above, at rho <= -below
-};
-
-Limits limits_of(const EllipsoidVisibility& visibility) {
-    if (visibility.isosurface) {
-        const double iso = visibility.iso_value;
-        // A crossing has one end below the iso value and one not; 0, beyond the field, is an end too.
-        return iso > 0.0 ? Limits{iso, infinity}
-                         : Limits{infinity, std::max(-iso, std::numeric_limits<double>::denorm_min())};
-    }
-    const TransferFunction& transfer_function = *visibility.transfer_function;
-    return {least_visible([&](double x) { return !transfer_function.transparent_over(0.0, x); }),
-            least_visible([&](double x) { return !transfer_function.transparent_over(-x, 0.0); })};
-}
-
 /// What kernels have in what is above and below 0, both positive.
 struct Shares {
     double above = 0.0, below = 0.0;
 
     [[nodiscard]] bool any() const { return above > 0.0 || below > 0.0; }
-    [[nodiscard]] bool reach(const Limits& limits) const {
+    [[nodiscard]] bool reach(const VisibleFrom& limits) const {
         return above * (1.0 + rounding) >= limits.above || below * (1.0 + rounding) >= limits.below;
     }
     Shares& operator+=(const Shares& other) {
@@ -146,7 +129,7 @@ class BoxTree {
     }
 
     /// True where the shares of the kernels whose boxes meet `region` may reach the limits.
-    [[nodiscard]] bool reaches(const Box& region, const Limits& limits) const {
+    [[nodiscard]] bool reaches(const Box& region, const VisibleFrom& limits) const {
         struct Place {
             std::size_t level, node;
         };
@@ -202,13 +185,28 @@ Box widened(const Box& box, double reach_world) {
 
 } // namespace
 
-std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const SpatialGrid& grid,
-                                          const EllipsoidVisibility& visibility) {
-    if (!(visibility.reach_world >= 0.0)) {
-        throw InvalidInput(Complaint{"visible_kernels: the drawn kernels cannot be found",
-                                     "reach_world = " + text_of(visibility.reach_world),
+VisibleFrom visible_from(const VisibilityQuery& visibility) {
+    if (visibility.isosurface) {
+        const double iso = visibility.iso_value;
+        // A crossing has one end below the iso value and one not; 0, beyond the field, is an end too.
+        return iso > 0.0 ? VisibleFrom{iso, infinity}
+                         : VisibleFrom{infinity, std::max(-iso, std::numeric_limits<double>::denorm_min())};
+    }
+    const TransferFunction& transfer_function = *visibility.transfer_function;
+    return {least_visible([&](double x) { return !transfer_function.transparent_over(0.0, x); }),
+            least_visible([&](double x) { return !transfer_function.transparent_over(-x, 0.0); })};
+}
+
+void check_reach(const VisibilityQuery& query) {
+    if (!(query.reach_world >= 0.0)) {
+        throw InvalidInput(Complaint{"the drawn kernels cannot be found", "reach_world = " + text_of(query.reach_world),
                                      "a length of 0 or more world units", "check the camera and the slice spacing"});
     }
+}
+
+std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const SpatialGrid& grid,
+                                          const VisibilityQuery& visibility) {
+    check_reach(visibility);
     const std::size_t n = field.size();
     const std::string what = "the list of drawn kernels";
     const std::string next = "use fewer kernels at a time";
@@ -232,18 +230,18 @@ std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const Spa
         return visible;
     }
 
-    const Limits visible_from = limits_of(visibility);
-    Limits limits{1.0, 1.0};
+    const VisibleFrom alone_visible = visible_from(visibility);
+    VisibleFrom limits{1.0, 1.0};
     if (!threshold) {
         const double unit = field.normalization() == Normalization::lattice ? field.lattice_constant() : 1.0;
-        limits = {visible_from.above * unit, visible_from.below * unit};
+        limits = {alone_visible.above * unit, alone_visible.below * unit};
     }
     const auto shares_of = [&](std::size_t kernel) {
         const double weight = field.weight(kernel);
         const double value = field.value(kernel);
         if (threshold) {
             const Shares alone{std::max(value, 0.0), std::max(-value, 0.0)};
-            const bool seen = weight > 0.0 && alone.reach(visible_from);
+            const bool seen = weight > 0.0 && alone.reach(alone_visible);
             return Shares{seen ? 1.0 : 0.0, 0.0};
         }
         return Shares{std::max(weight * value, 0.0), std::max(-weight * value, 0.0)};
@@ -261,7 +259,7 @@ std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const Spa
     const std::vector<std::uint32_t>& order = grid.order();
     const BoxTree tree(n, leaf, [&](std::size_t at) { return Node{box_of(order[at]), shares_of(order[at])}; });
 
-    // Neighbours in the order are asked for together first: away from everything visible they go together.
+    // Neighbours in the order are tested together first: far from everything visible they are dropped together.
     constexpr std::size_t together = 16;
     for (std::size_t begin = 0; begin < n; begin += together) {
         poll_at(begin);

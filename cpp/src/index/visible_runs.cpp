@@ -27,51 +27,6 @@ namespace sheetsplat {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
-
-/// Where visibility begins on either side of 0: rho > 0 and rho >= above, or rho < 0 and rho <= below, can be visible.
-struct Visibility {
-    double above = infinity;
-    double below = -infinity;
-    bool at_zero = false; ///< a point where kernels sum to 0 is visible, unlike an empty one
-};
-
-Visibility visibility_of(const TransferFunction& transfer_function) {
-    Visibility visibility;
-    const auto add = [&](double lower, double upper, double opacity) {
-        if (opacity <= 0.0) {
-            return;
-        }
-        if (upper > 0.0) {
-            visibility.above = std::min(visibility.above, std::max(lower, 0.0));
-        }
-        if (lower < 0.0) {
-            visibility.below = std::max(visibility.below, std::min(upper, 0.0));
-        }
-    };
-    const std::vector<TransferPoint>& points = transfer_function.points();
-    add(-infinity, points.front().value, points.front().opacity);
-    for (std::size_t n = 1; n < points.size(); ++n) {
-        if (points[n - 1].value < points[n].value) {
-            add(points[n - 1].value, points[n].value, std::max(points[n - 1].opacity, points[n].opacity));
-        }
-    }
-    add(points.back().value, infinity, points.back().opacity);
-    visibility.at_zero = transfer_function.at(0.0).opacity > 0.0;
-    return visibility;
-}
-
-Visibility visibility_of_crossings(double iso_value) {
-    Visibility visibility;
-    // A crossing has one end below the iso value and one not; an iso value of 0 is crossed by what is below 0.
-    if (iso_value > 0.0) {
-        visibility.above = iso_value;
-    } else {
-        visibility.below = iso_value;
-    }
-    return visibility;
-}
-
 /// The most that rho can be for kernels of value 1, whichever of them are drawn.
 double largest_weight(const RegularField& field) {
     const double normalised = lattice_ripple(field).upper;
@@ -205,30 +160,10 @@ void keep_blocks(const BitWord* blocks, std::size_t block_words, std::size_t blo
     }
 }
 
-template <typename T>
-double largest_magnitude(const T* begin, const T* end) {
-    T least = *begin;
-    T greatest = *begin;
-    for (const T* value = begin; value != end; ++value) {
-        least = std::min(least, *value);
-        greatest = std::max(greatest, *value);
-    }
-    return std::max(std::abs(static_cast<double>(least)), std::abs(static_cast<double>(greatest)));
-}
-
-void check_length(double length, const char* name) {
-    if (!(length >= 0.0)) {
-        throw InvalidInput(Complaint{"VisibleRuns: the drawn samples cannot be found",
-                                     std::string(name) + " = " + std::to_string(length),
-                                     "a length of 0 or more world units", "check the camera and the slice spacing"});
-    }
-}
-
 } // namespace
 
 VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& query) {
-    check_length(query.stencil_world, "stencil_world");
-    check_length(query.slice_spacing, "slice_spacing");
+    check_reach(query);
     const std::size_t nk = field.shape()[0];
     const std::size_t nj = field.shape()[1];
     const std::size_t ni = field.shape()[2];
@@ -243,15 +178,18 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
     }
 
     const bool classified = query.isosurface || query.transfer_function != nullptr;
-    Visibility visibility{0.0, 0.0, false};
-    if (query.isosurface) {
-        visibility = visibility_of_crossings(query.iso_value);
-    } else if (classified) {
-        visibility = visibility_of(*query.transfer_function);
+    // 0: from the least number on.
+    VisibleFrom from{0.0, 0.0};
+    if (classified) {
+        const auto first = [](double x) { return x <= std::numeric_limits<double>::denorm_min() ? 0.0 : x; };
+        from = visible_from(query);
+        from = {first(from.above), first(from.below)};
     }
+    // A point where kernels sum to 0 is visible, unlike an empty one.
+    const bool at_zero = classified && !query.isosurface && query.transfer_function->at(0.0).opacity > 0.0;
     const bool zeros =
-        !query.cull || query.weights_matter || visibility.at_zero || field.normalization() == Normalization::threshold;
-    const bool every_kernel = !query.cull || !classified || !query.alone || visibility.at_zero;
+        !query.cull || query.weights_matter || at_zero || field.normalization() == Normalization::threshold;
+    const bool every_kernel = !query.cull || !classified || !query.alone || at_zero;
 
     VisibleRuns result;
     require_memory((rows + 1) * sizeof(std::uint32_t), what, next);
@@ -263,11 +201,10 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
             std::optional<BitRows> reached;
             if (!every_kernel) {
                 const double weight = largest_weight(field);
-                const SeedTest<T> test{least_from<T>(visibility.above / weight),
-                                       greatest_to<T>(visibility.below / weight)};
+                const SeedTest<T> test{least_from<T>(from.above / weight), greatest_to<T>(-from.below / weight)};
                 const auto [least, greatest] = field.value_range();
                 if (zeros || !test.takes_all(least, greatest)) {
-                    neighbourhood.emplace(field, query.stencil_world + query.slice_spacing);
+                    neighbourhood.emplace(field, query.reach_world);
                     reached =
                         neighbourhood->spread(seeds_in_blocks(samples.data(), field.shape(), test, *neighbourhood));
                 }
@@ -285,24 +222,22 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
                                         row, ni);
                         }
                         for_each_run(row.data(), row.size(), [&, at = k * nj + j](std::size_t begin, std::size_t end) {
-                            visit(at, values, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end));
+                            visit(at, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end));
                         });
                     }
                 }
             };
-            // Counted before they are kept, so that memory is asked for once and exactly.
-            visit_runs([&](std::size_t at, const T*, std::uint32_t, std::uint32_t) { ++result.row_offset_[at + 1]; });
+            // Counted first, so that memory is allocated once.
+            visit_runs([&](std::size_t at, std::uint32_t, std::uint32_t) { ++result.row_offset_[at + 1]; });
             for (std::size_t at = 0; at < rows; ++at) {
                 result.row_offset_[at + 1] += result.row_offset_[at];
             }
             const std::size_t count = result.row_offset_[rows];
             require_memory(count * sizeof(Run), what, next);
             result.runs_.reserve(count);
-            visit_runs([&](std::size_t, const T* values, std::uint32_t begin, std::uint32_t end) {
+            visit_runs([&](std::size_t, std::uint32_t begin, std::uint32_t end) {
                 result.runs_.push_back({begin, end});
                 result.samples_ += end - begin;
-                result.largest_value_ =
-                    std::max(result.largest_value_, largest_magnitude(values + begin, values + end));
             });
         },
         field.samples());

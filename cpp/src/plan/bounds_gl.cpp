@@ -15,7 +15,18 @@ using namespace gl_limits;
 
 namespace {
 
-/// Sums of many equal numbers drift, where those of different ones walk at random.
+/// advice: what helps beside allow_inexact, which follows.
+[[noreturn]] void refuse_sheets(const Words& found, const Words& wanted, const Words& advice,
+                                const std::string& option = {}) {
+    throw Unsupported(Complaint{"the picture cannot be made within its error bound in 32-bit sheets", found, wanted,
+                                advice + ", or pass " + option_ref("allow_inexact", "true"), option});
+}
+
+[[noreturn]] void refuse_scene(const Words& found, const Words& wanted, const Words& advice) {
+    throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", found, wanted, advice});
+}
+
+/// Rounding errors of sums of many equal numbers add up; those of different numbers partly cancel.
 void check_crowds(const ViewFacts& view, const DrawPlan& plan, bool lit_quotient, double ratio) {
     const double times = std::max(1.0, ratio);
     double most = most_alike_unlit / times;
@@ -25,26 +36,20 @@ void check_crowds(const ViewFacts& view, const DrawPlan& plan, bool lit_quotient
                (plan.fine_gradient ? fine_alike_factor : 1.0);
     }
     most = std::max(most, least_alike);
-    const Words advice =
-        lit_quotient ? "make one kernel of them, of their weights' sum and the mean of their values, leave "
-                       "out the lights, use " +
-                           option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")
-                     : "make one kernel of them, use " + option_ref("backend", "reference") + ", or pass " +
-                           option_ref("allow_inexact", "true");
-    const char* failed = "the picture cannot be made within its error bound in 32-bit sheets";
+    const Words advice = "make one kernel of them, " +
+                         std::string(lit_quotient ? "of their weights' sum and the mean of their values, leave out the "
+                                                    "lights, "
+                                                  : "") +
+                         "use " + option_ref("backend", "reference");
     if (view.overlap.alike > most) {
-        throw Unsupported(
-            Complaint{failed, "about " + number(view.overlap.alike) + " ellipsoids of one size at one place",
-                      "at most " + number(std::floor(most)) + (lit_quotient ? " where they are lit" : ""), advice});
+        refuse_sheets("about " + number(view.overlap.alike) + " ellipsoids of one size at one place",
+                      "at most " + number(std::floor(most)) + (lit_quotient ? " where they are lit" : ""), advice);
     }
     if (lit_quotient && view.overlap.densest * times > densest_lit) {
-        throw Unsupported(Complaint{failed, "about " + number(view.overlap.densest) + " ellipsoids at a point",
-                                    "at most " + number(densest_lit / times) + " where they are lit",
-                                    "use fewer or smaller ellipsoids, leave out the lights, use " +
-                                        option_ref("backend", "reference") +
-                                        ", or "
-                                        "pass " +
-                                        option_ref("allow_inexact", "true")});
+        refuse_sheets("about " + number(view.overlap.densest) + " ellipsoids at a point",
+                      "at most " + number(densest_lit / times) + " where they are lit",
+                      "use fewer or smaller ellipsoids, leave out the lights, use " +
+                          option_ref("backend", "reference"));
     }
 }
 
@@ -72,7 +77,6 @@ void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts
     if (view.kernels.all == 0 || view.frame.slices == 0 || !(plan.fine_gradient || plan.analytic_gradient)) {
         return;
     }
-    const char* failed = "the picture cannot be made within its error bound in 32-bit sheets";
     const double ell = view.frame.reference_length;
     const bool gentle = facts.steepness <= gentle_steepness && ell <= gentle_pixels * view.frame.smallest_pixel;
     const auto most_of = [&](const WeightRange& range) {
@@ -96,25 +100,23 @@ void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts
         (plan.analytic_gradient
              ? "leave out " + option_ref("gradient", "analytic") + ", use a larger " + option_ref("w0")
              : "use a larger " + option_ref("w0") + " or " + option_ref("gradient", "analytic")) +
-        Words(", use " + option_ref("backend", "cpu") + ", or pass " + option_ref("allow_inexact", "true"));
+        Words(", use " + option_ref("backend", "cpu"));
     if (facts.weight_range > most) {
-        throw Unsupported(Complaint{failed,
-                                    "weights of up to " + number(facts.weight_range) +
-                                        " times w0: near the ends of kernels light would show rounding errors",
-                                    "at most " + number(most) + " times w0", way_out});
+        refuse_sheets("weights of up to " + number(facts.weight_range) +
+                          " times w0: near the ends of kernels light would show rounding errors",
+                      "at most " + number(most) + " times w0", way_out);
     }
     // What a ray goes through is no more opaque than its length lets it be. Surfaces are where differences are large.
     const double seen = std::min(ell, view.frame.slice_spacing * static_cast<double>(view.frame.slices));
     const double magnified = std::max(1.0, ratio) * seen / change;
     const double most_magnified = magnified_quotients / std::sqrt(std::max(1.0, view.overlap.densest));
     if (plan.fine_gradient && !isosurface && magnified > most_magnified) {
-        throw Unsupported(Complaint{
-            failed,
-            "quotients of sums that are lit where a reference length is " + number(magnified) + " pixels or semi-axes",
-            "at most " + number(std::floor(most_magnified)) + " with about " + number(view.overlap.densest) +
-                " ellipsoids at a point",
-            "use " + option_ref("gradient", "analytic") + ", a smaller " + option_ref("reference_length") + " or " +
-                option_ref("backend", "cpu") + ", or pass " + option_ref("allow_inexact", "true")});
+        refuse_sheets("quotients of sums that are lit where a reference length is " + number(magnified) +
+                          " pixels or semi-axes",
+                      "at most " + number(std::floor(most_magnified)) + " with about " + number(view.overlap.densest) +
+                          " ellipsoids at a point",
+                      "use " + option_ref("gradient", "analytic") + ", a smaller " + option_ref("reference_length") +
+                          " or " + option_ref("backend", "cpu"));
     }
 }
 
@@ -255,13 +257,10 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     const bool too_far = lit_quotient && lit_ratio > largest_lit_ratio;
     const double most_times = 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0);
     if (plan.precision == Precision::float32 && (picture > float32_bound || too_far)) {
-        throw Unsupported(Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
-                                    "values up to " + number(largest) + " where " + number(resolved) + " is resolved",
-                                    "values of at most " +
-                                        number(too_far ? std::min(largest_lit_ratio, most_times) : most_times) +
-                                        " times that",
-                                    "subtract an offset from the values, use " + option_ref("backend", "reference") +
-                                        ", or pass " + option_ref("allow_inexact", "true")});
+        refuse_sheets("values up to " + number(largest) + " where " + number(resolved) + " is resolved",
+                      "values of at most " + number(too_far ? std::min(largest_lit_ratio, most_times) : most_times) +
+                          " times that",
+                      "subtract an offset from the values, use " + option_ref("backend", "reference"));
     }
     if (plan.gradient_opacity) {
         const double nearest = view.frame.smallest_step();
@@ -269,13 +268,10 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         const double least = least_full_gradient * std::max(1.0, lit_ratio) *
                              (differences ? std::max(1.0, view.frame.reference_length / nearest) : 1.0);
         if (*scene.gradient_opacity * view.frame.reference_length < least * plan.value_unit) {
-            throw Unsupported(Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
-                                        option_ref("gradient_opacity", number(*scene.gradient_opacity)) +
-                                            ", near which gradients are lost to rounding",
-                                        "at least " + number(least * plan.value_unit / view.frame.reference_length),
-                                        "use a larger one, use " + option_ref("backend", "reference") + ", or pass " +
-                                            option_ref("allow_inexact", "true"),
-                                        "gradient_opacity"});
+            refuse_sheets(option_ref("gradient_opacity", number(*scene.gradient_opacity)) +
+                              ", near which gradients are lost to rounding",
+                          "at least " + number(least * plan.value_unit / view.frame.reference_length),
+                          "use a larger one, use " + option_ref("backend", "reference"), "gradient_opacity");
         }
     }
     if (lit_quotient) {
@@ -286,35 +282,31 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     const double seen = is_scalar(plan.mode) ? std::max(1.0, measure * view.slabs.ellipsoids.peak) : resolved;
     if (plan.sampling == Sampling::slab && !plan.filter &&
         measure * view.slabs.ellipsoids.loss / seen * std::min(steepness, 4.0) > thick_slab) {
-        throw Unsupported(
-            Complaint{"the picture cannot be made within its error bound in 32-bit sheets",
-                      "slabs of " + number(view.frame.slice_spacing) +
+        refuse_sheets("slabs of " + number(view.frame.slice_spacing) +
                           ", in which float32 loses the place of ellipsoids that are so much thinner",
                       "slabs of at most " + number(thick_slab) + " times the half-depth of ellipsoids that show",
                       "use a smaller " + option_ref("slice_spacing") + ", " + option_ref("filter", "ewa") + " or " +
-                          option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")});
+                          option_ref("backend", "reference"));
     }
 }
 
 void check_lights(const Scene& scene, const Capabilities& capabilities, const DrawPlan& plan) {
     if (scene.lights.size() > most_lights) {
-        throw Unsupported(Complaint{
-            "the scene cannot be drawn with backend gl", std::to_string(scene.lights.size()) + " lights",
-            "at most " + std::to_string(most_lights), "use fewer lights, or " + option_ref("backend", "reference")});
+        refuse_scene(std::to_string(scene.lights.size()) + " lights", "at most " + std::to_string(most_lights),
+                     "use fewer lights, or " + option_ref("backend", "reference"));
     }
     if (plan.shadows && scene.lights.size() > most_shadowing_lights) {
-        throw Unsupported(Complaint{
-            "the scene cannot be drawn with backend gl", std::to_string(scene.lights.size()) + " lights with shadows",
-            "at most " + std::to_string(most_shadowing_lights),
-            "use fewer lights, leave out " + option_ref("shadows") + ", or use " + option_ref("backend", "reference")});
+        refuse_scene(std::to_string(scene.lights.size()) + " lights with shadows",
+                     "at most " + std::to_string(most_shadowing_lights),
+                     "use fewer lights, leave out " + option_ref("shadows") + ", or use " +
+                         option_ref("backend", "reference"));
     }
     if ((plan.shadows || plan.ambient_occlusion) && capabilities.max_buffer_texels < most_light_elements_of_all) {
-        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
-                                    "shadows or ambient occlusion on a device whose buffer textures hold " +
-                                        std::to_string(capabilities.max_buffer_texels) + " texels",
-                                    "at least " + std::to_string(most_light_elements_of_all) +
-                                        ", for the opacity along rays to lights",
-                                    "use " + option_ref("backend", "cpu")});
+        refuse_scene("shadows or ambient occlusion on a device whose buffer textures hold " +
+                         std::to_string(capabilities.max_buffer_texels) + " texels",
+                     "at least " + std::to_string(most_light_elements_of_all) +
+                         ", for the opacity along rays to lights",
+                     "use " + option_ref("backend", "cpu"));
     }
 }
 
@@ -345,34 +337,30 @@ void check_kernels(const ViewFacts& view, const Capabilities& capabilities, cons
     const bool deep = plan.projection == Projection::perspective;
     if (view.frame.slices > 0 &&
         view.screen_px.largest_ellipsoid_at_unit > (deep ? largest_deep_px : largest_splat_px)) {
-        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
-                                    "ellipsoids of " + number(view.screen_px.largest_ellipsoid_at_unit) + " pixels" +
-                                        (deep ? " at a distance of one unit of length" : ""),
-                                    "at most " + number(deep ? largest_deep_px : largest_splat_px),
-                                    deep ? "use a larger unit of length, or " + option_ref("backend", "reference")
-                                         : "magnify less, or use " + option_ref("backend", "reference")});
+        refuse_scene("ellipsoids of " + number(view.screen_px.largest_ellipsoid_at_unit) + " pixels" +
+                         (deep ? " at a distance of one unit of length" : ""),
+                     "at most " + number(deep ? largest_deep_px : largest_splat_px),
+                     deep ? "use a larger unit of length, or " + option_ref("backend", "reference")
+                          : "magnify less, or use " + option_ref("backend", "reference"));
     }
     if (view.screen_px.largest_lattice > largest_splat_px) {
-        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
-                                    "kernels of " + number(view.screen_px.largest_lattice) + " pixels",
-                                    "at most " + number(largest_splat_px),
-                                    "magnify less, or use " + option_ref("backend", "reference")});
+        refuse_scene("kernels of " + number(view.screen_px.largest_lattice) + " pixels",
+                     "at most " + number(largest_splat_px),
+                     "magnify less, or use " + option_ref("backend", "reference"));
     }
     const double place_error = std::max(view.frame.size.width, view.frame.size.height) * float32_epsilon;
     if (view.frame.slices > 0 && view.screen_px.largest_lattice > 0.0 &&
         place_error > largest_place_error * view.screen_px.largest_lattice) {
-        throw Unsupported(Complaint{"the scene cannot be drawn with backend gl",
-                                    "kernels of " + number(view.screen_px.largest_lattice) +
-                                        " pixels, whose positions float32 resolves to " + number(place_error),
-                                    "positions resolved to " + number(largest_place_error) + " of a radius",
-                                    "move the camera closer, or use " + option_ref("backend", "reference")});
+        refuse_scene("kernels of " + number(view.screen_px.largest_lattice) +
+                         " pixels, whose positions float32 resolves to " + number(place_error),
+                     "positions resolved to " + number(largest_place_error) + " of a radius",
+                     "move the camera closer, or use " + option_ref("backend", "reference"));
     }
     if (view.shapes.smallest_falloff < smallest_falloff) {
-        throw Unsupported(Complaint{
-            "the scene cannot be drawn with backend gl",
-            "a falloff of " + number(view.shapes.smallest_falloff) + ", whose differences float32 cannot resolve",
-            "at least " + number(smallest_falloff),
-            "use a larger " + option_ref("falloff") + ", or " + option_ref("backend", "reference")});
+        refuse_scene("a falloff of " + number(view.shapes.smallest_falloff) +
+                         ", whose differences float32 cannot resolve",
+                     "at least " + number(smallest_falloff),
+                     "use a larger " + option_ref("falloff") + ", or " + option_ref("backend", "reference"));
     }
 }
 

@@ -25,6 +25,9 @@ class Effects {
     bool decide_given(EffectId effect, bool given, bool on, const std::string& reason);
     /// Adds an effect that follows from something else.
     void state(EffectId effect, bool on, const std::string& reason);
+    void state(EffectId effect, bool on, const std::string& why_on, const std::string& why_off) {
+        state(effect, on, on ? why_on : why_off);
+    }
     [[nodiscard]] bool forced_on(EffectId effect) const;
     /// Throws Unsupported where effects were forced off that the scene needs.
     void refuse_dropped() const;

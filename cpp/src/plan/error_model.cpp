@@ -1,49 +1,30 @@
-// What the sums of a scene's kernels come to, and the errors that follow from it.
+// Bounds of the sums of a scene's kernels, and the errors that follow.
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
 
 #include "error_model.hpp"
+#include "limits_errors.hpp"
 #include "occurring.hpp"
 #include "plan/effect_table.hpp"
 #include "scene/mode_rules.hpp"
 
 namespace sheetsplat {
 
+using namespace error_limits;
+
 namespace {
 
 /// Kernels that overlap at a point of a lattice at radius 2: 4/3 pi 2^3.
 constexpr double usual_overlap = 33.5;
-/// Root mean square errors of light looked up in volumes, over what a step takes away, where the smallest kernels reach
-/// over two steps of their grids and the transfer function is not steep and shows nothing at 0: seen were at most 0.004
-/// and 0.008 (of the ambient share).
-constexpr double shadow_error = 0.01;
-constexpr double occlusion_error = 0.025;
-/// In other scenes they were seen to grow: with the step over the kernel to the power of 1.5; up to 7 times by steps of
-/// the transfer function, 4 times by kernels that end with a jump, 4 times by the filter, 5 times by radii of ambient
-/// occlusion beyond some steps.
-constexpr double resolved_radius = 2.0, hardness_of_thin = 1.5;
-constexpr double gentle_steps = 4.0, most_of_steps = 8.0;
-constexpr double hardness_of_borders = 5.0, hardness_of_filter = 4.0;
-constexpr double near_steps = 8.0, most_of_far = 5.0;
-/// Root mean square over a picture, of all that shadows do.
-constexpr double most_of_whole = 0.3;
 /// Values are counted in units of at least this.
 constexpr double least_unit = 1e-300;
 /// -ln(1 - a) of what counts as opaque stays a number.
 constexpr double largest_absorbed = 0.999;
 /// Volume of the unit ball.
 constexpr double ball = 4.18879020478639;
-/// What is lit is this many times as noisy as sums are, where a pixel is a reference length.
-constexpr double gradient_noise = 1.0;
-/// In 16 bits noise exceeds weak gradients and turns normals, most where quotients hardly change.
-constexpr double gradient_noise_16 = 2.0;
-constexpr double quotient_noise_16 = 10.0;
-/// Rounding of a sum that grows from 0 to its size: a third of the last step's in theory, seen at up to a half.
-constexpr double rounded_sum = 0.6;
-
-/// What the kernels of a field are worth in sums.
+/// What the kernels of a field contribute to sums.
 struct Amounts {
     double low = 0.0, high = 0.0; ///< of what a kernel stands for in rho: f where weights are divided out, else m f
     double largest = 0.0;         ///< bound on its part of |rho|
@@ -195,7 +176,7 @@ double sum_noise(Precision precision, bool truncates, double crowd) {
     case Precision::uint8:
         return crowd / 255.0;
     case Precision::float16:
-        // What is cut off adds up; what is rounded walks at random.
+        // Truncation errors add up; rounding errors are a random walk.
         return truncates ? crowd * 0.15 / 1024.0 : std::sqrt(crowd) / 4096.0;
     case Precision::float64:
         return rounded_sum * float64_epsilon * std::sqrt(crowd);
@@ -249,7 +230,7 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
     // Their volumes widen kernels across and along the light.
     hardness *= plan.filter ? hardness_of_filter : 1.0;
     auto& budget = plan.summary.error_budget;
-    const auto owe = [&](const char* cause, double error, double whole, const char* effect) {
+    const auto add_share = [&](const char* cause, double error, double whole, const char* effect) {
         budget.push_back({cause, std::min(error * taken * hardness, most_of_whole) * whole, effect});
     };
     if (plan.shadows) {
@@ -257,15 +238,15 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
         for (const Light& one : scene.lights) {
             light += std::max({std::abs(one.color.x), std::abs(one.color.y), std::abs(one.color.z)});
         }
-        owe("shadows from a volume", shadow_error,
-            light * (std::abs(scene.material.diffuse) * brightest + std::abs(scene.material.specular)),
-            name_of(EffectId::shadows));
+        add_share("shadows from a volume", shadow_error,
+                  light * (std::abs(scene.material.diffuse) * brightest + std::abs(scene.material.specular)),
+                  name_of(EffectId::shadows));
     }
     if (plan.ambient_occlusion) {
         const double share = plan.lit || plan.ambient_only ? std::abs(scene.material.ambient) : 1.0;
         const double far = std::clamp(scene.ambient_occlusion->radius / (near_steps * length), 1.0, most_of_far);
-        owe("occlusion from a volume", occlusion_error * far, share * brightest * scene.ambient_occlusion->strength,
-            name_of(EffectId::ambient_occlusion));
+        add_share("occlusion from a volume", occlusion_error * far,
+                  share * brightest * scene.ambient_occlusion->strength, name_of(EffectId::ambient_occlusion));
     }
 }
 

@@ -25,8 +25,8 @@ void divide_apart(const Scene& scene, const Outputs& outputs, Effects& effects, 
         plan.weight = outputs.coverage || plan.empty_test;
     }
     effects.state(EffectId::separate_normalization, !plan.own_sheets.empty(),
-                  !plan.own_sheets.empty() ? "fields are divided by their own weight sums before they are added"
-                                           : "at most one division is needed for the whole scene");
+                  "fields are divided by their own weight sums before they are added",
+                  "at most one division is needed for the whole scene");
 }
 
 bool lights_quotients(const DrawPlan& plan) { return plan.gradient && (plan.threshold || !plan.own_sheets.empty()); }
@@ -88,8 +88,7 @@ void state_fields(const Scene& scene, Effects& effects) {
     effects.state(EffectId::normalization, count[static_cast<std::size_t>(Normalization::none)] < scene.fields.size(),
                   how);
     effects.state(EffectId::several_fields, scene.fields.size() > 1,
-                  scene.fields.size() > 1 ? "the scalars of " + text_of_count(scene.fields.size(), "field") + " add up"
-                                          : "there is one field");
+                  "the scalars of " + text_of_count(scene.fields.size(), "field") + " add up", "there is one field");
 }
 
 void plan_clip(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
@@ -262,8 +261,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     effects.state(EffectId::classification, !scalar,
                   scalar ? "the mode shows the scalar itself" : "the mode shows colours");
     effects.state(EffectId::isosurface, scene.mode == Mode::isosurface,
-                  scene.mode == Mode::isosurface ? "the mode shows the first crossing of the iso value"
-                                                 : "the mode is not isosurface");
+                  "the mode shows the first crossing of the iso value", "the mode is not isosurface");
     state_fields(scene, effects);
     const bool visible_at_zero = !scene.transfer_function.transparent_over(0.0, 0.0) && scene.mode == Mode::composite;
     plan.threshold = threshold;
@@ -306,10 +304,9 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                   : filtering             ? "the filter turns the samples of lattices into ellipsoids"
                                           : "all fields are lattices");
     effects.state(EffectId::slab_sampling, scene.sampling == Sampling::slab,
-                  scene.sampling == Sampling::slab ? "asked for: slices are means over their slabs"
-                                                   : "slices are samples at one depth");
-    effects.state(EffectId::perspective, projection == Projection::perspective,
-                  projection == Projection::perspective ? "the camera is perspective" : "the camera is orthographic");
+                  "asked for: slices are means over their slabs", "slices are samples at one depth");
+    effects.state(EffectId::perspective, projection == Projection::perspective, "the camera is perspective",
+                  "the camera is orthographic");
     plan.general = effects.decide(
         EffectId::general_sections, lattices && (view.shapes.sheared || projection == Projection::perspective),
         !lattices             ? "no lattice is drawn, and every ellipsoid has sections of its own"
@@ -331,7 +328,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                                         : "opacity per reference length is opacity per slice here",
                                              true);
     plan.preintegration = scene.preintegration;
-    effects.state(EffectId::preintegration, scene.preintegration, scene.preintegration ? "asked for" : "not asked for");
+    effects.state(EffectId::preintegration, scene.preintegration, "asked for", "not asked for");
     plan.second_order =
         effects.decide_given(EffectId::second_order, scene.preintegration && scene.second_order,
                              scene.preintegration && scene.second_order && shows.anything,
@@ -354,8 +351,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
 
     effects.state(EffectId::background, scene.background.has_value() && !scalar,
                   scene.background ? "a background was given" : "no background was given");
-    effects.state(EffectId::coverage, outputs.coverage, outputs.coverage ? "asked for" : "not asked for");
-    effects.state(EffectId::depth, outputs.depth, outputs.depth ? "asked for" : "not asked for");
+    effects.state(EffectId::coverage, outputs.coverage, "asked for", "not asked for");
+    effects.state(EffectId::depth, outputs.depth, "asked for", "not asked for");
 
     if (backend != Backend::reference) {
         const bool intervals = !plan.empty_test && intervals_may_be_empty(scene, sum_facts(scene, view, plan), plan);
@@ -379,8 +376,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         summary.tagging = Tagging::off;
         summary.device = "float64, one thread";
         effects.state(EffectId::separate_normalization, scene.fields.size() > 1 && plan.threshold,
-                      scene.fields.size() > 1 && plan.threshold ? "each field is divided before all are added"
-                                                                : "at most one division is needed for the whole scene");
+                      "each field is divided before all are added",
+                      "at most one division is needed for the whole scene");
         effects.state(EffectId::culling, false, "the reference looks at every kernel");
         effects.state(EffectId::elimination, false, "the reference sums every slice of every pixel");
         effects.state(EffectId::opacity_buffer, false, "the reference looks at every kernel");

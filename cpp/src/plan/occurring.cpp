@@ -79,15 +79,7 @@ double most_opaque(const TransferFunction& function, const Range& values) {
 }
 
 Kept kept_by(const Scene& scene, const ViewFacts& view) {
-    Box supports;
-    for (const auto& field : scene.fields) {
-        const Box own = field->size() > 0 ? field->supports_world() : Box{};
-        if (own.empty()) {
-            continue;
-        }
-        supports =
-            supports.empty() ? own : Box{glm::min(supports.lower, own.lower), glm::max(supports.upper, own.upper)};
-    }
+    const Box supports = supports_world(scene);
     if (scene.clip.empty() || supports.empty()) {
         return Kept::everything;
     }

@@ -201,7 +201,7 @@ double memory_of_light(const Scene& scene, const ViewFacts& view, const DrawPlan
     for (int axis = 0; axis < 3; ++axis) {
         elements *= extent[axis] / std::max(view.frame.slice_spacing, view.frame.smallest_pixel) + 8.0;
     }
-    // (Askew to the world's axes a grid that holds them all is larger.)
+    // A grid that is not along the world's axes is larger.
     elements *= 2.0;
     const auto at_most = [&](std::int64_t most) { return std::min(elements, static_cast<double>(most)); };
     const double of_lights =
@@ -236,9 +236,8 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
     plan.packing = Packing::wide;
     plan.tagging = Tagging::tiles;
     const bool ends = plan.stop || plan.mode == Mode::isosurface;
-    effects.state(EffectId::elimination, ends,
-                  ends ? "rows, blocks and tiles whose pixels are all opaque are skipped"
-                       : "no pixel can become opaque enough to stop");
+    effects.state(EffectId::elimination, ends, "rows, blocks and tiles whose pixels are all opaque are skipped",
+                  "no pixel can become opaque enough to stop");
     effects.state(EffectId::opacity_buffer, false, "opaque blocks and tiles are skipped without a buffer");
     effects.state(EffectId::tagging, true, "tiles: pixels that no kernel of a tile touches are skipped");
 

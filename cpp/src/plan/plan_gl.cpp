@@ -16,36 +16,24 @@ using namespace gl_limits;
 namespace {
 
 Tagging choose_tagging(const RendererOptions& options, const Capabilities& capabilities) {
-    switch (options.tagging) {
-    case Tagging::automatic:
-        return capabilities.software       ? Tagging::tiles
-               : capabilities.depth_bounds ? Tagging::depth_bounds
-                                           : Tagging::tiles;
-    case Tagging::depth_bounds:
-        if (!capabilities.depth_bounds) {
-            throw Unsupported(Complaint{
-                "the plan cannot be made",
-                "tagging depth_bounds on " + capabilities.renderer + ", which lacks GL_EXT_depth_bounds_test",
-                "a device that has it",
-                "use another " + option_ref("tagging") + ", for example " + option_ref("tagging", "tiles"), "tagging"});
-        }
-        return options.tagging;
-    default:
+    if (options.tagging == Tagging::depth_bounds && !capabilities.depth_bounds) {
+        throw Unsupported(Complaint{
+            "the plan cannot be made",
+            "tagging depth_bounds on " + capabilities.renderer + ", which lacks GL_EXT_depth_bounds_test",
+            "a device that has it",
+            "use another " + option_ref("tagging") + ", for example " + option_ref("tagging", "tiles"), "tagging"});
+    }
+    if (options.tagging != Tagging::automatic) {
         return options.tagging;
     }
+    return capabilities.depth_bounds && !capabilities.software ? Tagging::depth_bounds : Tagging::tiles;
 }
 
 const char* why_tagged(Tagging tagging) {
-    switch (tagging) {
-    case Tagging::depth_bounds:
-        return "the depth buffer marks touched pixels, and the device tests its bounds";
-    case Tagging::depth_equal:
-        return "the depth buffer marks touched pixels, and passes test for equal depth";
-    case Tagging::tiles:
-        return "each pass draws only the tiles that kernels touch";
-    default:
-        return "turned off: each pass draws the whole picture";
-    }
+    return tagging == Tagging::depth_bounds  ? "the depth buffer marks touched pixels, and the device tests its bounds"
+           : tagging == Tagging::depth_equal ? "the depth buffer marks touched pixels, and passes test for equal depth"
+           : tagging == Tagging::tiles       ? "each pass draws only the tiles that kernels touch"
+                                             : "turned off: each pass draws the whole picture";
 }
 
 /// Which fields have sheets of their own, and how slabs are packed into channels.

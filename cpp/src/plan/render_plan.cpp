@@ -1,6 +1,7 @@
 #include "sheetsplat/render_plan.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace sheetsplat {
@@ -18,61 +19,23 @@ double RenderPlan::expected_error() const {
 }
 
 const char* to_string(Backend value) {
-    switch (value) {
-    case Backend::automatic:
-        return "auto";
-    case Backend::gl:
-        return "gl";
-    case Backend::cpu:
-        return "cpu";
-    case Backend::reference:
-        return "reference";
-    }
-    return "?";
+    constexpr std::array names{"auto", "gl", "cpu", "reference"};
+    return names.at(static_cast<std::size_t>(value));
 }
 
 const char* to_string(Precision value) {
-    switch (value) {
-    case Precision::automatic:
-        return "auto";
-    case Precision::uint8:
-        return "uint8";
-    case Precision::float16:
-        return "float16";
-    case Precision::float32:
-        return "float32";
-    case Precision::float64:
-        return "float64";
-    }
-    return "?";
+    constexpr std::array names{"auto", "uint8", "float16", "float32", "float64"};
+    return names.at(static_cast<std::size_t>(value));
 }
 
 const char* to_string(Packing value) {
-    switch (value) {
-    case Packing::automatic:
-        return "auto";
-    case Packing::paper:
-        return "paper";
-    case Packing::wide:
-        return "wide";
-    }
-    return "?";
+    constexpr std::array names{"auto", "paper", "wide"};
+    return names.at(static_cast<std::size_t>(value));
 }
 
 const char* to_string(Tagging value) {
-    switch (value) {
-    case Tagging::automatic:
-        return "auto";
-    case Tagging::depth_bounds:
-        return "depth_bounds";
-    case Tagging::depth_equal:
-        return "depth_equal";
-    case Tagging::tiles:
-        return "tiles";
-    case Tagging::off:
-        return "off";
-    }
-    return "?";
+    constexpr std::array names{"auto", "depth_bounds", "depth_equal", "tiles", "off"};
+    return names.at(static_cast<std::size_t>(value));
 }
 
 } // namespace sheetsplat

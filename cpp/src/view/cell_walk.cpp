@@ -28,7 +28,7 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 } // namespace
 
-CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& grid, const ReachLists* reach,
+CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& grid, const StartCells* starts,
                                 const std::vector<std::uint8_t>& visible, BatchLayout layout, int wider_slices,
                                 int wider_px, bool may_narrow, double sprite_px, double precise_aspect) {
     CellTraversal result;
@@ -40,7 +40,7 @@ CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& gr
     // One more than the border, for rounding.
     const Window window{0.5 * frame.size.width + Tile::border + 1.0 + wider_px,
                         0.5 * frame.size.height + Tile::border + 1.0 + wider_px};
-    const std::size_t all_cells = reach == nullptr ? grid.cells() : reach->cells();
+    const std::size_t all_cells = starts == nullptr ? grid.cells() : starts->cells();
     std::vector<std::uint32_t> count(all_cells + 1, 0);
     struct Found {
         Entry entry;
@@ -69,9 +69,9 @@ CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& gr
             if (window.misses(bounds)) {
                 continue;
             }
-            const std::uint32_t start = reach == nullptr
+            const std::uint32_t start = starts == nullptr
                                             ? static_cast<std::uint32_t>(home)
-                                            : reach->start_cell(view.field(), grid, *id, view.first_point_world(*id));
+                                            : starts->of_kernel(view.field(), grid, *id, view.first_point_world(*id));
             const std::int64_t first = span.first / layout.stride;
             const std::int64_t last = span.last / layout.stride;
             const bool narrow = may_narrow && layout.covered > layout.stride && first == last;

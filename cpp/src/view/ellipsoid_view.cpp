@@ -14,7 +14,7 @@ namespace sheetsplat {
 
 namespace {
 
-/// A weight of 0 still reaches: what it leaves in the sheets tells a point that is 0 from one that is empty.
+/// Kernels of weight 0 are drawn with this weight, so that points that they reach do not count as empty.
 constexpr double least_weight = 1e-30;
 constexpr double log2_e = 1.4426950408889634;
 /// Powers of two that float32 has room for.
@@ -103,7 +103,7 @@ EyeKernel slice_kernel(const Vec3& center_eye, const Vec3& row_x, const Vec3& ro
     const double across = glm::dot(a, b);
     if (across != 0.0) {
         const double zeta = (glm::dot(b, b) - glm::dot(a, a)) / (2.0 * across);
-        // (std::hypot takes longer than all the rest; its care is needed where a square leaves the format.)
+        // std::hypot is needed only where a square would overflow, and takes longer than the rest.
         const double size = std::abs(zeta);
         const double t = (zeta >= 0.0 ? 1.0 : -1.0) / (size + (size < 1e150 ? std::sqrt(1.0 + size * size) : size));
         const double c = 1.0 / std::sqrt(1.0 + t * t);
@@ -352,22 +352,14 @@ PixelBox EllipsoidView::pixels(const ScreenBounds& bounds, const Frame& frame, c
     }
     const double axis_x = 0.5 * frame.size.width - tile.x + Tile::border;
     const double axis_y = 0.5 * frame.size.height - tile.y + Tile::border;
-    const auto pixel = [](double at, int limit) { return at <= 0.0 ? 0 : at >= limit ? limit : static_cast<int>(at); };
-    const double right = bounds.right + axis_x + wider_px, bottom = bounds.bottom + axis_y + wider_px;
-    PixelBox box;
-    box.x0 = pixel(bounds.left + axis_x - wider_px - 0.5, tile.target_width());
-    box.y0 = pixel(bounds.top + axis_y - wider_px - 0.5, tile.target_height());
-    box.x1 = right < 0.0 ? 0 : pixel(right + 1.5, tile.target_width());
-    box.y1 = bottom < 0.0 ? 0 : pixel(bottom + 1.5, tile.target_height());
+    const double left = bounds.left + axis_x - wider_px, right = bounds.right + axis_x + wider_px;
+    const double top = bounds.top + axis_y - wider_px, bottom = bounds.bottom + axis_y + wider_px;
     // What lies between the centres of pixels as a whole is never seen.
     const auto between = [](double lower, double upper) {
         const double rounding = 1e-9 * std::max(1.0, std::max(std::abs(lower), std::abs(upper)));
         return upper - lower < 1.0 && std::ceil(lower - 0.5 - rounding) > std::floor(upper - 0.5 + rounding);
     };
-    if (between(bounds.left + axis_x - wider_px, right) || between(bounds.top + axis_y - wider_px, bottom)) {
-        return {0, 0, 0, 0};
-    }
-    return box;
+    return between(left, right) || between(top, bottom) ? PixelBox{} : pixels_between(left, right, top, bottom, tile);
 }
 
 Vec3 EllipsoidView::first_point_world(std::size_t i) const {

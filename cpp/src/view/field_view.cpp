@@ -37,10 +37,6 @@ FieldView make_field_view(const RegularField& field, const Camera& camera, const
     if (field.normalization() == Normalization::lattice) {
         view.value_scale /= field.lattice_constant();
     }
-    const double slices = 2.0 * view.half_depth / frame.slice_spacing;
-    view.longest_span =
-        static_cast<std::int64_t>(std::min(std::floor(slices) + (sampling == Sampling::slab ? 2.0 : 1.0),
-                                           static_cast<double>(std::max<std::int64_t>(frame.slices, 1))));
     return view;
 }
 

@@ -127,6 +127,16 @@ std::size_t SlabBatches::bytes() const {
     return offset_.capacity() * sizeof(std::size_t) + entries_.capacity() * sizeof(std::uint32_t);
 }
 
+PixelBox pixels_between(double left, double right, double top, double bottom, const Tile& tile) {
+    const auto pixel = [](double at, int limit) { return at <= 0.0 ? 0 : at >= limit ? limit : static_cast<int>(at); };
+    PixelBox box;
+    box.x0 = pixel(left - 0.5, tile.target_width());
+    box.y0 = pixel(top - 0.5, tile.target_height());
+    box.x1 = right < 0.0 ? 0 : pixel(right + 1.5, tile.target_width());
+    box.y1 = bottom < 0.0 ? 0 : pixel(bottom + 1.5, tile.target_height());
+    return box;
+}
+
 VertexMaker::VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout, int wider_px)
     : view_(&view), frame_(&frame), tile_(tile), layout_(layout), wider_(wider_px) {
     half_x_ = view.extent_x / frame.pixel + wider_;
@@ -177,11 +187,7 @@ VertexMaker::Placed VertexMaker::place(const Vec3& eye, double value, double fir
     placed.vertex.y = static_cast<float>(y);
     placed.vertex.s = static_cast<float>((depth - first_depth) / view.half_depth);
     placed.vertex.value = static_cast<float>(value * view.value_scale);
-    const auto pixel = [](double at, int limit) { return at <= 0.0 ? 0 : at >= limit ? limit : static_cast<int>(at); };
-    placed.box.x0 = pixel(left - 0.5, tile_.target_width());
-    placed.box.y0 = pixel(top - 0.5, tile_.target_height());
-    placed.box.x1 = right < 0.0 ? 0 : pixel(right + 1.5, tile_.target_width());
-    placed.box.y1 = bottom < 0.0 ? 0 : pixel(bottom + 1.5, tile_.target_height());
+    placed.box = pixels_between(left, right, top, bottom, tile_);
     return placed;
 }
 

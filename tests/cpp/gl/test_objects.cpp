@@ -24,40 +24,8 @@ TEST_F(Objects, texture_has_the_size_and_bytes_of_its_format) {
 }
 
 TEST_F(Objects, every_format_of_the_table_can_be_made) {
-    for (const GLenum format : {GL_R8,
-                                GL_RG8,
-                                GL_RGBA8,
-                                GL_SRGB8_ALPHA8,
-                                GL_R16,
-                                GL_RG16,
-                                GL_RGBA16,
-                                GL_R16F,
-                                GL_RG16F,
-                                GL_RGBA16F,
-                                GL_R32F,
-                                GL_RG32F,
-                                GL_RGB32F,
-                                GL_RGBA32F,
-                                GL_R11F_G11F_B10F,
-                                GL_RGB10_A2,
-                                GL_R8I,
-                                GL_R8UI,
-                                GL_R16I,
-                                GL_R16UI,
-                                GL_R32I,
-                                GL_R32UI,
-                                GL_RG16I,
-                                GL_RG16UI,
-                                GL_RG32I,
-                                GL_RG32UI,
-                                GL_RGBA8UI,
-                                GL_RGBA32I,
-                                GL_RGBA32UI,
-                                GL_DEPTH_COMPONENT16,
-                                GL_DEPTH_COMPONENT24,
-                                GL_DEPTH_COMPONENT32F,
-                                GL_DEPTH24_STENCIL8,
-                                GL_DEPTH32F_STENCIL8}) {
+    for (const GLenum format : {GL_RGBA8, GL_RGBA16F, GL_R32F, GL_RG32F, GL_RGBA32F, GL_R32I, GL_R32UI, GL_RG32I,
+                                GL_DEPTH_COMPONENT24, GL_DEPTH_COMPONENT32F}) {
         EXPECT_NO_THROW(Texture(gl(), static_cast<GLenum>(format), 4, 4)) << std::hex << format;
     }
 }
@@ -65,12 +33,12 @@ TEST_F(Objects, every_format_of_the_table_can_be_made) {
 TEST_F(Objects, textures_that_cannot_be) {
     EXPECT_TRUE(contains(message_of<InvalidInput>([&] { Texture(gl(), GL_RGBA8, 0, 4); }), "0 x 4"));
     EXPECT_TRUE(contains(message_of<InvalidInput>([&] { Texture(gl(), GL_RGBA8, 4, -1); }), "4 x -1"));
-    EXPECT_TRUE(contains(message_of<InvalidInput>([&] { Texture(gl(), GL_RGBA, 4, 4); }), "0x1908"));
+    EXPECT_TRUE(contains(message_of<InvalidInput>([&] { Texture(gl(), GL_RGBA, 4, 4); }), std::to_string(GL_RGBA)));
     const int largest = capabilities().max_texture_size;
     EXPECT_TRUE(
-        contains(message_of<Unsupported>([&] { Texture(gl(), GL_R8, largest + 1, 1); }), std::to_string(largest)));
+        contains(message_of<Unsupported>([&] { Texture(gl(), GL_R32F, largest + 1, 1); }), std::to_string(largest)));
     EXPECT_EQ(gl().GetError(), static_cast<GLenum>(GL_NO_ERROR));
-    EXPECT_NO_THROW(Texture(gl(), GL_R8, largest, 1));
+    EXPECT_NO_THROW(Texture(gl(), GL_R32F, largest, 1));
 }
 
 TEST_F(Objects, an_error_from_before_is_not_blamed_on_memory) {
@@ -90,17 +58,6 @@ TEST_F(Objects, texture_upload_and_read_back) {
     EXPECT_EQ(back, texels);
     texels[11] = static_cast<std::uint8_t>(texels[11] + 1);
     EXPECT_NE(back, texels);
-
-    // Rows of 3 bytes: only right with the alignment that upload sets.
-    std::vector<std::uint8_t> bytes = {1, 2, 3, 4, 5, 6};
-    Texture narrow(gl(), GL_R8, 3, 2);
-    narrow.upload(GL_RED, GL_UNSIGNED_BYTE, bytes.data());
-    const Framebuffer second(gl(), {&narrow});
-    second.bind();
-    gl().PixelStorei(GL_PACK_ALIGNMENT, 1);
-    std::vector<std::uint8_t> narrow_back(6);
-    gl().ReadPixels(0, 0, 3, 2, GL_RED, GL_UNSIGNED_BYTE, narrow_back.data());
-    EXPECT_EQ(narrow_back, bytes);
 }
 
 TEST_F(Objects, bindings_survive_the_making_of_others) {
@@ -167,17 +124,16 @@ TEST_F(Objects, moves_leave_nothing_behind_and_delete_once) {
 
 TEST_F(Objects, framebuffer_draws_to_its_attachments_in_order) {
     const Texture first(gl(), GL_RGBA32F, 2, 2);
-    const Texture third(gl(), GL_RGBA32F, 2, 2);
+    const Texture second(gl(), GL_RGBA32F, 2, 2);
     const Texture depth(gl(), GL_DEPTH_COMPONENT24, 2, 2);
-    const Framebuffer framebuffer(gl(), {&first, nullptr, &third}, &depth);
+    const Framebuffer framebuffer(gl(), {&first, &second}, &depth);
     framebuffer.bind();
     const std::array<float, 4> one = {1.0F, 1.0F, 1.0F, 1.0F};
-    const std::array<float, 4> three = {3.0F, 3.0F, 3.0F, 3.0F};
+    const std::array<float, 4> two = {2.0F, 2.0F, 2.0F, 2.0F};
     gl().ClearBufferfv(GL_COLOR, 0, one.data());
-    gl().ClearBufferfv(GL_COLOR, 1, one.data()); // goes nowhere
-    gl().ClearBufferfv(GL_COLOR, 2, three.data());
+    gl().ClearBufferfv(GL_COLOR, 1, two.data());
     EXPECT_EQ(pixels(2, 2, 0)[5], 1.0F);
-    EXPECT_EQ(pixels(2, 2, 2)[5], 3.0F);
+    EXPECT_EQ(pixels(2, 2, 1)[5], 2.0F);
     EXPECT_NO_THROW(check_errors(gl(), "drawing to attachments"));
 }
 
@@ -190,8 +146,6 @@ TEST_F(Objects, framebuffer_of_depth_alone) {
     std::array<float, 4> depths{};
     gl().ReadPixels(0, 0, 2, 2, GL_DEPTH_COMPONENT, GL_FLOAT, depths.data());
     EXPECT_EQ(depths, (std::array<float, 4>{0.375F, 0.375F, 0.375F, 0.375F}));
-    const Texture both(gl(), GL_DEPTH24_STENCIL8, 2, 2);
-    EXPECT_NO_THROW(Framebuffer(gl(), {}, &both));
 }
 
 TEST_F(Objects, incomplete_framebuffers_are_told_in_words) {
@@ -285,34 +239,29 @@ class ReadBack : public WithContext {
 };
 
 TEST_F(ReadBack, is_the_pixels_without_waiting) {
-    const Texture first = counting(0.0F);
-    const Texture second = counting(100.0F);
-    const Framebuffer framebuffer(gl(), {&first, &second});
+    const Texture texture = counting(100.0F);
+    const Framebuffer framebuffer(gl(), {&texture});
     framebuffer.bind();
-    AsyncReadback readback(gl(), 4 * 3 * 16);
+    AsyncReadback readback(gl(), 4, 3);
     EXPECT_FALSE(readback.pending());
     EXPECT_FALSE(readback.ready());
-    readback.start(1, 1, 1, 2, 2, GL_RGBA, GL_FLOAT);
+    readback.start();
     EXPECT_TRUE(readback.pending());
-    std::vector<float> back(2 * 2 * 4);
-    readback.fetch(back.data(), back.size() * sizeof(float));
+    std::vector<float> back;
+    readback.fetch(back);
     EXPECT_FALSE(readback.pending());
-    std::vector<float> expected;
-    for (const int texel : {5, 6, 9, 10}) {
-        for (int channel = 0; channel < 4; ++channel) {
-            expected.push_back(100.0F + static_cast<float>(4 * texel + channel));
-        }
-    }
+    std::vector<float> expected(4 * 3 * 4);
+    std::iota(expected.begin(), expected.end(), 100.0F);
     EXPECT_EQ(back, expected);
-    EXPECT_TRUE(contains(message_of<Error>([&] { readback.fetch(back.data(), 4); }), "no read-back was started"));
+    EXPECT_TRUE(contains(message_of<Error>([&] { readback.fetch(back); }), "no read-back was started"));
 }
 
 TEST_F(ReadBack, becomes_ready_by_itself) {
     const Texture texture = counting(0.0F);
     const Framebuffer framebuffer(gl(), {&texture});
     framebuffer.bind();
-    AsyncReadback readback(gl(), 4 * 3 * 16);
-    readback.start(0, 0, 0, 4, 3, GL_RGBA, GL_FLOAT);
+    AsyncReadback readback(gl(), 4, 3);
+    readback.start();
     const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(10);
     while (!readback.ready() && std::chrono::steady_clock::now() < until) {
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -327,53 +276,35 @@ TEST_F(ReadBack, two_in_flight_and_moves) {
     const Framebuffer of_first(gl(), {&first});
     const Framebuffer of_second(gl(), {&second});
     std::vector<AsyncReadback> readbacks;
-    readbacks.emplace_back(gl(), 16);
+    readbacks.emplace_back(gl(), 1, 1);
     of_first.bind();
-    readbacks[0].start(0, 0, 0, 1, 1, GL_RGBA, GL_FLOAT);
-    readbacks.emplace_back(gl(), 16);
+    readbacks[0].start();
+    readbacks.emplace_back(gl(), 1, 1);
     of_second.bind();
-    readbacks[1].start(0, 0, 0, 1, 1, GL_RGBA, GL_FLOAT);
+    readbacks[1].start();
     AsyncReadback taken = std::move(readbacks[0]);
     EXPECT_FALSE(readbacks[0].pending()); // NOLINT(bugprone-use-after-move): what a move leaves is what is tested
-    EXPECT_TRUE(
-        contains(message_of<Error>([&] { readbacks[0].start(0, 0, 0, 1, 1, GL_RGBA, GL_FLOAT); }), "no buffer"));
-    float back[4] = {};
-    taken.fetch(back, sizeof back);
+    std::vector<float> back;
+    taken.fetch(back);
     EXPECT_EQ(back[1], 1.0F);
     taken = std::move(readbacks[1]);
-    taken.fetch(back, sizeof back);
+    taken.fetch(back);
     EXPECT_EQ(back[1], 1001.0F);
 }
 
 TEST_F(ReadBack, a_second_start_gives_up_the_first) {
-    const Texture texture = counting(0.0F);
-    const Framebuffer framebuffer(gl(), {&texture});
-    framebuffer.bind();
-    AsyncReadback readback(gl(), 4 * 3 * 16);
-    readback.start(0, 0, 0, 4, 3, GL_RGBA, GL_FLOAT);
-    readback.start(0, 2, 0, 1, 1, GL_RGBA, GL_FLOAT);
-    float back[4] = {};
-    readback.fetch(back, sizeof back);
-    EXPECT_EQ(back[0], 8.0F);
-}
-
-TEST_F(ReadBack, sizes_are_checked) {
-    const Texture texture = counting(0.0F);
-    const Framebuffer framebuffer(gl(), {&texture});
-    framebuffer.bind();
-    AsyncReadback readback(gl(), 64);
-    EXPECT_TRUE(
-        contains(message_of<InvalidInput>([&] { readback.start(0, 0, 0, 4, 3, GL_RGBA, GL_FLOAT); }), "192 bytes"));
-    EXPECT_TRUE(contains(message_of<InvalidInput>([&] { readback.start(0, 0, 0, 0, 3, GL_RGBA, GL_FLOAT); }), "0 x 3"));
-    EXPECT_TRUE(contains(message_of<InvalidInput>([&] { readback.start(-1, 0, 0, 1, 1, GL_RGBA, GL_FLOAT); }),
-                         "attachment -1"));
-    EXPECT_TRUE(
-        contains(message_of<Error>([&] { readback.start(7, 0, 0, 1, 1, GL_RGBA, GL_FLOAT); }), "GL_INVALID_OPERATION"));
-    readback.start(0, 0, 0, 2, 2, GL_RGBA, GL_FLOAT);
-    std::vector<float> back(64);
-    EXPECT_TRUE(contains(message_of<InvalidInput>([&] { readback.fetch(back.data(), 65); }), "at most 64 bytes"));
-    EXPECT_TRUE(readback.pending());
-    EXPECT_NO_THROW(readback.fetch(back.data(), 64));
+    const Texture first = counting(0.0F);
+    const Texture second = counting(1000.0F);
+    const Framebuffer of_first(gl(), {&first});
+    const Framebuffer of_second(gl(), {&second});
+    AsyncReadback readback(gl(), 4, 3);
+    of_first.bind();
+    readback.start();
+    of_second.bind();
+    readback.start();
+    std::vector<float> back;
+    readback.fetch(back);
+    EXPECT_EQ(back[0], 1000.0F);
 }
 
 } // namespace

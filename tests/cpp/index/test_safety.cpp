@@ -30,10 +30,9 @@ struct Trial {
         query.transfer_function = &transfer_function;
         query.weights_matter =
             transfer_function.at(0.0).opacity > 0.0 || field.normalization() == Normalization::threshold;
-        query.stencil_world = stencil;
+        query.reach_world = stencil + (look == Look::slab_interval ? 2.0 * step : step);
         query.isosurface = look == Look::crossing;
         query.iso_value = iso_value;
-        query.slice_spacing = look == Look::slab_interval ? 2.0 * step : step;
         return query;
     }
 };
@@ -245,7 +244,7 @@ TEST_P(Safety, ControlMissingStencilIsFound) {
     const auto [lattice, look] = GetParam();
     const Outcome outcome = over_trials(lattice, look, until_found, [](const Trial& trial) {
         VisibilityQuery query = trial.query();
-        query.stencil_world = 0.0;
+        query.reach_world -= trial.stencil;
         return mask_of(VisibleRuns::of(trial.field, query), trial.field);
     });
     EXPECT_GT(outcome.wrong, 0U);
@@ -257,7 +256,7 @@ TEST_P(SafetyInDepth, ControlMissingDepthIsFound) {
     const auto [lattice, look] = GetParam();
     const Outcome outcome = over_trials(lattice, look, until_found, [](const Trial& trial) {
         VisibilityQuery query = trial.query();
-        query.slice_spacing = trial.look == Look::slab_interval ? trial.step : 0.0;
+        query.reach_world = trial.stencil + (trial.look == Look::slab_interval ? trial.step : 0.0);
         return mask_of(VisibleRuns::of(trial.field, query), trial.field);
     });
     EXPECT_GT(outcome.wrong, 0U);

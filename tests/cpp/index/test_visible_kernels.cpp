@@ -16,14 +16,14 @@ TransferFunction band(double from, double to) {
     return TransferFunction({{from, Vec3(1), 0.0}, {from, Vec3(1), 1.0}, {to, Vec3(1), 1.0}, {to, Vec3(1), 0.0}});
 }
 
-EllipsoidVisibility asking(const TransferFunction& transfer_function, double reach = 0.0) {
-    EllipsoidVisibility visibility;
+VisibilityQuery asking(const TransferFunction& transfer_function, double reach = 0.0) {
+    VisibilityQuery visibility;
     visibility.transfer_function = &transfer_function;
     visibility.reach_world = reach;
     return visibility;
 }
 
-Mask visible(const EllipsoidField& field, const EllipsoidVisibility& visibility) {
+Mask visible(const EllipsoidField& field, const VisibilityQuery& visibility) {
     return visible_kernels(field, SpatialGrid::of(field), visibility);
 }
 
@@ -144,8 +144,8 @@ struct Trial {
     Look look;
     double stencil, step, iso_value;
 
-    [[nodiscard]] EllipsoidVisibility query() const {
-        EllipsoidVisibility query = asking(transfer_function, stencil + (look == Look::point ? 0.0 : step));
+    [[nodiscard]] VisibilityQuery query() const {
+        VisibilityQuery query = asking(transfer_function, stencil + (look == Look::point ? 0.0 : step));
         query.isosurface = look == Look::crossing;
         query.iso_value = iso_value;
         return query;
@@ -244,7 +244,7 @@ TEST_P(EllipsoidSafety, DroppedKernelsCannotBeSeen) {
 
 TEST_P(EllipsoidSafety, ControlMissingReachIsFound) {
     const Outcome outcome = over_trials(GetParam(), until_found, [](const Trial& trial) {
-        EllipsoidVisibility query = trial.query();
+        VisibilityQuery query = trial.query();
         query.reach_world = 0.0;
         return visible(trial.field, query);
     });
@@ -274,7 +274,7 @@ TEST_P(EllipsoidSafety, ControlLaterLimitsAreFound) {
             point.value *= 1.5;
         }
         const TransferFunction later(points);
-        EllipsoidVisibility query = trial.query();
+        VisibilityQuery query = trial.query();
         query.transfer_function = &later;
         query.iso_value *= 1.5;
         return visible(trial.field, query);
@@ -340,7 +340,7 @@ TEST(VisibleKernels, ValuesOfZero) {
     const TransferFunction high = band(5.0, 6.0);
     EXPECT_EQ(visible(three({0.0, 6.0, 0.0}, Normalization::threshold), asking(high)), (Mask{1, 1, 0}));
     EXPECT_EQ(visible(three({0.0, 6.0, 0.0}, Normalization::none), asking(high)), (Mask{0, 1, 0}));
-    EllipsoidVisibility with_weights = asking(high);
+    VisibilityQuery with_weights = asking(high);
     with_weights.weights_matter = true;
     EXPECT_EQ(visible(three({0.0, 6.0, 0.0}, Normalization::none), with_weights), (Mask{1, 1, 0}));
     // A kernel of weight 0 gives nothing, and does not make its neighbour visible.
@@ -353,19 +353,19 @@ TEST(VisibleKernels, ValuesOfZero) {
 
 TEST(VisibleKernels, WithoutClassificationOrWithOtherFields) {
     const EllipsoidField field = three({0.0, 6.0, 1.0}, Normalization::none, {1.0, 0.0, 1.0});
-    EXPECT_EQ(visible(field, EllipsoidVisibility{}), (Mask{0, 0, 1}));
+    EXPECT_EQ(visible(field, VisibilityQuery{}), (Mask{0, 0, 1}));
     const TransferFunction high = band(5.0, 6.0);
-    EllipsoidVisibility among_others = asking(high);
+    VisibilityQuery among_others = asking(high);
     among_others.alone = false;
     EXPECT_EQ(visible(field, among_others), (Mask{0, 0, 1}));
     EXPECT_EQ(visible(three({0.0, 6.0, 1.0}, Normalization::threshold), among_others), (Mask{1, 1, 1}));
-    EllipsoidVisibility everything = asking(high);
+    VisibilityQuery everything = asking(high);
     everything.cull = false;
     EXPECT_EQ(visible(field, everything), (Mask{1, 1, 1}));
 }
 
 TEST(VisibleKernels, Isosurfaces) {
-    EllipsoidVisibility visibility;
+    VisibilityQuery visibility;
     visibility.isosurface = true;
     const auto with = [&](double iso, std::vector<double> values) {
         visibility.iso_value = iso;

@@ -72,23 +72,23 @@ struct Stage {
     Camera camera;
     Frame frame;
     SpatialGrid grid;
-    ReachLists reach;
+    StartCells starts;
     EllipsoidView view;
 
     Stage(EllipsoidArrays arrays, const Camera& from, Sampling sampling, double spacing)
         : field(std::make_shared<EllipsoidField>(std::move(arrays))), camera(from), frame(frame_of(*this, spacing)),
-          grid(SpatialGrid::of(*field)), reach(ReachLists::of(*field, grid)),
+          grid(SpatialGrid::of(*field)), starts(StartCells::of(*field, grid)),
           view(*field, camera, frame, sampling, Filter::none, 1.0, 1.0) {}
     Stage(const Stage&) = delete;
     Stage& operator=(const Stage&) = delete;
 
     [[nodiscard]] CellTraversal traversal(const Setting& setting, bool by_reach,
                                           const std::vector<std::uint8_t>& visible) const {
-        return CellTraversal::of(view, grid, by_reach ? &reach : nullptr, visible, setting.layout, setting.wider,
+        return CellTraversal::of(view, grid, by_reach ? &starts : nullptr, visible, setting.layout, setting.wider,
                                  setting.wider, setting.may_narrow, 0.0, never);
     }
     [[nodiscard]] std::uint32_t start(std::size_t kernel, bool by_reach) const {
-        return by_reach ? reach.start_cell(*field, grid, kernel, view.first_point_world(kernel)) : grid.home(kernel);
+        return by_reach ? starts.of_kernel(*field, grid, kernel, view.first_point_world(kernel)) : grid.home(kernel);
     }
 
   private:

@@ -20,18 +20,14 @@ void copy_planes(const TileScope& scope, const gl::Texture& plane, const gl::Tex
     }
     const gl::Program& program = scope.resources.program(variant);
     program.use();
-    const auto bind = [&](const char* name, const gl::Texture& texture, int unit) {
-        texture.bind(unit);
-        program.set(name, unit);
-    };
-    bind("sheet_front_texture", plane, UNIT_SHEET_FRONT);
+    program.bind("sheet_front_texture", plane, UNIT_SHEET_FRONT);
     if (weight != nullptr) {
-        bind("weight_front_texture", *weight, UNIT_WEIGHT_FRONT);
+        program.bind("weight_front_texture", *weight, UNIT_WEIGHT_FRONT);
     }
     if (slopes != nullptr) {
-        bind("x_front_texture", slopes[0], UNIT_SLOPE_X_FRONT);
-        bind("y_front_texture", slopes[1], UNIT_SLOPE_Y_FRONT);
-        bind("z_front_texture", slopes[2], UNIT_SLOPE_Z_FRONT);
+        program.bind("x_front_texture", slopes[0], UNIT_SLOPE_X_FRONT);
+        program.bind("y_front_texture", slopes[1], UNIT_SLOPE_Y_FRONT);
+        program.bind("z_front_texture", slopes[2], UNIT_SLOPE_Z_FRONT);
     }
     scope.draw_targets(program);
 }

@@ -67,8 +67,7 @@ OpacityCulling::OpacityCulling(const TileScope& scope) : scope_(scope) {
     if (buffer_ == nullptr) {
         buffer_ = std::make_unique<OpacityBuffer>(width, height, stop);
     }
-    pixels_.resize(4 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-    readback_ = gl::AsyncReadback(scope.gl, pixels_.size() * sizeof(float));
+    readback_ = gl::AsyncReadback(scope.gl, width, height);
 }
 
 void OpacityCulling::update(std::int64_t pass) {
@@ -76,14 +75,14 @@ void OpacityCulling::update(std::int64_t pass) {
         return;
     }
     if (readback_.pending() && readback_.ready()) {
-        readback_.fetch(pixels_.data(), pixels_.size() * sizeof(float));
+        readback_.fetch(pixels_);
         buffer_->update(pixels_.data());
     }
     const std::int64_t slices = (pass + 1) * scope_.steps.stride;
     if (!readback_.pending() && slices - last_slices_ >= period) {
         last_slices_ = slices;
         scope_.targets.bind_image();
-        readback_.start(0, 0, 0, scope_.tile.target_width(), scope_.tile.target_height(), GL_RGBA, GL_FLOAT);
+        readback_.start();
     }
 }
 

@@ -38,32 +38,31 @@ float f(double value) { return static_cast<float>(value); }
 PaperSlicing::PaperSlicing(const gl::Api& gl, bool opengl_4) : gl_(&gl), opengl_4_(opengl_4), no_attributes_(gl) {}
 
 PaperSlicing::Entry& PaperSlicing::entry_of(const std::shared_ptr<const EllipsoidField>& kernels) {
-    for (const auto& entry : entries_) {
-        if (entry->kernels == kernels) {
-            return *entry;
-        }
+    const auto kept = entries_.find(kernels.get());
+    if (kept != entries_.end()) {
+        return kept->second;
     }
     const EllipsoidField& field = *kernels;
     const std::size_t n = field.size();
-    auto entry = std::make_unique<Entry>();
-    entry->kernels = kernels;
+    Entry entry;
+    entry.kernels = kernels;
     const Vec3 extent = field.supports_world().extent();
     const double largest_extent = 0.5 * std::max({extent.x, extent.y, extent.z});
-    entry->length_unit = largest_extent > 0.0 ? largest_extent : 1.0;
+    entry.length_unit = largest_extent > 0.0 ? largest_extent : 1.0;
     // Products of value and weight are scaled before float32 sees them.
     double largest = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
         largest = std::max(largest, std::abs(field.value(i) * field.weight(i)));
     }
-    entry->value_unit = largest > 0.0 ? largest : 1.0;
+    entry.value_unit = largest > 0.0 ? largest : 1.0;
 
     require_memory(checked_product(padded(n), 12 * sizeof(float), "the kernels as textures"), "the kernels as textures",
                    "use fewer kernels at a time");
     const Vec3 middle = field.centres_world().centre();
     std::vector<float> center(4 * padded(n), 0.0F), scale(4 * padded(n), 0.0F), rotation(4 * padded(n), 0.0F);
     for (std::size_t i = 0; i < n; ++i) {
-        const Vec3 at = (field.center(i) - middle) / entry->length_unit;
-        const Vec3 axes = field.semi_axes(i) / entry->length_unit;
+        const Vec3 at = (field.center(i) - middle) / entry.length_unit;
+        const Vec3 axes = field.semi_axes(i) / entry.length_unit;
         const glm::dquat turn =
             field.arrays().rotations.empty() ? glm::dquat(1.0, 0.0, 0.0, 0.0) : field.arrays().rotations[i];
         const auto put = [&](std::vector<float>& to, double x, double y, double z, double w) {
@@ -72,7 +71,7 @@ PaperSlicing::Entry& PaperSlicing::entry_of(const std::shared_ptr<const Ellipsoi
             to[4 * i + 2] = f(z);
             to[4 * i + 3] = f(w);
         };
-        put(center, at.x, at.y, at.z, field.value(i) * field.weight(i) / entry->value_unit);
+        put(center, at.x, at.y, at.z, field.value(i) * field.weight(i) / entry.value_unit);
         put(scale, axes.x, axes.y, axes.z, field.weight(i));
         put(rotation, turn.x, turn.y, turn.z, turn.w);
     }
@@ -81,16 +80,10 @@ PaperSlicing::Entry& PaperSlicing::entry_of(const std::shared_ptr<const Ellipsoi
         texture.upload(GL_RGBA, GL_FLOAT, texels.data());
         return texture;
     };
-    entry->center = uploaded(center);
-    entry->scale = uploaded(scale);
-    entry->rotation = uploaded(rotation);
-    entries_.push_back(std::move(entry));
-    return *entries_.back();
-}
-
-const PaperSlicing::Entry& PaperSlicing::known(const EllipsoidField& field) const {
-    return **std::find_if(entries_.begin(), entries_.end(),
-                          [&](const auto& entry) { return entry->kernels.get() == &field; });
+    entry.center = uploaded(center);
+    entry.scale = uploaded(scale);
+    entry.rotation = uploaded(rotation);
+    return entries_.emplace(kernels.get(), std::move(entry)).first->second;
 }
 
 void PaperSlicing::slice(Resources& resources, const std::shared_ptr<const EllipsoidField>& kernels,
@@ -142,14 +135,10 @@ void PaperSlicing::slice(Resources& resources, const std::shared_ptr<const Ellip
     const gl::Program& program =
         resources.program({"paper_slice.vert", "paper_slice.frag", defines, {"start_out", "axes_out", "step_out"}});
     program.use();
-    const auto bind = [&](const char* name, const gl::Texture& texture, int unit) {
-        texture.bind(unit);
-        program.set(name, unit);
-    };
-    bind("order_texture", entry.order, UNIT_KERNEL_ORDER);
-    bind("center_texture", entry.center, UNIT_KERNEL_CENTER);
-    bind("scale_texture", entry.scale, UNIT_KERNEL_SCALE);
-    bind("rotation_texture", entry.rotation, UNIT_KERNEL_ROTATION);
+    program.bind("order_texture", entry.order, UNIT_KERNEL_ORDER);
+    program.bind("center_texture", entry.center, UNIT_KERNEL_CENTER);
+    program.bind("scale_texture", entry.scale, UNIT_KERNEL_SCALE);
+    program.bind("rotation_texture", entry.rotation, UNIT_KERNEL_ROTATION);
     const auto set = [&](const char* name, const Vec3& v) {
         if (opengl_4_) {
             program.set(name, v.x, v.y, v.z);
@@ -218,7 +207,7 @@ void PaperSlicing::draw(const TileScope& scope, const EllipsoidPart& ellipsoids,
         return;
     }
     const EllipsoidView& view = *ellipsoids.view;
-    const Entry& entry = known(view.field());
+    const Entry& entry = entries_.at(&view.field());
     const double k = view.field().kernel().falloff;
     const gl::Texture& gaussian = table(k, scope.plan.gaussian_cells);
     gl::Defines defines;
@@ -231,14 +220,10 @@ void PaperSlicing::draw(const TileScope& scope, const EllipsoidPart& ellipsoids,
     const gl::Program& program = scope.resources.program(
         {"paper_splat.vert", "paper_splat.frag", std::move(defines), splat_outputs(scope.plan, target)});
     program.use();
-    const auto bind = [&](const char* name, const gl::Texture& texture, int unit) {
-        texture.bind(unit);
-        program.set(name, unit);
-    };
-    bind("start_texture", entry.start, UNIT_SLICED_START);
-    bind("axes_texture", entry.axes, UNIT_SLICED_AXES);
-    bind("step_texture", entry.step, UNIT_SLICED_STEP);
-    bind("gaussian_texture", gaussian, UNIT_GAUSSIAN);
+    program.bind("start_texture", entry.start, UNIT_SLICED_START);
+    program.bind("axes_texture", entry.axes, UNIT_SLICED_AXES);
+    program.bind("step_texture", entry.step, UNIT_SLICED_STEP);
+    program.bind("gaussian_texture", gaussian, UNIT_GAUSSIAN);
     program.set("gaussian_cells", f(gaussian.width() - 1));
     program.set("falloff_log2", f(k * log2_e));
     program.set("edge", f(view.field().kernel().edge()));
@@ -261,7 +246,7 @@ void PaperSlicing::draw(const TileScope& scope, const EllipsoidPart& ellipsoids,
 }
 
 std::size_t PaperSlicing::kernels_at(const EllipsoidField& field, std::int64_t slice) const {
-    const std::vector<std::uint32_t>& met = known(field).met;
+    const std::vector<std::uint32_t>& met = entries_.at(&field).met;
     return slice < static_cast<std::int64_t>(met.size()) ? met[static_cast<std::size_t>(slice)] : 0;
 }
 
@@ -273,12 +258,10 @@ void PaperSlicing::keep(const std::vector<const EllipsoidField*>& fields) {
     for (auto table = tables_.begin(); table != tables_.end();) {
         table = used(table->first) ? std::next(table) : tables_.erase(table);
     }
-    entries_.erase(std::remove_if(entries_.begin(), entries_.end(),
-                                  [&](const auto& entry) {
-                                      return std::find(fields.begin(), fields.end(), entry->kernels.get()) ==
-                                             fields.end();
-                                  }),
-                   entries_.end());
+    for (auto entry = entries_.begin(); entry != entries_.end();) {
+        const bool used = std::find(fields.begin(), fields.end(), entry->first) != fields.end();
+        entry = used ? std::next(entry) : entries_.erase(entry);
+    }
 }
 
 std::size_t PaperSlicing::bytes() const {
@@ -286,9 +269,9 @@ std::size_t PaperSlicing::bytes() const {
     for (const auto& [falloff, texture] : tables_) {
         sum += texture.bytes();
     }
-    for (const auto& entry : entries_) {
-        for (const gl::Texture* texture : {&entry->center, &entry->scale, &entry->rotation, &entry->order,
-                                           &entry->start, &entry->axes, &entry->step}) {
+    for (const auto& [field, entry] : entries_) {
+        for (const gl::Texture* texture :
+             {&entry.center, &entry.scale, &entry.rotation, &entry.order, &entry.start, &entry.axes, &entry.step}) {
             sum += texture->bytes();
         }
     }

@@ -56,7 +56,6 @@ class PaperSlicing {
         std::vector<std::uint32_t> met;                         ///< kernels that meet each slice
     };
     Entry& entry_of(const std::shared_ptr<const EllipsoidField>& kernels);
-    [[nodiscard]] const Entry& known(const EllipsoidField& field) const;
     /// Draws the kernels of these cells. The target is bound.
     void draw(const TileScope& scope, const EllipsoidPart& ellipsoids, const std::vector<std::size_t>& cells,
               const SplatTarget& target, const SlabPass& pass);
@@ -68,7 +67,7 @@ class PaperSlicing {
 
     const gl::Api* gl_;
     bool opengl_4_;
-    std::vector<std::unique_ptr<Entry>> entries_;
+    std::map<const EllipsoidField*, Entry> entries_;
     gl::VertexArray no_attributes_;
     std::map<double, gl::Texture> tables_; ///< by falloff
     std::vector<GLint> firsts_;

@@ -18,10 +18,8 @@ struct Capabilities {
     bool software = false;        ///< llvmpipe, softpipe, swrast
     bool depth_bounds = false;    ///< GL_EXT_depth_bounds_test
     bool texture_barrier = false; ///< a texel may be read by the fragment that writes it
-    bool buffer_storage = false;  ///< GL 4.4 or ARB_buffer_storage
-    bool timer_query = false;
-    bool debug_output = false; ///< KHR_debug
-    bool float32_blend = true; ///< RGBA32F can be a blended colour target
+    bool debug_output = false;    ///< KHR_debug
+    bool float32_blend = true;    ///< RGBA32F can be a blended colour target
     bool float16_blend_rounds =
         true; ///< sums in RGBA16F are rounded to nearest; false: cut off, so that long sums come out dark
     bool points_reach_in =
@@ -30,10 +28,8 @@ struct Capabilities {
     int max_texture_size = 1024;
     int max_viewport = 1024;
     int subpixel_bits = 4;               ///< of positions in the rasteriser
-    int max_draw_buffers = 8;            ///< of one framebuffer
     int max_texture_units = 16;          ///< of the fragment stage
     int max_buffer_texels = 65536;       ///< of a buffer texture
-    int depth_bits = 24;                 ///< of a GL_DEPTH_COMPONENT24 texture, as the driver stores it
     std::vector<std::string> extensions; ///< of those that are used
     std::vector<std::string>
         workarounds; ///< names of the work-arounds in force (gl/capabilities.cpp tells what each is for)

@@ -27,7 +27,7 @@ class PollScope {
 /// Calls `progress`, if it is set, with the share that is done (0 to 1). Throws Cancelled where it returns false.
 void report_progress(const std::function<bool(double)>& progress, double share);
 
-/// Throws what the caller's question throws; does nothing outside every PollScope.
+/// Calls the innermost scope's `ask`, at most every few milliseconds; does nothing outside every PollScope.
 void poll();
 
 /// The same for the i-th of very many short steps.

@@ -1,4 +1,4 @@
-// Where scattered kernels crowd: what sums in float32 lose is larger there than on the average.
+// Where scattered kernels are densest: sums in float32 have larger errors there than on the average.
 #pragma once
 
 #include "facts/frame.hpp"
@@ -19,11 +19,12 @@ struct Crowd {
 /// Linear in the number of kernels.
 Crowd survey_crowd(const EllipsoidField& field);
 
-/// Slabs this many times thicker than a leaning kernel's half-depth: beyond, float32 loses where the kernel is in them
+/// Slabs this many times thicker than a leaning kernel's half-depth: beyond, float32 does not resolve its place in them
 /// (at 1e4 the 99.9th percentile was seen at 1.2e-3).
 constexpr double thick_slab = 3e3;
 
-/// Kernels that are thin in slabs and whose sections move: float32 knows them to 1e-7 of the slab's thickness over h.
+/// Kernels that are thin in slabs and whose sections move: float32 resolves them to 1e-7 of the slab's thickness over
+/// h.
 struct ThinInSlabs {
     double loss = 0.0; ///< largest mean, rho, that one of them adds to a slab, times that thickness (up to 1e7)
     double peak = 0.0; ///< largest mean that any kernel adds

@@ -24,8 +24,6 @@ KernelFacts survey_kernels(const EllipsoidField& field);
 
 /// Of one view.
 struct EllipsoidFacts {
-    double largest_aspect = 1.0;
-    double mean_overlap = 0.0;
     std::size_t unresolved = 0;  ///< kernels smaller than a pixel or thinner than a slice distance
     double largest_change = 0.0; ///< bound on the share by which the filter changes a semi-axis, squared
     /// Smallest semi-axis of a kernel in pixels at its centre's depth; in perspective a bound from below where it is

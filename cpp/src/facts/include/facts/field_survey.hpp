@@ -1,6 +1,7 @@
 // What fields are like in every view: surveyed once a field, since it takes a look at every kernel.
 #pragma once
 
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -31,12 +32,21 @@ struct FieldSurvey {
     std::optional<double> lattice_peak; ///< lattices: largest W / C anywhere
 };
 
+/// Drops entries of fields that the scene does not hold.
+template <class Entry>
+void keep_fields(std::vector<std::unique_ptr<Entry>>& entries, const Scene& scene) {
+    const auto unused = [&](const std::unique_ptr<Entry>& entry) {
+        return std::find(scene.fields.begin(), scene.fields.end(), entry->field) == scene.fields.end();
+    };
+    entries.erase(std::remove_if(entries.begin(), entries.end(), unused), entries.end());
+}
+
 /// Keeps the surveys of a scene's fields between pictures.
 class FieldSurveys {
   public:
     const FieldSurvey& of(const std::shared_ptr<const Field>& field);
     /// Drops what belongs to fields that the scene does not hold.
-    void forget_others(const Scene& scene);
+    void forget_others(const Scene& scene) { keep_fields(surveys_, scene); }
 
   private:
     std::vector<std::unique_ptr<FieldSurvey>> surveys_;

@@ -33,6 +33,9 @@ struct Frame {
     [[nodiscard]] double largest_slant() const;
 };
 
+/// World-aligned box of the supports of all fields; empty where there are no kernels.
+Box supports_world(const Scene& scene);
+
 /// How far a field reaches along a direction of unit length: Field::reach_along, or a faster way to the same numbers.
 using Reach = std::function<std::array<double, 2>(const Field& field, const Vec3& from, const Vec3& direction)>;
 

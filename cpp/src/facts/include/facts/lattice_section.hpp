@@ -17,7 +17,7 @@ struct LatticeSection {
     double half_depth = 1.0;               ///< h, world units
     glm::dmat2 to_unit{1.0};               ///< A^-1: eye xy -> unit-sphere plane coordinates
     glm::dvec2 shear{0.0};                 ///< A^-1 (B n)_xy: shift of the cross-section per unit of s
-    bool sheared = false;                  ///< the shear matters (unequal spacing, seen askew)
+    bool sheared = false;                  ///< the shear matters (unequal spacing, seen at an angle)
     double extent_x = 1.0, extent_y = 1.0; ///< half the support's extent along eye x and y, world units
 };
 

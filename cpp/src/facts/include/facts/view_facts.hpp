@@ -43,7 +43,7 @@ struct KernelShapes {
     double smallest_falloff = 8.0;
     double largest_aspect = 1.0;    ///< longest over shortest semi-axis of one ellipsoid
     double largest_filtering = 0.0; ///< largest square of pixel or slice spacing over a semi-axis
-    bool sheared = false;           ///< sections of some lattice lean (unequal spacing, seen askew)
+    bool sheared = false;           ///< sections of some lattice lean (unequal spacing, seen at an angle)
 };
 
 /// Sizes on the screen, pixels.

@@ -1,5 +1,4 @@
 // OpenGL contexts without a display: EGL device, EGL surfaceless, OSMesa, each by dlopen.
-// Knows no word of volumes.
 #pragma once
 
 #include <memory>
@@ -23,7 +22,7 @@ struct ContextOptions {
     bool debug = false; ///< a debug context whose errors are kept: take_debug_errors(). SHEETSPLAT_GL_DEBUG=1 sets it
 };
 
-/// One way to a context that was tried, in words.
+/// One attempt to make a context.
 struct Attempt {
     std::string platform;
     bool succeeded = false;
@@ -31,12 +30,11 @@ struct Attempt {
     Capabilities capabilities; ///< where it succeeded
 };
 
-/// An OpenGL 3.3+ core context of its own, 4.x where present. Movable handle semantics by unique_ptr; one thread at a
-/// time.
+/// An OpenGL core context of version 3.3 or later. One thread at a time.
 class Context {
   public:
-    /// Tries each platform in order; throws DeviceUnavailable that lists every try and the next step. InvalidInput for
-    /// names that are none. On return the context is not current.
+    /// Tries each platform in order. Throws DeviceUnavailable, which lists every attempt and what to do; InvalidInput
+    /// for unknown names. On return the context is not current.
     static std::unique_ptr<Context> create(const ContextOptions& options = {});
     /// Tries every platform, and of egl every device, and reports; never throws.
     static std::vector<Attempt> survey();

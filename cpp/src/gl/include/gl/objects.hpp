@@ -1,9 +1,10 @@
-// OpenGL objects as values: made whole, moved, destroyed with the context current.
+// OpenGL objects with RAII: made, moved and destroyed with the context current.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
-#include <initializer_list>
+#include <memory>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -55,8 +56,8 @@ void delete_vertex_array(const Api& gl, GLuint name);
 class Texture {
   public:
     Texture() = default;
-    /// internal_format: GL_RGBA32F, GL_RGBA16F, GL_RGBA8, GL_R32F, GL_R32I, GL_DEPTH_COMPONENT32F, GL_DEPTH_COMPONENT24
-    /// ... Throws OutOfMemory where the driver has no memory for it, Unsupported beyond its largest size.
+    /// internal_format: one of the table in gl/texture_formats.cpp. Throws OutOfMemory where the driver has no memory
+    /// for it, Unsupported beyond its largest size.
     Texture(const Api& gl, GLenum internal_format, int width, int height);
 
     [[nodiscard]] GLuint name() const { return handle_.name(); }
@@ -81,8 +82,7 @@ class Texture {
 class Framebuffer {
   public:
     Framebuffer() = default;
-    /// colors become attachments 0, 1, ... and the draw buffers; depth may be null. Attachments without a texture
-    /// (nullptr) become GL_NONE draw buffers. What was bound stays bound.
+    /// colors become attachments 0, 1, ... and the draw buffers; depth may be null. What was bound stays bound.
     Framebuffer(const Api& gl, const std::vector<const Texture*>& colors, const Texture* depth = nullptr);
     void bind() const; ///< as draw and read framebuffer
     [[nodiscard]] GLuint name() const { return handle_.name(); }
@@ -110,6 +110,12 @@ class Buffer {
     void rewind() { used_ = offset_ = 0; }
     /// map + copy + unmap
     void upload(const void* data, std::size_t bytes);
+    /// map_next + copy + unmap
+    void upload_next(const void* data, std::size_t bytes);
+    /// Makes the bytes from `begin` on, counted from offset(), an attribute of the bound vertex array: `components`
+    /// numbers, which the shader reads as floats.
+    void attribute(GLuint location, int components, GLenum type, std::size_t stride, std::size_t begin,
+                   GLuint divisor) const;
     [[nodiscard]] GLuint name() const { return handle_.name(); }
     [[nodiscard]] std::size_t capacity() const { return capacity_; }
 
@@ -120,7 +126,7 @@ class Buffer {
     std::size_t used_ = 0, offset_ = 0;
 };
 
-/// A buffer's bytes as a texture of one row that shaders fetch from; the buffer is another's.
+/// A buffer's bytes as a texture of one row that shaders fetch from. Does not own the buffer.
 class BufferTexture {
   public:
     BufferTexture() = default;
@@ -143,30 +149,28 @@ class VertexArray {
     Handle<delete_vertex_array> handle_;
 };
 
-/// Pixels that are read back without waiting: start() queues the copy, ready() asks the fence, data() maps.
+/// A picture of four float32 channels that is read back without waiting: start() queues the copy, ready() asks the
+/// fence, fetch() copies. Made and destroyed with the context current.
 class AsyncReadback {
   public:
     AsyncReadback() = default;
-    AsyncReadback(const Api& gl, std::size_t bytes);
-    ~AsyncReadback();
-    AsyncReadback(AsyncReadback&&) noexcept;
-    AsyncReadback& operator=(AsyncReadback&&) noexcept;
-    /// Reads x, y, width, height of colour attachment `attachment` of the bound read framebuffer, rows without padding,
-    /// from the lowest up. Pixels that are still pending are given up. Throws InvalidInput where they do not fit
-    /// `bytes`.
-    void start(int attachment, int x, int y, int width, int height, GLenum format, GLenum type);
+    /// Throws OutOfMemory.
+    AsyncReadback(const Api& gl, int width, int height);
+    /// Reads colour attachment 0 of the bound read framebuffer, rows without padding, from the lowest up.
+    void start();
     [[nodiscard]] bool pending() const { return fence_ != nullptr; }
     [[nodiscard]] bool ready() const; ///< never blocks
-    /// Waits if needed and copies the first `bytes` of the pixels to `out`; then no longer pending.
-    void fetch(void* out, std::size_t bytes);
+    /// Waits if needed and copies the pixels; then no longer pending.
+    void fetch(std::vector<float>& rgba);
 
   private:
-    void forget() noexcept;
-    const Api* api_ = nullptr;
+    struct DeleteFence {
+        const Api* gl;
+        void operator()(GLsync fence) const { gl->DeleteSync(fence); }
+    };
     Handle<delete_buffer> buffer_;
-    GLsync fence_ = nullptr;
-    std::size_t capacity_ = 0;
-    std::size_t started_ = 0; // bytes of the pixels that are on their way
+    std::unique_ptr<std::remove_pointer_t<GLsync>, DeleteFence> fence_{nullptr, DeleteFence{nullptr}};
+    int width_ = 0, height_ = 0;
 };
 
 } // namespace sheetsplat::gl

@@ -46,6 +46,8 @@ class Program {
     void set(const std::string& uniform, double x, double y, double z) const;
     /// Columns (a, b) and (c, d).
     void set_matrix2(const std::string& uniform, float a, float b, float c, float d) const;
+    /// Binds a texture to a unit and sets the sampler to it.
+    void bind(const std::string& sampler, const Texture& texture, int unit) const;
     /// count vec3 of an array uniform ("name" without [0])
     void set_array3(const std::string& uniform, const float* values, int count) const;
 

@@ -37,18 +37,7 @@ class BitRows {
 };
 
 /// Position of the lowest bit that is set; word != 0.
-[[nodiscard]] inline unsigned lowest_bit(BitWord word) {
-#if defined(__GNUC__)
-    return static_cast<unsigned>(__builtin_ctzll(word));
-#else
-    unsigned position = 0;
-    while ((word & 1U) == 0) {
-        word >>= 1;
-        ++position;
-    }
-    return position;
-#endif
-}
+[[nodiscard]] inline unsigned lowest_bit(BitWord word) { return static_cast<unsigned>(__builtin_ctzll(word)); }
 
 /// Calls visit(begin, end) for each run of set bits of a row, in order; runs do not touch.
 template <typename Visit>

@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "index/visibility.hpp"
 #include "sheetsplat/field.hpp"
-#include "sheetsplat/transfer_function.hpp"
 
 namespace sheetsplat {
 
@@ -44,19 +44,16 @@ class SpatialGrid {
     [[nodiscard]] std::uint32_t home(std::size_t kernel) const { return home_[kernel]; }
     [[nodiscard]] const std::uint32_t* home_begin(std::size_t cell) const { return order_.data() + offset_[cell]; }
     [[nodiscard]] const std::uint32_t* home_end(std::size_t cell) const { return order_.data() + offset_[cell + 1]; }
-    /// All kernels, cell by cell; those of a cell are order()[home_offset(cell)] to order()[home_offset(cell + 1) - 1].
+    /// All kernels, cell by cell.
     [[nodiscard]] const std::vector<std::uint32_t>& order() const { return order_; }
-    [[nodiscard]] std::uint32_t home_offset(std::size_t cell) const { return offset_[cell]; }
 
     /// The cell's own box.
     [[nodiscard]] Box cell_bounds(std::size_t cell) const;
     /// Box around the supports of the kernels whose home it is.
     [[nodiscard]] const Box& home_supports(std::size_t cell) const { return supports_[cell]; }
-    /// Smallest and largest value f of these.
-    [[nodiscard]] const std::array<double, 2>& home_values(std::size_t cell) const { return values_[cell]; }
 
   private:
-    friend class ReachLists;
+    friend class StartCells;
     /// Place of a cell in its level: whole cells from the grid's corner.
     using Corner = std::array<std::uint64_t, 3>;
     static constexpr std::uint32_t none = 0xFFFFFFFFU; ///< no such cell
@@ -70,74 +67,36 @@ class SpatialGrid {
     std::vector<std::uint32_t> offset_; ///< into order_, one for each cell and one more
     std::vector<Corner> corner_;
     std::vector<Box> supports_;
-    std::vector<std::array<double, 2>> values_;
     std::vector<std::uint32_t> level_begin_{0};
 };
 
-/// For each cell the kernels that reach into it, flattened for the GPU. A kernel is in the lists of those cells of its
-/// level that its support's box meets: 1 to 8 of them. The first cells are the grid's, with the grid's numbers; cells
-/// that are nobody's home follow.
-class ReachLists {
+/// The cells in which kernels can start ([NM06] section 4.2): those of its level that a kernel's bounding box meets, 1
+/// to 8 of them. The first cells are the grid's, with the grid's numbers; cells that are no kernel's home follow.
+class StartCells {
   public:
-    /// The result takes 4 bytes for each time that a kernel is listed and 29 for each cell; beside it, up to about 100
-    /// for each cell of the level that has most of them. Throws OutOfMemory before anything is allocated; Unsupported
-    /// for more than 2^32 - 1 entries.
-    static ReachLists of(const EllipsoidField& field, const SpatialGrid& grid);
+    /// For fields of at most 2^28 kernels. 24 bytes for each cell that is no kernel's home; while they are found, up to
+    /// about 100 for each cell of the level that has most of them. Throws OutOfMemory before anything is allocated.
+    static StartCells of(const EllipsoidField& field, const SpatialGrid& grid);
 
-    [[nodiscard]] std::size_t cells() const { return level_.size(); }
+    [[nodiscard]] std::size_t cells() const { return cells_; }
     [[nodiscard]] std::size_t bytes() const;
-    /// Entries of a cell: entries()[offsets()[cell]] to entries()[offsets()[cell + 1] - 1], in the grid's order.
-    [[nodiscard]] const std::vector<std::uint32_t>& offsets() const { return offsets_; }
-    [[nodiscard]] const std::vector<std::uint32_t>& entries() const { return entries_; }
-    [[nodiscard]] int level_of_cell(std::size_t cell) const { return level_[cell]; }
-    [[nodiscard]] Box cell_bounds(std::size_t cell) const;
-    /// Of the cells that list a kernel, the one that holds a point of its support's box (rounding may put a point of
-    /// its surface outside: then the nearest of them). With the point of the support that is nearest to the viewer
-    /// (first_point), this is the cell that draws the kernel ([NM06] section 4.2); field and grid: those of `of`.
-    [[nodiscard]] std::uint32_t start_cell(const EllipsoidField& field, const SpatialGrid& grid, std::size_t kernel,
-                                           const Vec3& point_world) const;
+    /// Of the cells in which a kernel can start, the one that holds a point of its bounding box (rounding may put a
+    /// point of its surface outside: then the nearest of them). With the point of the support that is nearest to the
+    /// viewer this is the cell that draws the kernel. field, grid: those of `of`.
+    [[nodiscard]] std::uint32_t of_kernel(const EllipsoidField& field, const SpatialGrid& grid, std::size_t kernel,
+                                          const Vec3& point_world) const;
+    [[nodiscard]] Box cell_bounds(const SpatialGrid& grid, std::size_t cell) const;
 
   private:
-    using Corner = SpatialGrid::Corner;
-    /// The cell at a corner, with or without a home; SpatialGrid::none where nothing reaches.
-    [[nodiscard]] std::uint32_t find(const SpatialGrid& grid, const Corner& corner, int level) const;
-
-    std::vector<std::uint32_t> offsets_{0};
-    std::vector<std::uint32_t> entries_;
-    std::vector<std::int8_t> level_;
-    std::vector<Corner> corner_;
-    std::vector<std::uint32_t> extra_begin_; ///< first of the cells without a home, level by level; one more at the end
-    Vec3 lower_{0.0};
-    double root_ = 1.0;
-    int levels_ = 0;
-};
-
-/// The point of a kernel's support that is nearest to a viewer far away in direction `towards_viewer` (any length but
-/// 0): c + M M^T e / |M^T e|.
-[[nodiscard]] Vec3 first_point(const EllipsoidField& field, std::size_t kernel, const Vec3& towards_viewer);
-
-/// What decides which kernels are drawn.
-struct EllipsoidVisibility {
-    const TransferFunction* transfer_function = nullptr; ///< null: every value is visible (modes xray and mip)
-    /// The weight sum is needed where something is visible: kernels of value 0 are drawn too. Normalisation threshold
-    /// implies it.
-    bool weights_matter = false;
-    bool cull = true; ///< false: every kernel is drawn (a coverage output needs the weights everywhere)
-    /// Isosurface: visible is where two points of a pixel's ray lie on different sides of iso_value; then the transfer
-    /// function is not asked.
-    bool isosurface = false;
-    double iso_value = 0.0;
-    bool alone = true; ///< false: other fields add to this one, so that only kernels that add nothing can be dropped
-    /// World units, >= 0: how far apart the supports of two kernels may lie that matter to one another all the same
-    /// (the sum of what stencils of gradients, crossings, pre-integrated intervals and slabs reach, and of twice what a
-    /// filter widens a support by).
-    double reach_world = 0.0;
+    std::size_t cells_ = 0;
+    std::vector<SpatialGrid::Corner> extra_; ///< cells that are no kernel's home, in Z order inside a level
+    std::vector<std::uint32_t> extra_begin_; ///< first of them, level by level; one more at the end
 };
 
 /// One flag a kernel: 0 where it cannot matter (conventions, section 2), 1 elsewhere. What is dropped is invisible
 /// whichever of the other kernels are drawn. Time is linear in the number of kernels, whatever their sizes and places.
-/// Throws OutOfMemory; InvalidInput for a reach_world that is negative or no number. grid: SpatialGrid::of(field).
+/// Throws OutOfMemory, InvalidInput. grid: SpatialGrid::of(field).
 [[nodiscard]] std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const SpatialGrid& grid,
-                                                        const EllipsoidVisibility& visibility);
+                                                        const VisibilityQuery& visibility);
 
 } // namespace sheetsplat

@@ -36,13 +36,13 @@ constexpr double largest_float32 = 1e36;
 constexpr double least_precise_aspect = 4096.0;
 /// ... and where there is no float64, beyond which they are refused. Test: GlRefuses.Beyond/plain_aspect.
 constexpr double largest_plain_aspect = 32768.0;
-/// Semi-axis, pixels, below which float64 places them: float32 knows places to 6e-8 of a pixel. Test:
+/// Semi-axis, pixels, below which float64 places them: float32 resolves places to 6e-8 of a pixel. Test:
 /// GlChooses.PreciseFrom/px.
 constexpr double least_plain_px = 1e-2;
 /// ... and where there is no float64, below which they are refused: at 1e-5 seen at 1e-2 (P99.9). Test:
 /// GlRefuses.Beyond/plain_px.
 constexpr double smallest_plain_px = 1e-4;
-/// A record on the device serves all slices of a kernel, and knows its sections to 6e-8 of the aspect. Test:
+/// A record on the device serves all slices of a kernel, and resolves its sections to 6e-8 of the aspect. Test:
 /// GlChooses.ResidentUpTo/aspect.
 constexpr double largest_resident_aspect = 1024.0;
 /// Kernels of one field whose sections stay on the device: 112 bytes each. Test: GlChooses.ResidentUpTo/kernels.

@@ -19,16 +19,62 @@ namespace sheetsplat {
 /// drawing on GL stays off on the processor.
 struct DrawPlan {
     RenderPlan summary;
+
+    // The scene.
     Projection projection = Projection::orthographic;
     Sampling sampling = Sampling::point;
     Mode mode = Mode::composite;
-    bool weight = false;
-    bool empty_test =
-        false;              ///< opacity at 0 > 0: points that no kernel reaches must be told from points whose sum is 0
+    bool clip = false;     ///< points outside Scene::clip are transparent
+    bool blank = false;    ///< the clip leaves nothing: the picture is empty whatever else is on
+    bool filter = false;   ///< kernels are widened by pixel and slice distance
+    bool coverage = false; ///< an output
+    bool depth = false;    ///< an output
+
+    // Sums and their division.
+    bool weight = false;    ///< sums of weights are kept
     bool threshold = false; ///< the one field is divided by its weight sum where it is shaded
+    /// Opacity at 0 > 0: points that no kernel reaches must be told from points whose sum is 0.
+    bool empty_test = false;
     /// Several fields: for each the number of its own sheets, where it is divided before all are added; -1: it adds to
     /// the sheets of all.
     std::vector<int> own_sheets;
+    double value_unit = 1.0; ///< the amount of rho that sheets call 1
+    Precision precision = Precision::float32;
+
+    // Gradients and light.
+    bool gradient = false;          ///< gradients are made, for light or for gradient_opacity
+    bool analytic_gradient = false; ///< gradients are sums of the kernels' own derivatives
+    bool fine_gradient = false;     ///< differences between neighbouring samples are splatted
+    bool fine_across = false;       ///< pixels are small: differences along x and y are splatted
+    bool fine_along = false;        ///< slices are close: differences over depth are splatted
+    bool gradient_opacity = false;  ///< opacity is multiplied by min(1, |grad rho| / g1)
+    bool lit = false;               ///< colours are multiplied by light: gradient is on too
+    bool ambient_only = false; ///< with lights that change nothing: colours are multiplied by the ambient coefficient
+    bool specular = false;
+    bool two_sided = false;
+    bool shadows = false;
+    bool ambient_occlusion = false;
+    bool depth_cue = false; ///< colours fade with depth
+
+    // Compositing.
+    bool opacity_correction = false;
+    bool preintegration = false;
+    bool second_order = false; ///< of pre-integration
+    bool stop = false;         ///< pixels end at A_stop
+    bool read_image = false;   ///< the picture so far is an input of the shading pass
+    bool compensated = false;  ///< rounding errors of the picture are carried along
+
+    // What is skipped.
+    bool culling = true; ///< kernels that cannot be seen
+    bool elimination = false;
+    bool opacity_buffer = false;
+    Tagging tagging = Tagging::off;
+
+    // Splatting.
+    Packing packing = Packing::wide;
+    bool general = false;  ///< sections move or scale from slab to slab (perspective, leaning ellipsoids)
+    bool points = true;    ///< point sprites
+    bool separable = true; ///< one Gaussian on the screen serves all sections of a kernel
     /// Ellipsoids are sliced by one pass over all of them on the device, where the sections stay; else by the
     /// processor, batch by batch.
     bool resident_sections = false;
@@ -36,48 +82,12 @@ struct DrawPlan {
     int gaussian_cells = 1024;  ///< of the texture of the Gaussian, along each axis
     /// Longest over shortest semi-axis from which on an ellipsoid is placed in float64.
     double precise_aspect = std::numeric_limits<double>::infinity();
-    bool filter = false;   ///< kernels are widened by pixel and slice distance
-    bool gradient = false; ///< gradients are made, for light or for gradient_opacity
-    bool lit = false;      ///< colours are multiplied by light: gradient is on too
-    /// Lights, lit by none of which anything changes: colours are multiplied by the ambient coefficient and no more.
-    bool ambient_only = false;
-    bool analytic_gradient = false; ///< gradients are sums of the kernels' own derivatives
-    bool gradient_opacity = false;  ///< opacity is multiplied by min(1, |grad rho| / g1)
-    bool clip = false;              ///< points outside Scene::clip are transparent
-    bool depth_cue = false;         ///< colours fade with depth
-    bool second_order = false;      ///< of pre-integration
-    bool shadows = false;
-    bool ambient_occlusion = false;
-    bool blank = false; ///< the clip leaves nothing: the picture is empty whatever else is on
-    bool specular = false;
-    bool two_sided = false;
-    bool opacity_correction = false;
-    bool preintegration = false;
-    bool stop = false;       ///< A_stop is looked at
-    bool read_image = false; ///< the picture so far is an input of the shading pass
-    bool elimination = false;
-    bool opacity_buffer = false;
-    bool coverage = false;
-    bool depth = false;
-    bool compensated = false; ///< rounding errors of the picture are carried along
-    bool general = false;     ///< sections move or scale from slab to slab (perspective, leaning ellipsoids)
-    bool points = true;
-    bool separable = true; ///< one Gaussian on the screen serves all sections of a kernel
-    bool fine_gradient = false;
-    bool fine_across = false; ///< pixels are small: differences along x and y are splatted
-    bool fine_along = false;  ///< slices are close: differences over depth are splatted
-    bool culling = true;
-    int slab_nodes = 0;      ///< quadrature nodes of slab means; 0: erf
-    int slab_pieces = 1;     ///< pieces that differences of slab means are integrated in
-    double value_unit = 1.0; ///< the amount of rho that sheets call 1
-    Packing packing = Packing::wide;
-    Tagging tagging = Tagging::off;
-    Precision precision = Precision::float32;
+    int slab_nodes = 0;  ///< quadrature nodes of slab means; 0: erf
+    int slab_pieces = 1; ///< pieces that differences of slab means are integrated in
 };
 
-/// The radius in unit-sphere space and the like are the caller's; this decides. capabilities: null for backend
-/// reference. Throws InvalidInput for names of effects that do not exist; Unsupported for what this backend cannot do
-/// within its bound.
+/// capabilities: null unless the backend is gl. Throws InvalidInput for names of effects that do not exist; Unsupported
+/// for what this backend cannot do within its bound.
 DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                    Projection projection, Backend backend, const Capabilities* capabilities);
 

@@ -29,11 +29,11 @@ class CellTraversal {
     };
 
     /// sprite_px: largest radius of a point sprite. may_narrow: kernels that meet the slabs of one stride alone are
-    /// marked. reach: the cells in which kernels may begin; null: every kernel begins in its home, which saves their
+    /// marked. starts: the cells in which kernels may start; null: every kernel begins in its home, which saves their
     /// memory. visible: one flag a kernel. Kernels beyond the picture and its border of one pixel, or whose slices do
     /// not exist, are left out. wider_slices, wider_px: by how much kernels reach further than their supports. Throws
     /// OutOfMemory. 12 bytes a kernel.
-    static CellTraversal of(const EllipsoidView& view, const SpatialGrid& grid, const ReachLists* reach,
+    static CellTraversal of(const EllipsoidView& view, const SpatialGrid& grid, const StartCells* starts,
                             const std::vector<std::uint8_t>& visible, BatchLayout layout, int wider_slices,
                             int wider_px, bool may_narrow, double sprite_px, double precise_aspect);
 

@@ -65,7 +65,7 @@ enum class SectionGroup : std::uint8_t {
     thin,          ///< slab sampling, slabs thin against the kernel: 4 nodes
     medium,        ///< 6 nodes
     thick,         ///< erf
-    precise_plain, ///< so long against its thickness that float32 would lose it: places are computed in float64
+    precise_plain, ///< so slender or small that float32 cannot place it: places are computed in float64
     precise_thin,
     precise_medium,
     precise_thick,

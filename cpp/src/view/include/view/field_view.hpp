@@ -17,9 +17,8 @@ struct FieldView : LatticeSection {
     Vec3 step_i{0.0}, step_j{0.0}, step_k{0.0}; ///< eye-space steps of the indices
     Vec3 odd_layer{0.0};                        ///< added for odd k (BCC)
     double slab_half = 0.0;                     ///< sampling slab: half a slice spacing, world units; point: 0
-    double value_scale = 1.0;      ///< what a sample's value is multiplied by: gain / (C if lattice) / value unit
-    double weight_scale = 1.0;     ///< what a weight of 1 is multiplied by: gain
-    std::int64_t longest_span = 1; ///< most slices that one kernel can meet
+    double value_scale = 1.0;  ///< what a sample's value is multiplied by: gain / (C if lattice) / value unit
+    double weight_scale = 1.0; ///< what a weight of 1 is multiplied by: gain
 
     [[nodiscard]] Vec3 eye_position(std::size_t i, std::size_t j, std::size_t k) const;
 };

@@ -67,6 +67,9 @@ struct PixelBox {
     [[nodiscard]] bool empty() const { return x0 >= x1 || y0 >= y1; }
 };
 
+/// The pixels of a tile's targets whose centres may lie between these edges.
+[[nodiscard]] PixelBox pixels_between(double left, double right, double top, double bottom, const Tile& tile);
+
 /// Makes the vertices of a batch for a tile. One template instance per sample type.
 class VertexMaker {
   public:

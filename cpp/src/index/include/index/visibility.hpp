@@ -1,0 +1,36 @@
+// What decides which samples of a lattice and which scattered kernels are drawn. A kernel is left out only where it
+// cannot matter (conventions, section 2).
+#pragma once
+
+#include "sheetsplat/transfer_function.hpp"
+
+namespace sheetsplat {
+
+struct VisibilityQuery {
+    const TransferFunction* transfer_function = nullptr; ///< null: every value is visible (modes xray and mip)
+    /// The weight sum is needed where something is visible: kernels of value 0 are drawn too. Normalisation threshold
+    /// implies it. A coverage output needs the weights everywhere: cull = false.
+    bool weights_matter = false;
+    bool cull = true; ///< false: every kernel is drawn
+    /// Isosurface: visible is where two points of a pixel's ray lie on different sides of iso_value; then the transfer
+    /// function is not used.
+    bool isosurface = false;
+    double iso_value = 0.0;
+    bool alone = true; ///< false: other fields add to this one, so that only kernels that add nothing can be dropped
+    /// World units, >= 0: how far a visible point may lie from the supports of kernels that matter to it. The sum of
+    /// what stencils of gradients, crossings, pre-integrated intervals and slabs reach, and of twice what a filter
+    /// widens a support by. In perspective a step of depth runs along the ray and is as much longer.
+    double reach_world = 0.0;
+};
+
+/// Where something becomes visible on the way from 0 up and down, both positive: at rho >= above, at rho <= -below.
+struct VisibleFrom {
+    double above, below;
+};
+/// For a query with a transfer function or an iso value.
+VisibleFrom visible_from(const VisibilityQuery& query);
+
+/// Throws InvalidInput for a reach_world that is negative or no number.
+void check_reach(const VisibilityQuery& query);
+
+} // namespace sheetsplat

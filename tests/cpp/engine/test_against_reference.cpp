@@ -3,18 +3,18 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <random>
 #include <string>
 
 #include <gtest/gtest.h>
 
-#include "sheetsplat/device.hpp"
 #include "sheetsplat/error.hpp"
-#include "sheetsplat/renderer.hpp"
+#include "support/against_reference.hpp"
 
 namespace sheetsplat {
 namespace {
+
+using namespace testing;
 
 /// A soft random volume: a few blobs, some noise.
 std::shared_ptr<const RegularField> blobs(RegularFieldOptions options, std::size_t n = 14, unsigned seed = 3) {
@@ -57,49 +57,11 @@ Camera askew(const Field& field, Projection projection) {
     return Camera::fit(field.supports_world(), Vec3(-0.5, -0.35, -0.8), Vec3(0, 1, 0), projection, 1.0, 40.0);
 }
 
-Difference against_reference(const Scene& scene, const Camera& camera, Size size, RendererOptions options,
-                             const Outputs& outputs, const std::string& name) {
-    Renderer renderer(options);
-    RendererOptions exact;
-    exact.backend = Backend::reference;
-    Renderer reference(exact);
-    const Image picture = renderer.render(scene, camera, size, outputs);
-    EXPECT_EQ(picture.plan->backend, options.backend) << name;
-    const Image judge = reference.render(scene, camera, size, outputs);
-    const bool scalar = !judge.scalar.empty();
-    const Difference difference =
-        scalar ? compare(picture.scalar, judge.scalar, 1) : compare(picture.rgba, judge.rgba, 4);
-    double largest = 0.0;
-    for (float value : scalar ? judge.scalar : judge.rgba) {
-        largest = std::max(largest, std::abs(double(value)));
-    }
-    std::printf("%-9s %-70s rmse %.2e p99.9 %.2e max %.2e (largest %.3f)\n", to_string(options.backend), name.c_str(),
-                difference.rmse, difference.p99_9, difference.maximum, largest);
-    EXPECT_GT(largest, 0.05) << name;
-    if (outputs.coverage) {
-        EXPECT_LT(compare(picture.coverage, judge.coverage, 1).rmse, 2e-5) << name << " coverage";
-    }
-    return difference;
-}
-
-bool gl_available() {
-    for (const DeviceReport& report : devices()) {
-        if (report.backend == "gl" && report.available) {
-            return true;
-        }
-    }
-    return false;
-}
-
-/// What draws: a backend, and on gl how slices lie in its buffers.
-enum class Way { wide, paper, cpu };
-const char* to_string(Way way) { return way == Way::wide ? "wide" : way == Way::paper ? "paper" : "cpu"; }
-
-RendererOptions options_of(Way way) {
-    RendererOptions options;
-    options.backend = way == Way::cpu ? Backend::cpu : Backend::gl;
-    options.packing = way == Way::paper ? Packing::paper : way == Way::wide ? Packing::wide : Packing::automatic;
-    return options;
+/// Something to see is in all of these pictures.
+Difference against_reference(const Scene& scene, const Camera& camera, Size size, const RendererOptions& options,
+                             const std::string& name, const Outputs& outputs = {}) {
+    return testing::against_reference(scene, camera, size, options, name + " " + to_string(options.backend), outputs,
+                                      0.05);
 }
 
 /// Options of each backend that is here.
@@ -146,7 +108,7 @@ TEST_P(Matrix, IsTheReferencesPicture) {
                               : normalization == Normalization::lattice ? " lattice"
                                                                         : " threshold") +
                              " " + to_string(way);
-    const Difference difference = against_reference(scene, askew(*field, projection), {48, 40}, options, {}, name);
+    const Difference difference = against_reference(scene, askew(*field, projection), {48, 40}, options, name);
     if (mode == Mode::isosurface) {
         EXPECT_LT(difference.rmse, 1e-4);
         EXPECT_LT(difference.p99_9, 1e-3);
@@ -165,20 +127,6 @@ INSTANTIATE_TEST_SUITE_P(All, Matrix,
                                                               Normalization::threshold),
                                             ::testing::Values(Way::wide, Way::paper, Way::cpu)));
 
-struct Draw {
-    const char* name;
-    Packing packing;
-    Tagging tagging;
-    std::map<std::string, bool> effects;
-    int tile_size;
-    int tags_per_clear;
-    Backend backend = Backend::gl;
-    Precision precision = Precision::automatic;
-    int threads = 0;
-};
-
-std::ostream& operator<<(std::ostream& out, const Draw& draw) { return out << draw.name; }
-
 class Drawing : public ::testing::TestWithParam<Draw> {};
 
 /// Saturates, so that everything that looks for opaque pixels has something to find.
@@ -194,15 +142,7 @@ TEST_P(Drawing, IsTheReferencesPicture) {
     if (draw.backend == Backend::gl && !gl_available()) {
         GTEST_SKIP() << "no OpenGL context can be made here";
     }
-    RendererOptions options;
-    options.backend = draw.backend;
-    options.precision = draw.precision;
-    options.threads = draw.threads;
-    options.packing = draw.packing;
-    options.tagging = draw.tagging;
-    options.effects = draw.effects;
-    options.tile_size = draw.tile_size;
-    options.tags_per_clear = draw.tags_per_clear;
+    const RendererOptions options = options_of(draw);
     if (draw.tagging == Tagging::depth_bounds) {
         try {
             Renderer probe(options);
@@ -219,7 +159,7 @@ TEST_P(Drawing, IsTheReferencesPicture) {
             scene.mode = mode;
             scene.iso_value = 0.45;
             const Difference difference =
-                against_reference(scene, askew(*field, projection), {70, 66}, options, {},
+                against_reference(scene, askew(*field, projection), {48, 44}, options,
                                   std::string(draw.name) + (mode == Mode::composite ? " composite" : " iso") +
                                       (projection == Projection::perspective ? " persp" : " ortho"));
             EXPECT_LT(difference.rmse, 1e-4) << draw.name;
@@ -229,6 +169,9 @@ TEST_P(Drawing, IsTheReferencesPicture) {
 }
 
 std::vector<Draw> draws() {
+    const std::map<std::string, bool> everything{{"weight", true},       {"empty_test", true},
+                                                 {"specular", true},     {"opacity_correction", true},
+                                                 {"opacity_stop", true}, {"general_sections", true}};
     std::vector<Draw> list;
     for (const Packing packing : {Packing::wide, Packing::paper}) {
         for (const Tagging tagging : {Tagging::off, Tagging::tiles, Tagging::depth_equal, Tagging::depth_bounds}) {
@@ -243,20 +186,13 @@ std::vector<Draw> draws() {
                     list.push_back({names.back().c_str(), packing, tagging, with, tile, tags});
                 };
                 add("", {}, 0, 0);
-                add(" in tiles", {}, 31, 0);
+                add(" in tiles", {}, 21, 0);
                 if (tagging == Tagging::depth_equal || tagging == Tagging::depth_bounds) {
                     add(" restarted tags", {}, 0, 3);
                 }
                 if (tagging == Tagging::tiles) {
                     add(" opacity buffer", {{"opacity_buffer", true}}, 0, 0);
-                    add(" everything on",
-                        {{"weight", true},
-                         {"empty_test", true},
-                         {"specular", true},
-                         {"opacity_correction", true},
-                         {"opacity_stop", true},
-                         {"general_sections", true}},
-                        0, 0);
+                    add(" everything on", everything, 0, 0);
                     add(" no culling", {{"culling", false}}, 0, 0);
                     add(" fine gradient", {{"fine_gradient", true}}, 0, 0);
                     add(" fine gradient and weights", {{"fine_gradient", true}, {"weight", true}}, 0, 0);
@@ -264,27 +200,14 @@ std::vector<Draw> draws() {
             }
         }
     }
-    const auto on_cpu = [&](const char* name, std::map<std::string, bool> effects, int tile,
-                            Precision precision = Precision::automatic, int threads = 0) {
-        list.push_back({name, Packing::automatic, Tagging::automatic, std::move(effects), tile, 0, Backend::cpu,
-                        precision, threads});
-    };
-    on_cpu("cpu", {}, 0);
-    on_cpu("cpu in tiles", {}, 31);
-    on_cpu("cpu in small tiles", {}, 8);
-    on_cpu("cpu float64", {}, 0, Precision::float64);
-    on_cpu("cpu float64 in tiles", {}, 31, Precision::float64);
-    on_cpu("cpu one thread", {}, 0, Precision::automatic, 1);
-    on_cpu("cpu five threads", {}, 17, Precision::automatic, 5);
-    on_cpu("cpu no culling", {{"culling", false}}, 0);
-    on_cpu("cpu everything on",
-           {{"weight", true},
-            {"empty_test", true},
-            {"specular", true},
-            {"opacity_correction", true},
-            {"opacity_stop", true},
-            {"general_sections", true}},
-           0);
+    for (const Draw& draw :
+         {on_cpu("cpu"), on_cpu("cpu in tiles", 21), on_cpu("cpu in small tiles", 8),
+          on_cpu("cpu float64", 0, Precision::float64), on_cpu("cpu float64 in tiles", 21, Precision::float64),
+          on_cpu("cpu one thread", 0, Precision::automatic, 1), on_cpu("cpu five threads", 17, Precision::automatic, 5),
+          on_cpu("cpu no culling", 0, Precision::automatic, 0, {{"culling", false}}),
+          on_cpu("cpu everything on", 0, Precision::automatic, 0, everything)}) {
+        list.push_back(draw);
+    }
     return list;
 }
 
@@ -361,7 +284,7 @@ TEST(AgainstReference, ThickSlabsReachWhereTheirChordsDo) {
         scene.transfer_function = TransferFunction({{0.0, {0.1, 0.2, 0.9}, 0.1}, {1.1, {1.0, 0.8, 0.2}, 0.2}});
         for (const RendererOptions& backend : each_backend()) {
             const Difference difference =
-                against_reference(scene, askew(*scene.fields[0], Projection::orthographic), {64, 64}, backend, {},
+                against_reference(scene, askew(*scene.fields[0], Projection::orthographic), {64, 64}, backend,
                                   "thick slabs, falloff " + std::to_string(falloff));
             EXPECT_LT(difference.maximum, 1e-3);
             EXPECT_LT(difference.rmse, 2e-5);
@@ -383,7 +306,7 @@ TEST(AgainstReference, OpaqueIntervalsKeepTheirAbsorption) {
             }
             options.effects = {{"compensation", compensated}};
             const Difference difference =
-                against_reference(scene, askew(*field, Projection::orthographic), {48, 40}, options, {},
+                against_reference(scene, askew(*field, Projection::orthographic), {48, 40}, options,
                                   compensated ? "opaque intervals, compensated" : "opaque intervals");
             EXPECT_LT(difference.rmse, 2e-5);
             EXPECT_LT(difference.p99_9, 2e-4);
@@ -412,7 +335,7 @@ TEST(AgainstReference, NarrowWindowsFarFromZeroAreRefusedOrDrawnInFloat64) {
         }
         options.backend = Backend::cpu;
         EXPECT_TRUE(Renderer(options).plan(scene, camera, {16, 16}).has("float64"));
-        EXPECT_LT(against_reference(scene, camera, {16, 16}, options, {}, "narrow window").rmse, 1e-4);
+        EXPECT_LT(against_reference(scene, camera, {16, 16}, options, "narrow window").rmse, 1e-4);
         options.precision = Precision::float32;
         EXPECT_THROW(static_cast<void>(Renderer(options).render(scene, camera, {16, 16})), Unsupported);
         options.precision = Precision::automatic;
@@ -433,7 +356,7 @@ TEST(AgainstReference, ExtremesAreRightOrRefused) {
     for (const RendererOptions& options : each_backend()) {
         const bool gl = options.backend == Backend::gl;
         const auto error = [&](const Scene& scene, const Camera& camera, const std::string& name) {
-            return against_reference(scene, camera, {32, 32}, options, {}, name);
+            return against_reference(scene, camera, {32, 32}, options, name);
         };
         // Magnified until a kernel spans a thousand million pixels; beyond a bound, refused.
         for (const double height : {1e-3, 1e-6, 1e-8}) {
@@ -486,9 +409,10 @@ TEST(AgainstReference, PreintegrationCoverageDepthAndBackground) {
                 {{-0.2, {0, 0, 1}, 0.05}, {0.3, {0, 1, 0}, 0.05}, {0.3, {1, 1, 0}, 0.5}, {0.8, {1, 0, 0}, 1.0}});
             for (const RendererOptions& options : each_backend()) {
                 const Difference difference =
-                    against_reference(scene, askew(*field, projection), {48, 40}, options, {true, true},
+                    against_reference(scene, askew(*field, projection), {48, 40}, options,
                                       std::string("all outputs") + (preintegration ? " preintegrated" : "") +
-                                          (projection == Projection::perspective ? " persp" : " ortho"));
+                                          (projection == Projection::perspective ? " persp" : " ortho"),
+                                      {true, true});
                 EXPECT_LT(difference.rmse, 1e-4);
                 EXPECT_LT(difference.p99_9, 1e-3);
             }
@@ -496,73 +420,60 @@ TEST(AgainstReference, PreintegrationCoverageDepthAndBackground) {
     }
 }
 
-class CloseUps : public ::testing::TestWithParam<Way> {};
+class CloseUps : public ::testing::TestWithParam<std::tuple<Way, Sampling>> {};
 
 TEST_P(CloseUps, AreTheReferencesPicture) {
-    const Way way = GetParam();
+    const auto [way, sampling] = GetParam();
     if (way != Way::cpu && !gl_available()) {
         GTEST_SKIP() << "no OpenGL context can be made here";
     }
     const RendererOptions options = options_of(way);
     RegularFieldOptions uneven;
     uneven.spacing = Vec3(1.0, 0.6, 2.3);
-    for (const Sampling sampling : {Sampling::point, Sampling::slab}) {
-        for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
-            auto field = blobs(uneven);
-            Scene scene = scene_of(field);
+    RegularFieldOptions thresholded;
+    thresholded.normalization = Normalization::threshold;
+    const auto stretched = blobs(uneven), cube = blobs({}), weighted = blobs(thresholded);
+    for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
+        const std::string words = std::string(sampling == Sampling::slab ? " slab" : " point") +
+                                  (projection == Projection::perspective ? " persp " : " ortho ") + to_string(way);
+        const auto expect_alike = [&](Scene scene, const Camera& camera, Size size, const std::string& name) {
             scene.sampling = sampling;
-            const std::string words = std::string(sampling == Sampling::slab ? " slab" : " point") +
-                                      (projection == Projection::perspective ? " persp" : " ortho");
-            Difference difference =
-                against_reference(scene, askew(*field, projection), {48, 40}, options, {}, "unequal spacing" + words);
-            EXPECT_LT(difference.rmse, 2e-5);
-            EXPECT_LT(difference.p99_9, 2e-4);
-            auto cube = blobs({});
-            RegularFieldOptions thresholded;
-            thresholded.normalization = Normalization::threshold;
-            auto weighted = blobs(thresholded);
-            for (const double zoom : {0.1, 1e-3}) {
-                Scene close = scene_of(weighted);
-                close.sampling = sampling;
-                close.slice_spacing = zoom == 0.1 ? 1.0 : 0.05;
-                const Vec3 centre = weighted->centres_world().centre();
-                const Vec3 eye = centre + Vec3(11, 8, 17);
-                const Camera camera = projection == Projection::orthographic
-                                          ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
-                                          : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
-                difference = against_reference(close, camera, {24, 24}, options, {},
-                                               "threshold zoom " + std::to_string(zoom) + words + " " + to_string(way));
-                EXPECT_LT(difference.rmse, 2e-5);
-                EXPECT_LT(difference.p99_9, 2e-4);
-            }
-            for (const double zoom : {0.1, 1e-2, 1e-3, 1e-4, 1e-6}) {
-                Scene close = scene_of(cube);
-                close.sampling = sampling;
-                const Vec3 centre = cube->centres_world().centre();
-                const Vec3 eye = centre + Vec3(11, 8, 17);
-                const Camera camera = projection == Projection::orthographic
-                                          ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
-                                          : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
-                difference =
-                    against_reference(close, camera, {40, 40}, options, {}, "zoom " + std::to_string(zoom) + words);
-                EXPECT_LT(difference.rmse, 2e-5);
-                EXPECT_LT(difference.p99_9, 2e-4);
-            }
-            for (const double spacing : {0.3, 0.1, 0.01}) {
-                Scene thin = scene_of(cube);
-                thin.sampling = sampling;
-                thin.slice_spacing = spacing;
-                difference = against_reference(thin, askew(*cube, projection), {32, 32}, options, {},
-                                               "slices " + std::to_string(spacing) + words);
-                EXPECT_LT(difference.rmse, 2e-5);
-                EXPECT_LT(difference.p99_9, 2e-4);
-            }
+            const Difference difference = against_reference(scene, camera, size, options, name + words);
+            EXPECT_LT(difference.rmse, 2e-5) << name;
+            EXPECT_LT(difference.p99_9, 2e-4) << name;
+        };
+        expect_alike(scene_of(stretched), askew(*stretched, projection), {48, 40}, "unequal spacing");
+        // Every pixel sums hundreds of kernels on many slices: few pixels tell as much as many.
+        const auto zoomed = [&](const Field& field, double zoom) {
+            const Vec3 centre = field.centres_world().centre();
+            const Vec3 eye = centre + Vec3(11, 8, 17);
+            return projection == Projection::orthographic
+                       ? Camera::orthographic(eye, centre, Vec3(0, 1, 0), 14.0 * zoom)
+                       : Camera::perspective(eye, centre, Vec3(0, 1, 0), 40.0 * zoom);
+        };
+        for (const double zoom : {0.1, 1e-3}) {
+            Scene close = scene_of(weighted);
+            close.slice_spacing = zoom == 0.1 ? 1.0 : 0.05;
+            expect_alike(close, zoomed(*weighted, zoom), {8, 8}, "threshold zoom " + std::to_string(zoom));
+        }
+        for (const double zoom : {0.1, 1e-2, 1e-3, 1e-4, 1e-6}) {
+            expect_alike(scene_of(cube), zoomed(*cube, zoom), {16, 16}, "zoom " + std::to_string(zoom));
+        }
+        for (const double spacing : {0.3, 0.1, 0.01}) {
+            Scene thin = scene_of(cube);
+            thin.slice_spacing = spacing;
+            expect_alike(thin, askew(*cube, projection), {16, 14}, "slices " + std::to_string(spacing));
         }
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(All, CloseUps, ::testing::Values(Way::wide, Way::paper, Way::cpu),
-                         [](const auto& parameter) { return std::string(to_string(parameter.param)); });
+INSTANTIATE_TEST_SUITE_P(All, CloseUps,
+                         ::testing::Combine(::testing::Values(Way::wide, Way::paper, Way::cpu),
+                                            ::testing::Values(Sampling::point, Sampling::slab)),
+                         [](const auto& parameter) {
+                             return std::string(to_string(std::get<0>(parameter.param))) +
+                                    (std::get<1>(parameter.param) == Sampling::slab ? "_slab" : "_point");
+                         });
 
 } // namespace
 } // namespace sheetsplat

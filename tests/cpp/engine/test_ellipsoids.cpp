@@ -1,110 +1,23 @@
-// Scattered ellipsoids on the GL backend against the float64 reference.
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
+// Scattered ellipsoids on the backends gl and cpu against the float64 reference.
 #include <functional>
 #include <map>
-#include <random>
 #include <string>
 #include <tuple>
 
 #include <gtest/gtest.h>
 
-#include "sheetsplat/device.hpp"
-#include "sheetsplat/error.hpp"
-#include "sheetsplat/renderer.hpp"
+#include "support/ellipsoid_scenes.hpp"
 
 namespace sheetsplat {
 namespace {
 
-bool gl_available() {
-    for (const DeviceReport& report : devices()) {
-        if (report.backend == "gl" && report.available) {
-            return true;
-        }
-    }
-    return false;
-}
+using namespace testing;
 
-glm::dquat random_rotation(std::mt19937& random) {
-    std::normal_distribution<double> normal;
-    glm::dquat q(normal(random), normal(random), normal(random), normal(random));
-    return glm::normalize(q);
-}
+constexpr Projection ortho = Projection::orthographic;
+constexpr Projection persp = Projection::perspective;
 
-/// Kernels in the unit cube whose volumes are those of balls of `radius`; aspect: longest over shortest semi-axis.
-std::shared_ptr<const EllipsoidField> cloud(std::size_t n, double radius, double aspect, unsigned seed = 5,
-                                            EllipsoidFieldOptions options = {}, bool weights = false) {
-    std::mt19937 random(seed);
-    std::uniform_real_distribution<double> uniform(0.0, 1.0);
-    EllipsoidArrays arrays;
-    for (std::size_t i = 0; i < n; ++i) {
-        const Vec3 at(uniform(random), uniform(random), uniform(random));
-        arrays.centers.push_back(at);
-        arrays.values.push_back(0.2 + 0.8 * std::exp(-8.0 * glm::dot(at - 0.5, at - 0.5)));
-        if (aspect == 1.0) {
-            arrays.radii.push_back(radius * (0.6 + 0.8 * uniform(random)));
-        } else {
-            const double own = std::pow(aspect, uniform(random));
-            Vec3 axes = uniform(random) < 0.5 ? Vec3(own, 1.0, 1.0) : Vec3(own, own, 1.0);
-            axes *= radius / std::cbrt(axes.x * axes.y * axes.z);
-            arrays.scales.push_back(axes);
-            arrays.rotations.push_back(random_rotation(random));
-        }
-        if (weights) {
-            arrays.weights.push_back(std::pow(10.0, 2.0 * uniform(random) - 1.0));
-        }
-    }
-    return std::make_shared<EllipsoidField>(std::move(arrays), options);
-}
-
-Scene scene_of(const std::shared_ptr<const Field>& field) {
-    Scene scene{
-        {field},
-        TransferFunction({{0.05, {0.1, 0.2, 0.9}, 0.0}, {0.5, {0.2, 0.9, 0.3}, 0.08}, {1.0, {1.0, 0.8, 0.2}, 0.4}})};
-    scene.lights = {Light{{0.3, 0.5, 1.0}, {1.0, 1.0, 1.0}, LightSpace::eye}};
-    scene.material = Material{0.2, 0.7, 0.3, 20.0, false};
-    return scene;
-}
-
-Camera askew(const Field& field, Projection projection, double margin = 1.0) {
+Camera fitted(const Field& field, Projection projection, double margin) {
     return Camera::fit(field.supports_world(), Vec3(-0.5, -0.35, -0.8), Vec3(0, 1, 0), projection, margin, 40.0);
-}
-
-Difference against_reference(const Scene& scene, const Camera& camera, Size size, RendererOptions options,
-                             const std::string& name, const Outputs& outputs = {}) {
-    Renderer renderer(options);
-    RendererOptions exact;
-    exact.backend = Backend::reference;
-    Renderer reference(exact);
-    const Image picture = renderer.render(scene, camera, size, outputs);
-    EXPECT_EQ(picture.plan->backend, options.backend) << name;
-    const Image judge = reference.render(scene, camera, size, outputs);
-    const bool scalar = !judge.scalar.empty();
-    double largest = 0.0;
-    for (float value : scalar ? judge.scalar : judge.rgba) {
-        largest = std::max(largest, std::abs(double(value)));
-    }
-    const Difference difference =
-        scalar ? compare(picture.scalar, judge.scalar, 1) : compare(picture.rgba, judge.rgba, 4);
-    std::printf("%-60s rmse %.2e p99.9 %.2e max %.2e (largest %.3f)\n", name.c_str(), difference.rmse, difference.p99_9,
-                difference.maximum, largest);
-    EXPECT_GT(largest, 0.01) << name;
-    if (outputs.coverage) {
-        EXPECT_LT(compare(picture.coverage, judge.coverage, 1).rmse, 2e-5) << name << " coverage";
-    }
-    return difference;
-}
-
-/// What draws: a backend, and on gl how slices lie in its buffers.
-enum class Way { wide, paper, cpu };
-const char* to_string(Way way) { return way == Way::wide ? "wide" : way == Way::paper ? "paper" : "cpu"; }
-
-RendererOptions options_of(Way way) {
-    RendererOptions options;
-    options.backend = way == Way::cpu ? Backend::cpu : Backend::gl;
-    options.packing = way == Way::paper ? Packing::paper : way == Way::wide ? Packing::wide : Packing::automatic;
-    return options;
 }
 
 class Ellipsoids : public ::testing::TestWithParam<std::tuple<double, Mode, Sampling, Projection, Way>> {};
@@ -119,7 +32,6 @@ TEST_P(Ellipsoids, AreTheReferencesPicture) {
     scene.mode = mode;
     scene.sampling = sampling;
     scene.iso_value = 0.4;
-    scene.slice_spacing = 0.03;
     const RendererOptions options = options_of(way);
     const std::string name = "aspect " + std::to_string(static_cast<int>(aspect)) +
                              (mode == Mode::composite    ? " composite"
@@ -127,7 +39,7 @@ TEST_P(Ellipsoids, AreTheReferencesPicture) {
                                                          : " xray") +
                              (sampling == Sampling::slab ? " slab" : " point") +
                              (projection == Projection::perspective ? " persp " : " ortho ") + to_string(way);
-    const Difference difference = against_reference(scene, askew(*field, projection, 0.8), {56, 48}, options, name);
+    const Difference difference = against_reference(scene, fitted(*field, projection, 0.8), {56, 48}, options, name);
     const bool jumps = mode == Mode::isosurface;
     EXPECT_LT(difference.rmse, jumps ? 1e-4 : 2e-5);
     EXPECT_LT(difference.p99_9, jumps ? 1e-3 : 2e-4);
@@ -140,52 +52,23 @@ INSTANTIATE_TEST_SUITE_P(All, Ellipsoids,
                                             ::testing::Values(Projection::orthographic, Projection::perspective),
                                             ::testing::Values(Way::wide, Way::paper, Way::cpu)));
 
-struct Draw {
-    const char* name;
-    Packing packing = Packing::wide;
-    Tagging tagging = Tagging::automatic;
-    std::map<std::string, bool> effects{};
-    int tile_size = 0;
-    int tags_per_clear = 0;
-    Backend backend = Backend::gl;
-    Precision precision = Precision::automatic;
-    int threads = 0;
-};
-
-std::ostream& operator<<(std::ostream& out, const Draw& draw) { return out << draw.name; }
-
 class EllipsoidDrawing : public ::testing::TestWithParam<Draw> {};
-
-/// Saturates, so that everything that looks for opaque pixels has something to find.
-Scene dense(const std::shared_ptr<const Field>& field) {
-    Scene scene = scene_of(field);
-    scene.transfer_function =
-        TransferFunction({{0.05, {0.1, 0.2, 0.9}, 0.0}, {0.3, {0.2, 0.9, 0.3}, 0.5}, {1.0, {1.0, 0.8, 0.2}, 0.9}});
-    return scene;
-}
 
 TEST_P(EllipsoidDrawing, IsTheReferencesPicture) {
     const Draw& draw = GetParam();
     if (draw.backend == Backend::gl && !gl_available()) {
         GTEST_SKIP() << "no OpenGL context can be made here";
     }
-    RendererOptions options;
-    options.backend = draw.backend;
-    options.precision = draw.precision;
-    options.threads = draw.threads;
-    options.packing = draw.packing;
-    options.tagging = draw.tagging;
-    options.effects = draw.effects;
-    options.tile_size = draw.tile_size;
-    options.tags_per_clear = draw.tags_per_clear;
     for (const double aspect : {1.0, 20.0}) {
         for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
             const auto field = cloud(300, 0.16, aspect);
-            Scene scene = dense(field);
+            Scene scene = scene_of(field);
+            // What looks for opaque pixels has some to find.
+            scene.transfer_function = saturating();
             scene.slice_spacing = 0.02;
             Difference difference;
             try {
-                difference = against_reference(scene, askew(*field, projection, 0.7), {61, 47}, options,
+                difference = against_reference(scene, fitted(*field, projection, 0.7), {61, 47}, options_of(draw),
                                                std::string(draw.name) + " aspect " + std::to_string(aspect));
             } catch (const Unsupported& error) {
                 if (draw.tagging == Tagging::depth_bounds) {
@@ -197,12 +80,6 @@ TEST_P(EllipsoidDrawing, IsTheReferencesPicture) {
             EXPECT_LT(difference.p99_9, 2e-4);
         }
     }
-}
-
-Draw on_cpu(const char* name, int tile_size = 0, Precision precision = Precision::automatic, int threads = 0,
-            std::map<std::string, bool> effects = {}) {
-    return {name,   Packing::automatic, Tagging::automatic, std::move(effects), tile_size, 0, Backend::cpu, precision,
-            threads};
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -246,14 +123,15 @@ INSTANTIATE_TEST_SUITE_P(
                 {"opacity_correction", true},
                 {"opacity_stop", true}})));
 
-struct Case {
+struct View {
     const char* name;
     std::function<std::pair<Scene, Camera>()> make;
     double rmse = 2e-5, p99_9 = 2e-4;
+    Size size{50, 44};
 };
-std::ostream& operator<<(std::ostream& out, const Case& one) { return out << one.name; }
+std::ostream& operator<<(std::ostream& out, const View& view) { return out << view.name; }
 
-class EllipsoidCase : public ::testing::TestWithParam<Case> {};
+class EllipsoidCase : public ::testing::TestWithParam<View> {};
 
 TEST_P(EllipsoidCase, IsTheReferencesPicture) {
     const auto [scene, camera] = GetParam().make();
@@ -263,166 +141,127 @@ TEST_P(EllipsoidCase, IsTheReferencesPicture) {
         }
         Outputs outputs;
         outputs.coverage = way != Way::paper && scene.fields.size() == 1;
-        const Difference difference = against_reference(scene, camera, {50, 44}, options_of(way),
+        const Difference difference = against_reference(scene, camera, GetParam().size, options_of(way),
                                                         std::string(GetParam().name) + " " + to_string(way), outputs);
         EXPECT_LT(difference.rmse, GetParam().rmse);
         EXPECT_LT(difference.p99_9, GetParam().p99_9);
     }
 }
 
-std::shared_ptr<const RegularField> lattice(Lattice lattice, Normalization normalization) {
-    std::vector<float> samples(8 * 8 * 8);
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-        samples[i] = static_cast<float>(0.3 + 0.2 * std::sin(0.7 * double(i)));
-    }
-    RegularFieldOptions options;
-    options.lattice = lattice;
-    options.normalization = normalization;
-    options.spacing = Vec3(0.11);
-    return std::make_shared<RegularField>(std::move(samples), std::array<std::size_t, 3>{8, 8, 8}, options);
-}
-
 std::pair<Scene, Camera> seen(const std::shared_ptr<const Field>& field, Projection projection,
                               const std::function<void(Scene&)>& change = {}) {
     Scene scene = scene_of(field);
-    scene.slice_spacing = 0.03;
     if (change) {
         change(scene);
     }
-    return {scene, askew(*field, projection, 0.8)};
+    return {scene, fitted(*field, projection, 0.8)};
 }
 
-constexpr Projection ortho = Projection::orthographic;
-constexpr Projection persp = Projection::perspective;
-
-EllipsoidFieldOptions normalized(Normalization normalization, double w0 = 1.0) {
-    EllipsoidFieldOptions options;
-    options.normalization = normalization;
-    options.w0 = w0;
-    return options;
-}
-
-std::shared_ptr<const EllipsoidField> moved(double scale, const Vec3& by, double aspect) {
-    const auto field = cloud(200, 0.14, aspect);
-    EllipsoidArrays arrays = field->arrays();
-    for (Vec3& center : arrays.centers) {
-        center = center * scale + by;
-    }
-    for (double& radius : arrays.radii) {
-        radius *= scale;
-    }
-    for (Vec3& axes : arrays.scales) {
-        axes *= scale;
-    }
-    return std::make_shared<EllipsoidField>(std::move(arrays));
-}
+TransferFunction for_low_sums() { return TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.0}, {0.3, {1.0, 0.8, 0.2}, 0.4}}); }
 
 INSTANTIATE_TEST_SUITE_P(
     All, EllipsoidCase,
     ::testing::Values(
-        Case{"weights", [] { return seen(cloud(200, 0.14, 5.0, 7, {}, true), ortho); }},
-        Case{"small w0",
+        View{"weights", [] { return seen(cloud(200, 0.14, 5.0, 7, {}, true), ortho); }},
+        View{"small w0",
              [] { return seen(cloud(200, 0.14, 5.0, 7, normalized(Normalization::threshold, 0.05)), persp); }},
-        Case{"none", [] { return seen(cloud(200, 0.1, 5.0, 7, normalized(Normalization::none)), ortho); }},
-        Case{"opaque at 0",
-             [] {
-                 return seen(cloud(60, 0.14, 3.0), ortho, [](Scene& scene) {
-                     scene.transfer_function =
-                         TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.05}, {1.0, {1.0, 0.8, 0.2}, 0.4}});
-                 });
-             },
+        View{"none", [] { return seen(cloud(200, 0.1, 5.0, 7, normalized(Normalization::none)), ortho); }},
+        View{"opaque at 0",
+             [] { return seen(cloud(60, 0.14, 3.0), ortho, [](Scene& s) { s.transfer_function = opaque_at_0(); }); },
              1e-4, 1e-3},
-        Case{"preintegrated",
+        View{"preintegrated",
              [] { return seen(cloud(100, 0.14, 3.0), persp, [](Scene& s) { s.preintegration = true; }); }},
-        Case{"ewa",
+        View{"ewa",
              [] {
                  return seen(cloud(200, 0.02, 10.0), ortho, [](Scene& s) {
                      s.filter = Filter::ewa;
-                     s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.0}, {0.3, {1.0, 0.8, 0.2}, 0.4}});
+                     s.transfer_function = for_low_sums();
                  });
              }},
-        Case{"ewa slab",
+        View{"ewa slab",
              [] {
                  return seen(cloud(200, 0.02, 10.0), persp, [](Scene& s) {
                      s.filter = Filter::ewa;
                      s.sampling = Sampling::slab;
-                     s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.0}, {0.3, {1.0, 0.8, 0.2}, 0.4}});
+                     s.transfer_function = for_low_sums();
                  });
              }},
-        Case{"ewa of a lattice",
+        View{"ewa of a lattice",
              [] {
-                 return seen(lattice(Lattice::bcc, Normalization::lattice), persp,
+                 return seen(lattice(Normalization::lattice, Lattice::bcc), persp,
                              [](Scene& s) { s.filter = Filter::ewa; });
              }},
-        Case{"two quotients",
+        View{"two quotients",
              [] {
                  return seen(cloud(100, 0.14, 5.0, 7), ortho,
                              [](Scene& s) { s.fields.push_back(cloud(100, 0.1, 2.0, 8)); });
              }},
-        Case{"cartesian, bcc and ellipsoids",
+        View{"cartesian, bcc and ellipsoids",
              [] {
                  return seen(cloud(100, 0.14, 5.0, 7), persp, [](Scene& s) {
-                     s.fields.push_back(lattice(Lattice::cartesian, Normalization::lattice));
-                     s.fields.push_back(lattice(Lattice::bcc, Normalization::threshold));
+                     s.fields.push_back(lattice(Normalization::lattice));
+                     s.fields.push_back(lattice(Normalization::threshold, Lattice::bcc));
                      s.sampling = Sampling::slab;
                  });
              }},
-        Case{
-            "three fields, opaque at 0",
-            [] {
-                return seen(cloud(40, 0.14, 5.0, 7), ortho, [](Scene& s) {
-                    s.fields.push_back(lattice(Lattice::cartesian, Normalization::lattice));
-                    s.fields.push_back(cloud(40, 0.1, 2.0, 8));
-                    s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.05}, {1.0, {1.0, 0.8, 0.2}, 0.4}});
-                });
-            },
-            1e-4, 1e-3},
-        Case{"far away", [] { return seen(moved(1.0, Vec3(1e9, -2e9, 0.5e9), 5.0), ortho); }, 1e-4, 1e-3},
-        Case{"tiny world",
-             [] { return seen(moved(1e-6, Vec3(0.0), 5.0), persp, [](Scene& s) { s.slice_spacing = 0.03e-6; }); }},
-        Case{"huge world",
-             [] { return seen(moved(1e6, Vec3(0.0), 5.0), ortho, [](Scene& s) { s.slice_spacing = 0.03e6; }); }},
-        Case{"close-up",
+        View{"three fields, opaque at 0",
+             [] {
+                 return seen(cloud(40, 0.14, 5.0, 7), ortho, [](Scene& s) {
+                     s.fields.push_back(lattice(Normalization::lattice));
+                     s.fields.push_back(cloud(40, 0.1, 2.0, 8));
+                     s.transfer_function = opaque_at_0();
+                 });
+             },
+             1e-4, 1e-3},
+        View{"far away", [] { return seen(moved(1.0, Vec3(1e9, -2e9, 0.5e9)), ortho); }, 1e-4, 1e-3},
+        View{"tiny world",
+             [] { return seen(moved(1e-6, Vec3(0.0)), persp, [](Scene& s) { s.slice_spacing = 0.03e-6; }); }},
+        View{"huge world",
+             [] { return seen(moved(1e6, Vec3(0.0)), ortho, [](Scene& s) { s.slice_spacing = 0.03e6; }); }},
+        View{"close-up",
              [] {
                  auto [scene, camera] = seen(cloud(200, 0.14, 5.0), ortho);
                  return std::pair<Scene, Camera>{
                      scene, Camera::orthographic({0.5, 0.5, 3.0}, {0.5, 0.5, 0.0}, {0, 1, 0}, 1e-3)};
              }},
-        Case{"close-up of slabs",
+        View{"close-up of slabs",
              [] {
                  auto [scene, camera] =
                      seen(cloud(200, 0.14, 5.0), persp, [](Scene& s) { s.sampling = Sampling::slab; });
                  return std::pair<Scene, Camera>{
                      scene, Camera::perspective({0.5, 0.5, 3.0}, {0.5, 0.5, 0.0}, {0, 1, 0}, 0.02)};
-             }},
-        Case{"thin slices",
+             },
+             2e-5,
+             2e-4,
+             {16, 14}},
+        View{"thin slices",
              [] {
                  return seen(cloud(30, 0.14, 5.0), persp, [](Scene& s) {
                      s.slice_spacing = 0.002;
                      s.reference_length = 0.03;
                  });
              }},
-        Case{"inside",
+        View{"inside",
              [] {
                  auto [scene, camera] = seen(cloud(200, 0.2, 5.0), persp);
                  return std::pair<Scene, Camera>{
                      scene, Camera::perspective({0.5, 0.5, 0.5}, {0.5, 0.6, 0.0}, {0, 1, 0}, 80.0)};
              },
              1e-4, 1e-3},
-        Case{"inside, slabs",
+        View{"inside, slabs",
              [] {
                  auto [scene, camera] =
                      seen(cloud(200, 0.2, 5.0), persp, [](Scene& s) { s.sampling = Sampling::slab; });
                  return std::pair<Scene, Camera>{
                      scene, Camera::perspective({0.5, 0.5, 0.5}, {0.5, 0.6, 0.0}, {0, 1, 0}, 80.0)};
              },
-             1e-4, 1e-3},
-        Case{"needles of 1:100,000",
+             1e-4,
+             1e-3,
+             {26, 22}},
+        View{"needles of 1:100,000",
              [] {
                  const auto needles = cloud(3000, 0.05, 1e5, 5, normalized(Normalization::none));
-                 auto [scene, camera] = seen(needles, persp, [](Scene& s) {
-                     s.transfer_function = TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.0}, {0.3, {1.0, 0.8, 0.2}, 0.4}});
-                 });
+                 auto [scene, camera] = seen(needles, persp, [](Scene& s) { s.transfer_function = for_low_sums(); });
                  return std::pair<Scene, Camera>{scene, Camera::fit(Box{Vec3(0.0), Vec3(1.0)}, Vec3(-0.5, -0.35, -0.8),
                                                                     Vec3(0, 1, 0), persp, 1.0, 40.0)};
              },

@@ -77,14 +77,7 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"nobody in sight", // the kernels' own scene, then one whose kernels all lie beside the picture
              [](Scene& s) { s.fields.push_back(moved(1.0, Vec3(30.0, 0.0, 0.0))); }}));
 
-class PaperSlicingControls : public ::testing::Test {
-  protected:
-    void SetUp() override {
-        if (!gl_available()) {
-            GTEST_SKIP() << "no OpenGL context can be made here";
-        }
-    }
-};
+class PaperSlicingControls : public WithGl {};
 
 TEST_F(PaperSlicingControls, WrongPicturesFail) { expect_spoilt_pictures_to_fail(draw); }
 
@@ -119,56 +112,29 @@ TEST_F(PaperSlicingControls, AnotherViewOrFieldLeavesNothingBehind) {
     }
 }
 
-struct Refusal {
-    const char* name;
-    std::function<void(Scene&)> change;
-    std::string words;
-    std::map<std::string, bool> effects{};
-    std::function<void(RendererOptions&)> choose{};
-    Projection projection = Projection::orthographic;
-};
-std::ostream& operator<<(std::ostream& out, const Refusal& refusal) { return out << refusal.name; }
-
-class PaperSlicingRefusals : public ::testing::TestWithParam<Refusal> {};
+class PaperSlicingRefusals : public WithGl, public ::testing::WithParamInterface<Refusal> {};
 
 TEST_P(PaperSlicingRefusals, SayWhy) {
-    if (!gl_available()) {
-        GTEST_SKIP() << "no OpenGL context can be made here";
-    }
-    const Refusal& refusal = GetParam();
-    Scene scene = scene_of(cloud(20, 0.2, 5.0));
-    refusal.change(scene);
-    const Camera camera = refusal.projection == Projection::orthographic
-                              ? askew()
-                              : Camera::perspective({2.0, 1.5, 3.0}, {0.5, 0.5, 0.5}, {0, 1, 0}, 30.0);
-    RendererOptions options;
-    options.effects = refusal.effects;
-    if (refusal.choose) {
-        refusal.choose(options);
-    }
-    try {
-        static_cast<void>(Renderer(with_paper_slicing(options)).plan(scene, camera, {40, 40}));
-        ADD_FAILURE() << "drew it";
-    } catch (const Unsupported& error) {
-        const std::string what = error.what();
-        EXPECT_NE(what.find("effect paper_slicing"), std::string::npos) << what;
-        EXPECT_NE(what.find(refusal.words), std::string::npos) << what;
-    }
+    expect_refusal(GetParam(), "effect paper_slicing",
+                   [](const RendererOptions& options, const Scene& scene, const Camera& camera) {
+                       static_cast<void>(Renderer(with_paper_slicing(options)).plan(scene, camera, {40, 40}));
+                   });
 }
 
-const auto as_it_is = [](Scene&) {};
+INSTANTIATE_TEST_SUITE_P(Common, PaperSlicingRefusals, ::testing::ValuesIn(common_refusals()));
 
 INSTANTIATE_TEST_SUITE_P(
     All, PaperSlicingRefusals,
     ::testing::Values(
-        Refusal{"perspective", as_it_is, "a perspective camera", {}, {}, Projection::perspective},
-        Refusal{"slabs", [](Scene& s) { s.sampling = Sampling::slab; }, "slab sampling"},
-        Refusal{"filter", [](Scene& s) { s.filter = Filter::ewa; }, "a filter"},
-        Refusal{"fine gradient", as_it_is, "fine_gradient", {{"fine_gradient", true}}},
-        Refusal{"resident sections", as_it_is, "resident_sections", {{"resident_sections", true}}},
-        Refusal{"a lattice alone", [](Scene& s) { s.fields = {lattice(Normalization::lattice)}; },
-                "without scattered ellipsoids"},
-        Refusal{"wide packing", as_it_is, "packing wide", {}, [](RendererOptions& o) { o.packing = Packing::wide; }},
+        Refusal{"fine gradient", as_it_is, "fine_gradient",
+                [](RendererOptions& o) {
+                    o.effects = {{"fine_gradient", true}};
+                }},
+        Refusal{"resident sections", as_it_is, "resident_sections",
+                [](RendererOptions& o) {
+                    o.effects = {{"resident_sections", true}};
+                }},
+        Refusal{"wide packing", as_it_is, "packing wide", [](RendererOptions& o) { o.packing = Packing::wide; }},
         Refusal{"falloff",
                 [](Scene& s) { s.fields = {cloud(20, 0.2, 5.0, 5, normalized(Normalization::none, 1.0, 33.0))}; },
                 "a falloff of 33"},

@@ -50,7 +50,7 @@ class BruteForce {
         const Vec3 middle = (x - field_.options().origin) / step;
         // Kernels beyond one more sample than the support are only looked at for nothing.
         const Vec3 first = glm::max(Vec3(0.0), glm::ceil(middle - axes / step - 1.0));
-        const double falloff = field_.kernel().falloff;
+        const double falloff = field_.kernel().falloff, edge = std::exp(-falloff);
         const auto& shape = field_.shape();
         const auto end = [&](int axis, std::size_t samples) {
             const double last = std::floor(middle[axis] + axes[axis] / step[axis] + 1.0);
@@ -67,8 +67,7 @@ class BruteForce {
                     const Vec3 q = (x - centres_[n]) / axes;
                     const double square = glm::dot(q, q);
                     if (square < 1.0) {
-                        const double g =
-                            (std::exp(-falloff * square) - std::exp(-falloff)) / (1.0 - std::exp(-falloff));
+                        const double g = (std::exp(-falloff * square) - edge) / (1.0 - edge);
                         sums.values += values_[n] * g;
                         sums.weights += g;
                         sums.empty = false;

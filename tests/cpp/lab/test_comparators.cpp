@@ -23,14 +23,7 @@ Image by(const std::vector<std::string>& names, const Scene& scene, const Camera
     return render(renderer, comparators_of(names), scene, camera, size);
 }
 
-class ComparatorTests : public ::testing::Test {
-  protected:
-    void SetUp() override {
-        if (!gl_available()) {
-            GTEST_SKIP() << "no OpenGL context can be made here";
-        }
-    }
-};
+class ComparatorTests : public WithGl {};
 
 std::shared_ptr<const RegularField> blobs(std::size_t n) {
     std::vector<float> samples;

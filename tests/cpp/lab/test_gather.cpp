@@ -23,14 +23,7 @@ RendererOptions on_gl() {
     return options;
 }
 
-class Gather : public ::testing::Test {
-  protected:
-    void SetUp() override {
-        if (!gl_available()) {
-            GTEST_SKIP() << "no OpenGL context can be made here";
-        }
-    }
-};
+class Gather : public WithGl {};
 class GatherFields : public Gather, public ::testing::WithParamInterface<Trial> {};
 class GatherCases : public Gather, public ::testing::WithParamInterface<Case> {};
 
@@ -68,52 +61,24 @@ TEST_F(Gather, AnotherViewOrFieldLeavesNothingBehind) {
     }
 }
 
-struct Refusal {
-    const char* name;
-    std::function<void(Scene&)> change;
-    std::string words;
-    std::function<void(RendererOptions&)> choose{};
-    Projection projection = Projection::orthographic;
-};
-std::ostream& operator<<(std::ostream& out, const Refusal& refusal) { return out << refusal.name; }
-
 class GatherRefusals : public Gather, public ::testing::WithParamInterface<Refusal> {};
 
 TEST_P(GatherRefusals, SayWhy) {
-    const Refusal& refusal = GetParam();
-    Scene scene = scene_of(cloud(20, 0.2, 5.0));
-    refusal.change(scene);
-    const Camera camera = refusal.projection == Projection::orthographic
-                              ? askew()
-                              : Camera::perspective({2.0, 1.5, 3.0}, {0.5, 0.5, 0.5}, {0, 1, 0}, 30.0);
-    RendererOptions options = on_gl();
-    if (refusal.choose) {
-        refusal.choose(options);
-    }
-    try {
-        static_cast<void>(draw(options, scene, camera, {40, 40}, {}));
-        ADD_FAILURE() << "drew it";
-    } catch (const Unsupported& error) {
-        const std::string what = error.what();
-        EXPECT_NE(what.find("comparator gather"), std::string::npos) << what;
-        EXPECT_NE(what.find(refusal.words), std::string::npos) << what;
-    }
+    expect_refusal(GetParam(), "comparator gather",
+                   [](const RendererOptions& options, const Scene& scene, const Camera& camera) {
+                       static_cast<void>(draw(options, scene, camera, {40, 40}, {}));
+                   });
 }
 
-const auto as_it_is = [](Scene&) {};
+INSTANTIATE_TEST_SUITE_P(Common, GatherRefusals, ::testing::ValuesIn(common_refusals()));
 
 INSTANTIATE_TEST_SUITE_P(
     All, GatherRefusals,
     ::testing::Values(
-        Refusal{"perspective", as_it_is, "a perspective camera", {}, Projection::perspective},
-        Refusal{"slabs", [](Scene& s) { s.sampling = Sampling::slab; }, "slab sampling"},
-        Refusal{"filter", [](Scene& s) { s.filter = Filter::ewa; }, "a filter"},
         Refusal{"fine gradient", as_it_is, "differences",
                 [](RendererOptions& o) {
                     o.effects = {{"fine_gradient", true}};
                 }},
-        Refusal{"a lattice alone", [](Scene& s) { s.fields = {lattice(Normalization::lattice)}; },
-                "without scattered ellipsoids"},
         Refusal{"needles", [](Scene& s) { s.fields = {cloud(20, 0.2, 2e4)}; }, "an ellipsoid of more than 1:16384"},
         Refusal{"several fields", [](Scene& s) { s.fields.push_back(cloud(5, 0.2, 1.0)); }, "several fields"},
         Refusal{"paper packing", as_it_is, "packing paper", [](RendererOptions& o) { o.packing = Packing::paper; }}));

@@ -1,9 +1,8 @@
-// Scenes of scattered ellipsoids, and what other ways of drawing them than splats are tested by.
+// Scenes of scattered ellipsoids, and the cases that other ways of drawing them than splats are tested by.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <map>
 #include <random>
@@ -12,20 +11,11 @@
 
 #include <gtest/gtest.h>
 
-#include "sheetsplat/device.hpp"
 #include "sheetsplat/error.hpp"
-#include "sheetsplat/renderer.hpp"
+#include "support.hpp"
+#include "support/against_reference.hpp"
 
 namespace sheetsplat::testing {
-
-inline bool gl_available() {
-    static const bool available = [] {
-        const auto reports = devices();
-        return std::any_of(reports.begin(), reports.end(),
-                           [](const DeviceReport& report) { return report.backend == "gl" && report.available; });
-    }();
-    return available;
-}
 
 /// Kernels in the unit cube whose volumes are those of balls of `radius`; aspect: longest over shortest semi-axis.
 inline std::shared_ptr<const EllipsoidField> cloud(std::size_t n, double radius, double aspect, unsigned seed = 5,
@@ -68,26 +58,6 @@ inline Scene scene_of(const std::shared_ptr<const Field>& field) {
 inline Camera askew(double height = 1.6) {
     const Vec3 middle(0.5);
     return Camera::orthographic(middle + Vec3(1.5, 1.05, 2.4), middle, Vec3(0, 1, 0), height);
-}
-
-inline Difference between(const Image& picture, const Image& judge, const std::string& name) {
-    const bool scalar = !judge.scalar.empty();
-    double largest = 0.0;
-    for (float value : scalar ? judge.scalar : judge.rgba) {
-        largest = std::max(largest, std::abs(double(value)));
-    }
-    EXPECT_GT(largest, 0.01) << name;
-    const Difference difference =
-        scalar ? compare(picture.scalar, judge.scalar, 1) : compare(picture.rgba, judge.rgba, 4);
-    std::printf("%-60s rmse %.2e p99.9 %.2e max %.2e (largest %.3f)\n", name.c_str(), difference.rmse, difference.p99_9,
-                difference.maximum, largest);
-    return difference;
-}
-
-inline Image by_reference(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs = {}) {
-    RendererOptions exact;
-    exact.backend = Backend::reference;
-    return Renderer(exact).render(scene, camera, size, outputs);
 }
 
 struct Trial {
@@ -137,12 +107,13 @@ inline TransferFunction opaque_at_0() {
     return TransferFunction({{0.0, {0.9, 0.1, 0.1}, 0.05}, {1.0, {1.0, 0.8, 0.2}, 0.4}});
 }
 
-inline std::shared_ptr<const RegularField> lattice(Normalization normalization) {
+inline std::shared_ptr<const RegularField> lattice(Normalization normalization, Lattice lattice = Lattice::cartesian) {
     std::vector<float> samples(8 * 8 * 8);
     for (std::size_t i = 0; i < samples.size(); ++i) {
         samples[i] = static_cast<float>(0.3 + 0.2 * std::sin(0.7 * double(i)));
     }
     RegularFieldOptions options;
+    options.lattice = lattice;
     options.normalization = normalization;
     options.spacing = Vec3(0.13);
     return std::make_shared<RegularField>(std::move(samples), std::array<std::size_t, 3>{8, 8, 8}, options);
@@ -257,6 +228,44 @@ inline void expect_spoilt_pictures_to_fail(const Drawer& draw) {
             between(draw(options, scene, askew(), {56, 48}, {}), judge, "one kernel of 150 spoilt");
         EXPECT_TRUE(difference.rmse > 2e-5 || difference.p99_9 > 2e-4);
     }
+}
+
+/// What a way of drawing refuses: a change of scene_of(cloud(20, 0.2, 5.0)) or of the options, and words of the reason.
+struct Refusal {
+    const char* name;
+    std::function<void(Scene&)> change;
+    std::string words;
+    std::function<void(RendererOptions&)> choose{};
+    Projection projection = Projection::orthographic;
+};
+inline std::ostream& operator<<(std::ostream& out, const Refusal& refusal) { return out << refusal.name; }
+
+inline void as_it_is(Scene&) {}
+
+/// What each way but splats refuses.
+inline std::vector<Refusal> common_refusals() {
+    return {Refusal{"perspective", as_it_is, "a perspective camera", {}, Projection::perspective},
+            Refusal{"slabs", [](Scene& s) { s.sampling = Sampling::slab; }, "slab sampling"},
+            Refusal{"filter", [](Scene& s) { s.filter = Filter::ewa; }, "a filter"},
+            Refusal{"a lattice alone", [](Scene& s) { s.fields = {lattice(Normalization::lattice)}; },
+                    "without scattered ellipsoids"}};
+}
+
+/// Expects attempt(options, scene, camera) to throw Unsupported, which names the `subject` and the reason.
+template <class Attempt>
+void expect_refusal(const Refusal& refusal, const std::string& subject, const Attempt& attempt) {
+    Scene scene = scene_of(cloud(20, 0.2, 5.0));
+    refusal.change(scene);
+    const Camera camera = refusal.projection == Projection::orthographic
+                              ? askew()
+                              : Camera::perspective({2.0, 1.5, 3.0}, {0.5, 0.5, 0.5}, {0, 1, 0}, 30.0);
+    RendererOptions options;
+    options.backend = Backend::gl;
+    if (refusal.choose) {
+        refusal.choose(options);
+    }
+    test::expect_parts(test::message_of<Unsupported>([&] { attempt(options, scene, camera); }),
+                       {subject, refusal.words});
 }
 
 } // namespace sheetsplat::testing

@@ -119,6 +119,7 @@ def test_contradictions_name_both_sides(ball_scene: tuple[ss.Scene, ss.Camera]) 
     assert kept.plan.slice_spacing == 2.5
 
 
+@pytest.mark.slow
 @pytest.mark.alone
 def test_a_time(ball_scene: tuple[ss.Scene, ss.Camera], caplog: pytest.LogCaptureFixture) -> None:
     """A time that is too short is logged; a long one gives a fine picture; it takes precedence over an error."""

@@ -129,7 +129,7 @@ def test_a_time(ball_scene: tuple[ss.Scene, ss.Camera], caplog: pytest.LogCaptur
     assert short.stats["max_seconds_kept"] == 0
     caplog.clear()
     with caplog.at_level(logging.WARNING, "sheetsplat"):
-        long = ss.Renderer("cpu", max_seconds=1e5).render(*ball_scene, size=(20, 20))
+        long = ss.Renderer("cpu", max_seconds=1.0).render(*ball_scene, size=(20, 20))
     assert not caplog.text
     assert long.stats["slices"] > 10 * short.stats["slices"]
     assert long.error.rmse < 0.01 * short.error.rmse

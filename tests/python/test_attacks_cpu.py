@@ -413,6 +413,7 @@ print("done")
 """
 
 
+@pytest.mark.slow
 @pytest.mark.alone
 def test_memory_that_runs_out_is_an_error_and_no_end() -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
@@ -477,6 +478,7 @@ CHOICES: dict[str, Callable[[random.Random], Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_frames_do_not_depend_on_those_before(seed: int) -> None:
     """After any change, and after a cancelled frame, pictures equal those of a new renderer to the bit."""

@@ -230,6 +230,7 @@ def test_falloffs(falloff: float, filter_: Any, sampling: Any) -> None:
     assert_like_reference(renderer(), scene, camera_of(scene_parts.central()))
 
 
+@pytest.mark.slow
 def test_a_crowd_at_one_spot_is_looked_at_in_time() -> None:
     """Naive counting would look at 1.6e9 pairs of places and kernels."""
     count = 100_000
@@ -526,6 +527,7 @@ def test_leaning_kernels_of_millions_of_pixels(radius_px: float, sampling: Any) 
     assert expected.pixels.max() > 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 @pytest.mark.parametrize("camera", [scene_parts.parallel(), scene_parts.central()], ids=["parallel", "central"])
 @pytest.mark.parametrize("forced", [False, True])

@@ -100,6 +100,7 @@ def test_scores_are_what_they_say(rng: np.random.Generator) -> None:
     assert weave_of(coarse, none, 12.0) < 0.1 * weave_of(fine, none, 12.0)
 
 
+@pytest.mark.slow
 def test_the_prefilter_wins_what_it_is_said_to(tmp_path: Path) -> None:
     options = Options(views=1, scale=0.5, backend="cpu", pictures=tmp_path, rows=("trilinear", "plain", "prefilter"))
     report = prefilter_bench.run(options)
@@ -172,6 +173,7 @@ def test_ghost_points_end_data_softly_and_keep_the_inside() -> None:
     assert ghosts["rmse"] == pytest.approx(cut["rmse"], rel=0.2) and usual["rmse"] > 2.0 * cut["rmse"]
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_bits_and_shading(tmp_path: Path) -> None:
     report = claims_bench.run(Options(scale=0.25, backend="cpu", rows=("bits", "shading"), pictures=tmp_path))

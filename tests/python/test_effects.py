@@ -141,7 +141,7 @@ def check_forced_on(store: Forced, names: list[str], scenes: list[tuple[ss.Scene
     return drawn
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", [pytest.param("gl", marks=[pytest.mark.gl, pytest.mark.slow]), "cpu"])
 def test_what_the_plan_left_out_changes_nothing_when_forced_on(backend: str, forced: Callable[[str], Forced]) -> None:
     """In random scenes, and in scenes whose options request effects with parameters that have no effect."""
     names = forcible(backend)

@@ -432,6 +432,7 @@ def test_values_that_are_all_equal_are_fine() -> None:
 # Measured data
 
 
+@pytest.mark.slow
 @pytest.mark.data
 @pytest.mark.parametrize(("name", "most", "largest"), [("comb", 0.022, 0.14), ("bluntfin", 0.12, 0.35)])
 def test_nasa_grids_are_covered(data_dir: Path, name: str, most: float, largest: float) -> None:

@@ -132,7 +132,7 @@ def test_the_definition_itself_does_not_pop(field: str, way: str) -> None:
     for degrees in ANGLES:
         whole = DEGREES * STRAIGHT.get(field, 1.0)
         part = whole / 20
-        far = picture("reference", field, way, degrees + whole) - picture("reference", field, way, degrees - whole)
+        far = by_reference(field, way, degrees + whole) - by_reference(field, way, degrees - whole)
         near = picture("reference", field, way, degrees + part) - picture("reference", field, way, degrees - part)
         # A kink may lie on one side; pictures are float32.
         assert (np.abs(near).max(-1) <= 2 * around(np.abs(far).max(-1)) / 20 + 3e-7).all()

@@ -206,6 +206,7 @@ print("done")
 """
 
 
+@pytest.mark.slow
 def test_depth_bounds_on_a_rasteriser_that_has_them():
     """Mesa's softpipe has the depth bounds test, which llvmpipe lacks."""
     environment = {**os.environ, "GALLIUM_DRIVER": "softpipe", "PYTHONPATH": os.pathsep.join(sys.path)}

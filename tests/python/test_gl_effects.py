@@ -330,6 +330,7 @@ def test_every_path(case, packing, tagging):
         check(case, FLOAT32_HARD, packing=packing, tagging=tagging, effects=(("opacity_buffer", True),))
 
 
+@pytest.mark.slow
 def test_tiles_leave_no_seam():
     case = TOGETHER[0]
     whole, tiles = draw(case), draw(case, tile_size=17)

@@ -23,6 +23,7 @@ def exact() -> ss.Renderer:
     return error_scenes.exact_renderer()
 
 
+@pytest.mark.slow
 def test_estimates_are_calibrated(exact: ss.Renderer, cpu_renderer: ss.Renderer) -> None:
     """Nine of ten true errors lie within a factor of 2 of the estimate, and none is above 4 of it."""
     ratios, halves = [], []
@@ -146,6 +147,7 @@ def test_shadows_count_as_the_plan_has_them(cpu_renderer: ss.Renderer) -> None:
     assert cause not in unlit.error.budget
 
 
+@pytest.mark.slow
 def test_command_line(tmp_path: Path) -> None:
     """--max-error and --max-seconds reach the plan and the picture; contradictions name both options."""
     from sheetsplat.cli.main import main

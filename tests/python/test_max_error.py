@@ -119,6 +119,7 @@ def test_contradictions_name_both_sides(ball_scene: tuple[ss.Scene, ss.Camera]) 
     assert kept.plan.slice_spacing == 2.5
 
 
+@pytest.mark.slow
 @pytest.mark.alone
 def test_a_time(ball_scene: tuple[ss.Scene, ss.Camera]) -> None:
     """A time that is too short is a warning; a long one gives a fine picture; it takes precedence over an error."""
@@ -127,7 +128,7 @@ def test_a_time(ball_scene: tuple[ss.Scene, ss.Camera]) -> None:
     assert short.stats["max_seconds_kept"] == 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        long = ss.Renderer("cpu", max_seconds=1e5).render(*ball_scene, size=(20, 20))
+        long = ss.Renderer("cpu", max_seconds=1.0).render(*ball_scene, size=(20, 20))
     assert long.stats["slices"] > 10 * short.stats["slices"]
     assert long.error.rmse < 0.01 * short.error.rmse
     with pytest.warns(ss.PictureWarning, match="max_error is not kept"):

@@ -285,6 +285,7 @@ def slope_of(errors: list[float], counts: list[int]) -> float:
     return -float(np.polyfit(np.log(counts), np.log(errors), 1)[0])
 
 
+@pytest.mark.slow
 def test_order_in_lattice_spacing() -> None:
     halvings = [8, 16, 32, 64, 128]
     plain = [error_at(n, 2.5, 7.0, prefilter=False) for n in halvings]

@@ -16,6 +16,7 @@ from sheetsplat._checks import Triple, image_size, instance, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, Unsupported, complain, unusable
 from sheetsplat.io.pictures import check_folder, whole_file
+from sheetsplat.options.core import SCALAR
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
@@ -130,7 +131,7 @@ def render_tiles(
     if target.suffix.lower() != ".npy":
         raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npy")
     check_folder(target)
-    scalar = scene.mode in ("xray", "mip")
+    scalar = scene.mode in SCALAR
     shape = (height, width) if scalar else (height, width, 4)
     needed = 4 * math.prod(shape) + _HEADER
     room = shutil.disk_usage(target.resolve().parent).free

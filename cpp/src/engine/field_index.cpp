@@ -140,7 +140,7 @@ const RunsEntry& FieldIndex::runs_of(const std::shared_ptr<const Field>& field, 
     query.cull = may_cull(plan);
     query.stencil_world = plan.gradient ? std::max(frame.largest_pixel(), frame.slice_spacing * slant) : 0.0;
     query.isosurface = plan.mode == Mode::isosurface;
-    query.iso_value = scene.iso_value.value_or(0.0);
+    query.iso_value = scene.iso_values.empty() ? 0.0 : scene.iso_values.front().value;
     query.alone = scene.fields.size() == 1;
     query.slice_spacing = slices_beyond(plan) * frame.slice_spacing * slant;
 
@@ -200,10 +200,9 @@ const GridEntry& FieldIndex::grid_of(const std::shared_ptr<const Field>& field, 
     EllipsoidVisibility query;
     query.transfer_function = asked_function(scene, plan);
     query.weights_matter = plan.weight || !plan.culling;
-    // A filter makes kernels as large as a pixel is at their own depth, which has no bound behind the eye.
-    query.cull = may_cull(plan) && !(plan.filter && frame.cut_by_near);
+    query.cull = may_cull(plan);
     query.isosurface = plan.mode == Mode::isosurface;
-    query.iso_value = scene.iso_value.value_or(0.0);
+    query.iso_value = scene.iso_values.empty() ? 0.0 : scene.iso_values.front().value;
     query.alone = scene.fields.size() == 1;
     query.reach_world = slices_beyond(plan) * frame.slice_spacing * slant;
     if (plan.gradient) {
@@ -211,7 +210,9 @@ const GridEntry& FieldIndex::grid_of(const std::shared_ptr<const Field>& field, 
     }
     if (plan.filter) {
         // Twice what it widens a support by, in any direction, at depths a little beyond the last slice too.
-        query.reach_world += 4.0 * (2.0 * frame.largest_pixel() + frame.slice_spacing);
+        const FilterWidth width =
+            filter_width(frame, field->kernel(), frame.depth_of(std::max<std::int64_t>(frame.slices, 1) - 1));
+        query.reach_world += 4.0 * (2.0 * width.across + width.along);
     }
     if (entry->answers(query)) {
         return *entry;

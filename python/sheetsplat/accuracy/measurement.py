@@ -33,6 +33,7 @@ from sheetsplat.accuracy.sweeps import sweep
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, complain, option_refs, unusable
 from sheetsplat.image import Image
+from sheetsplat.options.core import SCALAR
 from sheetsplat.options.renderer import Backend, Progress
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
@@ -105,7 +106,7 @@ def _given_truth(truth: Image | ArrayLike | None, base: Base) -> measure.Truth |
     except (TypeError, ValueError):
         raise complain(unusable("accuracy: truth"), shown(truth), "a picture") from None
     expected: tuple[int, ...] = (base.size[1], base.size[0])
-    if base.scene.mode not in ("xray", "mip"):
+    if base.scene.mode not in SCALAR:
         expected += (4,)
     if values.shape != expected or not np.isfinite(values).all():
         found = f"shape {values.shape}" if values.shape != expected else "numbers that are not finite"

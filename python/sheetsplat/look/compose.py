@@ -6,16 +6,15 @@ import logging
 from collections.abc import Mapping, Sequence
 from typing import Any, Unpack
 
-from sheetsplat._checks import number
 from sheetsplat.errors import complain, option_refs
 from sheetsplat.fields import EllipsoidField, Field
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
 from sheetsplat.look.surface import surface_limits
-from sheetsplat.options.core import COLORED, check_names, pick_given
+from sheetsplat.options.core import COLORED, SCALAR, check_names, pick_given
 from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.options.picture import LookOptions
-from sheetsplat.options.scene import SceneOptions
+from sheetsplat.options.scene import SceneOptions, iso_value_of
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
@@ -23,7 +22,7 @@ _log = logging.getLogger("sheetsplat")
 # One light over the viewer's left shoulder; with the specular share it shows the shape of smooth surfaces.
 HEAD_LIGHT = Light(direction=(-0.3, 0.4, 1.0))
 SHINY = Material(ambient=0.3, diffuse=0.85, specular=0.3, shininess=24.0, two_sided=True)
-# The modes xray and mip do not use it, but a scene has one.
+# Scalar modes do not use it, but a scene has one.
 _COLORLESS = TransferFunction([(0.0, 1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)])
 
 
@@ -76,10 +75,10 @@ def _transfer_function(
                 "either a transfer function, or cmap, opacity and clim",
             )
         return given, None
-    if mode in ("xray", "mip"):
+    if mode in SCALAR:
         return _COLORLESS, None
     if mode == "isosurface" and clim is None:
-        clim = surface_limits(fields, number("render: iso_value", iso_value))
+        clim = surface_limits(fields, iso_value_of("render: iso_value", iso_value))
     look = automatic.choose(fields) if opacity is None or clim is None else None
     if clim is None:
         assert look is not None

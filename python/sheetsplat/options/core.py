@@ -14,11 +14,12 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 from sheetsplat.errors import Error, InvalidInput, complain
 from sheetsplat.options.values import Value
 
-Mode = Literal["composite", "isosurface", "xray", "mip"]
+Mode = Literal["composite", "isosurface", "xray", "mip", "minimum", "average"]
 MODES: tuple[str, ...] = get_args(Mode)
-# Modes that show colours, and the one that also accumulates opacity.
+# Modes that show colours, the one that classifies every slice, and modes that show the scalar itself.
 COLORED = ("composite", "isosurface")
 COMPOSITE = ("composite",)
+SCALAR = tuple(mode for mode in MODES if mode not in COLORED)
 
 # Converts the value of an option, or raises InvalidInput; the first argument names the option in the message.
 Check = Callable[[str, Any], Any]

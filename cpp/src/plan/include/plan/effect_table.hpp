@@ -13,6 +13,7 @@ enum class EffectId : std::uint8_t {
     isosurface,
     normalization,
     several_fields,
+    own_transfer_functions,
     separate_normalization,
     scattered_kernels,
     empty_test,
@@ -76,15 +77,16 @@ constexpr Control no = Control::absent, is = Control::decided, can = Control::fo
 }
 
 // clang-format off
-constexpr std::array<EffectEntry, 45> effect_table = [] {
+constexpr std::array<EffectEntry, 46> effect_table = [] {
     using namespace effects_detail;
     using Id = EffectId;
-    return std::array<EffectEntry, 45>{{
+    return std::array<EffectEntry, 46>{{
     // id                          name                    gl   cpu  reference
     {Id::classification,         "classification",         is,  is,  is, "the scene's mode", "values become colours (modes composite and isosurface)"},
-    {Id::isosurface,             "isosurface",             is,  is,  is, "the scene's mode", "the first crossing of the iso value is shown"},
+    {Id::isosurface,             "isosurface",             is,  is,  is, "the scene's mode", "crossings of iso values are shown"},
     {Id::normalization,          "normalization",          is,  is,  is, "the fields' normalization", "sums of values are divided by a constant or by sums of weights"},
     {Id::several_fields,         "several_fields",         is,  is,  is, "the scene's fields", "the scalars of several fields add up"},
+    {Id::own_transfer_functions, "own_transfer_functions", is,  is,  is, "the scene's transfer functions", "groups of fields are classified by transfer functions of their own"},
     {Id::separate_normalization, "separate_normalization", is,  is,  is, "the fields' normalization", "fields are divided by their own weight sums before they are added"},
     {Id::scattered_kernels,      "scattered_kernels",      is,  is,  is, "the scene's fields", "kernels are ellipsoids that are sliced one by one"},
     {Id::empty_test,             "empty_test",             can, can, is,  nullptr, "points that no kernel reaches are told from points where the sum is 0"},

@@ -45,6 +45,7 @@ struct DrawPlan {
     bool gradient_opacity = false;  ///< opacity is multiplied by min(1, |grad rho| / g1)
     bool clip = false;              ///< points outside Scene::clip are transparent
     bool depth_cue = false;         ///< colours fade with depth
+    bool open_front = false;        ///< isosurfaces end where the near plane cuts them: nothing crosses before slice 0
     bool second_order = false;      ///< of pre-integration
     bool shadows = false;
     bool ambient_occlusion = false;

@@ -19,7 +19,10 @@ uniform float slice_spacing;
 #include "lib/opacity.glsl"
 uniform float exponent;         // slice spacing over reference length
 #endif
-#if (defined(SLOPES) && !defined(ANALYTIC)) || defined(CLIP)
+#if defined(PREINTEGRATION) && defined(DEPTH_OUT)
+uniform int nearest_slab;       // of the array: that of the least depth that an interval reports
+#endif
+#if (defined(SLOPES) && !defined(ANALYTIC)) || defined(CLIP) || defined(OPEN_FRONT)
 uniform int first_slab;         // of the array, counted from the first slice
 #endif
 #ifdef CLIP
@@ -223,6 +226,9 @@ void main() {
 #ifdef CLIP
         crossed = crossed && kept[c] && kept[c + 1];
 #endif
+#ifdef OPEN_FRONT
+        crossed = crossed && first_slab + c >= 0;
+#endif
         if (crossed) {
             float share = clamp((iso_value - rho[c]) / (rho[c + 1] - rho[c]), 0.0, 1.0);
 #ifdef GRADIENT
@@ -323,7 +329,11 @@ void main() {
         float share = (1.0 - result.a) * alpha;
 #ifdef DEPTH_OUT
         if (result.a < 0.5 && result.a + share >= 0.5) {
+#ifdef PREINTEGRATION
+            depth = first_depth + max(middle, float(nearest_slab)) * slice_spacing;
+#else
             depth = first_depth + float(c) * slice_spacing;
+#endif
         }
 #endif
 #ifdef COMPENSATED

@@ -270,10 +270,12 @@ ss::Scene make_scene(const Options& options, std::shared_ptr<const ss::Field> fi
     scene.slice_spacing = options.slice_spacing;
     scene.opacity_stop = options.opacity_stop;
     scene.preintegration = options.preintegration;
-    scene.iso_value = options.iso_value;
+    if (options.iso_value) {
+        scene.iso_values = {*options.iso_value};
+    }
     if (options.mode == ss::Mode::isosurface && !options.iso_value) {
         const std::array<double, 2> range = options.limits.value_or(field->value_range());
-        scene.iso_value = 0.5 * (range[0] + range[1]);
+        scene.iso_values = {0.5 * (range[0] + range[1])};
     }
     const bool has_colour = options.mode == ss::Mode::composite || options.mode == ss::Mode::isosurface;
     if (options.shading && has_colour) {
@@ -359,11 +361,13 @@ void declare(CLI::App& app, Options& options) {
     points->expected(1)->take_all();
     app.add_option("--clim", options.limits, "values that the built-in transfer function spans (the volume's range)")
         ->excludes(points);
-    app.add_option("--mode", options.mode, "composite | isosurface | xray | mip")
+    app.add_option("--mode", options.mode, "composite | isosurface | xray | mip | minimum | average")
         ->transform(one_of<ss::Mode>({{"composite", ss::Mode::composite},
                                       {"isosurface", ss::Mode::isosurface},
                                       {"xray", ss::Mode::xray},
-                                      {"mip", ss::Mode::mip}}));
+                                      {"mip", ss::Mode::mip},
+                                      {"minimum", ss::Mode::minimum},
+                                      {"average", ss::Mode::average}}));
     app.add_option("--iso,--iso-value", options.iso_value, "value of the isosurface (the middle of the range)");
     app.add_option("--sampling", options.sampling, "point | slab")
         ->transform(one_of<ss::Sampling>({{"point", ss::Sampling::point}, {"slab", ss::Sampling::slab}}));

@@ -13,8 +13,9 @@ namespace sheetsplat::bindings {
 namespace {
 
 const std::map<std::string, Sampling> samplings{{"point", Sampling::point}, {"slab", Sampling::slab}};
-const std::map<std::string, Mode> modes{
-    {"composite", Mode::composite}, {"isosurface", Mode::isosurface}, {"xray", Mode::xray}, {"mip", Mode::mip}};
+const std::map<std::string, Mode> modes{{"composite", Mode::composite}, {"isosurface", Mode::isosurface},
+                                        {"xray", Mode::xray},           {"mip", Mode::mip},
+                                        {"minimum", Mode::minimum},     {"average", Mode::average}};
 const std::map<std::string, Filter> filters{{"none", Filter::none}, {"ewa", Filter::ewa}};
 const std::map<std::string, Gradient> gradients{{"sheets", Gradient::sheets}, {"analytic", Gradient::analytic}};
 const std::map<std::string, LightSpace> light_spaces{{"eye", LightSpace::eye}, {"world", LightSpace::world}};
@@ -45,20 +46,30 @@ DepthCue make_depth_cue(double start, double end, const Triple& color, double st
 
 AmbientOcclusion make_occlusion(double radius, double strength) { return {radius, strength}; }
 
-Scene make_scene(const std::vector<std::shared_ptr<Field>>& fields, const TransferFunction& transfer_function,
-                 std::optional<double> slice_spacing, const std::string& sampling,
-                 std::optional<double> reference_length, const std::string& mode, std::optional<double> iso_value,
-                 const std::vector<Light>& lights, const Material& material, double opacity_stop, bool preintegration,
-                 std::optional<Triple> background, const std::string& filter, bool second_order,
-                 const std::string& gradient, const Clip& clip, std::optional<double> gradient_opacity,
-                 const std::optional<DepthCue>& depth_cue, bool shadows,
+// A group of fields, and its transfer function.
+using OwnLook = std::pair<std::vector<std::shared_ptr<Field>>, TransferFunction>;
+
+Scene make_scene(const std::vector<OwnLook>& groups, std::optional<double> slice_spacing, const std::string& sampling,
+                 std::optional<double> reference_length, const std::string& mode,
+                 const std::vector<std::pair<double, double>>& iso_value, const std::vector<Light>& lights,
+                 const Material& material, double opacity_stop, bool preintegration, std::optional<Triple> background,
+                 const std::string& filter, bool second_order, const std::string& gradient, const Clip& clip,
+                 std::optional<double> gradient_opacity, const std::optional<DepthCue>& depth_cue, bool shadows,
                  const std::optional<AmbientOcclusion>& ambient_occlusion) {
-    Scene scene{{fields.begin(), fields.end()}, transfer_function};
+    Scene scene{{}, groups.at(0).second};
+    for (const auto& [fields, transfer_function] : groups) {
+        if (!scene.fields.empty()) {
+            scene.later_groups.push_back({scene.fields.size(), transfer_function});
+        }
+        scene.fields.insert(scene.fields.end(), fields.begin(), fields.end());
+    }
     scene.slice_spacing = slice_spacing;
     scene.sampling = from_name("sampling", sampling, samplings);
     scene.reference_length = reference_length;
     scene.mode = from_name("mode", mode, modes);
-    scene.iso_value = iso_value;
+    for (const auto& [value, opacity] : iso_value) {
+        scene.iso_values.emplace_back(value, opacity);
+    }
     scene.lights = lights;
     scene.material = material;
     scene.opacity_stop = opacity_stop;
@@ -93,12 +104,11 @@ void register_scene(py::module_& module) {
     py::class_<AmbientOcclusion>(module, "AmbientOcclusion")
         .def(py::init(&make_occlusion), py::kw_only(), py::arg("radius"), py::arg("strength"));
     py::class_<Scene>(module, "Scene")
-        .def(py::init(&make_scene), py::arg("fields"), py::arg("transfer_function"), py::kw_only(),
-             py::arg("slice_spacing"), py::arg("sampling"), py::arg("reference_length"), py::arg("mode"),
-             py::arg("iso_value"), py::arg("lights"), py::arg("material"), py::arg("opacity_stop"),
-             py::arg("preintegration"), py::arg("background"), py::arg("filter"), py::arg("second_order"),
-             py::arg("gradient"), py::arg("clip"), py::arg("gradient_opacity"), py::arg("depth_cue"),
-             py::arg("shadows"), py::arg("ambient_occlusion"))
+        .def(py::init(&make_scene), py::arg("groups"), py::kw_only(), py::arg("slice_spacing"), py::arg("sampling"),
+             py::arg("reference_length"), py::arg("mode"), py::arg("iso_value"), py::arg("lights"), py::arg("material"),
+             py::arg("opacity_stop"), py::arg("preintegration"), py::arg("background"), py::arg("filter"),
+             py::arg("second_order"), py::arg("gradient"), py::arg("clip"), py::arg("gradient_opacity"),
+             py::arg("depth_cue"), py::arg("shadows"), py::arg("ambient_occlusion"))
         .def_property_readonly("slice_distance", &Scene::slice_distance)
         .def_property_readonly("reference_distance", &Scene::reference_distance)
         .def_property_readonly("centres", [](const Scene& scene) { return to_corners(scene.centres_world()); });

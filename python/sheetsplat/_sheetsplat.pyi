@@ -123,14 +123,13 @@ class AmbientOcclusion:
 class Scene:
     def __init__(
         self,
-        fields: Sequence[Field],
-        transfer_function: TransferFunction,
+        groups: Sequence[tuple[Sequence[Field], TransferFunction]],
         *,
         slice_spacing: float | None,
         sampling: str,
         reference_length: float | None,
         mode: str,
-        iso_value: float | None,
+        iso_value: Sequence[tuple[float, float]],
         lights: Sequence[Light],
         material: Material,
         opacity_stop: float,

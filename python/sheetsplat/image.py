@@ -34,8 +34,8 @@ class ErrorEstimate:
     ----------
     rmse
         Root mean square difference over all pixels and channels: of premultiplied colours and opacity, 0 to 1; in the
-        modes "xray" and "mip" of scalars, divided by the largest one where that is above 1. So do conventions, section
-        8, and ``sheetsplat.compare.compare``.
+        scalar modes, of scalars divided by the largest one where that is above 1. So do conventions, section 8, and
+        ``sheetsplat.compare.compare``.
     budget
         The parts of `rmse` by cause, whose squares add up to its square. Those of shadows and ambient occlusion from
         volumes are not measured but taken from the plan, which mostly overestimates them.
@@ -145,7 +145,7 @@ class Image:
 
     @property
     def scalar(self) -> NDArray[np.float32]:
-        """Result of scalar modes, float32 (h, w). InvalidInput in other modes."""
+        """Result of the modes "xray", "mip", "minimum" and "average", float32 (h, w). InvalidInput in other modes."""
         return self._there("scalar", self._scalar, "its mode is a coloured one: look at image.rgba")
 
     @property

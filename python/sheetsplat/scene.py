@@ -6,14 +6,57 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Unpack
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, Triple
+from sheetsplat.errors import complain
 from sheetsplat.fields import Field, as_fields, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.options.core import check_names, checked, documented
-from sheetsplat.options.scene import SceneOptions
+from sheetsplat.options.scene import IsoValue, SceneOptions
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.transfer import TransferFunction
+
+# A transfer function, or its points.
+Look = TransferFunction | Sequence[Sequence[float]] | NDArray[Any]
+
+
+def _is_table(value: object) -> bool:
+    """Return whether a value is a table of points rather than a single point."""
+    if isinstance(value, np.ndarray):
+        return value.ndim == 2
+    return isinstance(value, list | tuple) and bool(value) and isinstance(value[0], list | tuple | np.ndarray)
+
+
+def _is_several(transfer_function: object) -> bool:
+    """Return whether a value is a sequence of transfer functions rather than a single one."""
+    return isinstance(transfer_function, list | tuple) and any(
+        isinstance(one, TransferFunction) or _is_table(one) for one in transfer_function
+    )
+
+
+def _groups(field: object, transfer_function: object) -> list[tuple[tuple[Field, ...], TransferFunction]]:
+    """Return the groups of fields whose scalars add up, each with its transfer function."""
+    several = _is_several(transfer_function)
+    given: Any = transfer_function if several else [transfer_function]
+    functions = [one if isinstance(one, TransferFunction) else TransferFunction(one) for one in given]
+    nested = isinstance(field, list | tuple) and any(isinstance(one, list | tuple) for one in field)
+    if several or nested:
+        members = list(field) if isinstance(field, list | tuple) else [field]
+        groups = [tuple(as_fields(one, f"Scene: group {n} of field")) for n, one in enumerate(members)]
+    else:
+        groups = [tuple(as_fields(field, "Scene: field"))]
+    if len(groups) != len(functions):
+        raise complain(
+            "Scene: field and transfer_function do not fit together",
+            f"groups of fields: {len(groups)}, transfer functions: {len(functions)}",
+            "a transfer function for each group",
+            "Scene([a, b], [tf_a, tf_b]) classifies each field by itself, Scene([[a, b], c], [tf_ab, tf_c]) the sum of "
+            "a and b, Scene([a, b], tf) the sum of all fields",
+        )
+    return list(zip(groups, functions, strict=True))
 
 
 def _native(value: Any) -> Any:
@@ -30,9 +73,11 @@ class Scene:
     Parameters
     ----------
     field
-        A field, or a sequence of fields of any kind whose scalars add up.
+        A field, or a sequence of fields of any kind whose scalars add up. With several transfer functions, a sequence
+        of as many entries, each a field or a sequence of fields whose scalars add up.
     transfer_function
-        Scalar to colour and opacity per reference length; a TransferFunction, or its points.
+        Scalar to colour and opacity per reference length; a TransferFunction, or its points. Or a sequence of them,
+        one for each entry of `field`; in scalar modes the scalars of all fields add up nevertheless.
     **options
         Those of SceneOptions.
 
@@ -42,19 +87,16 @@ class Scene:
         Where a number or a combination has no meaning.
     """
 
-    __slots__ = ("_fields", "_options", "_transfer_function", "native")
+    __slots__ = ("_groups", "_options", "native")
 
     def __init__(
         self,
-        field: Field | Sequence[Field],
-        transfer_function: TransferFunction | Sequence[Sequence[float]],
+        field: Field | Sequence[Field | Sequence[Field]],
+        transfer_function: Look | Sequence[Look],
         **options: Unpack[SceneOptions],
     ) -> None:
         check_names("Scene", options, SceneOptions)
-        self._fields = tuple(as_fields(field, "Scene: field"))
-        if not isinstance(transfer_function, TransferFunction):
-            transfer_function = TransferFunction(transfer_function)
-        self._transfer_function = transfer_function
+        self._groups = _groups(field, transfer_function)
         self._options = checked("Scene", options, SceneOptions)
         native = {name: _native(value) for name, value in self._options.items()}
         # The engine makes the numbers of a scalar picture; the image makes their colours.
@@ -62,7 +104,9 @@ class Scene:
         native["filter"] = native["filter"] or "none"
         native["second_order"] = native["preintegration"] == "second_order"
         native["preintegration"] = bool(native["preintegration"])
-        self.native = _sheetsplat.Scene([one.native for one in self._fields], transfer_function.native, **native)
+        native["iso_value"] = self.surfaces
+        groups = [([one.native for one in fields], function.native) for fields, function in self._groups]
+        self.native = _sheetsplat.Scene(groups, **native)
 
     def replace(self, **changes: Any) -> Scene:
         """Return a scene with some options changed and all others as in this one.
@@ -79,13 +123,25 @@ class Scene:
             As `Scene`, and for unknown names.
         """
         check_names("Scene.replace", changes, SceneOptions, ("field", "transfer_function"))
-        given = {"field": self._fields, "transfer_function": self._transfer_function, **self._options}
+        own = len(self._groups) > 1
+        # One transfer function in place of several classifies the sum of all fields.
+        stay = own and _is_several(changes.get("transfer_function", self.transfer_functions))
+        given = {
+            "field": self.groups if stay else self.fields,
+            "transfer_function": self.transfer_functions if own else self.transfer_function,
+            **self._options,
+        }
         return Scene(**{**given, **changes})
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """The fields whose scalars add up."""
-        return self._fields
+        """All fields, one group after the other."""
+        return tuple(one for fields, _ in self._groups for one in fields)
+
+    @property
+    def groups(self) -> tuple[tuple[Field, ...], ...]:
+        """The fields in groups: inside a group scalars add up, and each group has its transfer function."""
+        return tuple(fields for fields, _ in self._groups)
 
     @property
     def options(self) -> Mapping[str, Any]:
@@ -94,8 +150,13 @@ class Scene:
 
     @property
     def transfer_function(self) -> TransferFunction:
-        """Scalar to colour and opacity."""
-        return self._transfer_function
+        """Scalar to colour and opacity, of the first group."""
+        return self._groups[0][1]
+
+    @property
+    def transfer_functions(self) -> tuple[TransferFunction, ...]:
+        """The transfer function of each group."""
+        return tuple(function for _, function in self._groups)
 
     @property
     def lights(self) -> tuple[Light, ...]:
@@ -117,15 +178,23 @@ class Scene:
 
     @property
     def mode(self) -> str:
-        """One of "composite", "isosurface", "xray" and "mip"."""
+        """One of "composite", "isosurface", "xray", "mip", "minimum" and "average"."""
         found: str = self._options["mode"]
         return found
 
     @property
-    def iso_value(self) -> float | None:
-        """Value of the isosurface, or None."""
-        found: float | None = self._options["iso_value"]
+    def iso_value(self) -> IsoValue | None:
+        """Value of the isosurface, or pairs (value, opacity), or None; as it was given."""
+        found: IsoValue | None = self._options["iso_value"]
         return found
+
+    @property
+    def surfaces(self) -> tuple[tuple[float, float], ...]:
+        """The isosurfaces as pairs (value, opacity); none where no `iso_value` was given."""
+        given = self.iso_value
+        if given is None:
+            return ()
+        return tuple(given) if isinstance(given, Sequence) else ((given, 1.0),)
 
     @property
     def filter(self) -> str | None:
@@ -152,29 +221,29 @@ class Scene:
     @property
     def bounds(self) -> Bounds:
         """World-aligned box around all supports: its lower and its upper corner."""
-        return joined_bounds([one.bounds for one in self._fields])
+        return joined_bounds([one.bounds for one in self.fields])
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy by the arguments."""
-        return _made, (self._fields, self._transfer_function, dict(self._options))
+        return _made, (self.groups, self.transfer_functions, dict(self._options))
 
     def __eq__(self, other: object) -> bool:
         """Return whether fields, transfer function and options are the same."""
         if not isinstance(other, Scene):
             return NotImplemented
         # The quickest first.
-        mine = self._options, self._transfer_function, self._fields
-        return mine == (dict(other.options), other.transfer_function, other.fields)
+        mine = self._options, self.transfer_functions, self.groups
+        return mine == (dict(other.options), other.transfer_functions, other.groups)
 
     def __hash__(self) -> int:
         """Return a hash of fields, transfer function and mode."""
-        return hash((self._fields, self._transfer_function, self.mode))
+        return hash((self.groups, self.transfer_functions, self.mode))
 
     def __repr__(self) -> str:
         """Return a short description."""
-        return f"Scene({', '.join(map(repr, self._fields))}, mode {self.mode!r}, {len(self.lights)} lights)"
+        return f"Scene({', '.join(map(repr, self.fields))}, mode {self.mode!r}, {len(self.lights)} lights)"
 
 
-def _made(fields: tuple[Field, ...], function: TransferFunction, options: dict[str, Any]) -> Scene:
+def _made(groups: tuple[Any, ...], functions: tuple[TransferFunction, ...], options: dict[str, Any]) -> Scene:
     """Return the scene of what `Scene.__reduce__` gave."""
-    return Scene(fields, function, **options)
+    return Scene(groups, functions, **options)

@@ -14,16 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# fields, transfer, scene, lights, material, camera, size; "refusable": why OpenGL may refuse it, or "".
+# fields, transfer, scene, lights, material, camera, size; "refusable": why OpenGL may refuse it, or ""; "groups": the
+# numbers of each group's fields, where `transfer` has one function for each.
 Parts = dict[str, Any]
 
 
 def build(module: ModuleType, parts: Parts) -> tuple[Any, Any, tuple[int, int]]:
     """Return scene, camera and size made of a module's classes."""
     fields = [(module.EllipsoidField if "centers" in f else module.RegularField)(**f) for f in parts["fields"]]
+    groups = parts.get("groups")
+    if groups is None:
+        shown, transfer = fields[0] if len(fields) == 1 else fields, module.TransferFunction(parts["transfer"])
+    else:
+        shown = [[fields[number] for number in group] for group in groups]
+        transfer = [module.TransferFunction(points) for points in parts["transfer"]]
     scene = module.Scene(
-        fields[0] if len(fields) == 1 else fields,
-        module.TransferFunction(parts["transfer"]),
+        shown,
+        transfer,
         lights=[module.Light(**light) for light in parts.get("lights", ())],
         material=module.Material(**parts.get("material", {})),
         **parts["scene"],

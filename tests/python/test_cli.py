@@ -83,6 +83,8 @@ def test_render_gives_what_python_gives(tmp_path, volume, ball):
         ["--mode", "mip"],
         ["--mode", "isosurface"],
         ["--mode", "isosurface", "--iso", 90],
+        ["--mode", "isosurface", "--iso", "60:0.3,90:1"],
+        ["--mode", "average"],
         ["--direction", "-y", "--up", "z"],
         ["--direction", "1,2,-3"],
         ["--preintegration"],

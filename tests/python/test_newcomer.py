@@ -24,9 +24,9 @@ BACKEND = ["--backend", "reference", "--size", "12"]
 @pytest.mark.parametrize("iso", [None, 0.2, 0.8])
 def test_a_surface_without_limits_is_bright(ball, iso):
     scene = compose_scene([ss.RegularField(ball)], mode="isosurface", iso_value=iso, cmap="gray")
-    assert surface_color(scene) == pytest.approx((0.7, 0.7, 0.7), abs=0.01)
+    assert surface_color(scene, scene.surfaces[0][0]) == pytest.approx((0.7, 0.7, 0.7), abs=0.01)
     limited = compose_scene([ss.RegularField(ball)], mode="isosurface", iso_value=0.3, cmap="gray", clim=(0, 1))
-    assert surface_color(limited) == pytest.approx((0.3, 0.3, 0.3), abs=0.01)
+    assert surface_color(limited, limited.surfaces[0][0]) == pytest.approx((0.3, 0.3, 0.3), abs=0.01)
 
 
 def test_the_command_tells_value_and_colour_of_a_surface(tmp_path, volume, ball, caplog):

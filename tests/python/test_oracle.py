@@ -231,7 +231,7 @@ def filter_without_mass(original: Callable[..., Any]) -> Callable[..., Any]:
 
 def filter_of_a_larger_pixel(original: Callable[..., Any]) -> Callable[..., Any]:
     """Return kernels filtered for pixels a thousandth larger."""
-    return lambda self, pixel, spacing: original(self, 1.001 * pixel, spacing)
+    return lambda self, pixel, *rest: original(self, 1.001 * pixel, *rest)
 
 
 def no_weights(original: Callable[..., Any]) -> Callable[..., Any]:
@@ -286,7 +286,7 @@ def with_effects(parts: dict[str, Any], seed: int) -> dict[str, Any]:
         scene["gradient"] = "analytic"
     if scene["preintegration"] and rng.random() < 0.6:
         scene["preintegration"] = "second_order"
-    if scene["mode"] in ("xray", "mip"):
+    if scene["mode"] not in ("composite", "isosurface"):
         return parts
     if rng.random() < 0.4:
         start = away + rng.normal() * 0.3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from types import SimpleNamespace
 
@@ -32,6 +33,15 @@ def field(ball):
         {"mode": "minip"},
         {"mode": "isosurface"},
         {"mode": "isosurface", "iso_value": np.nan},
+        {"mode": "isosurface", "iso_value": ()},
+        {"mode": "isosurface", "iso_value": "skin"},
+        {"mode": "isosurface", "iso_value": (0.2, 0.5)},
+        {"mode": "isosurface", "iso_value": [(0.2, 0.5, 1)]},
+        {"mode": "isosurface", "iso_value": [(0.2, 1.5)]},
+        {"mode": "isosurface", "iso_value": [(0.2, -0.1)]},
+        {"mode": "isosurface", "iso_value": [(0.2, 1), (np.inf, 1)]},
+        {"mode": "isosurface", "iso_value": [(0.2, np.nan)]},
+        {"mode": "isosurface", "iso_value": ((n, 1) for n in itertools.count())},
         {"opacity_stop": 0},
         {"opacity_stop": 1.5},
         {"opacity_stop": np.nan},
@@ -121,6 +131,87 @@ def test_scenes_are_replaced_by_others(field):
     assert (scene.mode, scene.replace().lights) == ("composite", (ss.Light(),))
     with pytest.raises(ss.InvalidInput, match="colour"):
         scene.replace(colour=1)
+
+
+RED = [(0, 1, 0, 0, 0), (1, 1, 0, 0, 1)]
+
+
+def test_groups_have_transfer_functions_of_their_own(field):
+    other = ss.RegularField(np.ones((2, 2, 2)))
+    scene = ss.Scene([field, other], [GRAY, RED])
+    assert scene.groups == ((field,), (other,)) and scene.fields == (field, other)
+    assert scene.transfer_functions[0] is GRAY and scene.transfer_function is GRAY
+    assert scene.transfer_functions[1].points[:, 1].tolist() == [1, 1]
+    nested = ss.Scene([[field, other], field], (RED, GRAY), mode="isosurface", iso_value=[(0.2, 0.3), (0.6, 1)])
+    assert nested.groups == ((field, other), (field,)) and nested.fields == (field, other, field)
+    assert nested.iso_value == nested.surfaces == ((0.2, 0.3), (0.6, 1.0))
+    changed = nested.replace(mode="composite", iso_value=0.5)
+    assert changed.groups == nested.groups and changed.transfer_functions == nested.transfer_functions
+    assert changed.surfaces == ((0.5, 1.0),)
+    assert scene.replace(transfer_function=GRAY).groups == ((field, other),)
+    assert ss.Scene(field, [GRAY]).groups == ((field,),)
+    assert ss.Scene([[field, other]], RED).groups == ((field, other),)
+    assert ss.Scene([field, other], np.asarray(RED)).groups == ((field, other),)
+
+
+@pytest.mark.parametrize(
+    ("groups", "functions", "parts"),
+    [
+        (2, [GRAY], ("groups of fields: 2, transfer functions: 1", "Scene([a, b], tf)")),
+        (1, [GRAY, RED], ("groups of fields: 1, transfer functions: 2",)),
+        (3, [GRAY, RED], ("groups of fields: 3, transfer functions: 2",)),
+    ],
+)
+def test_groups_and_transfer_functions_fit_together(field, groups, functions, parts):
+    with pytest.raises(ss.InvalidInput) as error:
+        ss.Scene([field] * groups, functions)
+    assert all(part in str(error.value) for part in parts)
+
+
+def test_groups_need_fields(field):
+    with pytest.raises(ss.InvalidInput, match="group 1 of field"):
+        ss.Scene([[field], []], [GRAY, RED])
+    with pytest.raises(ss.InvalidInput, match="group 0 of field"):
+        ss.Scene([[field, None], field], [GRAY, RED])
+    with pytest.raises(ss.InvalidInput, match="groups of fields: 2, transfer functions: 1"):
+        ss.Scene([[field], field], GRAY)
+    with pytest.raises(ss.InvalidInput, match="2 transfer functions"):
+        ss.Scene([field, field], [GRAY, RED], preintegration="second_order")
+
+
+@pytest.mark.parametrize(
+    ("options", "found"),
+    [
+        ({"transfer_function": [GRAY, RED]}, "2 transfer functions"),
+        ({"mode": "isosurface", "iso_value": [(0.2, 1), (0.4, 1)]}, "2 iso values"),
+        ({"mode": "isosurface", "iso_value": [(0.2, 0.5)]}, "a surface of opacity 0.5"),
+        ({"mode": "isosurface", "iso_value": 0.3, "shadows": True, "lights": ss.Light()}, "shadows of surfaces"),
+        (
+            {"mode": "isosurface", "iso_value": 0.3, "ambient_occlusion": ss.AmbientOcclusion(1)},
+            "ambient occlusion by surfaces",
+        ),
+        ({"mode": "minimum"}, "mode minimum"),
+        ({"mode": "average"}, "mode average"),
+    ],
+)
+@pytest.mark.parametrize("backend", ["cpu", "auto"])
+def test_what_only_the_reference_draws_names_it(field, options, found, backend):
+    scene = ss.Scene([field, field], GRAY).replace(**options)
+    camera = ss.Camera.fit(field)
+    with pytest.raises(ss.Unsupported) as error:
+        ss.Renderer(backend).render(scene, camera, size=(8, 8))
+    assert found in str(error.value) and 'backend="reference"' in str(error.value)
+    assert ss.Renderer("reference").plan(scene, camera, size=(8, 8)).backend == "reference"
+
+
+def test_scalars_of_groups_add_up(field):
+    camera = ss.Camera.fit(field)
+    together = ss.Scene([field, field], GRAY, mode="xray")
+    apart = together.replace(transfer_function=[GRAY, RED])
+    for backend in ("cpu", "reference"):
+        pictures = [ss.Renderer(backend).render(scene, camera, size=(9, 8)).scalar for scene in (together, apart)]
+        assert pictures[0].max() > 0
+        np.testing.assert_array_equal(*pictures)
 
 
 @pytest.mark.parametrize("field", [None, [], "bonsai.nrrd", np.zeros((2, 2, 2)), [None]])

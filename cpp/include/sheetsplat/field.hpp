@@ -40,6 +40,8 @@ struct Kernel {
     [[nodiscard]] double edge() const { return std::exp(-falloff); }
     /// 1 / (1 - exp(-k)) without loss of digits for small k.
     [[nodiscard]] double gain() const { return -1.0 / std::expm1(-falloff); }
+    /// Standard deviations of the Gaussian from the centre to the end of the support.
+    [[nodiscard]] double deviations() const { return std::sqrt(2.0 * falloff); }
     /// Integral of g over the unit ball (closed form with erf).
     [[nodiscard]] double unit_mass() const;
 };

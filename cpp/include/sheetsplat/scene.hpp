@@ -16,7 +16,7 @@ enum class Sampling {
     slab,  ///< a slice holds the mean over its slab along the pixel's ray ([NM05])
 };
 
-enum class Mode { composite, isosurface, xray, mip };
+enum class Mode { composite, isosurface, xray, mip, minimum, average };
 
 enum class LightSpace { eye, world };
 
@@ -79,15 +79,42 @@ struct Material {
     bool two_sided = false;
 };
 
+/// A value of mode isosurface, and how opaque its surface is.
+struct IsoValue {
+    IsoValue(double value_of_surface, double opacity_of_surface = 1.0)
+        : value(value_of_surface), opacity(opacity_of_surface) {}
+    double value;
+    double opacity; ///< 0 to 1
+
+    friend bool operator==(const IsoValue& a, const IsoValue& b) {
+        return a.value == b.value && a.opacity == b.opacity;
+    }
+};
+
+/// Fields of a scene whose scalars add up before the transfer function classifies the sum (section 4).
+struct Group {
+    std::size_t first; ///< Scene::fields[first] ... Scene::fields[last - 1]
+    std::size_t last;
+    const TransferFunction* transfer_function; ///< the scene's: valid while that is
+};
+
 /// Everything about a picture but the camera and its size.
 struct Scene {
-    std::vector<std::shared_ptr<const Field>> fields;
-    TransferFunction transfer_function;
+    /// A group after the first one: its transfer function, and where in `fields` it begins. It ends where the next
+    /// group begins.
+    struct LaterGroup {
+        std::size_t first_field;
+        TransferFunction transfer_function;
+    };
+
+    std::vector<std::shared_ptr<const Field>> fields; ///< of all groups, one group after the other
+    TransferFunction transfer_function;               ///< of the first group
+    std::vector<LaterGroup> later_groups{};
     std::optional<double> slice_spacing{}; ///< world units
     Sampling sampling = Sampling::point;
     std::optional<double> reference_length{}; ///< world units
     Mode mode = Mode::composite;
-    std::optional<double> iso_value{};
+    std::vector<IsoValue> iso_values{}; ///< mode isosurface needs at least one
     std::vector<Light> lights{};
     Material material{};
     double opacity_stop = 0.98;  ///< 1 = never
@@ -102,6 +129,8 @@ struct Scene {
     std::optional<AmbientOcclusion> ambient_occlusion{};
     std::optional<Vec3> background{};
 
+    /// All groups, the first one included. In scalar modes the scalars of all groups add up.
+    [[nodiscard]] std::vector<Group> groups() const;
     /// The default slice distance of all fields: the smallest of theirs; 1 where no field has a kernel.
     [[nodiscard]] double default_slice_spacing() const;
     [[nodiscard]] double slice_distance() const { return slice_spacing.value_or(default_slice_spacing()); }

@@ -99,6 +99,9 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
     if (picture.coverage != nullptr && window.n >= 0) {
         add(window.weight[0], shading.coverage_step, picture.coverage);
     }
+    if (shading.open_front && window.n < 0) {
+        return;
+    }
     if (shading.mode == Mode::xray) {
         add(window.rho[1], shading.scalar_step, picture.scalar);
     } else if (shading.mode == Mode::mip) {

@@ -114,6 +114,7 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.perspective = frame.projection == Projection::perspective;
     shading.preintegration = plan.preintegration;
     shading.empty_test = plan.empty_test;
+    shading.open_front = plan.open_front;
     shading.correct = plan.opacity_correction;
     shading.exponent = static_cast<T>(inputs.exponent);
     // Of isosurfaces every pixel that has one is opaque.
@@ -140,6 +141,7 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.weakest_gradient = inputs.weakest_gradient;
 
     shading.first_depth = frame.first_depth;
+    shading.nearest_depth = frame.depth_of(frame.first_met);
     shading.slice_spacing = frame.slice_spacing;
     shading.axis_x = 0.5 * (frame.size.width - 1);
     shading.axis_y = 0.5 * (frame.size.height - 1);

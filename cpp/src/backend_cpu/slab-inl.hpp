@@ -54,6 +54,12 @@ struct Slab {
         return shading.first_depth + static_cast<double>(window.n) * shading.slice_spacing;
     }
 
+    /// What the picture reports as the depth of slice n, or of the interval behind it.
+    [[nodiscard]] double reported_depth() const {
+        return shading.preintegration ? std::max(depth() + 0.5 * shading.slice_spacing, shading.nearest_depth)
+                                      : depth();
+    }
+
     /// Planes are read and written in whole cache lines.
     [[nodiscard]] int first_column() const { return window.rect.x0 / lanes * lanes; }
     /// Lanes that are inside of the rectangle: right of it sheets have borders and paddings.
@@ -114,9 +120,9 @@ struct Slab {
         if (picture.depth != nullptr) {
             const V half = hn::Set(d, T(0.5));
             const auto reached_half = hn::And(visible, hn::And(hn::Lt(so_far, half), hn::Ge(opacity, half)));
-            hn::StoreU(
-                hn::IfThenElse(reached_half, hn::Set(d, static_cast<T>(depth())), hn::LoadU(d, picture.depth + at)), d,
-                picture.depth + at);
+            hn::StoreU(hn::IfThenElse(reached_half, hn::Set(d, static_cast<T>(reported_depth())),
+                                      hn::LoadU(d, picture.depth + at)),
+                       d, picture.depth + at);
         }
         end_pixels(d, y, hn::And(visible, hn::Ge(opacity, hn::Set(d, shading.stop))));
     }

@@ -164,7 +164,7 @@ gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 28> switches{{
+    const std::array<std::pair<const char*, bool>, 29> switches{{
         {"CLASSIFY", plan.mode == Mode::composite},
         {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
         {"MODE_XRAY", plan.mode == Mode::xray},
@@ -186,6 +186,7 @@ gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
         {"PREINTEGRATION", plan.preintegration},
         {"SECOND_ORDER", plan.second_order},
         {"CLIP", plan.clip},
+        {"OPEN_FRONT", plan.open_front},
         {"GRADIENT_OPACITY", plan.gradient_opacity},
         {"DEPTH_CUE", plan.depth_cue},
         {"SHADOWS", plan.shadows},

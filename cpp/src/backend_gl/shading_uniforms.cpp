@@ -15,6 +15,7 @@ void set_places(const gl::Program& program, const TileScope& scope, std::int64_t
     program.set("first_depth", f(frame.depth_of(first_slab)));
     program.set("slice_spacing", f(frame.slice_spacing));
     program.set("first_slab", static_cast<int>(first_slab));
+    program.set("nearest_slab", static_cast<int>(frame.first_met - first_slab));
     program.set("last_slab", static_cast<int>(frame.slices - 1));
 }
 

@@ -88,15 +88,14 @@ bool may_cull(const DrawPlan& plan) {
            !(plan.mode == Mode::isosurface && (plan.shadows || plan.ambient_occlusion));
 }
 
-VisibilityQuery query_of(const Scene& scene, const DrawPlan& plan, const Frame& frame) {
+VisibilityQuery query_of(const Field& field, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
     const double slant = frame.largest_slant();
     VisibilityQuery query;
     query.transfer_function = is_scalar(plan.mode) ? nullptr : &scene.transfer_function;
     query.weights_matter = plan.weight || !plan.culling;
-    // A filter makes kernels as large as a pixel is at their own depth, which has no bound behind the eye.
-    query.cull = may_cull(plan) && !(plan.filter && frame.cut_by_near);
+    query.cull = may_cull(plan);
     query.isosurface = plan.mode == Mode::isosurface;
-    query.iso_value = scene.iso_value.value_or(0.0);
+    query.iso_value = scene.iso_values.empty() ? 0.0 : scene.iso_values.front().value;
     query.alone = scene.fields.size() == 1;
     query.reach_world = slices_beyond(plan) * frame.slice_spacing * slant;
     if (plan.gradient) {
@@ -104,7 +103,9 @@ VisibilityQuery query_of(const Scene& scene, const DrawPlan& plan, const Frame& 
     }
     if (plan.filter) {
         // Twice what it widens a support by, in any direction, at depths a little beyond the last slice too.
-        query.reach_world += 4.0 * (2.0 * frame.largest_pixel() + frame.slice_spacing);
+        const FilterWidth width =
+            filter_width(frame, field.kernel(), frame.depth_of(std::max<std::int64_t>(frame.slices, 1) - 1));
+        query.reach_world += 4.0 * (2.0 * width.across + width.along);
     }
     return query;
 }
@@ -131,7 +132,7 @@ bool Decision::answers(const VisibilityQuery& other) const {
 
 const RunsEntry& FieldIndex::runs_of(const std::shared_ptr<const Field>& field, const Scene& scene,
                                      const DrawPlan& plan, const Frame& frame) {
-    VisibilityQuery query = query_of(scene, plan, frame);
+    VisibilityQuery query = query_of(*field, scene, plan, frame);
     const auto found = std::find_if(runs_.begin(), runs_.end(),
                                     [&](const std::unique_ptr<RunsEntry>& entry) { return entry->field == field; });
     if (found != runs_.end()) {
@@ -182,7 +183,7 @@ const GridEntry& FieldIndex::grid_of(const std::shared_ptr<const Field>& field, 
     if (plan.summary.backend == Backend::gl && !entry->starts && entry->kernels->size() <= most_start_cells) {
         entry->starts = std::make_unique<StartCells>(StartCells::of(*entry->kernels, entry->grid));
     }
-    VisibilityQuery query = query_of(scene, plan, frame);
+    VisibilityQuery query = query_of(*field, scene, plan, frame);
     if (entry->decided) {
         if (entry->decided->answers(query)) {
             return *entry;

@@ -44,14 +44,21 @@ void check_finite(const std::vector<float>& sums, const char* advice) {
     }
 }
 
+TransferFunction with_colors_times(const TransferFunction& function, double factor) {
+    std::vector<TransferPoint> points = function.points();
+    for (TransferPoint& point : points) {
+        point.color *= factor;
+    }
+    return TransferFunction(std::move(points));
+}
+
 /// The same scene without lights for a material that reflects ambient light only: the colours hold its coefficient.
 Scene with_ambient_colors(const Scene& scene) {
     Scene drawn = scene;
-    std::vector<TransferPoint> points = scene.transfer_function.points();
-    for (TransferPoint& point : points) {
-        point.color *= scene.material.ambient;
+    drawn.transfer_function = with_colors_times(scene.transfer_function, scene.material.ambient);
+    for (Scene::LaterGroup& group : drawn.later_groups) {
+        group.transfer_function = with_colors_times(group.transfer_function, scene.material.ambient);
     }
-    drawn.transfer_function = TransferFunction(std::move(points));
     drawn.lights.clear();
     return drawn;
 }

@@ -41,10 +41,19 @@ bool same(const Clip& a, const Clip& b) {
                       });
 }
 
-bool same(const Scene& a, const Scene& b) {
+/// Fields, their groups and these groups' transfer functions.
+static bool same_groups(const Scene& a, const Scene& b) {
     return a.fields == b.fields && same(a.transfer_function.points(), b.transfer_function.points()) &&
-           a.slice_spacing == b.slice_spacing && a.sampling == b.sampling && a.reference_length == b.reference_length &&
-           a.mode == b.mode && a.iso_value == b.iso_value &&
+           std::equal(a.later_groups.begin(), a.later_groups.end(), b.later_groups.begin(), b.later_groups.end(),
+                      [](const Scene::LaterGroup& one, const Scene::LaterGroup& other) {
+                          return one.first_field == other.first_field &&
+                                 same(one.transfer_function.points(), other.transfer_function.points());
+                      });
+}
+
+bool same(const Scene& a, const Scene& b) {
+    return same_groups(a, b) && a.slice_spacing == b.slice_spacing && a.sampling == b.sampling &&
+           a.reference_length == b.reference_length && a.mode == b.mode && a.iso_values == b.iso_values &&
            std::equal(a.lights.begin(), a.lights.end(), b.lights.begin(), b.lights.end(),
                       [](const Light& one, const Light& other) { return same(one, other); }) &&
            same(a.material, b.material) && a.opacity_stop == b.opacity_stop && a.preintegration == b.preintegration &&

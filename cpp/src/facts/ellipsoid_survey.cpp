@@ -52,17 +52,20 @@ EllipsoidFacts survey_ellipsoids(const EllipsoidField& field, const KernelFacts&
         return facts;
     }
     const bool perspective = frame.projection == Projection::perspective;
-    double widest = frame.pixel;
+    double widest = frame.pixel, farthest = 0.0;
     if (perspective) {
         // Depth of the farthest corner of the centres' box, before or behind the eye.
         const Box box = field.centres_world();
         const Vec3 back = camera.back_world();
         const double middle = glm::dot(box.centre() - camera.eye(), back);
         const double half = 0.5 * glm::dot(box.extent(), glm::abs(back));
-        widest *= std::abs(middle) + half;
+        farthest = std::abs(middle) + half;
+        widest *= farthest;
     }
     const double coarsest = std::max(widest, frame.slice_spacing);
-    facts.largest_change = coarsest * coarsest / (kernels.thinnest * kernels.thinnest);
+    const FilterWidth width = filter_width(frame, field.kernel(), farthest);
+    const double widening = std::max(width.across, width.along);
+    facts.largest_change = widening * widening / (kernels.thinnest * kernels.thinnest);
     facts.smallest_px = kernels.thinnest / widest;
     // A section spans the kernel both ways: below half a pixel or slice distance of radius it may fall between two.
     if (2.0 * kernels.thinnest >= coarsest) {

@@ -36,9 +36,9 @@ WeightFacts survey_weights(const EllipsoidField& field) {
     return survey(field, [](const Vec3&) { return 1.0; });
 }
 
-WeightFacts survey_filtered_weights(const EllipsoidField& field, double pixel, double slice_spacing) {
+WeightFacts survey_filtered_weights(const EllipsoidField& field, const FilterWidth& width) {
     return survey(field, [&](const Vec3& axes) {
-        return std::min(1.0, axes.x / pixel * (axes.y / pixel) * (axes.z / slice_spacing));
+        return std::min(1.0, axes.x / width.across * (axes.y / width.across) * (axes.z / width.along));
     });
 }
 

@@ -6,8 +6,10 @@
 #include <string>
 
 #include <glm/common.hpp>
+#include <glm/geometric.hpp>
 
 #include "base/checks.hpp"
+#include "base/poll.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -15,6 +17,33 @@ namespace sheetsplat {
 namespace {
 
 constexpr double most_slices = 1e7;
+
+/// Of the EWA filter, in pixels and in slice distances.
+constexpr double filter_deviation = 0.5;
+
+double filter_along(const Kernel& kernel, double slice_spacing) {
+    return filter_deviation * kernel.deviations() * slice_spacing;
+}
+
+/// How far the kernels of a field reach along a direction once they are widened by `more`, squares added.
+std::array<double, 2> filtered_reach(const Field& field, const Vec3& from, const Vec3& direction, double more) {
+    const auto widened = [more](const std::array<double, 2>& reach, double half) {
+        const double longer = std::hypot(half, more) - half;
+        return std::array<double, 2>{reach[0] - longer, reach[1] + longer};
+    };
+    if (const RegularField* regular = as_regular(&field)) {
+        return widened(field.reach_along(from, direction), glm::length(regular->semi_axes_world() * direction));
+    }
+    std::array<double, 2> all{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+    const EllipsoidField& ellipsoids = *as_ellipsoids(&field);
+    for (std::size_t i = 0; i < ellipsoids.size(); ++i) {
+        poll_at(i);
+        const std::array<double, 2> own = ellipsoids.reach_along(i, from, direction);
+        const std::array<double, 2> wider = widened(own, 0.5 * (own[1] - own[0]));
+        all = {std::min(all[0], wider[0]), std::max(all[1], wider[1])};
+    }
+    return all;
+}
 
 } // namespace
 
@@ -49,6 +78,12 @@ Box supports_world(const Scene& scene) {
     return all;
 }
 
+FilterWidth filter_width(const Frame& frame, const Kernel& kernel, double depth) {
+    const double pixel =
+        frame.projection == Projection::perspective ? frame.pixel * std::max(depth, frame.near) : frame.pixel;
+    return {filter_deviation * kernel.deviations() * pixel, filter_along(kernel, frame.slice_spacing)};
+}
+
 Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reach& reach) {
     if (size.width < 1 || size.height < 1) {
         throw InvalidInput(
@@ -76,25 +111,26 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reac
             continue;
         }
         // Depth runs against the eye's z.
-        const auto [behind, ahead] = reach ? reach(*field, camera.eye(), camera.back_world())
-                                           : field->reach_along(camera.eye(), camera.back_world());
-        // A filter makes kernels up to a slice distance deeper.
-        const double more = scene.filter == Filter::ewa ? scene.slice_distance() : 0.0;
-        const double low = -ahead - more, high = -behind + more;
-        nearest = std::min(nearest, low);
-        farthest = std::max(farthest, high);
+        const auto [behind, ahead] = scene.filter == Filter::ewa
+                                         ? filtered_reach(*field, camera.eye(), camera.back_world(),
+                                                          filter_along(field->kernel(), frame.slice_spacing))
+                                     : reach ? reach(*field, camera.eye(), camera.back_world())
+                                             : field->reach_along(camera.eye(), camera.back_world());
+        nearest = std::min(nearest, -ahead);
+        farthest = std::max(farthest, -behind);
     }
     const double spacing = frame.slice_spacing;
     const double centre = -camera.to_eye(box.centre()).z;
-    // Slab n is [t_c + n ds, t_c + (n + 1) ds].
+    // Slab n is [t_c + n ds, t_c + (n + 1) ds]. Slabs that only touch a support are there too, but do not meet it.
     double first = std::ceil((nearest - centre) / spacing - 1.0);
     const double last = std::floor((farthest - centre) / spacing);
+    const double first_met = std::floor((nearest - centre) / spacing);
     if (camera.projection() == Projection::perspective) {
         double behind_near = std::floor((frame.near - centre) / spacing - 0.5) + 1.0;
         if (centre + (behind_near + 0.5) * spacing <= frame.near) {
             behind_near += 1.0;
         }
-        frame.cut_by_near = behind_near > first;
+        frame.cut_by_near = behind_near > first_met;
         first = std::max(first, behind_near);
     }
     const double count = last - first + 1.0;
@@ -119,6 +155,7 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reac
     }
     frame.slices = count < 1.0 ? 0 : static_cast<std::int64_t>(count);
     frame.first_slice = static_cast<std::int64_t>(first);
+    frame.first_met = static_cast<std::int64_t>(std::max(0.0, first_met - first));
     frame.first_depth = centre + (first + 0.5) * spacing;
     return frame;
 }

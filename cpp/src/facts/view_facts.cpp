@@ -18,6 +18,7 @@ FrameFacts frame_facts(const Frame& frame) {
     facts.smallest_pixel = frame.slices > 0 ? frame.smallest_pixel() : frame.reference_length;
     facts.largest_pixel = frame.largest_pixel();
     facts.largest_slant = frame.largest_slant();
+    facts.cut_by_near = frame.cut_by_near;
     // A crossing or an interval ends beyond its slice.
     facts.farthest_depth = frame.depth_of(frame.slices);
     return facts;
@@ -28,7 +29,9 @@ void add_lattice(const RegularField& field, const Camera& camera, const Frame& f
     facts.shapes.sheared = facts.shapes.sheared || section.sheared;
     const Vec3 axes = field.semi_axes_world();
     const double thinnest = std::min({axes.x, axes.y, axes.z});
-    const double coarse = std::max(frame.largest_pixel(), frame.slice_spacing);
+    const FilterWidth width =
+        filter_width(frame, field.kernel(), frame.depth_of(std::max<std::int64_t>(frame.slices, 1) - 1));
+    const double coarse = std::max(width.across, width.along);
     facts.shapes.largest_filtering = std::max(facts.shapes.largest_filtering, coarse * coarse / (thinnest * thinnest));
     facts.kernels.unresolved +=
         2.0 * thinnest < std::max(frame.smallest_pixel(), frame.slice_spacing) ? field.size() : 0;
@@ -77,7 +80,7 @@ void add_ellipsoids(const EllipsoidField& field, const FieldSurvey& survey, cons
         facts.weights.emplace(
             &field, scene.filter == Filter::none
                         ? *survey.weights
-                        : survey_filtered_weights(field, facts.frame.smallest_pixel, facts.frame.slice_spacing));
+                        : survey_filtered_weights(field, filter_width(frame, field.kernel(), frame.first_depth)));
     }
 }
 

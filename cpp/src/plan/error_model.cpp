@@ -215,8 +215,11 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
         -std::expm1(std::log1p(-std::min(opacity, largest_absorbed)) * length / view.frame.reference_length);
     double brightest = 0.0;
     const bool surface = scene.mode == Mode::isosurface;
-    for (const TransferPoint& point : surface ? std::vector<TransferPoint>{scene.transfer_function.at(*scene.iso_value)}
-                                              : scene.transfer_function.points()) {
+    std::vector<TransferPoint> shown = surface ? std::vector<TransferPoint>{} : scene.transfer_function.points();
+    for (const IsoValue& iso : surface ? scene.iso_values : std::vector<IsoValue>{}) {
+        shown.push_back(scene.transfer_function.at(iso.value));
+    }
+    for (const TransferPoint& point : shown) {
         brightest = std::max({brightest, std::abs(point.color.x), std::abs(point.color.y), std::abs(point.color.z)});
     }
     // Grids follow what changes over several steps.

@@ -55,20 +55,53 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
     if (is_scalar(scene.mode)) {
         return shows;
     }
-    const Range values = occurring_values(scene, view);
-    if (scene.mode == Mode::isosurface) {
-        const double iso = scene.iso_value.value_or(0.0);
-        shows.anything = values.lower < iso && iso <= values.upper;
-        shows.opacity = most_opaque(scene.transfer_function, values);
-        shows.why_nothing =
-            "no value crosses the iso value: they lie between " + number(values.lower) + " and " + number(values.upper);
-        return shows;
+    const bool surface = scene.mode == Mode::isosurface;
+    std::string ranges;
+    shows.opacity = 0.0;
+    for (const Group& group : scene.groups()) {
+        const Range values = occurring_values(scene, view, group);
+        if (surface) {
+            for (const IsoValue& iso : scene.iso_values) {
+                const bool crossed = values.lower < iso.value && iso.value <= values.upper;
+                shows.opacity = std::max(shows.opacity, crossed ? iso.opacity : 0.0);
+            }
+        } else {
+            shows.opacity = std::max(shows.opacity, most_opaque(*group.transfer_function, values));
+        }
+        ranges += (ranges.empty() ? "" : "; ") + number(values.lower) + " to " + number(values.upper);
     }
-    shows.opacity = most_opaque(scene.transfer_function, values);
     shows.anything = shows.opacity > 0.0;
-    shows.why_nothing =
-        "opacity is 0 over all values that can occur, " + number(values.lower) + " to " + number(values.upper);
+    shows.why_nothing = (surface ? "no value crosses an iso value with an opacity: they lie in the range "
+                                 : "opacity is 0 over all values that can occur, ") +
+                        ranges;
     return shows;
+}
+
+/// What only the reference draws.
+void refuse_what_only_the_reference_draws(const Scene& scene, Backend backend) {
+    const auto refuse = [&](const std::string& found, const Words& wanted) {
+        throw Unsupported(Complaint{std::string("the scene cannot be drawn with backend ") + to_string(backend), found,
+                                    wanted, "use " + option_ref("backend", "reference")});
+    };
+    if (!is_scalar(scene.mode) && !scene.later_groups.empty()) {
+        refuse(text_of_count(scene.later_groups.size() + 1) + " transfer functions",
+               "one transfer function for all fields");
+    }
+    if (scene.mode == Mode::isosurface && scene.iso_values.size() > 1) {
+        refuse(text_of_count(scene.iso_values.size()) + " iso values", "one iso value");
+    }
+    if (scene.mode == Mode::isosurface && scene.iso_values.front().opacity != 1.0) {
+        refuse("a surface of opacity " + number(scene.iso_values.front().opacity), "an opaque surface");
+    }
+    const bool shadowed = scene.shadows && !scene.lights.empty();
+    if (scene.mode == Mode::isosurface && (shadowed || scene.ambient_occlusion)) {
+        refuse(shadowed ? "shadows of surfaces" : "ambient occlusion by surfaces",
+               option_ref("mode", "composite") + ", or neither");
+    }
+    if (counts_weighted_slices(scene.mode)) {
+        refuse(std::string("mode ") + name_of(scene.mode),
+               option_ref("mode", "xray") + " or " + option_ref("mode", "mip"));
+    }
 }
 
 void state_fields(const Scene& scene, Effects& effects) {
@@ -89,6 +122,10 @@ void state_fields(const Scene& scene, Effects& effects) {
                   how);
     effects.state(EffectId::several_fields, scene.fields.size() > 1,
                   "the scalars of " + text_of_count(scene.fields.size(), "field") + " add up", "there is one field");
+    effects.state(EffectId::own_transfer_functions, !scene.later_groups.empty() && !is_scalar(scene.mode),
+                  text_of_count(scene.later_groups.size() + 1) + " transfer functions",
+                  scene.later_groups.empty() ? "one transfer function classifies all fields"
+                                             : "the mode shows the scalar itself");
 }
 
 void plan_clip(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
@@ -237,6 +274,9 @@ void plan_depth_cue(const Scene& scene, const ViewFacts& view, const SceneShows&
 
 DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                    Projection projection, Backend backend, const Capabilities* capabilities) {
+    if (backend != Backend::reference) {
+        refuse_what_only_the_reference_draws(scene, backend);
+    }
     DrawPlan plan;
     RenderPlan& summary = plan.summary;
     plan.projection = projection;
@@ -261,10 +301,15 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     effects.state(EffectId::classification, !scalar,
                   scalar ? "the mode shows the scalar itself" : "the mode shows colours");
     effects.state(EffectId::isosurface, scene.mode == Mode::isosurface,
-                  "the mode shows the first crossing of the iso value", "the mode is not isosurface");
+                  "the mode shows crossings of iso values", "the mode is not isosurface");
     state_fields(scene, effects);
-    const bool visible_at_zero = !scene.transfer_function.transparent_over(0.0, 0.0) && scene.mode == Mode::composite;
+    const std::vector<Group> groups = scene.groups();
+    const bool visible_at_zero =
+        scene.mode == Mode::composite && std::any_of(groups.begin(), groups.end(), [](const Group& group) {
+            return !group.transfer_function->transparent_over(0.0, 0.0);
+        });
     plan.threshold = threshold;
+    plan.open_front = scene.mode == Mode::isosurface && view.frame.cut_by_near;
     plan.coverage = outputs.coverage;
     plan.depth = outputs.depth && !scalar;
     plan.empty_test = effects.decide(EffectId::empty_test, visible_at_zero,
@@ -272,10 +317,12 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                      : scalar        ? "empty points count as 0"
                                                      : "a scalar of 0 is transparent anyway",
                                      true);
-    const bool weight = threshold || outputs.coverage || plan.empty_test;
+    const bool counted = counts_weighted_slices(scene.mode);
+    const bool weight = threshold || outputs.coverage || plan.empty_test || counted;
     plan.weight = effects.decide(EffectId::weight, weight,
                                  threshold          ? "rho is divided by the weight sum"
                                  : outputs.coverage ? "coverage is the weight sum"
+                                 : counted          ? "only slices where the weight sum is above 0 count"
                                  : plan.empty_test  ? "only the weight tells an empty point from one whose sum is 0"
                                                     : "no division by weights, no coverage, and opacity at 0 is 0",
                                  true) ||
@@ -338,16 +385,19 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                                      : shows.why_nothing);
     plan_depth_cue(scene, view, shows, effects, plan);
     const bool saturates = !scalar && shows.anything && saturates_within(scene, view, view.frame.slices, shows.opacity);
-    const bool stops = saturates && (scene.opacity_stop < 1.0 || scene.mode == Mode::isosurface);
-    plan.stop = effects.decide(EffectId::opacity_stop, stops && scene.mode == Mode::composite,
-                               scalar                           ? "the mode has no opacity"
-                               : scene.mode == Mode::isosurface ? "an isosurface is opaque at its first crossing"
-                               : !shows.anything                ? shows.why_nothing
-                               : stops                          ? "opacity can reach opacity_stop"
-                               : saturates                      ? "opacity_stop is 1"
-                                           : "opacity cannot reach opacity_stop with this transfer function",
+    const bool opaque_surfaces =
+        scene.mode == Mode::isosurface && std::all_of(scene.iso_values.begin(), scene.iso_values.end(),
+                                                      [](const IsoValue& iso) { return iso.opacity == 1.0; });
+    const bool stops = saturates && (scene.opacity_stop < 1.0 || opaque_surfaces);
+    plan.stop = effects.decide(EffectId::opacity_stop, stops && !opaque_surfaces,
+                               scalar            ? "the mode has no opacity"
+                               : opaque_surfaces ? "an isosurface is opaque at its first crossing"
+                               : !shows.anything ? shows.why_nothing
+                               : stops           ? "opacity can reach opacity_stop"
+                               : saturates       ? "opacity_stop is 1"
+                                                 : "opacity cannot reach opacity_stop with this transfer function",
                                true) &&
-                scene.mode == Mode::composite;
+                !opaque_surfaces;
 
     effects.state(EffectId::background, scene.background.has_value() && !scalar,
                   scene.background ? "a background was given" : "no background was given");

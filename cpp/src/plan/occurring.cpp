@@ -52,9 +52,13 @@ Range along(const Box& box, const Vec3& normal) {
 } // namespace
 
 Range occurring_values(const Scene& scene, const ViewFacts& view) {
+    return occurring_values(scene, view, {0, scene.fields.size(), &scene.transfer_function});
+}
+
+Range occurring_values(const Scene& scene, const ViewFacts& view, const Group& group) {
     Range sum;
-    for (const auto& field : scene.fields) {
-        const Range one = values_of(*field, scene, view);
+    for (std::size_t field = group.first; field < group.last; ++field) {
+        const Range one = values_of(*scene.fields[field], scene, view);
         sum.lower += one.lower;
         sum.upper += one.upper;
     }

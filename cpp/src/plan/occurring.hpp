@@ -11,8 +11,10 @@ struct Range {
     double lower = 0.0, upper = 0.0;
 };
 
-/// Values of rho that slices and intervals between them can have, 0 beyond the supports included.
+/// Values of the rho of all fields, or of a group's, that slices and intervals between them can have, 0 beyond the
+/// supports included.
 Range occurring_values(const Scene& scene, const ViewFacts& view);
+Range occurring_values(const Scene& scene, const ViewFacts& view, const Group& group);
 
 /// Largest opacity of a transfer function over a range.
 double most_opaque(const TransferFunction& function, const Range& values);

@@ -152,7 +152,26 @@ ColorOpacity look_up(const TransferFunction& function, double value) {
 
 double opacity_over(double opacity, double lengths) { return -std::expm1(lengths * std::log1p(-opacity)); }
 
-ColorOpacity preintegrate(const TransferFunction& function, double front, double back, double lengths) {
+double extinction_of(double opacity) { return -std::log1p(-std::min(opacity, largest_opacity)); }
+
+void Mixture::add(const Vec3& color, double extinction, double weight) {
+    parts_.push_back({color, weight});
+    extinction_ += extinction;
+    weight_ += weight;
+}
+
+double Mixture::opacity() const { return -std::expm1(-extinction_); }
+
+Vec3 Mixture::color() const {
+    Vec3 sum(0.0);
+    for (const Part& part : parts_) {
+        // The share of a single part is exactly 1.
+        sum += part.weight / weight_ * part.color;
+    }
+    return sum;
+}
+
+ColorExtinction mean_over_ramp(const TransferFunction& function, double front, double back) {
     Means means;
     if (front == back) {
         const ColorOpacity looks = look_up(function, front);
@@ -163,7 +182,12 @@ ColorOpacity preintegrate(const TransferFunction& function, double front, double
     if (means.extinction <= 0.0) {
         return {};
     }
-    return {means.emission / means.extinction, -std::expm1(-lengths * means.extinction)};
+    return {means.emission / means.extinction, means.extinction};
+}
+
+ColorOpacity preintegrate(const TransferFunction& function, double front, double back, double lengths) {
+    const ColorExtinction mean = mean_over_ramp(function, front, back);
+    return {mean.color, -std::expm1(-lengths * mean.extinction)};
 }
 
 ColorOpacity preintegrate_second_order(const TransferFunction& function, const std::array<double, 4>& rho,

@@ -16,6 +16,11 @@ constexpr double never = std::numeric_limits<double>::infinity();
 
 } // namespace
 
+std::vector<Group> groups_drawn(const Scene& scene) {
+    return is_scalar(scene.mode) ? std::vector<Group>{{0, scene.fields.size(), &scene.transfer_function}}
+                                 : scene.groups();
+}
+
 bool calls_for_gradients(const Scene& scene) {
     return !is_scalar(scene.mode) && (!scene.lights.empty() || scene.gradient_opacity.has_value());
 }
@@ -24,12 +29,19 @@ Compositor::Compositor(const Scene& scene, const Screen& screen, const Slices& s
                        const Clipping& clipping, const Surroundings* surroundings, const Request& request,
                        const Nudge& nudge)
     : scene_(scene), screen_(screen), slices_(slices), shader_(shader), clipping_(clipping),
-      surroundings_(surroundings), needs_gradient_(calls_for_gradients(scene)),
-      rho_shift_(nudge.rho * (scene.transfer_function.v_max() - scene.transfer_function.v_min())),
-      stop_(scene.opacity_stop + nudge.stop), reference_distance_(scene.reference_distance()) {
+      surroundings_(surroundings), needs_gradient_(calls_for_gradients(scene)), groups_(groups_drawn(scene)),
+      nudge_(nudge.rho), stop_(scene.opacity_stop + nudge.stop), reference_distance_(scene.reference_distance()) {
+    for (const Group& group : groups_) {
+        rho_shifts_.push_back(nudge.rho * (group.transfer_function->v_max() - group.transfer_function->v_min()));
+    }
     const std::size_t pixels = static_cast<std::size_t>(screen.width()) * static_cast<std::size_t>(screen.height());
     picture_.size = {screen.width(), screen.height()};
-    (is_scalar(scene.mode) ? picture_.scalar : picture_.rgba).assign(is_scalar(scene.mode) ? pixels : 4 * pixels, 0.0);
+    if (is_scalar(scene.mode)) {
+        picture_.scalar.assign(pixels, scene.mode == Mode::minimum ? never : 0.0);
+    } else {
+        picture_.rgba.assign(4 * pixels, 0.0);
+    }
+    counts_.assign(scene.mode == Mode::average ? pixels : 0, 0.0);
     picture_.coverage.assign(request.coverage ? pixels : 0, 0.0);
     picture_.depth.assign(request.depth ? pixels : 0, never);
     picture_.first_slice = slices.first;
@@ -52,7 +64,9 @@ void Compositor::add(const SheetWindow& window, const std::function<void()>& pol
             if (is_scalar(scene_.mode)) {
                 add_scalar(window, pixel);
             } else if (scene_.mode == Mode::isosurface) {
-                add_crossing(window, pixel);
+                add_crossings(window, pixel);
+            } else if (scene_.second_order) {
+                add_second_order_interval(window, pixel);
             } else if (scene_.preintegration) {
                 add_interval(window, pixel);
             } else {
@@ -66,82 +80,136 @@ void Compositor::add_coverage(const SheetWindow& window, const Pixel& pixel) {
     if (!kept(window, pixel, 0)) {
         return;
     }
-    const Sheet& here = *window.sheets[1];
-    picture_.coverage[pixel.number] +=
-        here.weight[here.index(pixel.column, pixel.row)] * slices_.spacing * screen_.secant(pixel.column, pixel.row);
+    double weight = 0.0;
+    for (std::size_t group = 0; group < groups_.size(); ++group) {
+        const View view{window, pixel, group};
+        weight += view.sheet(0).weight[view.index()];
+    }
+    picture_.coverage[pixel.number] += weight * slices_.spacing * screen_.secant(pixel.column, pixel.row);
 }
 
 void Compositor::add_slice(const SheetWindow& window, const Pixel& pixel) {
-    if (stopped(pixel) || !open(window, pixel, 0)) {
-        return;
-    }
-    const ColorOpacity looks = look_up(scene_.transfer_function, rho(window, pixel, 0) + rho_shift_);
-    if (looks.opacity == 0.0) {
-        return;
-    }
-    const Vec3 slope = needs_gradient_ ? gradient(window, pixel, 0) : Vec3(0.0);
-    const double alpha = opacity_over(looks.opacity * gradient_share(slope), pixel.lengths);
-    if (alpha == 0.0) {
+    if (stopped(pixel) || !kept(window, pixel, 0)) {
         return;
     }
     const double depth = slices_.depth(window.n);
-    put_behind(pixel, shaded(pixel, looks.color, slope, depth), alpha, depth);
+    Mixture mixture;
+    for (std::size_t group = 0; group < groups_.size(); ++group) {
+        const View view{window, pixel, group};
+        if (!view.reached(0)) {
+            continue;
+        }
+        const ColorOpacity looks = look_up(*groups_[group].transfer_function, view.rho(0) + rho_shifts_[group]);
+        if (looks.opacity == 0.0) {
+            continue;
+        }
+        const Vec3 slope = needs_gradient_ ? gradient(view, 0) : Vec3(0.0);
+        const double opacity = looks.opacity * gradient_share(slope);
+        const double extinction = -pixel.lengths * std::log1p(-opacity);
+        if (extinction > 0.0) {
+            mixture.add(shaded(view, looks.color, slope, depth), extinction, extinction_of(opacity));
+        }
+    }
+    put_behind(pixel, mixture.color(), mixture.opacity(), depth);
 }
 
 void Compositor::add_interval(const SheetWindow& window, const Pixel& pixel) {
-    if (stopped(pixel) || !(open(window, pixel, 0) || open(window, pixel, 1))) {
+    if (stopped(pixel)) {
         return;
     }
-    const Vec3 slope = needs_gradient_ ? 0.5 * (gradient(window, pixel, 0) + gradient(window, pixel, 1)) : Vec3(0.0);
-    // mean(tau) times a share over a length is mean(tau) over the length times the share.
-    const double lengths = pixel.lengths * gradient_share(slope);
-    std::array<double, 4> values{};
-    for (std::size_t n = 0; n < values.size(); ++n) {
-        const Sheet& sheet = *window.sheets[n];
-        values[n] = sheet.rho[sheet.index(pixel.column, pixel.row)] + rho_shift_;
+    Mixture mixture;
+    for (std::size_t group = 0; group < groups_.size(); ++group) {
+        const View view{window, pixel, group};
+        if (!open_interval(view)) {
+            continue;
+        }
+        const Vec3 slope = gradient_of_interval(view);
+        const ColorExtinction mean = mean_over_ramp(*groups_[group].transfer_function, view.rho(0) + rho_shifts_[group],
+                                                    view.rho(1) + rho_shifts_[group]);
+        // mean(tau) times a share over a length is mean(tau) over the length times the share.
+        const double extinction = pixel.lengths * gradient_share(slope) * mean.extinction;
+        if (extinction > 0.0) {
+            mixture.add(shaded(view, mean.color, slope, middle_of_interval(window)), extinction, extinction);
+        }
     }
-    const ColorOpacity looks = scene_.second_order
-                                   ? preintegrate_second_order(scene_.transfer_function, values, lengths)
-                                   : preintegrate(scene_.transfer_function, values[1], values[2], lengths);
-    if (looks.opacity == 0.0) {
-        return;
-    }
-    const double front = slices_.depth(window.n);
-    put_behind(pixel, shaded(pixel, looks.color, slope, front + 0.5 * slices_.spacing), looks.opacity, front);
+    put_behind(pixel, mixture.color(), mixture.opacity(), depth_of_interval(window));
 }
 
-void Compositor::add_crossing(const SheetWindow& window, const Pixel& pixel) {
-    if (picture_.rgba[4 * pixel.number + 3] > 0.0) {
+void Compositor::add_second_order_interval(const SheetWindow& window, const Pixel& pixel) {
+    // Scene::validate() allows it for one group only.
+    const View view{window, pixel, 0};
+    if (stopped(pixel) || !open_interval(view)) {
         return;
     }
-    const double iso = *scene_.iso_value;
-    const double front = rho(window, pixel, 0) + rho_shift_, back = rho(window, pixel, 1) + rho_shift_;
-    if ((front < iso) == (back < iso) || !kept(window, pixel, 0) || !kept(window, pixel, 1)) {
+    const Vec3 slope = gradient_of_interval(view);
+    std::array<double, 4> values{};
+    for (std::size_t n = 0; n < values.size(); ++n) {
+        values[n] = window.groups[0][n]->rho[view.index()] + rho_shifts_[0];
+    }
+    const ColorOpacity looks =
+        preintegrate_second_order(*groups_[0].transfer_function, values, pixel.lengths * gradient_share(slope));
+    if (looks.opacity > 0.0) {
+        put_behind(pixel, shaded(view, looks.color, slope, middle_of_interval(window)), looks.opacity,
+                   depth_of_interval(window));
+    }
+}
+
+std::vector<Compositor::Crossing> Compositor::find_crossings(const SheetWindow& window, const Pixel& pixel) const {
+    std::vector<Crossing> crossings;
+    for (std::size_t group = 0; group < groups_.size(); ++group) {
+        const View view{window, pixel, group};
+        const double front = view.rho(0) + rho_shifts_[group], back = view.rho(1) + rho_shifts_[group];
+        for (const IsoValue& iso : scene_.iso_values) {
+            if ((front < iso.value) != (back < iso.value)) {
+                crossings.push_back({(iso.value - front) / (back - front), group, &iso});
+            }
+        }
+    }
+    std::stable_sort(crossings.begin(), crossings.end(),
+                     [](const Crossing& a, const Crossing& b) { return a.share < b.share; });
+    return crossings;
+}
+
+void Compositor::add_crossings(const SheetWindow& window, const Pixel& pixel) {
+    // A cut is open: what the near plane removes may have any value.
+    const bool cut = slices_.cut_by_near && window.n == slices_.first - 1;
+    if (cut || stopped(pixel) || !kept(window, pixel, 0) || !kept(window, pixel, 1)) {
         return;
     }
-    const double share = (iso - front) / (back - front);
-    const Vec3 slope =
-        needs_gradient_ ? (1.0 - share) * gradient(window, pixel, 0) + share * gradient(window, pixel, 1) : Vec3(0.0);
-    const Vec3 color = look_up(scene_.transfer_function, iso).color;
-    const double depth = slices_.depth(window.n) + share * slices_.spacing;
-    put_behind(pixel, shaded(pixel, color, slope, depth), 1.0, depth);
+    for (const Crossing& crossing : find_crossings(window, pixel)) {
+        if (stopped(pixel)) {
+            return;
+        }
+        const View view{window, pixel, crossing.group};
+        const double share = crossing.share;
+        const Vec3 slope = needs_gradient_ ? (1.0 - share) * gradient(view, 0) + share * gradient(view, 1) : Vec3(0.0);
+        const Vec3 color = look_up(*groups_[crossing.group].transfer_function, crossing.iso->value).color;
+        const double depth = slices_.depth(window.n) + share * slices_.spacing;
+        put_behind(pixel, shaded(view, color, slope, depth), crossing.iso->opacity, depth);
+    }
 }
 
 void Compositor::add_scalar(const SheetWindow& window, const Pixel& pixel) {
-    if (!kept(window, pixel, 0)) {
+    const View view{window, pixel, 0};
+    if (!kept(window, pixel, 0) ||
+        (counts_weighted_slices(scene_.mode) && !(view.sheet(0).weight[view.index()] > 0.0))) {
         return;
     }
     double& value = picture_.scalar[pixel.number];
-    if (scene_.mode == Mode::xray) {
-        value += rho(window, pixel, 0) * slices_.spacing * screen_.secant(pixel.column, pixel.row);
-    } else {
-        value = std::max(value, rho(window, pixel, 0));
+    switch (scene_.mode) {
+    case Mode::xray:
+        value += view.rho(0) * slices_.spacing * screen_.secant(pixel.column, pixel.row);
+        break;
+    case Mode::minimum:
+        value = std::min(value, view.rho(0));
+        break;
+    case Mode::average:
+        value += view.rho(0);
+        counts_[pixel.number] += 1.0;
+        break;
+    default:
+        value = std::max(value, view.rho(0));
     }
-}
-
-double Compositor::rho(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const {
-    const Sheet& sheet = *window.sheets[1 + ahead];
-    return sheet.rho[sheet.index(pixel.column, pixel.row)];
 }
 
 bool Compositor::kept(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const {
@@ -149,19 +217,31 @@ bool Compositor::kept(const SheetWindow& window, const Pixel& pixel, std::size_t
     return clipping_.keeps(screen_.point(pixel.column, pixel.row, depth));
 }
 
-bool Compositor::open(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const {
-    const Sheet& sheet = *window.sheets[1 + ahead];
-    return sheet.reached[sheet.index(pixel.column, pixel.row)] != 0 && kept(window, pixel, ahead);
+bool Compositor::open_interval(const View& view) const {
+    return (view.reached(0) && kept(view.window, view.pixel, 0)) ||
+           (view.reached(1) && kept(view.window, view.pixel, 1));
 }
 
-Vec3 Compositor::gradient(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const {
+Vec3 Compositor::gradient(const View& view, std::size_t ahead) const {
     if (scene_.gradient == Gradient::analytic) {
-        const Sheet& sheet = *window.sheets[1 + ahead];
-        return sheet.gradient[sheet.index(pixel.column, pixel.row)];
+        return view.sheet(ahead).gradient[view.index()];
     }
-    return gradient_eye(screen_, *window.sheets[ahead], *window.sheets[ahead + 1], *window.sheets[ahead + 2],
-                        slices_.depth(window.n + static_cast<std::int64_t>(ahead)), slices_.spacing, pixel.column,
-                        pixel.row);
+    const std::array<const Sheet*, 4>& sheets = view.window.groups[view.group];
+    return gradient_eye(screen_, *sheets[ahead], *sheets[ahead + 1], *sheets[ahead + 2],
+                        slices_.depth(view.window.n + static_cast<std::int64_t>(ahead)), slices_.spacing,
+                        view.pixel.column, view.pixel.row);
+}
+
+Vec3 Compositor::gradient_of_interval(const View& view) const {
+    return needs_gradient_ ? 0.5 * (gradient(view, 0) + gradient(view, 1)) : Vec3(0.0);
+}
+
+double Compositor::middle_of_interval(const SheetWindow& window) const {
+    return slices_.depth(window.n) + 0.5 * slices_.spacing;
+}
+
+double Compositor::depth_of_interval(const SheetWindow& window) const {
+    return std::max(middle_of_interval(window), slices_.depth(slices_.first));
 }
 
 double Compositor::gradient_share(const Vec3& gradient) const {
@@ -171,9 +251,10 @@ double Compositor::gradient_share(const Vec3& gradient) const {
     return std::min(1.0, std::hypot(gradient.x, gradient.y, gradient.z) / *scene_.gradient_opacity);
 }
 
-Vec3 Compositor::shaded(const Pixel& pixel, const Vec3& color, const Vec3& gradient, double depth) const {
+Vec3 Compositor::shaded(const View& view, const Vec3& color, const Vec3& gradient, double depth) const {
+    const Pixel& pixel = view.pixel;
     const Lighting lighting{screen_.to_viewer(pixel.column, pixel.row), screen_.point(pixel.column, pixel.row, depth),
-                            surroundings_, rho_shift_};
+                            surroundings_, nudge_, view.group};
     const Vec3 lit = shader_.shade(color, gradient, lighting);
     if (!scene_.depth_cue) {
         return lit;
@@ -186,6 +267,9 @@ Vec3 Compositor::shaded(const Pixel& pixel, const Vec3& color, const Vec3& gradi
 bool Compositor::stopped(const Pixel& pixel) const { return picture_.rgba[4 * pixel.number + 3] >= stop_; }
 
 void Compositor::put_behind(const Pixel& pixel, const Vec3& color, double alpha, double depth) {
+    if (alpha == 0.0) {
+        return;
+    }
     double* rgba = &picture_.rgba[4 * pixel.number];
     const double share = (1.0 - rgba[3]) * alpha;
     for (int channel = 0; channel < 3; ++channel) {
@@ -198,6 +282,10 @@ void Compositor::put_behind(const Pixel& pixel, const Vec3& color, double alpha,
 }
 
 Picture Compositor::finish() {
+    for (std::size_t at = 0; at < counts_.size(); ++at) {
+        picture_.scalar[at] /= std::max(1.0, counts_[at]);
+    }
+    std::replace(picture_.scalar.begin(), picture_.scalar.end(), never, 0.0);
     if (scene_.background) {
         for (std::size_t at = 0; at < picture_.rgba.size(); at += 4) {
             for (std::size_t channel = 0; channel < 3; ++channel) {

@@ -279,7 +279,10 @@ double WorldKernels::lattice_constant() const {
 EyeKernels::EyeKernels(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen,
                        double radius_factor)
     : world_(field), screen_(screen), eye_(camera.eye()), right_(camera.right_world()), up_(camera.up_world()),
-      backward_(camera.back_world()), filter_(scene.filter == Filter::ewa), spacing_(scene.slice_distance()),
+      backward_(camera.back_world()), filter_(scene.filter == Filter::ewa),
+      // A Gaussian of half a pixel's standard deviation has its support end at sqrt(2 k) times that.
+      filter_radius_(0.5 * std::sqrt(2.0 * field.kernel().falloff)),
+      nearest_(screen.perspective() ? camera.near() : 0.0), spacing_(scene.slice_distance()),
       radius_factor_(radius_factor) {
     // In perspective a pixel's width, and with it the filter, changes from kernel to kernel.
     if (const auto* regular = as_regular(&field); regular != nullptr && !(filter_ && screen.perspective())) {
@@ -291,8 +294,11 @@ KernelShape EyeKernels::shape_of(const WorldKernel& kernel, double depth) const 
     const Vec3 x = right_ * kernel.axes, y = up_ * kernel.axes, z = backward_ * kernel.axes;
     const Mat3 axes_eye = glm::transpose(Mat3(x, y, z));
     const Vec3 semi_axes = kernel.semi_axes * radius_factor_;
-    return filter_ ? KernelShape::filtered(axes_eye, semi_axes, screen_.pixel_width(std::abs(depth)), spacing_)
-                   : KernelShape(axes_eye, semi_axes);
+    if (!filter_) {
+        return KernelShape(axes_eye, semi_axes);
+    }
+    return KernelShape::filtered(axes_eye, semi_axes, filter_radius_ * screen_.pixel_width(std::max(depth, nearest_)),
+                                 filter_radius_ * spacing_);
 }
 
 EyeKernel EyeKernels::seen(const WorldKernel& kernel) const {

@@ -38,6 +38,10 @@ bool needs_surroundings(const Scene& scene) {
     return (scene.shadows && !scene.lights.empty()) || scene.ambient_occlusion.has_value();
 }
 
+bool needs_weights(const Scene& scene, const Request& request) {
+    return request.coverage || counts_weighted_slices(scene.mode);
+}
+
 void check_memory(Size size, const Scene& scene, const Request& request, std::size_t pictures) {
     // One product, which cannot overflow as a sum of two might; the border is neglected.
     const std::uint64_t pixels =
@@ -45,63 +49,75 @@ void check_memory(Size size, const Scene& scene, const Request& request, std::si
     const bool scalar = is_scalar(scene.mode);
     const bool slopes = has_analytic_gradients(scene);
     const std::uint64_t a_sheet =
-        sizeof(double) + 1 + (request.coverage ? sizeof(double) : 0) + (slopes ? sizeof(Vec3) : 0);
+        sizeof(double) + 1 + (needs_weights(scene, request) ? sizeof(double) : 0) + (slopes ? sizeof(Vec3) : 0);
     const std::uint64_t a_picture =
         ((scalar ? 1U : 4U) + (request.coverage ? 1U : 0U) + (request.depth ? 1U : 0U)) * sizeof(double);
     const std::uint64_t scratch = 2 * (sizeof(double) + (slopes ? sizeof(Vec3) : 0));
     const std::string what = "the reference's sheets and picture";
-    require_memory(checked_product(pixels, sheets_in_window * a_sheet + scratch + pictures * a_picture, what), what,
+    const std::size_t sheets = sheets_in_window * groups_drawn(scene).size();
+    require_memory(checked_product(pixels, sheets * a_sheet + scratch + pictures * a_picture, what), what,
                    "make the picture smaller");
 }
 
-bool opaque_at_zero(const Scene& scene, const std::vector<Nudge>& nudges) {
-    const double range = scene.transfer_function.v_max() - scene.transfer_function.v_min();
+bool opaque_at_zero(const TransferFunction& function, const std::vector<Nudge>& nudges) {
+    const double range = function.v_max() - function.v_min();
     for (const Nudge& nudge : nudges) {
-        if (look_up(scene.transfer_function, nudge.rho * range).opacity > 0.0) {
+        if (look_up(function, nudge.rho * range).opacity > 0.0) {
             return true;
         }
     }
     return false;
 }
 
-ZeroKernels zero_kernels(const Scene& scene, const Field& field, const Request& request,
+ZeroKernels zero_kernels(const Scene& scene, const Group& group, const Field& field, const Request& request,
                          const std::vector<Nudge>& nudges) {
-    const bool weights_matter = request.coverage || field.normalization() == Normalization::threshold;
-    const bool reach_matters = scene.mode == Mode::composite && opaque_at_zero(scene, nudges);
+    const bool weights_matter = needs_weights(scene, request) || field.normalization() == Normalization::threshold;
+    const bool reach_matters = scene.mode == Mode::composite && opaque_at_zero(*group.transfer_function, nudges);
     return weights_matter || reach_matters ? ZeroKernels::drawn : ZeroKernels::left_out;
 }
 
-/// The last four sheets, in the order of their slices.
+/// The fields of each group.
+using GroupedSums = std::vector<std::vector<std::unique_ptr<FieldSums>>>;
+
+/// The last four sheets of each group, in the order of their slices.
 class RollingSheets {
   public:
-    RollingSheets(const Screen& screen, const Slices& slices, const std::vector<std::unique_ptr<FieldSums>>& fields,
-                  bool weights, bool gradients)
-        : slices_(slices), fields_(fields), next_(slices.first - 2),
-          sheets_(sheets_in_window, Sheet(screen, weights, gradients)), sums_(sheets_.front()) {}
+    RollingSheets(const Screen& screen, const Slices& slices, const GroupedSums& groups, bool weights, bool gradients)
+        : slices_(slices), groups_(groups), next_(slices.first - 2),
+          sheets_(sheets_in_window * groups.size(), Sheet(screen, weights, gradients)), sums_(sheets_.front()) {}
 
     /// The window around slice n; asked for n from the slice before the first on, one after the other.
     [[nodiscard]] SheetWindow around(std::int64_t n) {
         while (next_ <= n + 2) {
             make(next_++);
         }
-        return {n, {&at(n - 1), &at(n), &at(n + 1), &at(n + 2)}};
+        SheetWindow window{n, {}};
+        for (std::size_t group = 0; group < groups_.size(); ++group) {
+            window.groups.push_back({&at(n - 1, group), &at(n, group), &at(n + 1, group), &at(n + 2, group)});
+        }
+        return window;
     }
 
   private:
-    Sheet& at(std::int64_t n) { return sheets_[static_cast<std::size_t>(n - slices_.first + 2) % sheets_in_window]; }
+    Sheet& at(std::int64_t n, std::size_t group) {
+        const std::size_t place = static_cast<std::size_t>(n - slices_.first + 2) % sheets_in_window;
+        return sheets_[group * sheets_in_window + place];
+    }
 
     void make(std::int64_t n) {
-        Sheet& sheet = at(n);
-        sheet.clear();
-        if (slices_.exists(n)) {
-            for (const auto& field : fields_) {
-                field->add_next(sheet, sums_);
+        for (std::size_t group = 0; group < groups_.size(); ++group) {
+            Sheet& sheet = at(n, group);
+            sheet.clear();
+            if (slices_.exists(n)) {
+                for (const auto& field : groups_[group]) {
+                    field->add_next(sheet, sums_);
+                }
             }
         }
     }
 
     const Slices& slices_;
-    const std::vector<std::unique_ptr<FieldSums>>& fields_;
+    const GroupedSums& groups_;
     std::int64_t next_;
     std::vector<Sheet> sheets_;
     SheetSums sums_;
@@ -123,13 +139,15 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
         surroundings.emplace(scene, camera, screen, clipping, radius_factor);
     }
 
-    std::vector<std::unique_ptr<FieldSums>> fields;
+    GroupedSums groups;
     std::size_t kernels_drawn = 0;
-    if (slices.count > 0) {
-        for (const auto& field : scene.fields) {
-            fields.push_back(std::make_unique<FieldSums>(*field, scene, camera, screen, slices, radius_factor,
-                                                         zero_kernels(scene, *field, request, nudges)));
-            kernels_drawn += fields.back()->drawn();
+    for (const Group& group : slices.count > 0 ? groups_drawn(scene) : std::vector<Group>{}) {
+        groups.emplace_back();
+        for (std::size_t number = group.first; number < group.last; ++number) {
+            const Field& field = *scene.fields[number];
+            groups.back().push_back(std::make_unique<FieldSums>(field, scene, camera, screen, slices, radius_factor,
+                                                                zero_kernels(scene, group, field, request, nudges)));
+            kernels_drawn += groups.back().back()->drawn();
         }
     }
     std::vector<Compositor> compositors;
@@ -145,7 +163,7 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
         }
     };
     if (slices.count > 0) {
-        RollingSheets sheets(screen, slices, fields, request.coverage, has_analytic_gradients(scene));
+        RollingSheets sheets(screen, slices, groups, needs_weights(scene, request), has_analytic_gradients(scene));
         for (std::int64_t n = slices.first - 1; n <= slices.last(); ++n) {
             const SheetWindow window = sheets.around(n);
             for (Compositor& compositor : compositors) {

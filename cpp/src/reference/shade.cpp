@@ -22,10 +22,11 @@ Vec3 gradient_eye(const Screen& screen, const Sheet& before, const Sheet& here, 
 }
 
 Shader::Shader(const Scene& scene, const Camera& camera)
-    : material_(scene.material),
-      weakest_gradient_(1e-3 * (scene.transfer_function.v_max() - scene.transfer_function.v_min()) /
-                        scene.reference_distance()),
-      shadows_(scene.shadows), occlusion_(scene.ambient_occlusion.has_value()) {
+    : material_(scene.material), shadows_(scene.shadows), occlusion_(scene.ambient_occlusion.has_value()) {
+    for (const Group& group : scene.groups()) {
+        const TransferFunction& function = *group.transfer_function;
+        weakest_gradients_.push_back(1e-3 * (function.v_max() - function.v_min()) / scene.reference_distance());
+    }
     for (const Light& light : scene.lights) {
         Vec3 direction = light.direction;
         if (light.space == LightSpace::world) {
@@ -37,20 +38,20 @@ Shader::Shader(const Scene& scene, const Camera& camera)
     }
 }
 
-Vec3 Shader::normal(const Vec3& gradient) const {
+Vec3 Shader::normal(const Vec3& gradient, std::size_t group) const {
     const double length = std::hypot(gradient.x, gradient.y, gradient.z);
     if (length == 0.0) {
         return Vec3(0.0);
     }
-    return -gradient / std::max(length, weakest_gradient_);
+    return -gradient / std::max(length, weakest_gradients_[group]);
 }
 
 Vec3 Shader::shade(const Vec3& color, const Vec3& gradient, const Lighting& lighting) const {
-    const double open = occlusion_ ? lighting.surroundings->ambient(lighting.point, lighting.rho_shift) : 1.0;
+    const double open = occlusion_ ? lighting.surroundings->ambient(lighting.point, lighting.nudge) : 1.0;
     if (!lit()) {
         return color * open;
     }
-    const Vec3 outward = normal(gradient);
+    const Vec3 outward = normal(gradient, lighting.group);
     Vec3 shaded = color * (material_.ambient * open);
     for (const DirectedLight& light : lights_) {
         double facing = glm::dot(outward, light.direction);
@@ -65,7 +66,7 @@ Vec3 Shader::shade(const Vec3& color, const Vec3& gradient, const Lighting& ligh
         const Vec3 reflected = 2.0 * facing * turned - light.direction;
         const double highlight = std::pow(std::max(0.0, glm::dot(reflected, lighting.to_viewer)), material_.shininess);
         const double reaches =
-            shadows_ ? lighting.surroundings->light(lighting.point, light.direction, lighting.rho_shift) : 1.0;
+            shadows_ ? lighting.surroundings->light(lighting.point, light.direction, lighting.nudge) : 1.0;
         shaded += reaches * light.color * facing * (color * material_.diffuse + Vec3(material_.specular * highlight));
     }
     return shaded;

@@ -90,6 +90,7 @@ Slices find_slices(const Scene& scene, const Camera& camera, const Screen& scree
         ++slices.first;
         --slices.count;
     }
+    slices.cut_by_near = static_cast<double>(slices.first) > first_met;
     return slices;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -13,7 +14,7 @@ namespace sheetsplat::reference {
 
 Surroundings::Surroundings(const Scene& scene, const Camera& camera, const Screen& screen, const Clipping& clipping,
                            double radius_factor)
-    : scene_(scene), clipping_(clipping), spacing_(scene.slice_distance()),
+    : scene_(scene), clipping_(clipping), groups_(scene.groups()), spacing_(scene.slice_distance()),
       lengths_(scene.slice_distance() / scene.reference_distance()) {
     for (const auto& field : scene.fields) {
         fields_.emplace_back(*field, scene, camera, screen, radius_factor);
@@ -58,33 +59,78 @@ double Surroundings::steps_to_end(const Vec3& point_eye, const Vec3& direction) 
     return std::floor(end / spacing_) + 1.0;
 }
 
-double Surroundings::left_along(const Vec3& point_eye, const Vec3& direction, double steps, double rho_shift) const {
-    const double last = std::min(steps, steps_to_end(point_eye, direction));
-    double left = 1.0;
-    for (double step = 1.0; step <= last && left > 0.0; step += 1.0) {
-        const Vec3 point = point_eye + step * spacing_ * direction;
-        double rho = 0.0;
-        bool empty = true;
-        for (const PointSums& field : fields_) {
-            const PointSums::Value value = field.at(point);
-            rho += value.rho;
-            empty = empty && value.empty;
+Surroundings::Place Surroundings::look_at(const Vec3& point_eye, double nudge) const {
+    Place place;
+    place.kept = clipping_.keeps(point_eye);
+    for (const Group& group : groups_) {
+        GroupValue value;
+        for (std::size_t field = group.first; field < group.last; ++field) {
+            const PointSums::Value one = fields_[field].at(point_eye);
+            value.rho += one.rho;
+            value.empty = value.empty && one.empty;
         }
-        if (!empty && clipping_.keeps(point)) {
-            left *= 1.0 - opacity_over(look_up(scene_.transfer_function, rho + rho_shift).opacity, lengths_);
+        value.rho += nudge * (group.transfer_function->v_max() - group.transfer_function->v_min());
+        place.groups.push_back(value);
+    }
+    return place;
+}
+
+double Surroundings::left_at(const Place& place) const {
+    double left = 1.0;
+    for (std::size_t group = 0; place.kept && group < groups_.size(); ++group) {
+        const GroupValue& value = place.groups[group];
+        if (!value.empty) {
+            left *= 1.0 - opacity_over(look_up(*groups_[group].transfer_function, value.rho).opacity, lengths_);
         }
     }
     return left;
 }
 
-double Surroundings::light(const Vec3& point_eye, const Vec3& to_light, double rho_shift) const {
-    return left_along(point_eye, to_light, std::numeric_limits<double>::infinity(), rho_shift);
+double Surroundings::left_between(const Place& front, const Place& back) const {
+    double left = 1.0;
+    if (!front.kept || !back.kept) {
+        return left;
+    }
+    for (std::size_t group = 0; group < groups_.size(); ++group) {
+        for (const IsoValue& iso : scene_.iso_values) {
+            if ((front.groups[group].rho < iso.value) != (back.groups[group].rho < iso.value)) {
+                left *= 1.0 - iso.opacity;
+            }
+        }
+    }
+    return left;
 }
 
-double Surroundings::ambient(const Vec3& point_eye, double rho_shift) const {
+double Surroundings::left_along(const Vec3& point_eye, const Vec3& direction, double steps, double nudge) const {
+    const double end = steps_to_end(point_eye, direction);
+    const auto place_at = [&](double step) { return look_at(point_eye + step * spacing_ * direction, nudge); };
+    double left = 1.0;
+    if (scene_.mode == Mode::isosurface) {
+        // Beyond the end all points are empty: only the one next to it can lie on the other side of a surface.
+        const double last = std::min(steps - 1.0, end);
+        Place front = last >= 1.0 ? place_at(1.0) : Place{};
+        for (double step = 1.0; step <= last && left > 0.0; step += 1.0) {
+            Place back = place_at(step + 1.0);
+            left *= left_between(front, back);
+            front = std::move(back);
+        }
+        return left;
+    }
+    const double last = std::min(steps, end);
+    for (double step = 1.0; step <= last && left > 0.0; step += 1.0) {
+        left *= left_at(place_at(step));
+    }
+    return left;
+}
+
+double Surroundings::light(const Vec3& point_eye, const Vec3& to_light, double nudge) const {
+    return left_along(point_eye, to_light, std::numeric_limits<double>::infinity(), nudge);
+}
+
+double Surroundings::ambient(const Vec3& point_eye, double nudge) const {
     double sum = 0.0;
     for (const Vec3& direction : around_) {
-        sum += left_along(point_eye, direction, occlusion_steps_, rho_shift);
+        sum += left_along(point_eye, direction, occlusion_steps_, nudge);
     }
     const double open = sum / static_cast<double>(around_.size());
     return 1.0 - scene_.ambient_occlusion->strength * (1.0 - open);

@@ -12,20 +12,6 @@
 namespace sheetsplat {
 namespace {
 
-const char* name_of(Mode mode) {
-    switch (mode) {
-    case Mode::composite:
-        return "composite";
-    case Mode::isosurface:
-        return "isosurface";
-    case Mode::xray:
-        return "xray";
-    case Mode::mip:
-        return "mip";
-    }
-    return "unknown";
-}
-
 void require(bool holds, const Words& failed, const Words& found, const Words& wanted, const Words& advice = {}) {
     if (!holds) {
         throw InvalidInput(Complaint{"Scene: " + failed, found, wanted, advice});
@@ -40,12 +26,37 @@ void require_fields(const std::vector<std::shared_ptr<const Field>>& fields) {
     }
 }
 
+std::string name_of_group(std::size_t n) { return "group " + text_of_count(n); }
+
+void require_groups(const Scene& scene) {
+    std::size_t begins = 0;
+    for (std::size_t n = 0; n < scene.later_groups.size(); ++n) {
+        const std::size_t next = scene.later_groups[n].first_field;
+        require(next > begins && next < scene.fields.size(), "its fields cannot be divided into groups",
+                name_of_group(n + 1) + " begins at field " + text_of_count(next) + " of " +
+                    text_of_count(scene.fields.size()) + ", " + name_of_group(n) + " at field " + text_of_count(begins),
+                "groups of at least one field each, one after the other");
+        begins = next;
+    }
+}
+
 Words cannot_use(const char* option) { return option_ref(option) + " cannot be used"; }
 
 void require_length(const std::optional<double>& length, const char* option) {
     if (length) {
         require(*length > 0.0 && is_finite(*length), cannot_use(option), text_of(*length),
                 "a finite number of world units above 0", "leave it out to use the fields' own sample distance");
+    }
+}
+
+void check_iso_values(const Scene& scene) {
+    require(scene.mode != Mode::isosurface || !scene.iso_values.empty(),
+            option_ref("mode", "isosurface") + " needs a value", "no " + option_ref("iso_value"),
+            "the value of the surface", "pass " + option_ref("iso_value", "..."));
+    for (const IsoValue& iso : scene.iso_values) {
+        require(is_finite(iso.value), cannot_use("iso_value"), text_of(iso.value), "a finite number");
+        require(iso.opacity >= 0.0 && iso.opacity <= 1.0, cannot_use("iso_value"),
+                "opacity " + text_of(iso.opacity) + " of the surface at " + text_of(iso.value), "a number from 0 to 1");
     }
 }
 
@@ -124,6 +135,11 @@ void check_effects(const Scene& scene) {
     need_colors(scene.ambient_occlusion.has_value(), option_ref("ambient_occlusion"));
     require(!scene.second_order || scene.preintegration, together, "second_order without pre-integration",
             "second order only with pre-integration", "pass " + option_ref("preintegration", "true"));
+    require(!scene.second_order || scene.later_groups.empty(), together,
+            "second order of pre-integration with " + text_of_count(scene.later_groups.size() + 1) +
+                " transfer functions",
+            "second order only where one transfer function classifies all fields",
+            "pass " + option_ref("preintegration", "true") + ", or give all fields one transfer function");
     require(!scene.shadows || !scene.gradient_opacity, together, option_ref("shadows", "true") + " with " + opacity,
             "one of them: shadows are computed without gradients", "leave one out");
     require(!scene.ambient_occlusion || !scene.gradient_opacity, together,
@@ -145,6 +161,15 @@ std::vector<Clip::Plane> Clip::half_spaces() const {
             all.push_back({normal, box->lower[axis]});
             all.push_back({-normal, -box->upper[axis]});
         }
+    }
+    return all;
+}
+
+std::vector<Group> Scene::groups() const {
+    std::vector<Group> all{{0, fields.size(), &transfer_function}};
+    for (const LaterGroup& later : later_groups) {
+        all.back().last = later.first_field;
+        all.push_back({later.first_field, fields.size(), &later.transfer_function});
     }
     return all;
 }
@@ -176,13 +201,10 @@ Box Scene::centres_world() const {
 
 void Scene::validate() const {
     require_fields(fields);
+    require_groups(*this);
     require_length(slice_spacing, "slice_spacing");
     require_length(reference_length, "reference_length");
-    require(mode != Mode::isosurface || iso_value.has_value(), option_ref("mode", "isosurface") + " needs a value",
-            "no " + option_ref("iso_value"), "the value of the surface", "pass " + option_ref("iso_value", "..."));
-    if (iso_value) {
-        require(is_finite(*iso_value), cannot_use("iso_value"), text_of(*iso_value), "a finite number");
-    }
+    check_iso_values(*this);
     for (std::size_t n = 0; n < lights.size(); ++n) {
         check_light(lights[n], n);
     }

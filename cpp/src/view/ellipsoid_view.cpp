@@ -65,11 +65,11 @@ struct Rows {
     Vec3 x, y, z;
 };
 
-/// B' with B' B'^T = B B^T + diag(p^2, p^2, ds^2), and sqrt(det B B^T / det B' B'^T).
-Rows widened(const Rows& b, double volume_root_log, double pixel, double spacing, double& amplitude) {
+/// B' with B' B'^T = B B^T + diag(across^2, across^2, along^2), and sqrt(det B B^T / det B' B'^T).
+Rows widened(const Rows& b, double volume_root_log, const FilterWidth& width, double& amplitude) {
     std::array<std::array<double, 6>, 3> columns{};
     const std::array<const Vec3*, 3> rows{&b.x, &b.y, &b.z};
-    const std::array<double, 3> more{pixel, pixel, spacing};
+    const std::array<double, 3> more{width.across, width.across, width.along};
     for (std::size_t axis = 0; axis < 3; ++axis) {
         for (int i = 0; i < 3; ++i) {
             columns[axis][static_cast<std::size_t>(i)] = (*rows[axis])[i];
@@ -138,8 +138,8 @@ Vec3 EllipsoidView::center_eye(std::size_t i) const {
     return Vec3(glm::dot(from_eye, right_), glm::dot(from_eye, up_), glm::dot(from_eye, back_));
 }
 
-double EllipsoidView::filter_pixel(const Vec3& center) const {
-    return frame_->pixel * (frame_->projection == Projection::perspective ? std::abs(center.z) : 1.0);
+FilterWidth EllipsoidView::filter_at(const Vec3& center) const {
+    return filter_width(*frame_, field_->kernel(), -center.z);
 }
 
 EyeKernel EllipsoidView::kernel(std::size_t i) const {
@@ -158,7 +158,7 @@ EyeKernel EllipsoidView::kernel(std::size_t i) const {
     Rows rows{right_ * m, up_ * m, back_ * m};
     double amplitude = 1.0;
     if (filter_ == Filter::ewa) {
-        rows = widened(rows, log_volume(field_->semi_axes(i)), filter_pixel(center), frame_->slice_spacing, amplitude);
+        rows = widened(rows, log_volume(field_->semi_axes(i)), filter_at(center), amplitude);
     }
     EyeKernel kernel = slice_kernel(center, rows.x, rows.y, rows.z);
     kernel.amplitude = amplitude;
@@ -169,7 +169,7 @@ EllipsoidView::Depths EllipsoidView::depths(std::size_t i) const {
     const double center = -glm::dot(field_->center(i) - eye_, back_);
     double half = field_->isotropic() ? field_->arrays().radii[i] : glm::length(back_ * field_->shape(i));
     if (filter_ == Filter::ewa) {
-        half = std::hypot(half, frame_->slice_spacing);
+        half = std::hypot(half, filter_width(*frame_, field_->kernel(), center).along);
     }
     return {center, half};
 }
@@ -254,8 +254,9 @@ SectionGroup EllipsoidView::group(std::size_t i, const Depths& depths, double sp
     const bool precise = tiny || std::max({axes.x, axes.y, axes.z}) >= precise_aspect * shortest;
     double ray = 1.0;
     if (filter_ == Filter::ewa) {
-        // A filtered kernel is no thinner than a slice distance in depth and a pixel across.
-        shortest = std::max(shortest, std::min(frame_->slice_spacing, filter_pixel(center_eye(i))));
+        // A filtered kernel is no thinner than the filter.
+        const FilterWidth width = filter_width(*frame_, field_->kernel(), depths.center);
+        shortest = std::max(shortest, std::min(width.along, width.across));
         ray = depths.half / shortest;
     } else if (!field_->isotropic()) {
         // |w| = h |B^-1 e_z|: how far a ray gets through the unit sphere while it gets h deep.
@@ -339,9 +340,10 @@ EllipsoidView::ScreenBounds EllipsoidView::support_bounds(std::size_t i, double 
         kernel.half_depth = glm::length(back_ * m);
     }
     if (filter_ == Filter::ewa) {
-        const double pixel = filter_pixel(kernel.center);
-        kernel.extent = glm::dvec2(std::hypot(kernel.extent.x, pixel), std::hypot(kernel.extent.y, pixel));
-        kernel.half_depth = std::hypot(kernel.half_depth, frame_->slice_spacing);
+        const FilterWidth width = filter_at(kernel.center);
+        kernel.extent =
+            glm::dvec2(std::hypot(kernel.extent.x, width.across), std::hypot(kernel.extent.y, width.across));
+        kernel.half_depth = std::hypot(kernel.half_depth, width.along);
     }
     return bounds(kernel, nearest, farthest);
 }

@@ -41,8 +41,9 @@ ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, cons
 
     const TransferFunction& function = scene.transfer_function;
     if (plan.mode == Mode::isosurface) {
-        inputs.iso_value = (*scene.iso_value - pivot) / plan.value_unit;
-        inputs.iso_point = function.at(*scene.iso_value);
+        const double iso = scene.iso_values.front().value;
+        inputs.iso_value = (iso - pivot) / plan.value_unit;
+        inputs.iso_point = function.at(iso);
     }
     inputs.material = scene.material;
     inputs.material.shininess = std::min(inputs.material.shininess, largest_factor);

@@ -76,7 +76,8 @@ def _finest(scene: Scene, factor: int) -> Scene:
         "filter": None,
         "preintegration": False,
     }
-    if scene.mode == "composite" and np.any(np.diff(scene.transfer_function.points[:, 0]) == 0.0):
+    steps = any(np.any(np.diff(function.points[:, 0]) == 0.0) for function in scene.transfer_functions)
+    if scene.mode == "composite" and steps:
         # Steps of the transfer function are exact with pre-integration, and of first order without.
         changes["preintegration"] = True
     return scene.replace(**changes)

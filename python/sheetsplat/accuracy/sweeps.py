@@ -49,6 +49,13 @@ def _unused(option: str, base: Base) -> str:
     return f"not used in mode {mode}" if unused(mode, [option]) else ""
 
 
+def _no_stop(base: Base) -> str:
+    """Return why the opacity at which pixels are finished has no effect, or an empty text."""
+    # An opaque surface finishes a pixel whatever the stop is.
+    opaque = base.scene.mode == "isosurface" and all(opacity == 1.0 for _, opacity in base.scene.surfaces)
+    return "not used in mode isosurface" if opaque else _unused("opacity_stop", base)
+
+
 def _no_gradients(base: Base) -> str:
     """Return why gradients have no effect, or an empty text."""
     needless = "" if calls_for_gradients(base.scene) else "nothing in the scene uses gradients"
@@ -111,8 +118,8 @@ def _cut_off(base: Base) -> Iterator[Setting]:
         )
 
 
-def _cut_offs(base: Base, cut: float) -> list[Field]:
-    return [cut_off(one, cut) for one in base.scene.fields]
+def _cut_offs(base: Base, cut: float) -> list[list[Field]]:
+    return [[cut_off(one, cut) for one in group] for group in base.scene.groups]
 
 
 def cut_off(one: Field, cut: float) -> Field:
@@ -144,15 +151,20 @@ def _precision(base: Base) -> Iterator[Setting]:
 
 
 def _table_size(base: Base) -> Iterator[Setting]:
-    function = base.scene.transfer_function
-    yield Setting(f"as given, {len(function.points)} points", current=True)
+    functions = base.scene.transfer_functions
+    most = max(len(function.points) for function in functions)
+    yield Setting(f"as given, {most} points", current=True)
     for count in _TABLES:
         yield Setting(
             f"{count} points",
-            {"transfer_function": partial(table, function, count)},
+            {"transfer_function": partial(_tables, base, count)},
             f"TransferFunction of {count} points, evenly spaced",
             judged_as_given=True,
         )
+
+
+def _tables(base: Base, count: int) -> list[TransferFunction]:
+    return [table(function, count) for function in base.scene.transfer_functions]
 
 
 def table(function: TransferFunction, count: int) -> TransferFunction:
@@ -223,7 +235,7 @@ _SWEEPS: dict[str, Callable[[Base], Iterator[Setting]]] = {
 _CONDITIONS: dict[str, tuple[str, Callable[[Base], str]]] = {
     "gradient": ("sheets, analytic", _no_gradients),
     "table_size": ("points", partial(_unused, "opacity")),
-    "opacity_stop": ("A_stop", partial(_unused, "opacity_stop")),
+    "opacity_stop": ("A_stop", _no_stop),
     "lattice": ("Cartesian, BCC", lattice_sweeps.no_lattice),
     "kernel": ("radius, falloff", lattice_sweeps.no_lattice),
     "prefilter": ("on", lattice_sweeps.no_lattice),

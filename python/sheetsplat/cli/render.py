@@ -105,6 +105,6 @@ def command(
         written |= {name: str(path) for name, path in extra.items()}
         surface: dict[str, Any] = {}
         if scene.mode == "isosurface":
-            surface = {"iso_value": scene.iso_value, "color": list(surface_color(scene))}
+            surface = {"iso_value": scene.iso_value, "color": list(surface_color(scene, scene.surfaces[0][0]))}
         report_json({**written, **surface, "seconds": seconds, "plan": image.plan.to_dict(), "stats": image.stats})
     say(f"{output}: {size[0]} x {size[1]} pixels by {image.plan.backend} in {seconds:.2f} s", quiet=quiet)

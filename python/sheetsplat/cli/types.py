@@ -189,6 +189,14 @@ def _occlusion(text: str) -> tuple[float, float]:
     return radius, strength
 
 
+def _surfaces(text: str) -> Any:
+    """Return a number, or pairs of values and opacities."""
+    if ":" not in text:
+        return _finite(text)
+    pairs = [part.split(":") for part in text.split(",")]
+    return [(_finite(at), _share(opacity)) for at, opacity in pairs]
+
+
 def _color(text: str) -> tuple[float, ...]:
     """Return red, green, blue."""
     if "," not in text:
@@ -213,6 +221,7 @@ _SPECIAL: dict[Special, ParamType] = {
     Special.INPUT_FILE: click.Path(path_type=Path),
     Special.OCCLUSION: Parsed("RADIUS[,STRENGTH]", "5, or 5,0.7: a radius above 0, strength 0 to 1", _occlusion),
     Special.OPACITY: Parsed("A | A,A,… | V:A,V:A,…", "0.5, or 0,0.1,0.9, or 40:0,90:0.1,200:0.9", _opacity),
+    Special.SURFACES: Parsed("V | V:A,V:A,…", "80, or 80:0.3,120:1: values with opacities from 0 to 1", _surfaces),
     Special.TEXT: click.STRING,
 }
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Unpack
 
-from sheetsplat._checks import number
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field
 from sheetsplat.light import Light, Material
@@ -15,7 +14,7 @@ from sheetsplat.notices import warn
 from sheetsplat.options.core import COLORED, check_names, pick_given
 from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.options.picture import LookOptions
-from sheetsplat.options.scene import SceneOptions
+from sheetsplat.options.scene import SceneOptions, iso_value_of
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
@@ -96,7 +95,7 @@ def _transfer_function(
     if mode not in COLORED:
         return _COLORLESS, None
     if mode == "isosurface" and clim is None:
-        clim = surface_limits(fields, number("render: iso_value", iso_value))
+        clim = surface_limits(fields, iso_value_of("render: iso_value", iso_value))
     look = automatic.choose(fields) if opacity is None or clim is None else None
     if clim is None:
         assert look is not None

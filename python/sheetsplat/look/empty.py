@@ -49,14 +49,14 @@ def why_empty(scene: Scene) -> str:
         if scene.mode == "mip" and high <= 0:
             return f"mode mip shows nothing below 0, and {values} are"
     elif scene.mode == "isosurface":
-        iso = scene.iso_value
         # Outside the supports the scalar is 0.
-        if iso is not None and not min(low, 0.0) <= iso <= max(high, 0.0):
-            return f"the iso value {iso:g} lies outside {values}"
-    else:
-        function = scene.transfer_function
-        if function.max_opacity == 0:
-            return "the opacity is 0 everywhere"
+        outside = [iso for iso, _ in scene.surfaces if not min(low, 0.0) <= iso <= max(high, 0.0)]
+        if len(outside) == len(scene.surfaces):
+            return f"the iso value {', '.join(f'{iso:g}' for iso in outside)} lies outside {values}"
+    elif all(function.max_opacity == 0 for function in scene.transfer_functions):
+        return "the opacity is 0 everywhere"
+    elif len(scene.transfer_functions) == 1:
+        function = scene.transfer_functions[0]
         inside = [value for value in function.points[:, 0].tolist() if low <= value <= high]
         if not function.at([low, *inside, high])[..., 3].any():
             return (

@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 from sheetsplat.errors import Error, InvalidInput, complain
 from sheetsplat.options.values import Value
 
-Mode = Literal["composite", "isosurface", "xray", "mip"]
+Mode = Literal["composite", "isosurface", "xray", "mip", "minimum", "average"]
 MODES: tuple[str, ...] = get_args(Mode)
 # Modes that show colours, the one that also accumulates opacity, and those that make one number a pixel.
 COLORED = ("composite", "isosurface")

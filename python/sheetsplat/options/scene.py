@@ -1,7 +1,9 @@
 """The options of a scene: sampling, effects, mode, light."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Literal, TypedDict
+
+import numpy as np
 
 from sheetsplat._checks import Vector, color, instance, number, optional_number, parts, shown, truth
 from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
@@ -17,8 +19,12 @@ Filter = Literal["ewa"]
 Gradient = Literal["sheets", "analytic"]
 Preintegration = bool | Literal["second_order"]
 
+# A number, or pairs (value, opacity).
+IsoValue = float | Sequence[tuple[float, float]]
+
 # An iterator of lights may have no end.
 _MOST_LIGHTS = 4096
+_MOST_SURFACES = 4096
 
 
 def _lights(what: str, lights: object) -> tuple[Light, ...]:
@@ -30,6 +36,23 @@ def _lights(what: str, lights: object) -> tuple[Light, ...]:
     for light in found:
         instance(what, light, Light)
     return found
+
+
+def iso_value_of(what: str, value: object) -> IsoValue:
+    """Return a number, or pairs (value, opacity)."""
+    if not isinstance(value, Iterable) or isinstance(value, str) or np.ndim(value) == 0:  # type: ignore[arg-type]
+        return number(what, value)
+    wanted = "a number, or pairs (value, opacity)"
+    given = parts(what, value, wanted, _MOST_SURFACES)
+    if not given:
+        raise complain(unusable(what), "no value", wanted)
+    if len(given) > _MOST_SURFACES:
+        raise complain(unusable(what), f"more than {_MOST_SURFACES} values", "fewer")
+    pairs = [parts(what, one, wanted, 2) if isinstance(one, Iterable) else [] for one in given]
+    if any(len(pair) != 2 for pair in pairs):
+        advice = f"one surface is [({shown(given[0])}, opacity)]" if len(given) == 2 else ""
+        raise complain(unusable(what), shown(value), wanted, advice)
+    return tuple((number(what, at), number(what, opacity)) for at, opacity in pairs)
 
 
 def _preintegration(what: str, value: object) -> Preintegration:
@@ -85,21 +108,22 @@ class ModeOptions(TypedDict, total=False):
     mode: Annotated[
         Mode,
         Option(
-            "How slices are combined into pixels: composited colours, the first crossing of a value, the line "
-            "integral, or the maximum along the ray.",
+            "How slices are combined into pixels: composited colours, surfaces of equal value, or along the ray the "
+            "integral, the maximum, the minimum or the average of the scalar.",
             default="composite",
             check=one_of(Mode),
         ),
     ]
     iso_value: Annotated[
-        float | None,
+        IsoValue | None,
         Option(
-            "Scalar of the isosurface.",
+            "Scalar of the isosurface; or pairs (value, opacity) of several surfaces, 1 being opaque.",
             chosen="the value at which the histogram separates objects from background",
+            accepts="float, or pairs",
             modes=("isosurface",),
-            check=optional_number,
+            check=optional(iso_value_of),
             flag="--iso",
-            value=Real(),
+            value=Special.SURFACES,
         ),
     ]
     scalar_colors: Annotated[
@@ -152,7 +176,7 @@ class SamplingOptions(TypedDict, total=False):
         Option(
             "Opacity in (0, 1] at which a pixel is finished; 1: never.",
             default=0.98,
-            modes=COMPOSITE,
+            modes=COLORED,
             check=number,
             value=Real(above=0.0, most=1.0),
             harmless=True,

@@ -63,6 +63,7 @@ class Special(Enum):
     OCCLUSION = auto()
     OPACITY = auto()
     INPUT_FILE = auto()
+    SURFACES = auto()
     TEXT = auto()
 
 

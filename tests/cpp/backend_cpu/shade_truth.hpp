@@ -284,7 +284,7 @@ class Truth {
     }
 
     void cross(Pixel& p, int x, int y) const {
-        const double iso = *c_.scene.iso_value, a = value(1, x, y), b = value(2, x, y);
+        const double iso = c_.scene.iso_values.front().value, a = value(1, x, y), b = value(2, x, y);
         if (p.alpha != 0.0 || (a < iso) == (b < iso)) {
             return;
         }

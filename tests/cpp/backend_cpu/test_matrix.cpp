@@ -103,7 +103,7 @@ std::vector<Named> matrix() {
                     scene.mode = how.mode;
                     scene.preintegration = how.preintegration;
                     scene.filter = kind.ewa ? Filter::ewa : Filter::none;
-                    scene.iso_value = kind.iso_value;
+                    scene.iso_values = {kind.iso_value};
                     if (kind.slice_spacing > 0.0) {
                         scene.slice_spacing = kind.slice_spacing;
                     }

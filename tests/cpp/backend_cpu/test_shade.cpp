@@ -176,7 +176,7 @@ Case random_case(Random& random, Mode mode, bool preintegration, bool perspectiv
     c.plan.preintegration = c.scene.preintegration = preintegration;
     c.plan.value_unit = unit;
     c.scene.transfer_function = random_function(random, points, unit);
-    c.scene.iso_value = single(random.uniform(0.1, 0.6)) * unit;
+    c.scene.iso_values = {single(random.uniform(0.1, 0.6)) * unit};
     c.frame.size = {random.whole(40, 70), random.whole(30, 60)};
     c.frame.projection = perspective ? Projection::perspective : Projection::orthographic;
     c.frame.slice_spacing = random.uniform(0.3, 2.0);

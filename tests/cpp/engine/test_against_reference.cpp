@@ -89,12 +89,12 @@ TEST_P(Matrix, IsTheReferencesPicture) {
     Scene scene = scene_of(field);
     scene.mode = mode;
     scene.sampling = sampling;
-    scene.iso_value = 0.45;
+    scene.iso_values = {0.45};
     if (normalization == Normalization::none) {
         const double c = field->lattice_constant();
         scene.transfer_function = TransferFunction(
             {{0.1 * c, {0.1, 0.2, 0.9}, 0.0}, {0.5 * c, {0.2, 0.9, 0.3}, 0.15}, {1.1 * c, {1.0, 0.8, 0.2}, 0.6}});
-        scene.iso_value = 0.45 * c;
+        scene.iso_values = {0.45 * c};
     }
     const RendererOptions options = options_of(way);
     const std::string name = std::string(mode == Mode::composite    ? "composite"
@@ -157,7 +157,7 @@ TEST_P(Drawing, IsTheReferencesPicture) {
         for (const Mode mode : {Mode::composite, Mode::isosurface}) {
             Scene scene = dense(field);
             scene.mode = mode;
-            scene.iso_value = 0.45;
+            scene.iso_values = {0.45};
             const Difference difference =
                 against_reference(scene, askew(*field, projection), {48, 44}, options,
                                   std::string(draw.name) + (mode == Mode::composite ? " composite" : " iso") +
@@ -324,7 +324,7 @@ TEST(AgainstReference, NarrowWindowsFarFromZeroAreRefusedOrDrawnInFloat64) {
     auto field = std::make_shared<RegularField>(std::move(samples), std::array<std::size_t, 3>{6, 6, 6}, field_options);
     Scene scene = scene_of(field);
     scene.transfer_function = TransferFunction({{100000.0, {1, 1, 1}, 0.0}, {100001.0, {1, 0, 0}, 0.5}});
-    scene.iso_value = 100000.5;
+    scene.iso_values = {100000.5};
     RendererOptions options;
     const Camera camera = askew(*field, Projection::orthographic);
     for (const Mode mode : {Mode::composite, Mode::isosurface}) {

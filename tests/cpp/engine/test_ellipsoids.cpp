@@ -31,7 +31,8 @@ TEST_P(Ellipsoids, AreTheReferencesPicture) {
     Scene scene = scene_of(field);
     scene.mode = mode;
     scene.sampling = sampling;
-    scene.iso_value = 0.4;
+    scene.iso_values = {0.4};
+    scene.slice_spacing = 0.03;
     const RendererOptions options = options_of(way);
     const std::string name = "aspect " + std::to_string(static_cast<int>(aspect)) +
                              (mode == Mode::composite    ? " composite"

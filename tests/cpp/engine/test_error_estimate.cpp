@@ -124,7 +124,7 @@ INSTANTIATE_TEST_SUITE_P(
         Kind{"surface", false,
              [](Scene& scene) {
                  scene.mode = Mode::isosurface;
-                 scene.iso_value = 0.4;
+                 scene.iso_values = {0.4};
                  scene.lights.push_back({});
              }},
         Kind{"mip", true, [](Scene& scene) { scene.mode = Mode::mip; }},

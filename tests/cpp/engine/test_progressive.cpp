@@ -63,7 +63,7 @@ Scene scene_of(const std::shared_ptr<const Field>& field, bool lit = true) {
     if (lit) {
         scene.lights = {Light{{0.3, 0.5, 1.0}, {1.0, 1.0, 1.0}, LightSpace::eye}};
     }
-    scene.iso_value = 0.45;
+    scene.iso_values = {0.45};
     return scene;
 }
 

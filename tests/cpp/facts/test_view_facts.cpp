@@ -30,7 +30,8 @@ TEST(EllipsoidFacts, CountWhatAPlanAsksFor) {
     const KernelFacts kernels = survey_kernels(*field);
     EXPECT_NEAR(kernels.largest_aspect, 50.0, 1e-12);
     EXPECT_EQ(facts.unresolved, 2U) << "the disc is thinner than a pixel, the last one than a slice distance";
-    EXPECT_NEAR(facts.largest_change, 100.0, 1e-9);
+    // The filter adds twice the slice distance at a falloff of 8.
+    EXPECT_NEAR(facts.largest_change, 400.0, 1e-9);
     EXPECT_NEAR(facts.smallest_px, 0.2, 1e-12);
     const Box box = field->supports_world();
     const Vec3 edge = box.extent();
@@ -65,10 +66,10 @@ TEST(WeightFacts, AreExtremesOverTheKernels) {
     EXPECT_EQ(weights.least, 0.5);
     EXPECT_EQ(weights.alone, 3.0);
     // A filter leaves the mass of a kernel, in a volume of a pixel by a pixel by a slice spacing.
-    const WeightFacts filtered = survey_filtered_weights(field, 2.0, 4.0);
+    const WeightFacts filtered = survey_filtered_weights(field, {2.0, 4.0});
     EXPECT_NEAR(filtered.most, 4.0 / 16.0, 1e-15);
     EXPECT_NEAR(filtered.low, -12.0 / 16.0, 1e-15);
-    EXPECT_EQ(survey_filtered_weights(field, 0.1, 0.1).low, weights.low) << "kernels are never heightened";
+    EXPECT_EQ(survey_filtered_weights(field, {0.1, 0.1}).low, weights.low) << "kernels are never heightened";
 }
 
 TEST(ViewFacts, GatherTheExtremesOfAllFields) {
@@ -95,7 +96,8 @@ TEST(ViewFacts, GatherTheExtremesOfAllFields) {
     EXPECT_EQ(facts.kernels.most_ellipsoids, 2U);
     EXPECT_EQ(facts.kernels.unresolved, 0U);
     EXPECT_NEAR(facts.shapes.largest_aspect, 4.0, 1e-12);
-    EXPECT_NEAR(facts.shapes.largest_filtering, 4.0, 1e-12) << "a slice spacing over the shortest semi-axis, squared";
+    EXPECT_NEAR(facts.shapes.largest_filtering, 16.0, 1e-12)
+        << "what the filter adds along the view over the shortest semi-axis, squared";
     EXPECT_NEAR(facts.screen_px.largest_lattice, 10.0, 1e-9) << "a radius of 2";
     EXPECT_NEAR(facts.screen_px.largest_ellipsoid, 5.0, 1e-9);
     EXPECT_NEAR(facts.screen_px.smallest, 0.25 / 0.2, 1e-9);

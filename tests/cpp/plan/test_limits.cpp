@@ -320,7 +320,7 @@ void make_close(Case& one, double pixels) {
 void make_analytic(Case& one) { one.scene.gradient = Gradient::analytic; }
 void make_surface(Case& one) {
     one.scene.mode = Mode::isosurface;
-    one.scene.iso_value = 0.1;
+    one.scene.iso_values = {0.1};
 }
 /// Values are no larger than what is resolved: the window, or at isosurfaces their spread.
 void set_weight_range(Case& one, double range) {

@@ -540,7 +540,7 @@ TEST(PlanOfEllipsoids, BoundsValuesByWhatWeightsLeaveOfThem) {
     EXPECT_NEAR(plan_of(sum, {}, {}, view).value_unit, 0.7e9, 1.0);
     Scene surface = sum;
     surface.mode = Mode::isosurface;
-    surface.iso_value = 6e8;
+    surface.iso_values = {6e8};
     EXPECT_NO_THROW(plan_of(surface, {}, {}, view));
     Scene lit = scene_of({scattered({49.5, 50.0}), scattered({0.5, 0.6}, {}, Normalization::none)});
     lit.lights = {Light{}};
@@ -557,7 +557,7 @@ TEST(PlanOfEllipsoids, RefusesLitQuotientsOfNextToNothing) {
         scene.lights = lit ? std::vector<Light>{Light{}} : std::vector<Light>{};
         scene.gradient = analytic ? Gradient::analytic : Gradient::sheets;
         scene.mode = mode;
-        scene.iso_value = 0.6;
+        scene.iso_values = {0.6};
         static_cast<void>(plan_of(scene, {}, {}, view));
     };
     EXPECT_NO_THROW(draw(1e-9, true, false)) << "neighbouring quotients are no splatted differences";

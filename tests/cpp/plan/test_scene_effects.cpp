@@ -7,6 +7,7 @@
 
 #include "plan/effect_table.hpp"
 #include "plan/make_plan.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 #include "support.hpp"
 #include "support/facts.hpp"
@@ -240,23 +241,77 @@ TEST(SceneEffects, IsovaluesThatDoNotOccurCallForNothing) {
     Scene scene = lit_scene();
     scene.mode = Mode::isosurface;
     for (const auto& [iso, crossed] : std::vector<std::pair<double, bool>>{{0.5, true}, {1.2, false}, {-0.1, false}}) {
-        scene.iso_value = iso;
+        scene.iso_values = {iso};
         EXPECT_EQ(plan_of(scene).gradient, crossed) << iso;
         EXPECT_EQ(row(plan_of(scene), "gradient").reason.find("no value crosses") == std::string::npos, crossed);
     }
 }
 
-TEST(SceneEffects, WhatIsTransparentCastsNoShadows) {
+TEST(SceneEffects, SurfacesCastShadowsByTheirOwnOpacity) {
     Scene scene = lit_scene();
     scene.mode = Mode::isosurface;
-    scene.iso_value = 0.5;
+    scene.iso_values = {{0.5, 0.3}};
     scene.shadows = true;
     scene.ambient_occlusion = AmbientOcclusion{};
-    EXPECT_TRUE(plan_of(scene).shadows && plan_of(scene).ambient_occlusion);
     scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.5, {1, 1, 1}, 0.0}, {2.0, {1, 1, 1}, 1.0}});
-    EXPECT_FALSE(plan_of(scene).shadows || plan_of(scene).ambient_occlusion);
-    EXPECT_TRUE(plan_of(scene).lit);
-    expect_parts(row(plan_of(scene), "shadows").reason, {"opacity is 0 over all values"});
+    EXPECT_TRUE(plan_of(scene).shadows && plan_of(scene).ambient_occlusion && plan_of(scene).lit);
+    for (const std::vector<IsoValue>& unseen : {std::vector<IsoValue>{{0.5, 0.0}}, {1.4, -0.1}}) {
+        scene.iso_values = unseen;
+        EXPECT_FALSE(plan_of(scene).shadows || plan_of(scene).ambient_occlusion || plan_of(scene).lit);
+        expect_parts(row(plan_of(scene), "shadows").reason, {"no value crosses an iso value"});
+    }
+    for (const Backend backend : {Backend::cpu, Backend::gl}) {
+        scene.iso_values = {0.5};
+        expect_parts(message_of<Unsupported>([&] { (void)plan_of(scene, backend); }),
+                     {"shadows of surfaces", "backend = reference"});
+        Scene occluded = scene;
+        occluded.shadows = false;
+        expect_parts(message_of<Unsupported>([&] { (void)plan_of(occluded, backend); }),
+                     {"ambient occlusion by surfaces", "backend = reference"});
+        occluded.ambient_occlusion.reset();
+        EXPECT_NO_THROW((void)plan_of(occluded, backend));
+    }
+}
+
+TEST(SceneEffects, OnlyTheReferenceHasGroupsAndSeveralSurfaces) {
+    Scene groups = lit_scene();
+    groups.fields.push_back(groups.fields.front());
+    groups.later_groups = {{1, groups.transfer_function}};
+    EXPECT_TRUE(row(plan_of(groups), "own_transfer_functions").on);
+    Scene surfaces = lit_scene();
+    surfaces.mode = Mode::isosurface;
+    for (const Backend backend : {Backend::cpu, Backend::gl}) {
+        const auto refused = [&](const Scene& scene) {
+            return message_of<Unsupported>([&] { (void)plan_of(scene, backend); });
+        };
+        expect_parts(refused(groups), {"2 transfer functions", "backend = reference"});
+        surfaces.iso_values = {0.5, 0.6};
+        expect_parts(refused(surfaces), {"2 iso values", "backend = reference"});
+        surfaces.iso_values = {{0.5, 0.25}};
+        expect_parts(refused(surfaces), {"a surface of opacity 0.25", "backend = reference"});
+        for (const Mode mode : {Mode::minimum, Mode::average}) {
+            Scene scalar = lit_scene();
+            scalar.mode = mode;
+            EXPECT_TRUE(plan_of(scalar).weight);
+            expect_parts(refused(scalar), {std::string("mode ") + name_of(mode), "backend = reference"});
+        }
+        // In scalar modes all fields add up.
+        Scene xray = groups;
+        xray.mode = Mode::xray;
+        EXPECT_FALSE(row(plan_of(xray, backend), "own_transfer_functions").on);
+    }
+}
+
+TEST(SceneEffects, TheStopCountsWhereSurfacesAreTranslucent) {
+    Scene scene = lit_scene();
+    scene.mode = Mode::isosurface;
+    scene.opacity_stop = 0.9;
+    scene.iso_values = {0.5};
+    EXPECT_FALSE(plan_of(scene).stop);
+    scene.iso_values = {0.5, {0.4, 0.5}};
+    EXPECT_TRUE(plan_of(scene).stop);
+    scene.opacity_stop = 1.0;
+    EXPECT_FALSE(plan_of(scene).stop);
 }
 
 TEST(SceneEffects, ScalarModesHaveNoneButClip) {
@@ -298,7 +353,7 @@ TEST(SceneEffects, ClipsThatKeepAllAreOffAndThoseThatKeepNothingDrawNothing) {
     expect_parts(row(plan_of(scene), "clip").reason, {"keeps all that kernels reach"});
     // A crossing has an end beyond the supports, and a slab reaches beyond its middle.
     scene.mode = Mode::isosurface;
-    scene.iso_value = 0.5;
+    scene.iso_values = {0.5};
     EXPECT_TRUE(plan_of(scene).clip);
     scene.mode = Mode::composite;
     scene.sampling = Sampling::slab;

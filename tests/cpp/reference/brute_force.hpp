@@ -78,8 +78,10 @@ class Page {
         centre_ = 0.5 * (lower + upper);
         if (scene_.filter == Filter::ewa) {
             for (std::vector<Sample>& samples : samples_) {
+                const double falloff =
+                    scene_.fields[static_cast<std::size_t>(&samples - samples_.data())]->kernel().falloff;
                 for (Sample& sample : samples) {
-                    widen(sample);
+                    widen(sample, falloff);
                 }
             }
         }
@@ -134,11 +136,14 @@ class Page {
         }
     }
 
-    // Section 10: B B^T + diag(p^2, p^2, ds^2) along the eye's axes, the amplitude times sqrt(det old / det new).
-    void widen(Sample& sample) const {
+    // Section 10: B B^T + 2 k diag(p^2, p^2, ds^2) / 4 along the eye's axes, the amplitude times
+    // sqrt(det old / det new).
+    void widen(Sample& sample, double falloff) const {
+        const double depth = depth_of(sample.position),
+                     half = std::sqrt(0.25 * 2.0 * falloff) * (1.0 + mistakes_.filter);
         const double across =
-            2.0 * half_height(std::abs(depth_of(sample.position))) / size_.height * (1.0 + mistakes_.filter);
-        const double along = spacing_ * (1.0 + mistakes_.filter);
+            half * 2.0 * half_height(perspective() ? std::max(depth, camera_.near()) : depth) / size_.height;
+        const double along = half * spacing_;
         const Mat3 old = glm::inverse(sample.form);
         const Mat3 wide = old +
                           across * across *
@@ -187,6 +192,26 @@ class Page {
     bool perspective() const { return camera_.projection() == Projection::perspective; }
     bool exists(int n) const {
         return n >= first_ && n < first_ + count_ && (!perspective() || depth(n) > camera_.near());
+    }
+    // Whether slab n meets a support.
+    bool met_by_support(int n) const {
+        for (const std::vector<Sample>& samples : samples_) {
+            for (const Sample& sample : samples) {
+                const Vec3 back = camera_.back_world();
+                const double reach = std::sqrt(glm::dot(back, glm::inverse(sample.form) * back));
+                if (std::abs(depth_of(sample.position) - depth(n)) < reach + 0.5 * spacing_) {
+                    return true;
+                }
+            }
+        }
+        return false;
+    }
+    double first_depth() const {
+        int n = first_;
+        while (n < first_ + count_ && !(exists(n) && met_by_support(n))) {
+            ++n;
+        }
+        return depth(n);
     }
     double half_height(double t) const {
         return perspective() ? t * std::tan(camera_.fov_y() * pi / 360.0) : camera_.height() / 2.0;
@@ -388,8 +413,10 @@ class Page {
             } else if (scene_.mode == Mode::mip) {
                 scalar = std::max(scalar, here.rho);
             } else if (scene_.mode == Mode::isosurface) {
-                const double iso = *scene_.iso_value;
-                if (!crossed && (here.rho < iso) != (next.rho < iso)) {
+                const double iso = scene_.iso_values.front().value;
+                // Between what the near plane removes and what it leaves nothing crosses.
+                const bool cut = perspective() && depth(n) <= camera_.near() && met_by_support(n);
+                if (!cut && !crossed && (here.rho < iso) != (next.rho < iso)) {
                     const double x = (iso - here.rho) / (next.rho - here.rho);
                     const Vec3 g = gradient(i, j, n) * (1.0 - x) + gradient(i, j, n + 1) * x;
                     behind(shaded(function(iso).color, g, i, j), 1.0, depth(n) + x * spacing_);
@@ -405,7 +432,7 @@ class Page {
                 }
                 if (tau > 0.0) {
                     behind(shaded(tau_color / tau, 0.5 * (gradient(i, j, n) + gradient(i, j, n + 1)), i, j),
-                           -std::expm1(-spacing_ * s * tau), depth(n));
+                           -std::expm1(-spacing_ * s * tau), std::max(depth(n) + 0.5 * spacing_, first_depth()));
                 }
             } else if (!here.empty) {
                 const TransferPoint looks = function(here.rho);

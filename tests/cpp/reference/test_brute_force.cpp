@@ -134,7 +134,7 @@ RandomPicture random_picture(unsigned seed, Kinds kinds = Kinds::lattices) {
     scene.mode = std::array{
         Mode::composite, Mode::composite, Mode::composite, Mode::isosurface, Mode::xray, Mode::mip}[seed % 6];
     if (scene.mode == Mode::isosurface) {
-        scene.iso_value = dice.real(-0.1, 0.5);
+        scene.iso_values = {dice.real(-0.1, 0.5)};
     }
     scene.preintegration = scene.mode == Mode::composite && dice.one_in(3);
     scene.opacity_stop = dice.one_in(2) ? 1.0 : dice.real(0.4, 0.95);

@@ -262,9 +262,9 @@ TEST(Depth, IsWhereOpacityReachesOneHalf) {
     request.depth = true;
     // Slices at -3.5 ... 3.5 around the middle, which is 20 away; A reaches one half with the second.
     EXPECT_NEAR(render(scene, front_camera(2.0), Size{1, 1}, request).depth[0], 20.0 - 2.5, 1e-14);
-    // Intervals begin one slice earlier and count with the slice in front.
+    // Intervals begin one slice earlier and count with their middle.
     scene.preintegration = true;
-    EXPECT_NEAR(render(scene, front_camera(2.0), Size{1, 1}, request).depth[0], 20.0 - 3.5, 1e-14);
+    EXPECT_NEAR(render(scene, front_camera(2.0), Size{1, 1}, request).depth[0], 20.0 - 3.0, 1e-14);
     scene = homogeneous(0.01, 1.0);
     EXPECT_EQ(render(scene, front_camera(2.0), Size{1, 1}, request).depth[0], std::numeric_limits<double>::infinity());
 }

@@ -333,7 +333,7 @@ TEST(DepthCue, MixesByDepth) {
     Scene scene =
         make_scene(blobs(), TransferFunction({{0.0, Vec3(0.8, 0.4, 0.2), 0.0}, {1.0, Vec3(0.8, 0.4, 0.2), 1.0}}));
     scene.mode = Mode::isosurface;
-    scene.iso_value = 0.2;
+    scene.iso_values = {0.2};
     Request request;
     request.depth = true;
     const Picture plain = render(scene, oblique_camera(6.0), size, request);
@@ -448,8 +448,8 @@ TEST(Shadow, OfAHomogeneousBlock) {
     EXPECT_EQ(left_towards(opaque, Vec3(0.0), Vec3(0.0, 0.0, 1.0)), 0.0);
 }
 
-TEST(Shadow, DimsTheLightOfASurface) {
-    // A surface in the plane z = 0, and a curtain beside the view, 2 thick (and its kernels' reach of 2 on either
+TEST(Shadow, OfSurfacesIsWhatTheyShow) {
+    // A surface in the plane z = 2, and a curtain beside the view, 2 thick (and its kernels' reach of 2 on either
     // side), between it and a light that comes in at 45 degrees. Value 1 is the surface's, 0.1 the curtain's.
     RegularFieldOptions options;
     options.normalization = Normalization::threshold;
@@ -458,14 +458,11 @@ TEST(Shadow, DimsTheLightOfASurface) {
     const auto ground = make_field(std::vector<double>(9 * 9 * 9, 1.0), {9, 9, 9}, options);
     options.origin = Vec3(7.0, -15.0, 3.0);
     const auto curtain = make_field(std::vector<double>(31 * 31 * 3, 0.1), {31, 31, 3}, options);
-    Scene scene =
-        make_scene(ground, TransferFunction({{0.05, Vec3(1.0), 0.0}, {0.05, Vec3(1.0), 0.03}, {1.0, Vec3(1.0), 0.03}}));
+    Scene scene = make_scene(ground, TransferFunction({{0.0, Vec3(1.0), 1.0}, {1.0, Vec3(1.0), 1.0}}));
     scene.fields.push_back(curtain);
     scene.mode = Mode::isosurface;
-    scene.iso_value = 0.5;
     scene.slice_spacing = 0.05;
     scene.reference_length = 1.0;
-    scene.gradient = Gradient::sheets;
     scene.lights = {Light{Vec3(1.0, 0.0, 1.0), Vec3(1.0), LightSpace::world}};
     scene.material.ambient = 0.0;
     scene.material.diffuse = 1.0;
@@ -473,14 +470,32 @@ TEST(Shadow, DimsTheLightOfASurface) {
         scene.shadows = shadows;
         return render(scene, front_camera(1.0), Size{1, 1}).rgba[0];
     };
-    const double free = light(false), dimmed = light(true);
-    ASSERT_GT(free, 0.1);
-    // Through the ground's own rim (2 above its samples, the surface is where it begins) to its end, and 6 of the
-    // curtain, each along the diagonal; the points are 0.05 apart, so that each way is known to one of them.
-    const double through = 6.0 * std::sqrt(2.0);
-    EXPECT_NEAR(std::log(dimmed / free) / std::log1p(-0.03), through, 2.0 * 0.05 + 0.05);
+    const auto left = [&](std::vector<IsoValue> surfaces) {
+        scene.iso_values = std::move(surfaces);
+        const double free = light(false);
+        EXPECT_GT(free, 0.1);
+        return light(true) / free;
+    };
+    // The curtain's value does not reach the surface's, and the transfer function's opacity casts nothing.
+    EXPECT_EQ(left({0.5}), 1.0);
+    // Into the curtain and out of it.
+    EXPECT_NEAR(left({0.5, {0.08, 0.4}}), 0.6 * 0.6, 1e-12);
+    EXPECT_NEAR(left({0.5, {0.08, 0.4}, {0.05, 0.1}}), 0.6 * 0.6 * 0.9 * 0.9, 1e-12);
+    EXPECT_EQ(left({0.5, {0.08, 0.0}}), 1.0);
+    EXPECT_EQ(left({0.5, 0.08}), 0.0);
+    // Cut in its middle, it has no way out; cut off from there to the light, no way in either where both points of
+    // the crossing have to be kept.
+    scene.clip.planes = {{Vec3(-1.0, 0.0, 0.0), -8.0}};
+    EXPECT_NEAR(left({0.5, {0.08, 0.4}}), 0.6, 1e-12);
+    scene.clip.planes = {{Vec3(-1.0, 0.0, 0.0), -4.9}};
+    EXPECT_EQ(left({0.5, {0.08, 0.4}}), 1.0);
+    // As fields with transfer functions of their own.
+    scene.clip.planes.clear();
+    scene.later_groups = {{1, TransferFunction({{0.0, Vec3(0.0), 0.0}, {1.0, Vec3(0.0), 0.0}})}};
+    EXPECT_NEAR(left({0.5, {0.08, 0.4}}), 0.6 * 0.6, 1e-12);
+    scene.later_groups.clear();
     scene.fields.pop_back();
-    EXPECT_LT(std::log(light(true) / free) / std::log1p(-0.03), 0.16) << "without a curtain";
+    EXPECT_EQ(left({0.5, {0.08, 0.4}}), 1.0) << "without a curtain";
 }
 
 TEST(Shadow, CanBeStoppedInsideASlice) {
@@ -520,6 +535,27 @@ TEST(AmbientOcclusion, InsideAHomogeneousBlock) {
         const double at_face = 1.0 - 0.6 * 9.0 / 14.0 * (1.0 - open);
         EXPECT_NEAR(surroundings.ambient(Vec3(0.0, 0.0, 7.85 - 20.0), 0.0), at_face, 1e-13);
     }
+}
+
+TEST(AmbientOcclusion, OfSurfacesCountsCrossingsWithinTheRadius) {
+    // A surface all but where the block ends, 8 from its middle; the first points are half a length away.
+    Scene scene = block(0.5);
+    scene.mode = Mode::isosurface;
+    scene.iso_values = {{1e-6, 0.7}};
+    const Camera camera = front_camera(4.0);
+    const auto ambient = [&](double z, double radius) {
+        scene.ambient_occlusion = AmbientOcclusion{radius, 0.6};
+        const Clipping clipping(scene, camera);
+        const Surroundings surroundings(scene, camera, Screen(camera, size), clipping, 1.0);
+        return surroundings.ambient(Vec3(0.0, 0.0, z - 20.0), 0.0);
+    };
+    EXPECT_EQ(ambient(0.0, 3.0), 1.0);
+    // From 7.2 along +z the surface at 8 lies between 7.7 and 8.2, the points of M = 1 and 2.
+    EXPECT_EQ(ambient(7.2, 0.5), 1.0);
+    EXPECT_EQ(ambient(7.2, 0.9), 1.0);
+    EXPECT_NEAR(ambient(7.2, 1.0), 1.0 - 0.6 * 0.7 / 14.0, 1e-13);
+    // And from 7.6 between the point itself and the first one, which does not count, but for four diagonals.
+    EXPECT_NEAR(ambient(7.6, 1.0), 1.0 - 0.6 * 0.7 * 4.0 / 14.0, 1e-13);
 }
 
 TEST(AmbientOcclusion, TakesAmbientLightOnly) {

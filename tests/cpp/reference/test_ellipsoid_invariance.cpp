@@ -185,7 +185,7 @@ TEST(Ellipsoids, SplittingAndOrderChangeNothing) {
                     Scene scene = full_scene(make_ellipsoids(kernels, options));
                     scene.filter = filter;
                     scene.mode = mode;
-                    scene.iso_value = 0.3;
+                    scene.iso_values = {0.3};
                     return render(scene, camera_of(true), size, request);
                 };
                 const Picture plain = picture(arrays);

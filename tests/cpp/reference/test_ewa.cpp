@@ -65,6 +65,9 @@ Scene xray(std::shared_ptr<const Field> field, Filter filter, double spacing, Sa
     return scene;
 }
 
+// What the filter adds to a radius of falloff 8, in pixels and slice distances: half a standard deviation's.
+const double widening = 0.5 * std::sqrt(2.0 * 8.0);
+
 } // namespace
 
 TEST(EwaFilter, IsTheWidenedCovariance) {
@@ -158,7 +161,7 @@ TEST(EwaFilter, KeepsTheMassOfAKernel) {
         }
     }
     // The amplitude makes it: without it there would be this much more.
-    const KernelShape shape = KernelShape::filtered(glm::mat3_cast(rotation), s, 0.05, 0.25);
+    const KernelShape shape = KernelShape::filtered(glm::mat3_cast(rotation), s, widening * 0.05, widening * 0.25);
     EXPECT_LT(shape.amplitude(), 0.95);
     // And in perspective the pixel's width is that at the centre's depth, on whichever side of the target.
     for (const double z : {-6.0, 6.0}) {
@@ -170,7 +173,7 @@ TEST(EwaFilter, KeepsTheMassOfAKernel) {
         Scene scene = xray(there, Filter::ewa, deepest);
         const double centre = render(scene, camera, Size{60, 60}).scalar[30 * 60 + 30];
         // The line integral through (nearly) the centre, by the covariance.
-        const Wide form = glm::inverse(widened(glm::mat3_cast(rotation), s, pixel, deepest));
+        const Wide form = glm::inverse(widened(glm::mat3_cast(rotation), s, widening * pixel, widening * deepest));
         const double x = 0.5 * pixel, y = -0.5 * pixel;
         const Vec3 ray = glm::normalize(Vec3(x, y, -(20.0 - z))), start(x, y, 0.0);
         const auto product = [&](const Vec3& a, const Vec3& b) {
@@ -242,7 +245,7 @@ TEST(EwaFilter, HugeKernelsBarelyChange) {
         EXPECT_GT(largest_of(plain), 0.2);
         return largest_difference(plain, render(scene, camera, Size{12, 12}).rgba);
     };
-    const std::vector<double> pixels{0.08, 0.04, 0.02, 0.01};
+    const std::vector<double> pixels{0.04, 0.02, 0.01, 0.005};
     std::vector<double> differences;
     for (const double pixel : pixels) {
         differences.push_back(difference(pixel));
@@ -255,8 +258,8 @@ TEST(EwaFilter, HugeKernelsBarelyChange) {
 }
 
 TEST(EwaFilter, ItsSupportDecidesWhichSlicesThereAre) {
-    // A disc of half-depth 0.01 that faces the camera, slices 1 apart: two slabs touch it, and four once it is filtered
-    // (its half-depth is sqrt(0.0001 + 1)).
+    // A disc of half-depth 0.01 that faces the camera, slices 1 apart: two slabs touch it, and six once it is filtered
+    // (its half-depth is sqrt(0.0001 + 4)).
     const auto field = make_ellipsoids(one_ellipsoid(Vec3(0.0), Vec3(2.0, 2.0, 0.01), glm::dquat(1.0, 0.0, 0.0, 0.0)),
                                        plain_ellipsoids());
     for (const Sampling sampling : {Sampling::slab, Sampling::point}) {
@@ -264,8 +267,8 @@ TEST(EwaFilter, ItsSupportDecidesWhichSlicesThereAre) {
         const Picture filtered = render(xray(field, Filter::ewa, 1.0, sampling), front_camera(4.0), Size{9, 9});
         EXPECT_EQ(plain.first_slice, -1);
         EXPECT_EQ(plain.slices, 2);
-        EXPECT_EQ(filtered.first_slice, -2);
-        EXPECT_EQ(filtered.slices, 4);
+        EXPECT_EQ(filtered.first_slice, -3);
+        EXPECT_EQ(filtered.slices, 6);
         // Between slices the disc is not there for points; filtered it is.
         EXPECT_EQ(largest_of(plain.scalar) > 0.0, sampling == Sampling::slab);
         EXPECT_GT(largest_of(filtered.scalar), 1e-3);
@@ -285,7 +288,8 @@ TEST(EwaFilter, ItsSupportDecidesWhichSlicesThereAre) {
         return count;
     };
     EXPECT_EQ(seen(Filter::none), 1);
-    EXPECT_EQ(seen(Filter::ewa), 5);
+    // Those whose distance is below sqrt(0.01 + 4): at 0, 1, sqrt(2) and 2.
+    EXPECT_EQ(seen(Filter::ewa), 13);
 }
 
 TEST(EwaFilter, GoesForLatticesToo) {
@@ -306,8 +310,25 @@ TEST(EwaFilter, GoesForLatticesToo) {
             EXPECT_NEAR(value, 0.7, 0.7 * 0.008);
         }
         // C is the mass before the filter: were the amplitude not lowered, the sum would be far above it.
-        const KernelShape shape = KernelShape::filtered(Mat3(1.0), Vec3(1.0), 1.0, 1.0);
+        const double lattice_widening = 0.5 * std::sqrt(2.0 * field->kernel().falloff);
+        const KernelShape shape = KernelShape::filtered(Mat3(1.0), Vec3(1.0), lattice_widening, lattice_widening);
         EXPECT_LT(shape.amplitude(), 0.36);
+    }
+}
+
+TEST(EwaFilter, MeasuresPixelsNoNearerThanTheNearPlane) {
+    // A kernel around the eye, and behind it: its widths are those of a pixel at `near`.
+    const double near = 1.5, spacing = 0.5, pixel_at_1 = 2.0 * std::tan(6.0 * pi / 180.0) / 9.0;
+    const Camera camera = Camera::perspective(Vec3(0.0), Vec3(0.0, 0.0, -1.0), Vec3(0.0, 1.0, 0.0), 12.0, near);
+    for (const double depth : {-3.0, -0.2, 0.7, 1.5, 4.0}) {
+        const auto field =
+            make_ellipsoids(one_ellipsoid(Vec3(0.0, 0.0, -depth), Vec3(0.1), glm::dquat(1.0, 0.0, 0.0, 0.0)));
+        const Scene scene = xray(field, Filter::ewa, spacing);
+        const Screen screen(camera, Size{9, 9});
+        const EyeKernel kernel = EyeKernels(*field, scene, camera, screen, 1.0).at(0);
+        const double across = widening * pixel_at_1 * std::max(depth, near);
+        EXPECT_NEAR(kernel.shape.bounds_x(-1.0, 1.0).upper, std::hypot(0.1, across), 1e-9) << depth;
+        EXPECT_NEAR(kernel.shape.half_depth(), std::hypot(0.1, widening * spacing), 1e-12) << depth;
     }
 }
 

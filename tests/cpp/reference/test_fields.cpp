@@ -261,7 +261,7 @@ TEST(Lattices, LinearFieldKeepsItsGradient) {
             {11, 11, 11}, options);
         Scene scene = make_scene(field, TransferFunction({{0.0, Vec3(1.0), 1.0}, {1.0, Vec3(1.0), 1.0}}));
         scene.mode = Mode::isosurface;
-        scene.iso_value = 1.0;
+        scene.iso_values = {1.0};
         scene.slice_spacing = 0.1;
         scene.material = {0.0, 1.0, 0.0, 1.0, false};
         for (int axis = 0; axis < 3; ++axis) {

@@ -138,7 +138,7 @@ TEST(Invariance, SplittingKernels) {
             whole.transfer_function =
                 TransferFunction({{0.0, Vec3(0.1, 0.2, 0.3), 0.1}, {1.0, Vec3(0.9, 0.8, 0.1), 0.8}});
             whole.mode = mode;
-            whole.iso_value = 0.6;
+            whole.iso_values = {0.6};
             Scene split = whole;
             split.fields = {make_field(part, shape, options), make_field(rest, shape, options)};
             const Camera camera =

@@ -125,7 +125,7 @@ TEST(Pictures, WithoutKernelsAreTransparent) {
     const std::vector<double> zeros(4 * 6, 0.0);
     for (const Mode mode : {Mode::composite, Mode::isosurface, Mode::xray, Mode::mip}) {
         scene.mode = mode;
-        scene.iso_value = 0.0;
+        scene.iso_values = {0.0};
         const Picture picture = render(scene, front_camera(4.0), Size{3, 2}, request);
         EXPECT_EQ(picture.slices, 0);
         EXPECT_EQ(picture.kernels_drawn, 0U);
@@ -220,7 +220,7 @@ TEST(Nudges, RhoIsThatOfAMovedFunction) {
     }
     Scene surface = make_scene(blobs());
     surface.mode = Mode::isosurface;
-    surface.iso_value = 0.4;
+    surface.iso_values = {0.4};
     Request request;
     request.nudge_rho = 0.01;
     request.depth = true;
@@ -231,7 +231,7 @@ TEST(Nudges, RhoIsThatOfAMovedFunction) {
     ASSERT_EQ(moved.rgba[4 * pixel + 3], 1.0);
     EXPECT_NEAR(moved.rgba[4 * pixel], surface.transfer_function.at(0.4).color.x, 1e-15);
     EXPECT_GT(std::abs(moved.rgba[4 * pixel] - surface.transfer_function.at(0.41).color.x), 1e-3);
-    surface.iso_value = 0.39;
+    surface.iso_values = {0.39};
     request.nudge_rho = 0.0;
     EXPECT_LE(largest_difference(nudged, render(surface, oblique_camera(), Size{12, 12}, request).depth), 1e-12);
 }
@@ -259,7 +259,7 @@ TEST(AmbiguousPixels, AreThoseNextToAJump) {
     EXPECT_EQ(marks(end * 1.001), (std::vector<unsigned char>{0, 0, 0}));
     // An isosurface's outline.
     scene.mode = Mode::isosurface;
-    scene.iso_value = 0.3;
+    scene.iso_values = {0.3};
     EXPECT_EQ(marks(b * (1.0 + 1e-6)), (std::vector<unsigned char>{1, 0, 1}));
     EXPECT_EQ(marks(b * 1.001), (std::vector<unsigned char>{0, 0, 0}));
     // Scalar modes do not jump.

@@ -102,7 +102,7 @@ TEST(Orders, SheetsTendToAnalyticGradients) {
     Scene scene = make_scene(blobs(options));
     scene.lights = two_lights();
     scene.mode = Mode::isosurface;
-    scene.iso_value = 0.05;
+    scene.iso_values = {0.05};
     std::vector<double> steps, errors, one_sided;
     for (int halving = 0; halving < 4; ++halving) {
         const double step = 0.4 / (1 << halving);
@@ -147,7 +147,7 @@ TEST(Orders, IsosurfaceDepth) {
     // Pixels well inside the outline of a surface.
     Scene scene = make_scene(blobs());
     scene.mode = Mode::isosurface;
-    scene.iso_value = 0.15;
+    scene.iso_values = {0.15};
     const Orders found =
         orders(scene, Camera::orthographic(Vec3(11.0, 8.0, 16.0), Vec3(4.0, 3.5, 3.0), Vec3(0.0, 1.0, 0.0), 2.0), true);
     report("isosurface depth", found);

@@ -28,7 +28,7 @@ Scene iso_ball(double spacing) {
     Scene scene =
         make_scene(one_kernel(radius, falloff), TransferFunction({{0.0, Vec3(1.0), 0.0}, {1.0, Vec3(1.0), 0.0}}));
     scene.mode = Mode::isosurface;
-    scene.iso_value = iso;
+    scene.iso_values = {iso};
     scene.slice_spacing = spacing;
     scene.lights = lights_along_axes();
     scene.material = {0.0, 1.0, 0.0, 1.0, false};
@@ -206,7 +206,7 @@ TEST(Isosurface, EitherWayRound) {
     // From outside, 0, down to a value below the iso value.
     Scene scene = iso_ball(0.01);
     scene.fields = {make_field({-1.0}, {1, 1, 1}, plain_options(radius, falloff))};
-    scene.iso_value = -iso;
+    scene.iso_values = {-iso};
     scene.material.two_sided = true;
     Request request;
     request.depth = true;
@@ -214,28 +214,34 @@ TEST(Isosurface, EitherWayRound) {
     EXPECT_NEAR(picture.depth[0], 6.0 - iso_radius(), 1e-4);
     EXPECT_EQ(picture.rgba[3], 1.0);
     EXPECT_NEAR(picture.rgba[2], 1.0, 1e-3);
-    scene.iso_value = -1.5;
+    scene.iso_values = {-1.5};
     const Picture nothing = render(scene, front_camera(0.2, 6.0), Size{1, 1}, request);
     EXPECT_EQ(nothing.rgba[3], 0.0);
     EXPECT_EQ(nothing.depth[0], std::numeric_limits<double>::infinity());
 }
 
-TEST(Isosurface, CutOpenAtTheFirstSlice) {
-    // A wide slab: the first slice is above the iso value already, and the crossing lies between it and the 0 before
-    // it.
+TEST(Isosurface, IsCutOpenByTheNearPlane) {
+    // A wide slab: the first slice is above the iso value already, so the crossing is that to the slice behind it.
     Scene scene = iso_ball(1.0);
     Request request;
     request.depth = true;
-    const Camera camera = Camera::perspective(Vec3(0.0, 0.0, 0.6), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 10.0, 0.5);
+    const auto seen = [&](double near) {
+        const Camera camera = Camera::perspective(Vec3(0.0, 0.0, 0.6), Vec3(0.0), Vec3(0.0, 1.0, 0.0), 10.0, near);
+        return render(scene, camera, Size{1, 1}, request);
+    };
     // Slices at 0.6 + n + 1/2; that at 0.1 is in front of near, so 1.1 is the first.
-    const Picture picture = render(scene, camera, Size{1, 1}, request);
+    const Picture picture = seen(0.5);
     EXPECT_EQ(picture.first_slice, 0);
-    const double rho = kernel_value(0.5 / radius, falloff);
-    ASSERT_GT(rho, iso);
-    EXPECT_NEAR(picture.depth[0], 0.1 + iso / rho, 1e-14);
+    const double first = kernel_value(0.5 / radius, falloff), second = kernel_value(1.5 / radius, falloff);
+    ASSERT_GT(first, iso);
+    ASSERT_LT(second, iso);
+    EXPECT_NEAR(picture.depth[0], 1.1 + (first - iso) / (first - second), 1e-14);
     EXPECT_EQ(picture.rgba[3], 1.0);
-    // The gradient there: between slices in which rho rises from 0 to rho, and from 0 over two steps to what follows.
-    EXPECT_NEAR(picture.rgba[2], 1.0, 0.01);
+    // The surface is seen from inside: its normal points away.
+    EXPECT_EQ(picture.rgba[2], 0.0);
+    // With the slice at 0.1 nothing but that slice changes.
+    EXPECT_NEAR(seen(0.05).depth[0], picture.depth[0], 1e-14);
+    EXPECT_EQ(seen(0.05).first_slice, -1);
 }
 
 } // namespace sheetsplat::reference::testing

@@ -129,7 +129,7 @@ TEST(Scene, effects_that_contradict_name_both_sides) {
     const auto in_mode = [](Mode mode, const std::function<void(Scene&)>& change) {
         return refused([&](Scene& s) {
             s.mode = mode;
-            s.iso_value = 0.5;
+            s.iso_values = {0.5};
             change(s);
         });
     };
@@ -137,8 +137,10 @@ TEST(Scene, effects_that_contradict_name_both_sides) {
     const std::function<void(Scene&)> shadows = [](Scene& s) { s.shadows = true; };
     const std::function<void(Scene&)> occlusion = [](Scene& s) { s.ambient_occlusion = AmbientOcclusion{}; };
     const std::function<void(Scene&)> opacity = [](Scene& s) { s.gradient_opacity = 2.0; };
-    for (const Mode mode : {Mode::xray, Mode::mip}) {
-        const char* const name = mode == Mode::xray ? "mode = xray" : "mode = mip";
+    for (const auto& [mode, name] : {std::pair{Mode::xray, "mode = xray"},
+                                     {Mode::mip, "mode = mip"},
+                                     {Mode::minimum, "mode = minimum"},
+                                     {Mode::average, "mode = average"}}) {
         expect_parts(in_mode(mode, cue), {"depth_cue", name});
         expect_parts(in_mode(mode, shadows), {"shadows = true", name});
         expect_parts(in_mode(mode, occlusion), {"ambient_occlusion", name});
@@ -148,7 +150,7 @@ TEST(Scene, effects_that_contradict_name_both_sides) {
     for (const auto& change : {cue, shadows, occlusion}) {
         accepted([&](Scene& s) {
             s.mode = Mode::isosurface;
-            s.iso_value = 0.5;
+            s.iso_values = {0.5};
             change(s);
         });
         accepted(change);
@@ -197,14 +199,80 @@ TEST(Scene, an_isosurface_needs_its_value) {
     for (const double bad : {nan, infinity, -infinity}) {
         expect_parts(refused([=](Scene& s) {
                          s.mode = Mode::isosurface;
-                         s.iso_value = bad;
+                         s.iso_values = {bad};
                      }),
                      {"iso_value cannot be used"});
     }
     accepted([](Scene& s) {
         s.mode = Mode::isosurface;
-        s.iso_value = -3.0;
+        s.iso_values = {-3.0};
     });
+}
+
+TEST(Scene, surfaces_have_values_and_opacities) {
+    const auto surfaces = [](std::vector<IsoValue> values) {
+        return [values = std::move(values)](Scene& s) {
+            s.mode = Mode::isosurface;
+            s.iso_values = values;
+        };
+    };
+    accepted(surfaces({{0.2, 0.0}, {0.7, 1.0}, {0.7, 0.5}}));
+    for (const double bad : {-0.1, 1.0000001, nan, infinity}) {
+        expect_parts(refused(surfaces({0.25, {0.5, bad}})),
+                     {"iso_value cannot be used", "opacity", "of the surface at 0.5", "from 0 to 1"});
+    }
+    expect_parts(refused(surfaces({0.25, infinity})), {"iso_value cannot be used", "found infinity"});
+    EXPECT_EQ(IsoValue(0.5), (IsoValue{0.5, 1.0}));
+    EXPECT_FALSE(IsoValue(0.5) == (IsoValue{0.5, 0.9}));
+}
+
+TEST(Scene, groups_follow_one_another) {
+    Scene scene = good();
+    const TransferFunction other({{2.0, Vec3(1.0), 0.5}, {3.0, Vec3(0.0), 0.0}});
+    scene.fields.resize(4, scene.fields.front());
+    EXPECT_EQ(scene.groups().size(), 1U);
+    EXPECT_EQ(scene.groups().front().last, 4U);
+    scene.later_groups = {{1, other}, {3, scene.transfer_function}};
+    EXPECT_NO_THROW(scene.validate());
+    const std::vector<Group> groups = scene.groups();
+    ASSERT_EQ(groups.size(), 3U);
+    EXPECT_EQ(groups[0].first, 0U);
+    EXPECT_EQ(groups[0].last, 1U);
+    EXPECT_EQ(groups[0].transfer_function, &scene.transfer_function);
+    EXPECT_EQ(groups[1].first, 1U);
+    EXPECT_EQ(groups[1].last, 3U);
+    EXPECT_EQ(groups[1].transfer_function->v_min(), 2.0);
+    EXPECT_EQ(groups[2].first, 3U);
+    EXPECT_EQ(groups[2].last, 4U);
+}
+
+TEST(Scene, groups_have_fields) {
+    const auto groups_from = [](std::vector<std::size_t> firsts) {
+        return [firsts = std::move(firsts)](Scene& s) {
+            s.fields.resize(3, s.fields.front());
+            for (const std::size_t first : firsts) {
+                s.later_groups.push_back({first, s.transfer_function});
+            }
+        };
+    };
+    accepted(groups_from({1, 2}));
+    expect_parts(refused(groups_from({0})), {"divided into groups", "group 1 begins at field 0 of 3", "at least one"});
+    expect_parts(refused(groups_from({1, 1})), {"group 2 begins at field 1 of 3, group 1 at field 1"});
+    expect_parts(refused(groups_from({2, 1})), {"group 2 begins at field 1 of 3, group 1 at field 2"});
+    expect_parts(refused(groups_from({3})), {"group 1 begins at field 3 of 3"});
+}
+
+TEST(Scene, second_order_needs_one_transfer_function) {
+    const auto second_order = [](Scene& s) {
+        s.preintegration = s.second_order = true;
+        s.fields.push_back(s.fields.front());
+    };
+    accepted(second_order);
+    expect_parts(refused([&](Scene& s) {
+                     second_order(s);
+                     s.later_groups.push_back({1, s.transfer_function});
+                 }),
+                 {"second order of pre-integration with 2 transfer functions", "preintegration = true"});
 }
 
 TEST(Scene, lights) {
@@ -244,11 +312,14 @@ TEST(Scene, background) {
 }
 
 TEST(Scene, preintegration_belongs_to_composite) {
-    for (const auto& [mode, name] :
-         {std::pair{Mode::isosurface, "isosurface"}, {Mode::xray, "xray"}, {Mode::mip, "mip"}}) {
+    for (const auto& [mode, name] : {std::pair{Mode::isosurface, "isosurface"},
+                                     {Mode::xray, "xray"},
+                                     {Mode::mip, "mip"},
+                                     {Mode::minimum, "minimum"},
+                                     {Mode::average, "average"}}) {
         expect_parts(refused([mode = mode](Scene& s) {
                          s.mode = mode;
-                         s.iso_value = 0.5;
+                         s.iso_values = {0.5};
                          s.preintegration = true;
                      }),
                      {std::string("preintegration = true with mode = ") + name,

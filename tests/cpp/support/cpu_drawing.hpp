@@ -249,7 +249,7 @@ inline Scene scene_of(std::vector<std::shared_ptr<const Field>> fields) {
     scene.lights = {Light{{0.3, 0.5, 1.0}, {1.0, 1.0, 1.0}, LightSpace::eye},
                     Light{{-0.8, 0.1, 0.2}, {0.2, 0.1, 0.3}, LightSpace::world}};
     scene.material = Material{0.2, 0.7, 0.3, 20.0, false};
-    scene.iso_value = 0.45;
+    scene.iso_values = {0.45};
     scene.opacity_stop = 1.0;
     return scene;
 }

@@ -134,7 +134,7 @@ inline std::vector<Case> cases() {
         Case{"isosurface",
              [](Scene& s) {
                  s.mode = Mode::isosurface;
-                 s.iso_value = 0.4;
+                 s.iso_values = {0.4};
              },
              {},
              {},

@@ -135,13 +135,14 @@ TEST(EllipsoidView, FilterWidensByAPixelAndASliceDistance) {
             EXPECT_FALSE(look.view.spheres());
             for (std::size_t i = 0; i < look.field->size(); ++i) {
                 const EyeKernel kernel = look.view.kernel(i);
-                const double pixel = look.frame.pixel * (deep ? -kernel.center.z : 1.0);
+                // Of half a standard deviation each, as supports of falloff 8 have them.
+                const double pixel = 2.0 * look.frame.pixel * (deep ? -kernel.center.z : 1.0);
                 const Mat3 b = look.in_eye(i);
                 const Mat3 old = b * glm::transpose(b);
                 Mat3 wanted = old;
                 wanted[0][0] += pixel * pixel;
                 wanted[1][1] += pixel * pixel;
-                wanted[2][2] += spacing * spacing;
+                wanted[2][2] += 4.0 * spacing * spacing;
                 const Mat3 got = squared(kernel);
                 const double scale = std::max({wanted[0][0], wanted[1][1], wanted[2][2]});
                 for (int c = 0; c < 3; ++c) {
@@ -194,16 +195,16 @@ TEST(EllipsoidView, FilterLeavesHugeKernelsAndKeepsTheMassOfTinyOnes) {
                 EXPECT_TRUE(std::isfinite(part)) << i;
             }
         }
-        EXPECT_GE(glm::length(kernel.axis_v), 0.999 * std::min(frame.pixel, frame.slice_spacing));
-        EXPECT_GE(kernel.half_depth, frame.slice_spacing);
+        EXPECT_GE(glm::length(kernel.axis_v), 0.999 * 2.0 * std::min(frame.pixel, frame.slice_spacing));
+        EXPECT_GE(kernel.half_depth, 2.0 * frame.slice_spacing);
     }
     for (const std::size_t i : {std::size_t{0}, std::size_t{1}}) {
         const EyeKernel kernel = view.kernel(i);
         const Vec3 axes = field->semi_axes(i);
-        EXPECT_NEAR(kernel.axis_u.x * kernel.axis_u.x + kernel.axis_v.x * kernel.axis_v.x, 0.0016, 1e-13);
-        EXPECT_NEAR(kernel.half_depth, 0.1, 1e-13);
+        EXPECT_NEAR(kernel.axis_u.x * kernel.axis_u.x + kernel.axis_v.x * kernel.axis_v.x, 4.0 * 0.0016, 1e-13);
+        EXPECT_NEAR(kernel.half_depth, 0.2, 1e-13);
         // The mass that an integral over the plane and its slices sees is the old one's.
-        EXPECT_NEAR(kernel.amplitude * 0.04 * 0.04 * 0.1 / (axes.x * axes.y * axes.z), 1.0, 1e-9);
+        EXPECT_NEAR(kernel.amplitude * 0.08 * 0.08 * 0.2 / (axes.x * axes.y * axes.z), 1.0, 1e-9);
     }
     for (const std::size_t i : {std::size_t{3}, std::size_t{4}}) {
         const EyeKernel kernel = view.kernel(i);

@@ -170,13 +170,15 @@ class Kernels:
         """Return the kernels with supports larger by that factor."""
         return replace(self, factor=self.factor * by, to_sphere=self.to_sphere / by)
 
-    def filtered(self, pixel: Array, spacing: float) -> Kernels:
+    def filtered(self, pixel: Array, spacing: float, falloff: float) -> Kernels:
         """Return the kernels after the EWA filter (section 10); pixel (N,) is its width at the centres' depths."""
+        # The radius of a support is the square root of 2 k standard deviations; those of the filter are one half.
+        half = math.sqrt(2 * falloff) / 2
         count = len(self.centres)
         factor = np.broadcast_to(self.factor, (count, 3, 3))
         widening = np.zeros((count, 3, 3))
-        widening[:, 0, 0] = widening[:, 1, 1] = pixel
-        widening[:, 2, 2] = spacing
+        widening[:, 0, 0] = widening[:, 1, 1] = half * pixel
+        widening[:, 2, 2] = half * spacing
         upper = np.linalg.qr(np.concatenate([np.swapaxes(factor, 1, 2), widening], 1), mode="r")
         share = np.abs(np.linalg.det(factor) / np.prod(np.diagonal(upper, axis1=1, axis2=2), axis=1))
         weights = share if self.weights is None else self.weights * share

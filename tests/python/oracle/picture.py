@@ -10,7 +10,7 @@ import numpy as np
 
 from .kernels import Array, Mask
 from .samples import Nudge, density, gradients, place, sample, screen
-from .scene import Camera, Scene, first_order, second_order, slice_opacity, unit
+from .scene import MOST_OPACITY, Camera, Scene, TransferFunction, ramp_means, second_order, slice_opacity, unit
 
 
 @dataclass
@@ -32,24 +32,52 @@ class Around:
         self.placed = place(scene, camera, size, nudge)
 
     def left(self, points: Array, direction: Array, most: float = math.inf) -> Array:
-        """Return the product of 1 - α along the direction, one slice distance after the other."""
+        """Return what is left of light along the direction, one slice distance after the other.
+
+        The product of 1 - α at the points; in mode isosurface of 1 - o over the crossings between them.
+        """
         spacing = self.scene.spacing()
         # No support is farther away than the farthest centre and the largest reach of all.
         far = 0.0
-        for _, kernels in self.placed.fields:
+        for _, _, kernels in self.placed.fields:
             longest = np.broadcast_to(np.linalg.norm(kernels.factor, axis=(1, 2)), (len(kernels.centres),))
             gaps = np.linalg.norm(points[:, None, :] - kernels.centres, axis=-1) + longest
             far = max(far, float(gaps.max(initial=0.0)))
+        count = math.floor(far / spacing) + 2
         left = np.ones(len(points))
-        step = 1
-        while step <= most and step * spacing <= far:
-            there = points + step * spacing * direction
-            rho, empty = density(self.scene, self.placed, there, self.nudge)
-            alpha = slice_opacity(self.scene.transfer_function(rho)[:, 3], np.array(spacing / self.scene.length()))
-            if self.scene.clip is not None:
-                empty = empty | ~self.scene.clip.keeps(there, self.camera, spacing)
-            left *= np.where(empty, 1.0, 1 - alpha)
-            step += 1
+        if self.scene.mode == "isosurface":
+            pairs = range(1, int(min(most, count)))
+            for step in pairs:
+                left *= self.through(points + step * spacing * direction, points + (step + 1) * spacing * direction)
+            return left
+        for step in range(1, int(min(most, count)) + 1):
+            left *= self.clear(points + step * spacing * direction)
+        return left
+
+    def kept(self, points: Array) -> Mask:
+        """Return which points clipping keeps."""
+        clip = self.scene.clip
+        return np.ones(len(points), bool) if clip is None else clip.keeps(points, self.camera, self.scene.spacing())
+
+    def clear(self, points: Array) -> Array:
+        """Return 1 - α of points, of all groups."""
+        scene = self.scene
+        rho, empty = density(scene, self.placed, points, self.nudge)
+        left = np.ones(len(points))
+        for group, (_, tf) in enumerate(scene.groups()):
+            alpha = slice_opacity(tf(rho[group])[:, 3], np.array(scene.spacing() / scene.length()))
+            left *= np.where(empty[group], 1.0, 1 - alpha)
+        return np.where(self.kept(points), left, 1.0)
+
+    def through(self, front: Array, back: Array) -> Array:
+        """Return the product of 1 - o over the surfaces between points."""
+        before, _ = density(self.scene, self.placed, front, self.nudge)
+        after, _ = density(self.scene, self.placed, back, self.nudge)
+        both = self.kept(front) & self.kept(back)
+        left = np.ones(len(front))
+        for value, opacity in self.scene.surfaces():
+            for one, other in zip(before, after, strict=True):
+                left *= np.where(both & ((one < value) != (other < value)), 1 - opacity, 1.0)
         return left
 
     def light(self, points: Array, towards: Array) -> Array:
@@ -121,36 +149,39 @@ def render(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge | N
         to_camera[..., 2] = 1
         stretch = np.ones((h, w))
     turn = camera.turn()
-    rho, empty = samples.rho[1:-1, 1:-1, 1:-1], samples.empty[1:-1, 1:-1, 1:-1]
-    depths = samples.depth[1:-1]
+    inner = np.s_[:, 1:-1, 1:-1, 1:-1]
+    rho, empty = samples.rho[inner], samples.empty[inner]
+    depths, weights = samples.depth[1:-1], samples.weight[1:-1]
     kept = kept_points(scene, camera, size, depths)
-    coverage = (samples.weight[1:-1] * kept).sum(0) * spacing * stretch
+    coverage = (weights * kept).sum(0) * spacing * stretch
     depth = np.full((h, w), np.inf)
     found = max(len(depths) - 2, 0)
-    if scene.mode in ("xray", "mip"):
-        if scene.mode == "xray":
-            scalar = (rho * kept).sum(0) * spacing * stretch
-        else:
-            scalar = np.maximum(0.0, np.where(kept, rho, 0.0).max(0)) if found else np.zeros((h, w))
-        return Picture(None, scalar, coverage, depth, found)
+    if scene.scalar:
+        return Picture(None, _scalar(scene.mode, rho[0], weights, kept, spacing * stretch), coverage, depth, found)
     rgba = np.zeros((h, w, 4))
     if found:
-        slopes = samples.slope[1:-1] if scene.gradient == "analytic" else gradients(samples, camera, size, spacing)
-        weak = 1e-3 * scene.transfer_function.span() / length
         around = Around(scene, camera, size, nudge) if scene.shadows or scene.ambient_occlusion is not None else None
 
-        def shaded(colour: Array, gradient: Array, at: Array, t: Array) -> Array:
-            points = ray_points(camera, size, at, t)
-            lit = shade(colour, gradient, to_camera[at], weak, scene, turn, points, around)
-            cue = scene.depth_cue
-            if cue is None:
-                return lit
-            share = (cue.strength * np.clip((t - cue.start) / (cue.end - cue.start), 0, 1))[:, None]
-            return lit * (1 - share) + np.asarray(cue.color, float) * share
+        def shader(weak: float) -> Shader:
+            def shaded(colour: Array, gradient: Array, at: Mask, t: Array) -> Array:
+                points = ray_points(camera, size, at, t)
+                lit = shade(colour, gradient, to_camera[at], weak, scene, turn, points, around)
+                cue = scene.depth_cue
+                if cue is None:
+                    return lit
+                share = (cue.strength * np.clip((t - cue.start) / (cue.end - cue.start), 0, 1))[:, None]
+                return lit * (1 - share) + np.asarray(cue.color, float) * share
 
+            return shaded
+
+        groups = []
+        for number, (_, tf) in enumerate(scene.groups()):
+            analytic = scene.gradient == "analytic"
+            slopes = samples.slope[number, 1:-1] if analytic else gradients(samples, number, camera, size, spacing)
+            groups.append(Group(tf, rho[number], empty[number], slopes, shader(1e-3 * tf.span() / length)))
         paint = _isosurface if scene.mode == "isosurface" else _composite
-        slices = Slices(depths, rho, empty, kept, slopes, spacing * stretch / length)
-        paint(scene, slices, shaded, scene.opacity_stop + nudge.stop, rgba, depth)
+        slices = Slices(depths, kept, spacing * stretch / length, samples.cut)
+        paint(scene, slices, groups, scene.opacity_stop + nudge.stop, rgba, depth)
     if scene.background is not None:
         rgba[..., :3] += (1 - rgba[..., 3:]) * np.asarray(scene.background, float)
         rgba[..., 3] = 1
@@ -194,65 +225,107 @@ Shader = Callable[[Array, Array, Mask, Array], Array]
 class Slices:
     """What is composited: S slices of h x w pixels."""
 
-    depths: Array  # (S,)
+    depths: Array  # (S,) the first and the last are of slices that do not exist
+    kept: Mask  # (S, h, w) by clipping
+    lengths: Array  # (h, w) of a slice along the ray, in reference lengths
+    cut: bool  # the near plane removes what is before slice 1
+
+
+@dataclass
+class Group:
+    """Fields whose ρ add up, on those slices."""
+
+    tf: TransferFunction
     rho: Array  # (S, h, w)
     empty: Mask  # (S, h, w)
-    kept: Mask  # (S, h, w) by clipping
     slopes: Array  # (S, h, w, 3) gradients of rho, eye axes
-    lengths: Array  # (h, w) of a slice along the ray, in reference lengths
+    shaded: Shader
 
 
-def _composite(scene: Scene, slices: Slices, shaded: Shader, stop: float, rgba: Array, depth: Array) -> None:
+def _scalar(mode: str, rho: Array, weights: Array, kept: Mask, lengths: Array) -> Array:
+    """Return the picture of a scalar mode (section 7)."""
+    counted = kept & (weights > 0)
+    if len(rho) == 0:
+        return np.zeros(lengths.shape)
+    if mode == "xray":
+        return np.asarray((rho * kept).sum(0) * lengths)
+    if mode == "mip":
+        return np.maximum(0.0, np.where(kept, rho, 0.0).max(0))
+    if mode == "minimum":
+        return np.where(counted.any(0), np.where(counted, rho, np.inf).min(0), 0.0)
+    return np.asarray(np.where(counted, rho, 0.0).sum(0) / np.maximum(1, counted.sum(0)))
+
+
+def _put_behind(rgba: Array, depth: Array, at: Mask, colour: Array, alpha: Array, t: Array) -> None:
+    """Composite colours of some pixels behind what is there (section 6), and note where A reaches one half."""
+    before = rgba[at, 3]
+    rgba[at, :3] += ((1 - before) * alpha)[:, None] * colour
+    rgba[at, 3] += (1 - before) * alpha
+    depth[at] = np.where((before < 0.5) & (rgba[at, 3] >= 0.5), t, depth[at])
+
+
+def _composite(scene: Scene, slices: Slices, groups: list[Group], stop: float, rgba: Array, depth: Array) -> None:
     """Composite slices, or intervals between them, front to back into rgba and depth (section 6)."""
-    tf = scene.transfer_function
-    is_open = slices.kept & ~slices.empty
     for s in range(len(slices.depths) - 1):
         live = rgba[..., 3] < stop
-        if scene.preintegration:
-            at = live & (is_open[s] | is_open[s + 1])
-            gradient = (slices.slopes[s][at] + slices.slopes[s + 1][at]) / 2
-            lengths = slices.lengths[at] * gradient_share(scene, gradient)
+        middle = (slices.depths[s] + slices.depths[s + 1]) / 2
+        # Per pixel: α of all groups, and the sums of τ and of τ times the colour.
+        alpha, tau, tau_c = np.zeros(live.shape), np.zeros(live.shape), np.zeros((*live.shape, 3))
+        for group in groups:
+            is_open = slices.kept & ~group.empty
+            at = live & (is_open[s] | is_open[s + 1] if scene.preintegration else is_open[s])
+            gradient = group.slopes[s][at]
+            if scene.preintegration:
+                gradient = (gradient + group.slopes[s + 1][at]) / 2
+            share = gradient_share(scene, gradient)
             if scene.preintegration == "second_order":
                 four = [
-                    slices.rho[n][at] if 0 <= n < len(slices.rho) else np.zeros(at.sum()) for n in range(s - 1, s + 3)
+                    group.rho[n][at] if 0 <= n < len(group.rho) else np.zeros(at.sum()) for n in range(s - 1, s + 3)
                 ]
-                alpha, premultiplied = second_order(tf, four, lengths)
+                own, premultiplied = second_order(group.tf, four, slices.lengths[at] * share)
+                colour = premultiplied / np.where(own > 0, own, 1)[:, None]
+                weight, t = np.where(own > 0, 1.0, 0.0), middle
+            elif scene.preintegration:
+                mean, mean_c = ramp_means(group.tf, group.rho[s][at], group.rho[s + 1][at])
+                own = -np.expm1(-slices.lengths[at] * share * mean)
+                colour = mean_c / np.where(mean > 0, mean, 1)[:, None]
+                weight, t = mean * share, middle
             else:
-                alpha, premultiplied = first_order(tf, slices.rho[s][at], slices.rho[s + 1][at], lengths)
-            colour = premultiplied / np.where(alpha > 0, alpha, 1)[:, None]
-            t = np.full(alpha.shape, (slices.depths[s] + slices.depths[s + 1]) / 2)
-        else:
-            at = live & is_open[s]
-            classified = tf(slices.rho[s][at])
-            gradient = slices.slopes[s][at]
-            share = gradient_share(scene, gradient)
-            alpha, colour = slice_opacity(classified[:, 3] * share, slices.lengths[at]), classified[:, :3]
-            t = np.full(alpha.shape, slices.depths[s])
-        colour = shaded(colour, gradient, at, t)
-        before = rgba[..., 3].copy()
-        left = 1 - before[at]
-        rgba[at, :3] += (left * alpha)[:, None] * colour
-        rgba[at, 3] += left * alpha
-        reached = (before < 0.5) & (rgba[..., 3] >= 0.5)
-        depth[reached] = slices.depths[s]
+                classified = group.tf(group.rho[s][at])
+                opacity, colour = classified[:, 3] * share, classified[:, :3]
+                own = slice_opacity(opacity, slices.lengths[at])
+                weight, t = -np.log1p(-np.minimum(opacity, MOST_OPACITY)), slices.depths[s]
+            lit = group.shaded(colour, gradient, at, np.full(at.sum(), t))
+            alpha[at] += (1 - alpha[at]) * own
+            tau[at] += weight
+            tau_c[at] += weight[:, None] * lit
+        some = live & (tau > 0)
+        reported = max(middle, slices.depths[1]) if scene.preintegration else slices.depths[s]
+        colour = tau_c[some] / tau[some][:, None]
+        _put_behind(rgba, depth, some, colour, alpha[some], np.full(some.sum(), reported))
 
 
-def _isosurface(scene: Scene, slices: Slices, shaded: Shader, stop: float, rgba: Array, depth: Array) -> None:
-    """Draw the first crossing of the iso value into rgba and depth (section 7)."""
-    iso = float(scene.iso_value or 0.0)
-    colour = scene.transfer_function(np.array(iso))[:3]
-    for s in range(len(slices.depths) - 1):
-        at = (
-            (rgba[..., 3] == 0)
-            & ((slices.rho[s] < iso) != (slices.rho[s + 1] < iso))
-            & slices.kept[s]
-            & slices.kept[s + 1]
-        )
-        share = (iso - slices.rho[s][at]) / (slices.rho[s + 1][at] - slices.rho[s][at])
-        gradient = slices.slopes[s][at] * (1 - share)[:, None] + slices.slopes[s + 1][at] * share[:, None]
-        depth[at] = slices.depths[s] + share * (slices.depths[s + 1] - slices.depths[s])
-        rgba[at, :3] = shaded(np.broadcast_to(colour, gradient.shape), gradient, at, depth[at])
-        rgba[at, 3] = 1
+def _isosurface(scene: Scene, slices: Slices, groups: list[Group], stop: float, rgba: Array, depth: Array) -> None:
+    """Composite the crossings of the iso values into rgba and depth (section 7)."""
+    surfaces = [(group, value, opacity) for group in groups for value, opacity in scene.surfaces()]
+    spacing = slices.depths[1] - slices.depths[0]
+    for s in range(1 if slices.cut else 0, len(slices.depths) - 1):
+        crossed = np.array([(g.rho[s] < value) != (g.rho[s + 1] < value) for g, value, _ in surfaces])
+        crossed &= slices.kept[s] & slices.kept[s + 1]
+        place = np.full(crossed.shape, np.inf)
+        for number, (g, value, _) in enumerate(surfaces):
+            at = crossed[number]
+            place[number][at] = (value - g.rho[s][at]) / (g.rho[s + 1][at] - g.rho[s][at])
+        order = np.argsort(place, axis=0, kind="stable")
+        for rank in range(len(surfaces)):
+            for number, (g, value, opacity) in enumerate(surfaces):
+                at = (order[rank] == number) & crossed[number] & (rgba[..., 3] < stop)
+                share = place[number][at]
+                gradient = g.slopes[s][at] * (1 - share)[:, None] + g.slopes[s + 1][at] * share[:, None]
+                t = slices.depths[s] + share * spacing
+                colour = np.broadcast_to(g.tf(np.array(value))[:3], gradient.shape)
+                lit = g.shaded(colour, gradient, at, t)
+                _put_behind(rgba, depth, at, lit, np.full(share.shape, opacity), t)
 
 
 # Section 9: ambiguous pixels and gentle scenes
@@ -265,9 +338,9 @@ def ambiguous(scene: Scene, camera: Camera, size: tuple[int, int], picture: Pict
         return found
     nudges = []
     for sign in (-1, 1):
-        nudges.append(Nudge(rho=sign * 1e-5 * scene.transfer_function.span()))
+        nudges.append(Nudge(rho=sign * 1e-5))
         nudges.append(Nudge(support=1 + sign * 1e-5))
-        if scene.mode == "composite":
+        if not scene.scalar:
             nudges.append(Nudge(stop=sign * 1e-5))
     for nudge in nudges:
         moved = render(scene, camera, size, nudge).rgba
@@ -278,8 +351,11 @@ def ambiguous(scene: Scene, camera: Camera, size: tuple[int, int], picture: Pict
 
 def is_gentle(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
     """Return whether the tighter bound of section 9 holds: slopes of at most 10 and a pixel of at least ℓ/100."""
-    table = scene.transfer_function.table()
-    span = scene.transfer_function.span()
+    return all(_is_gentle(tf, scene, camera, size) for _, tf in scene.groups())
+
+
+def _is_gentle(tf: TransferFunction, scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
+    table, span = tf.table(), tf.span()
     steps = np.diff(table[:, 0])
     rises = np.abs(np.diff(table[:, 1:], axis=0)).max(-1)
     if span == 0 or (rises[steps == 0] > 0).any():

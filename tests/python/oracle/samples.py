@@ -27,7 +27,10 @@ CHUNK = 2_000_000
 
 @dataclass
 class Nudge:
-    """What section 9 moves to find ambiguous pixels: ρ of points that are not empty, supports, A_stop."""
+    """What section 9 moves to find ambiguous pixels: ρ of points that are not empty, supports, A_stop.
+
+    ρ as a share of v_max - v_min.
+    """
 
     rho: float = 0.0
     support: float = 1.0
@@ -36,13 +39,14 @@ class Nudge:
 
 @dataclass
 class Samples:
-    """ρ and what is empty on slices first - 2 ... last + 2, at the pixels and one more on every side."""
+    """ρ and what is empty on slices first - 2 ... last + 2, at the pixels and one more on every side; G groups."""
 
     depth: Array  # (S,)
-    rho: Array  # (S, h + 2, w + 2)
-    empty: Array  # (S, h + 2, w + 2)
-    weight: Array  # (S, h, w)
-    slope: Array  # (S, h, w, 3) analytic gradient of ρ, eye axes; zeros where the scene takes differences
+    rho: Array  # (G, S, h + 2, w + 2)
+    empty: Array  # (G, S, h + 2, w + 2)
+    weight: Array  # (S, h, w) of all fields
+    slope: Array  # (G, S, h, w, 3) analytic gradient of ρ, eye axes; zeros where the scene takes differences
+    cut: bool  # the near plane removes the slices before the first one
 
 
 def screen(camera: Camera, size: tuple[int, int], border: int = 0) -> tuple[Array, Array]:
@@ -63,7 +67,7 @@ def slice_depth(n: Array, centre: float, spacing: float) -> Array:
 class Placed:
     """The fields that have kernels, in eye space, and the depths that anchor and bound the slices."""
 
-    fields: list[tuple[RegularField | EllipsoidField, Kernels]]
+    fields: list[tuple[int, RegularField | EllipsoidField, Kernels]]  # the first is the group's number
     centre: float
     begin: float
     end: float
@@ -76,16 +80,18 @@ def place(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> 
     placed = []
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     begin, end = np.inf, -np.inf
-    for f in scene.fields():
+    numbered = [(number, f) for number, (fields, _) in enumerate(scene.groups()) for f in fields]
+    for number, f in numbered:
         kernels = f.placed(camera.eye, turn)
         if len(kernels.centres) == 0:
             continue
         low, high = np.minimum(low, kernels.world.min(0)), np.maximum(high, kernels.world.max(0))
         if scene.filter == "ewa":
-            at = np.abs(kernels.centres[:, 2]) if camera.is_perspective else np.ones(len(kernels.centres))
-            kernels = kernels.filtered(pixel * at, scene.spacing())
+            count = len(kernels.centres)
+            at = np.maximum(-kernels.centres[:, 2], camera.near) if camera.is_perspective else np.ones(count)
+            kernels = kernels.filtered(pixel * at, scene.spacing(), f.falloff)
         kernels = kernels.scaled(nudge.support)
-        placed.append((f, kernels))
+        placed.append((number, f, kernels))
         begin = min(begin, float((-kernels.centres[:, 2] - kernels.reach()).min()))
         end = max(end, float((-kernels.centres[:, 2] + kernels.reach()).max()))
     return Placed(placed, -float(turn[2] @ ((low + high) / 2)) if placed else 0.0, begin, end)
@@ -95,12 +101,14 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
     """Return ρ on all slices (sections 2 and 3)."""
     w, h = size
     spacing = scene.spacing()
+    groups = scene.groups()
     nothing = Samples(
         np.zeros(0),
-        np.zeros((0, h + 2, w + 2)),
-        np.zeros((0, h + 2, w + 2), bool),
+        np.zeros((len(groups), 0, h + 2, w + 2)),
+        np.zeros((len(groups), 0, h + 2, w + 2), bool),
         np.zeros((0, h, w)),
-        np.zeros((0, h, w, 3)),
+        np.zeros((len(groups), 0, h, w, 3)),
+        False,
     )
     placed = place(scene, camera, size, nudge)
     if not placed.fields:
@@ -108,16 +116,17 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
     centre, begin, end = placed.centre, placed.begin, placed.end
     n = np.arange(math.floor((begin - centre) / spacing), math.floor((end - centre) / spacing) + 1)
     depth = slice_depth(n, centre, spacing)
+    cut = camera.is_perspective and bool((depth <= camera.near).any())
     if camera.is_perspective:
         depth = depth[depth > camera.near]
     if len(depth) == 0:
         return nothing
     all_depth = np.concatenate([depth[0] - spacing * np.array([2, 1]), depth, depth[-1] + spacing * np.array([1, 2])])
     count = len(all_depth)
-    rho = np.zeros((count, (h + 2) * (w + 2)))
+    rho = np.zeros((len(groups), count, (h + 2) * (w + 2)))
     weight = np.zeros((count, (h + 2) * (w + 2)))
-    empty = np.ones((count, (h + 2) * (w + 2)), bool)
-    slope = np.zeros((count, (h + 2) * (w + 2), 3))
+    empty = np.ones((len(groups), count, (h + 2) * (w + 2)), bool)
+    slope = np.zeros((len(groups), count, (h + 2) * (w + 2), 3))
     analytic = scene.gradient == "analytic"
     x, y = (plane.ravel() for plane in np.meshgrid(*screen(camera, size, border=1)))
     if camera.is_perspective:
@@ -125,7 +134,7 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
     else:
         rays, start = np.tile(np.array([0.0, 0.0, -1.0]), (len(x), 1)), np.stack([x, y, np.zeros(x.shape)], -1)
     extra = spacing / 2 if scene.sampling == "slab" else 0.0
-    for f, kernels in placed.fields:
+    for group, f, kernels in placed.fields:
         reach = (kernels.reach() + extra) * (1 + 1e-9)
         for s in range(2, count - 2):
             t = float(all_depth[s])
@@ -155,27 +164,29 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
                 data[part] = g @ some.values
                 weights[part] = g.sum(-1)
                 reached[part] = inside.any(-1)
-            rho[s] += np.where(reached, normalised(f, data, weights), 0.0)
+            rho[group, s] += np.where(reached, normalised(f, data, weights), 0.0)
             weight[s] += weights
             if analytic:
-                slope[s] += normalised_slope(f, data, weights, data_slope, weight_slope)
-            empty[s] &= ~reached
-    rho += np.where(empty, 0.0, nudge.rho)
-    shape = (count, h + 2, w + 2)
-    inner = np.s_[:, 1:-1, 1:-1]
+                slope[group, s] += normalised_slope(f, data, weights, data_slope, weight_slope)
+            empty[group, s] &= ~reached
+    for group, (_, tf) in enumerate(groups):
+        rho[group] += np.where(empty[group], 0.0, nudge.rho * tf.span())
+    shape = (len(groups), count, h + 2, w + 2)
     return Samples(
         all_depth,
         rho.reshape(shape),
         empty.reshape(shape),
-        weight.reshape(shape)[inner],
-        slope.reshape((*shape, 3))[inner],
+        weight.reshape(shape[1:])[:, 1:-1, 1:-1],
+        slope.reshape((*shape, 3))[:, :, 1:-1, 1:-1],
+        cut,
     )
 
 
 def density(scene: Scene, placed: Placed, points: Array, nudge: Nudge) -> tuple[Array, Mask]:
-    """Return ρ by point sampling and what is empty, at points (P, 3) of eye space."""
-    rho, empty = np.zeros(len(points)), np.ones(len(points), bool)
-    for f, kernels in placed.fields:
+    """Return ρ of each group by point sampling and what is empty, at points (P, 3) of eye space, both (G, P)."""
+    groups = scene.groups()
+    rho, empty = np.zeros((len(groups), len(points))), np.ones((len(groups), len(points)), bool)
+    for group, f, kernels in placed.fields:
         step = max(1, CHUNK // len(kernels.centres))
         for p in range(0, len(points), step):
             part = slice(p, p + step)
@@ -184,14 +195,15 @@ def density(scene: Scene, placed: Placed, points: Array, nudge: Nudge) -> tuple[
             if kernels.weights is not None:
                 g = g * kernels.weights
             reached = (r2 < 1).any(-1)
-            rho[part] += np.where(reached, normalised(f, g @ kernels.values, g.sum(-1)), 0.0)
-            empty[part] &= ~reached
-    return rho + np.where(empty, 0.0, nudge.rho), empty
+            rho[group, part] += np.where(reached, normalised(f, g @ kernels.values, g.sum(-1)), 0.0)
+            empty[group, part] &= ~reached
+    spans = np.array([tf.span() for _, tf in groups])[:, None]
+    return rho + np.where(empty, 0.0, nudge.rho * spans), empty
 
 
-def gradients(samples: Samples, camera: Camera, size: tuple[int, int], spacing: float) -> Array:
+def gradients(samples: Samples, group: int, camera: Camera, size: tuple[int, int], spacing: float) -> Array:
     """Return differences of ρ in eye space on slices 1 ... S - 2 of the samples, (S - 2, h, w, 3) (section 5)."""
-    rho = samples.rho
+    rho = samples.rho[group]
     pixel = np.full(len(samples.depth) - 2, camera.height_at_one() / size[1])
     if camera.is_perspective:
         pixel = pixel * samples.depth[1:-1]

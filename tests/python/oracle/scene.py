@@ -251,13 +251,13 @@ class AmbientOcclusion:
 class Scene:
     """What is shown and how."""
 
-    field: Any
-    transfer_function: TransferFunction
+    field: Any  # one, a sequence whose ρ add up, or as many of these as there are transfer functions
+    transfer_function: TransferFunction | Sequence[TransferFunction]
     slice_spacing: float | None = None
     sampling: str = "point"
     reference_length: float | None = None
     mode: str = "composite"
-    iso_value: float | None = None
+    iso_value: float | Sequence[tuple[float, float]] | None = None
     lights: Sequence[Light] = ()
     material: Material = field(default_factory=Material)
     opacity_stop: float = 0.98
@@ -271,9 +271,32 @@ class Scene:
     ambient_occlusion: AmbientOcclusion | None = None
     background: Sequence[float] | None = None
 
+    @property
+    def scalar(self) -> bool:
+        """Whether the picture shows ρ itself."""
+        return self.mode not in ("composite", "isosurface")
+
+    def groups(self) -> list[tuple[list[RegularField | EllipsoidField], TransferFunction]]:
+        """Return the fields that add up and their transfer functions; in scalar modes all fields add up."""
+
+        def listed(one: Any) -> list[Any]:
+            return list(one) if isinstance(one, (list, tuple)) else [one]
+
+        if isinstance(self.transfer_function, TransferFunction):
+            return [(listed(self.field), self.transfer_function)]
+        parts = [listed(one) for one in self.field]
+        if self.scalar:
+            return [([one for part in parts for one in part], self.transfer_function[0])]
+        return list(zip(parts, self.transfer_function, strict=True))
+
     def fields(self) -> list[RegularField | EllipsoidField]:
         """Return the fields."""
-        return list(self.field) if isinstance(self.field, (list, tuple)) else [self.field]
+        return [one for fields, _ in self.groups() for one in fields]
+
+    def surfaces(self) -> list[tuple[float, float]]:
+        """Return iso values and opacities."""
+        given = self.iso_value
+        return [(float(given or 0.0), 1.0)] if not isinstance(given, (list, tuple)) else list(given)
 
     def default_spacing(self) -> float:
         """Return the slice spacing that holds unless given."""

@@ -47,7 +47,8 @@ struct Shading {
     bool preintegration = false;
     bool second_order = false;
     bool empty_test = false;
-    bool gradient = false; ///< for light, or for opacity
+    bool open_front = false; ///< isosurface: nothing crosses before slice 0
+    bool gradient = false;   ///< for light, or for opacity
     bool lit = false;
     /// Rows go through the effects one after the other: of what follows, anything is on, or preintegration of second
     /// order.
@@ -96,6 +97,7 @@ struct Shading {
     T cue_color[3] = {};
 
     double first_depth = 0.0, slice_spacing = 1.0; ///< world units
+    double nearest_depth = 0.0;                    ///< least depth that an interval reports
     /// Perspective: slope of the ray of pixel (i, j) is ((i - axis_x) pixel, (axis_y - j) pixel).
     double axis_x = 0.0, axis_y = 0.0, pixel = 0.0;
 };

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "facts/ellipsoid_survey.hpp"
+#include "facts/frame.hpp"
 #include "sheetsplat/field.hpp"
 #include "sheetsplat/scene.hpp"
 
@@ -21,9 +22,9 @@ struct WeightFacts {
     double alone = 0.0;                                     ///< largest |m f| / max(w0, m): one kernel's rho
 };
 WeightFacts survey_weights(const EllipsoidField& field);
-/// The same under a filter that widens kernels by a pixel across and a slice spacing along the view, world units, at
-/// the same mass: a weight is multiplied by what is left of its kernel's height, at most.
-WeightFacts survey_filtered_weights(const EllipsoidField& field, double pixel, double slice_spacing);
+/// The same under a filter that widens kernels by no less than `width` at the same mass: a weight is multiplied by what
+/// is left of its kernel's height, at most.
+WeightFacts survey_filtered_weights(const EllipsoidField& field, const FilterWidth& width);
 
 struct FieldSurvey {
     std::shared_ptr<const Field> field;

@@ -21,7 +21,8 @@ struct Frame {
     double first_depth = 0.0;     ///< depth of slice 0
     std::int64_t first_slice = 0; ///< n of slice 0 in t_n = t_c + (n + 1/2) ds
     std::int64_t slices = 0;
-    bool cut_by_near = false; ///< slices are missing in front because of `near`
+    std::int64_t first_met = 0; ///< the first slice whose slab meets a support
+    bool cut_by_near = false;   ///< slices whose slabs meet a support are missing in front because of `near`
 
     [[nodiscard]] double depth_of(std::int64_t slice) const {
         return first_depth + static_cast<double>(slice) * slice_spacing;
@@ -35,6 +36,15 @@ struct Frame {
 
 /// World-aligned box of the supports of all fields; empty where there are no kernels.
 Box supports_world(const Scene& scene);
+
+/// By how much the EWA filter widens kernels, squares added (section 10): a Gaussian of half a pixel's and half a slice
+/// distance's standard deviation, up to where its support ends. World units.
+struct FilterWidth {
+    double across;
+    double along; ///< the view
+};
+/// depth: of the kernel's centre.
+FilterWidth filter_width(const Frame& frame, const Kernel& kernel, double depth);
 
 /// How far a field reaches along a direction of unit length: Field::reach_along, or a faster way to the same numbers.
 using Reach = std::function<std::array<double, 2>(const Field& field, const Vec3& from, const Vec3& direction)>;

@@ -23,6 +23,7 @@ struct FrameFacts {
     double reference_length = 1.0;
     double smallest_pixel = 1.0, largest_pixel = 1.0; ///< width over all slices
     double largest_slant = 1.0;                       ///< largest s = 1 / cos(theta) over the picture
+    bool cut_by_near = false;                         ///< slices are missing in front because of the near plane
     /// Depth up to which slices, slabs and crossings lie.
     double farthest_depth = std::numeric_limits<double>::infinity();
 
@@ -42,7 +43,7 @@ struct KernelCounts {
 struct KernelShapes {
     double smallest_falloff = 8.0;
     double largest_aspect = 1.0;    ///< longest over shortest semi-axis of one ellipsoid
-    double largest_filtering = 0.0; ///< largest square of pixel or slice spacing over a semi-axis
+    double largest_filtering = 0.0; ///< largest square of what the filter adds over a semi-axis
     bool sheared = false;           ///< sections of some lattice lean (unequal spacing, seen at an angle)
 };
 

@@ -20,9 +20,10 @@ enum class Control : std::uint8_t {
 // clang-format off
 #define SHEETSPLAT_EFFECTS(X) \
     X(classification,          is,  is,  is, "the scene's mode", "values become colours (modes composite and isosurface)") \
-    X(isosurface,              is,  is,  is, "the scene's mode", "the first crossing of the iso value is shown") \
+    X(isosurface,              is,  is,  is, "the scene's mode", "crossings of iso values are shown") \
     X(normalization,           is,  is,  is, "the fields' normalization", "sums of values are divided by a constant or by sums of weights") \
     X(several_fields,          is,  is,  is, "the scene's fields", "the scalars of several fields add up") \
+    X(own_transfer_functions,  is,  is,  is, "the scene's transfer functions", "groups of fields are classified by transfer functions of their own") \
     X(separate_normalization,  is,  is,  is, "the fields' normalization", "fields are divided by their own weight sums before they are added") \
     X(scattered_kernels,       is,  is,  is, "the scene's fields", "kernels are ellipsoids that are sliced one by one") \
     X(empty_test,              can, can, is, nullptr, "points that no kernel reaches are told from points where the sum is 0") \

@@ -26,7 +26,7 @@ constexpr std::int64_t most_plain_slices = 1 << 14;
 constexpr double least_divisor = 1e-22;
 /// Kernels larger than this cannot be placed, pixels. Test: CpuFloat64.EndsAt/largest_px.
 constexpr double largest_splat_px = 1e12;
-/// The square of a pixel or slice spacing over a semi-axis below which a filter changes nothing within any bound. Test:
+/// The square of what a filter adds over a semi-axis below which a filter changes nothing within any bound. Test:
 /// PlanOfEllipsoids.SaysWhatTheFilterIsFor.
 constexpr double least_filtering = 1e-6;
 

@@ -61,6 +61,7 @@ struct DrawPlan {
     bool preintegration = false;
     bool second_order = false; ///< of pre-integration
     bool stop = false;         ///< pixels end at A_stop
+    bool open_front = false;   ///< isosurfaces end where the near plane cuts them: nothing crosses before slice 0
     bool read_image = false;   ///< the picture so far is an input of the shading pass
     bool compensated = false;  ///< rounding errors of the picture are carried along
 

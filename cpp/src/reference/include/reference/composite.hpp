@@ -17,10 +17,10 @@
 
 namespace sheetsplat::reference {
 
-/// The sheets of slices n - 1, n, n + 1 and n + 2; blank where there is no slice.
+/// The sheets of slices n - 1, n, n + 1 and n + 2 of each group; blank where there is no slice.
 struct SheetWindow {
     std::int64_t n = 0;
-    std::array<const Sheet*, 4> sheets{};
+    std::vector<std::array<const Sheet*, 4>> groups;
 };
 
 /// How far section 9 moves the arithmetic behind the sheets.
@@ -28,6 +28,9 @@ struct Nudge {
     double rho = 0.0;  ///< share of v_max - v_min
     double stop = 0.0; ///< added to A_stop
 };
+
+/// The groups that are drawn: in scalar modes all fields add up.
+std::vector<Group> groups_drawn(const Scene& scene);
 
 /// True where light or opacity depends on gradients.
 bool calls_for_gradients(const Scene& scene);
@@ -53,22 +56,46 @@ class Compositor {
         double lengths; // reference lengths that the pixel's ray goes through in one slab
     };
 
+    /// A group's sheets as one pixel sees them.
+    struct View {
+        const SheetWindow& window;
+        const Pixel& pixel;
+        std::size_t group;
+
+        [[nodiscard]] const Sheet& sheet(std::size_t ahead) const { return *window.groups[group][1 + ahead]; }
+        [[nodiscard]] std::size_t index() const { return sheet(0).index(pixel.column, pixel.row); }
+        [[nodiscard]] double rho(std::size_t ahead) const { return sheet(ahead).rho[index()]; }
+        [[nodiscard]] bool reached(std::size_t ahead) const { return sheet(ahead).reached[index()] != 0; }
+    };
+    /// Where rho of a group passes an iso value between two slices.
+    struct Crossing {
+        double share; ///< of the way from the front slice to the back one
+        std::size_t group;
+        const IsoValue* iso;
+    };
+
     void add_coverage(const SheetWindow& window, const Pixel& pixel);
     void add_slice(const SheetWindow& window, const Pixel& pixel);
     void add_interval(const SheetWindow& window, const Pixel& pixel);
-    void add_crossing(const SheetWindow& window, const Pixel& pixel);
+    void add_second_order_interval(const SheetWindow& window, const Pixel& pixel);
+    void add_crossings(const SheetWindow& window, const Pixel& pixel);
     void add_scalar(const SheetWindow& window, const Pixel& pixel);
 
-    [[nodiscard]] double rho(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
+    /// Crossings between slices n and n + 1, the nearest first.
+    [[nodiscard]] std::vector<Crossing> find_crossings(const SheetWindow& window, const Pixel& pixel) const;
     /// True where clipping keeps the point of slice n + ahead.
     [[nodiscard]] bool kept(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
-    /// True where the point is neither empty nor cut off.
-    [[nodiscard]] bool open(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
-    [[nodiscard]] Vec3 gradient(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
+    /// True where the interval behind slice n shows a group: an end is neither empty nor cut off.
+    [[nodiscard]] bool open_interval(const View& view) const;
+    [[nodiscard]] Vec3 gradient(const View& view, std::size_t ahead) const;
+    [[nodiscard]] Vec3 gradient_of_interval(const View& view) const;
     /// The factor of gradient opacity; 1 without it.
     [[nodiscard]] double gradient_share(const Vec3& gradient) const;
-    /// The colour that is composited: lit, and faded with depth.
-    [[nodiscard]] Vec3 shaded(const Pixel& pixel, const Vec3& color, const Vec3& gradient, double depth) const;
+    /// The colour of a group that is composited: lit, and faded with depth.
+    [[nodiscard]] Vec3 shaded(const View& view, const Vec3& color, const Vec3& gradient, double depth) const;
+    [[nodiscard]] double middle_of_interval(const SheetWindow& window) const;
+    /// What the picture reports as the depth of an interval.
+    [[nodiscard]] double depth_of_interval(const SheetWindow& window) const;
     [[nodiscard]] bool stopped(const Pixel& pixel) const;
     void put_behind(const Pixel& pixel, const Vec3& color, double alpha, double depth);
 
@@ -79,9 +106,12 @@ class Compositor {
     const Clipping& clipping_;
     const Surroundings* surroundings_; ///< null without shadows and ambient occlusion
     bool needs_gradient_;
-    double rho_shift_; // world's rho, what the nudge comes to
+    std::vector<Group> groups_;
+    double nudge_;
+    std::vector<double> rho_shifts_; ///< what the nudge comes to in each group
     double stop_;
-    double reference_distance_; // world units
+    double reference_distance_;  ///< world units
+    std::vector<double> counts_; ///< slices that count, a pixel; mode average
     Picture picture_;
 };
 

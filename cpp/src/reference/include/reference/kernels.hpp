@@ -68,7 +68,7 @@ class KernelShape {
   public:
     /// B = E S. axes_eye: E, whose columns are the kernel's own axes in eye space, unit vectors; semi_axes: S.
     KernelShape(const Mat3& axes_eye, const Vec3& semi_axes);
-    /// The shape after the EWA filter of conventions, section 10: B B^T + diag(across^2, across^2, along^2), by a
+    /// The shape after the EWA filter of section 10: B B^T + diag(across^2, across^2, along^2), by a
     /// Householder QR of [B^T; diag(across, across, along)], whose triangle is the transpose of the new B.
     static KernelShape filtered(const Mat3& axes_eye, const Vec3& semi_axes, double across, double along);
 
@@ -177,6 +177,8 @@ class EyeKernels {
     const Screen& screen_;
     Vec3 eye_, right_, up_, backward_;
     bool filter_;
+    double filter_radius_; ///< of the filter's support, in pixels and in slice distances
+    double nearest_;       ///< least depth at which the filter measures a pixel
     double spacing_;
     double radius_factor_;
     std::optional<KernelShape> common_shape_; ///< where all kernels have it

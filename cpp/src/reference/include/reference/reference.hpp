@@ -13,12 +13,12 @@
 namespace sheetsplat::reference {
 
 /// float64 throughout; the same shapes as sheetsplat::Image. Coverage is the sum over all fields. Depth is that of the
-/// slice (with preintegration: of the interval's front slice, which may be the one before the first) whose addition
-/// brings A to one half.
+/// slice, the crossing or (with preintegration) the middle of the interval whose addition brings A to one half, the
+/// middle no nearer than the first slice.
 struct Picture {
     Size size{};
     std::vector<double> rgba;     ///< h * w * 4, premultiplied; empty in scalar modes
-    std::vector<double> scalar;   ///< h * w in modes xray and mip
+    std::vector<double> scalar;   ///< h * w in scalar modes
     std::vector<double> coverage; ///< h * w when asked for
     std::vector<double> depth;    ///< h * w when asked for
     std::int64_t first_slice = 0;

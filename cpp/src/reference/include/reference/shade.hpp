@@ -1,6 +1,7 @@
 // Gradients of rho between sheets, and Phong's light. Source: conventions, section 5.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "reference/screen.hpp"
@@ -20,7 +21,8 @@ struct Lighting {
     Vec3 to_viewer{0.0, 0.0, 1.0};              ///< V
     Vec3 point{0.0};                            ///< eye space
     const Surroundings* surroundings = nullptr; ///< null without shadows and ambient occlusion
-    double rho_shift = 0.0;                     ///< of the surroundings, as a nudge of section 9
+    double nudge = 0.0;                         ///< of the surroundings' rho, as section 9 has it
+    std::size_t group = 0;                      ///< whose colour is shaded
 };
 
 /// Lights and material of a scene as one camera sees them.
@@ -30,8 +32,8 @@ class Shader {
 
     /// True where the scene has lights; without them a colour is shown as it is.
     [[nodiscard]] bool lit() const { return !lights_.empty(); }
-    /// N from the gradient.
-    [[nodiscard]] Vec3 normal(const Vec3& gradient) const;
+    /// N from the gradient of a group's rho.
+    [[nodiscard]] Vec3 normal(const Vec3& gradient, std::size_t group = 0) const;
     /// The lit colour.
     [[nodiscard]] Vec3 shade(const Vec3& color, const Vec3& gradient, const Lighting& lighting) const;
 
@@ -42,7 +44,7 @@ class Shader {
     };
     std::vector<DirectedLight> lights_;
     Material material_;
-    double weakest_gradient_; // g_0
+    std::vector<double> weakest_gradients_; // g_0 of each group
     bool shadows_, occlusion_;
 };
 

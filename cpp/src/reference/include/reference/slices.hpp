@@ -15,6 +15,7 @@ struct Slices {
     double spacing = 1.0; ///< world units
     std::int64_t first = 0;
     std::int64_t count = 0;
+    bool cut_by_near = false; ///< the near plane removes the slices before the first one
 
     [[nodiscard]] std::int64_t last() const { return first + count - 1; }
     [[nodiscard]] bool exists(std::int64_t n) const { return n >= first && n <= last(); }

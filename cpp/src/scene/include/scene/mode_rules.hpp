@@ -5,11 +5,33 @@
 
 namespace sheetsplat {
 
-/// The picture is rho itself, its sum or its maximum along each ray: no colours, opacities or light.
-constexpr bool is_scalar(Mode mode) { return mode == Mode::xray || mode == Mode::mip; }
+constexpr const char* name_of(Mode mode) {
+    switch (mode) {
+    case Mode::composite:
+        return "composite";
+    case Mode::isosurface:
+        return "isosurface";
+    case Mode::xray:
+        return "xray";
+    case Mode::mip:
+        return "mip";
+    case Mode::minimum:
+        return "minimum";
+    case Mode::average:
+        return "average";
+    }
+    return "unknown";
+}
 
-/// Slices are classified and composited by their opacities: what opacity_stop, gradient_opacity, preintegration and
-/// the opacity correction act on.
+/// The picture is made of rho itself along each ray, its sum, largest, smallest or mean value: no colours, opacities or
+/// light.
+constexpr bool is_scalar(Mode mode) { return mode != Mode::composite && mode != Mode::isosurface; }
+
+/// Only slices where the weights of all fields add up to more than 0 count.
+constexpr bool counts_weighted_slices(Mode mode) { return mode == Mode::minimum || mode == Mode::average; }
+
+/// Slices are classified and composited by their opacities: what gradient_opacity, preintegration and the opacity
+/// correction act on.
 constexpr bool is_composited(Mode mode) { return mode == Mode::composite; }
 
 /// Each slice is shaded together with the one before it: crossings of an iso value, or pre-integrated intervals.

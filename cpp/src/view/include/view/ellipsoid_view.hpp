@@ -137,7 +137,7 @@ class EllipsoidView {
 
   private:
     [[nodiscard]] Vec3 center_eye(std::size_t i) const;
-    [[nodiscard]] double filter_pixel(const Vec3& center) const;
+    [[nodiscard]] FilterWidth filter_at(const Vec3& center_eye) const;
 
     const EllipsoidField* field_;
     const Frame* frame_;

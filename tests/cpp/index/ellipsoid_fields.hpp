@@ -127,7 +127,7 @@ inline bool meet(const Box& a, const Box& b) {
 /// Sums at a point; drawn: null for all kernels.
 inline Sums sums_at(const EllipsoidField& field, const Vec3& x, const Mask* drawn) {
     Sums sums;
-    const double k = field.kernel().falloff;
+    const double k = field.kernel().falloff, edge = std::exp(-k);
     for (std::size_t i = 0; i < field.size(); ++i) {
         const Vec3 from_centre = x - field.center(i);
         const Vec3 half = field.extent(i);
@@ -137,7 +137,7 @@ inline Sums sums_at(const EllipsoidField& field, const Vec3& x, const Mask* draw
         const Vec3 q = glm::inverse(field.shape(i)) * from_centre;
         const double square = glm::dot(q, q);
         if (square < 1.0) {
-            const double g = (std::exp(-k * square) - std::exp(-k)) / (1.0 - std::exp(-k));
+            const double g = (std::exp(-k * square) - edge) / (1.0 - edge);
             sums.values += field.weight(i) * field.value(i) * g;
             sums.weights += field.weight(i) * g;
             sums.empty = false;

@@ -259,8 +259,8 @@ void PaperSlicing::keep(const std::vector<const EllipsoidField*>& fields) {
         table = used(table->first) ? std::next(table) : tables_.erase(table);
     }
     for (auto entry = entries_.begin(); entry != entries_.end();) {
-        const bool used = std::find(fields.begin(), fields.end(), entry->first) != fields.end();
-        entry = used ? std::next(entry) : entries_.erase(entry);
+        const bool kept = std::find(fields.begin(), fields.end(), entry->first) != fields.end();
+        entry = kept ? std::next(entry) : entries_.erase(entry);
     }
 }
 

@@ -81,14 +81,12 @@ struct EffectEntry {
     const char* meaning;    ///< of being on
 };
 
-namespace effects_detail {
-constexpr Control no = Control::absent, is = Control::decided, can = Control::forcible;
 #define SHEETSPLAT_EFFECT_ENTRY(name, ...) EffectEntry{EffectId::name, #name, __VA_ARGS__},
-constexpr std::array table{SHEETSPLAT_EFFECTS(SHEETSPLAT_EFFECT_ENTRY)};
+constexpr std::array effect_table = [] {
+    constexpr Control no = Control::absent, is = Control::decided, can = Control::forcible;
+    return std::array{SHEETSPLAT_EFFECTS(SHEETSPLAT_EFFECT_ENTRY)};
+}();
 #undef SHEETSPLAT_EFFECT_ENTRY
-} // namespace effects_detail
-
-constexpr const auto& effect_table = effects_detail::table;
 
 constexpr const EffectEntry& entry_of(EffectId id) { return effect_table[static_cast<std::size_t>(id)]; }
 constexpr const char* name_of(EffectId id) { return entry_of(id).name; }

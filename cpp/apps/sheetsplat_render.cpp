@@ -54,7 +54,7 @@ struct Options {
     ss::Sampling sampling = ss::Sampling::point;
     std::optional<double> iso_value;
     std::optional<double> slice_spacing;
-    double opacity_stop = 0.98;
+    double opacity_stop = ss::default_opacity_stop;
     bool shading = true;
     bool preintegration = false;
     std::optional<std::array<double, 3>> background;

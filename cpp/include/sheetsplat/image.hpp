@@ -19,7 +19,7 @@ struct Settings {
     Sampling sampling = Sampling::point;
     bool preintegration = false;
     bool second_order = false;
-    double opacity_stop = 0.98;
+    double opacity_stop = default_opacity_stop;
     Precision precision = Precision::automatic;
 };
 

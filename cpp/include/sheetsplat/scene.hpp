@@ -20,6 +20,9 @@ enum class Mode { composite, isosurface, xray, mip, minimum, average };
 
 enum class LightSpace { eye, world };
 
+/// Opacity at which a pixel is finished, unless given (conventions, section 6).
+constexpr double default_opacity_stop = 0.98;
+
 /// What is done to kernels before they are sliced.
 enum class Filter {
     none,
@@ -27,7 +30,7 @@ enum class Filter {
          ///< 10)
 };
 
-/// Where gradients come from (conventions, section 5; project page, section 10).
+/// Where gradients come from (conventions, sections 5 and 10).
 enum class Gradient {
     sheets,   ///< central differences of the sheets' sums
     analytic, ///< sums of the kernels' own derivatives
@@ -117,9 +120,9 @@ struct Scene {
     std::vector<IsoValue> iso_values{}; ///< mode isosurface needs at least one
     std::vector<Light> lights{};
     Material material{};
-    double opacity_stop = 0.98;  ///< 1 = never
-    bool preintegration = false; ///< [EKE01]
-    bool second_order = false;   ///< of pre-integration: Romberg's step over the interval and its halves (section 10)
+    double opacity_stop = default_opacity_stop; ///< 1 = never
+    bool preintegration = false;                ///< [EKE01]
+    bool second_order = false; ///< of pre-integration: Romberg's step over the interval and its halves (section 10)
     Filter filter = Filter::none;
     Gradient gradient = Gradient::sheets;
     Clip clip{};

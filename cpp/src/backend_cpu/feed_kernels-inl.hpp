@@ -20,12 +20,10 @@
 #include "backend_cpu/tile_task.hpp"
 #include "feed-inl.hpp"
 #include "hwy/highway.h"
+#include "plan/limits_common.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
-
-/// Kernels of weight 0 are drawn with this weight, so that the points that they reach do not count as empty.
-constexpr double least_weight = 1e-30;
 
 /// The tiles that kernels begin ... end - 1 reach into.
 inline void tile_rects(const EllipsoidView& view, const std::vector<std::uint8_t>& visible, const TileLayout& layout,
@@ -136,7 +134,7 @@ class KernelFeed {
         extra.last = static_cast<std::int32_t>(last);
         const double weight = field_.weight(index) * amplitude;
         section.value = static_cast<T>(field_.value(index) * weight * view_.value_scale());
-        extra.weight = static_cast<T>(std::max(weight * view_.weight_scale(), least_weight));
+        extra.weight = static_cast<T>(std::max(weight * view_.weight_scale(), least_drawn_weight));
     }
 
     HWY_INLINE void add_sphere(std::uint32_t index) {

@@ -1,5 +1,5 @@
-// Adds kernels to sheets: chooses the splat loop that a kernel's shape and the sampling call for. Source: IMAGE
-// FORMATION sections 2 and 3; [NM05] section 4.2, [NM06] section 4.1, with the factors of backend_cpu/sections.hpp.
+// Adds kernels to sheets: chooses the splat loop that a kernel's shape and the sampling call for. Source:
+// conventions, sections 2 and 3; [NM05] section 4.2, [NM06] section 4.1, with the factors of backend_cpu/sections.hpp.
 
 #if defined(SHEETSPLAT_CPU_SPLAT_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_SPLAT_INL

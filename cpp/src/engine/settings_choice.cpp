@@ -39,7 +39,6 @@ constexpr double lit_found = 0.8;
 constexpr double surface_aim = 0.5;
 constexpr double surface_found = 0.6;
 constexpr double refining_order = 1.5;
-constexpr double usual_opacity_stop = 0.98;
 constexpr double least_turn_cosine = 0.9848; ///< of 10 degrees
 constexpr double least_move = 0.125;         ///< of the height of the view
 /// Times that pictures take, over those that they were expected to take: another choice is due beyond.
@@ -62,7 +61,7 @@ Freedom freedom_of(const Scene& scene) {
     free.spacing = !scene.slice_spacing.has_value();
     free.preintegration = is_composited(scene.mode) && !scene.preintegration;
     free.sampling = scene.sampling == Sampling::point;
-    free.stop = is_composited(scene.mode) && scene.opacity_stop == usual_opacity_stop;
+    free.stop = is_composited(scene.mode) && scene.opacity_stop == default_opacity_stop;
     return free;
 }
 

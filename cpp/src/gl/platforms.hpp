@@ -26,12 +26,12 @@ class NativeContext : public Context {
     void leave_current() noexcept;
 };
 
-/// The result of one attempt; story: its steps, in words.
+/// The result of one attempt to make a context.
 struct Made {
-    std::unique_ptr<NativeContext> context;
-    std::string story;
+    std::unique_ptr<NativeContext> context; ///< null where the attempt failed
+    std::string story;                      ///< what was tried, step by step, for messages
 
-    /// Sets a new context up and keeps it; where it is no OpenGL 3.3, the story says why.
+    /// Sets a new context up and keeps it. Where that fails, the context stays null and the story says why.
     void finish(std::unique_ptr<NativeContext> fresh, const std::string& platform, bool debug);
 };
 

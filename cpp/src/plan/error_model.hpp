@@ -21,8 +21,8 @@ struct SumFacts {
 };
 SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& plan);
 
-/// Whether an interval that is empty must be told from one whose ends are 0: where clipping leaves one end of an
-/// interval, which shows only if a kernel reaches it, and where the cubic of second order is not 0 between two ends
+/// Whether an interval that is empty must be distinguished from one whose ends are 0: where clipping leaves one end of
+/// an interval, which shows only if a kernel reaches it, and where the cubic of second order is not 0 between two ends
 /// that are.
 bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan);
 

@@ -300,8 +300,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     // Classification and what it needs.
     effects.state(EffectId::classification, !scalar,
                   scalar ? "the mode shows the scalar itself" : "the mode shows colours");
-    effects.state(EffectId::isosurface, scene.mode == Mode::isosurface,
-                  "the mode shows crossings of iso values", "the mode is not isosurface");
+    effects.state(EffectId::isosurface, scene.mode == Mode::isosurface, "the mode shows crossings of iso values",
+                  "the mode is not isosurface");
     state_fields(scene, effects);
     const std::vector<Group> groups = scene.groups();
     const bool visible_at_zero =
@@ -323,7 +323,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                  threshold          ? "rho is divided by the weight sum"
                                  : outputs.coverage ? "coverage is the weight sum"
                                  : counted          ? "only slices where the weight sum is above 0 count"
-                                 : plan.empty_test  ? "only the weight tells an empty point from one whose sum is 0"
+                                 : plan.empty_test  ? "only the weight distinguishes empty points from sums of 0"
                                                     : "no division by weights, no coverage, and opacity at 0 is 0",
                                  true) ||
                   plan.empty_test;
@@ -407,8 +407,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     if (backend != Backend::reference) {
         const bool intervals = !plan.empty_test && intervals_may_be_empty(scene, sum_facts(scene, view, plan), plan);
         effects.state(EffectId::empty_intervals, intervals,
-                      intervals         ? "intervals that no kernel reaches must be told from those whose ends are 0"
-                      : plan.empty_test ? "the empty test tells them already"
+                      intervals ? "intervals that no kernel reaches must be distinguished from those whose ends are 0"
+                      : plan.empty_test ? "the empty test distinguishes them already"
                                         : "intervals whose ends are 0 are transparent anyway");
         plan.empty_test = plan.empty_test || intervals;
         plan.weight = plan.weight || intervals;

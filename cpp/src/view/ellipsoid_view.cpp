@@ -14,8 +14,6 @@ namespace sheetsplat {
 
 namespace {
 
-/// Kernels of weight 0 are drawn with this weight, so that points that they reach do not count as empty.
-constexpr double least_weight = 1e-30;
 constexpr double log2_e = 1.4426950408889634;
 /// Powers of two that float32 has room for.
 constexpr double largest_exponent = 115.0;
@@ -236,7 +234,7 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
                             left(step.y),
                             {0.0F, 0.0F}};
     }
-    record.weight = f(std::max(weight * kernel.amplitude * weight_scale_, least_weight));
+    record.weight = f(std::max(weight * kernel.amplitude * weight_scale_, least_drawn_weight));
     return record;
 }
 

@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "gl/context.hpp"
 #include "sheetsplat/device.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/renderer.hpp"
@@ -256,12 +257,10 @@ TEST(Renderer, ThreadsAreChecked) {
 }
 
 TEST(Renderer, TakesTheOtherBackendWhereOneDoesNotSupportAScene) {
-    bool gl = false, hardware = false;
-    for (const DeviceReport& report : devices()) {
-        const bool here = report.backend == "gl" && report.available;
-        gl = gl || here;
-        hardware = hardware || (here && report.description.find("llvmpipe") == std::string::npos &&
-                                report.description.find("softpipe") == std::string::npos);
+    bool with_gl = false, hardware = false;
+    for (const gl::Attempt& attempt : gl::Context::survey()) {
+        with_gl = with_gl || attempt.succeeded;
+        hardware = hardware || (attempt.succeeded && !attempt.capabilities.software);
     }
     if (std::getenv("SHEETSPLAT_BACKEND") != nullptr) {
         GTEST_SKIP() << "SHEETSPLAT_BACKEND is set";
@@ -273,7 +272,7 @@ TEST(Renderer, TakesTheOtherBackendWhereOneDoesNotSupportAScene) {
         EXPECT_EQ(Renderer(options).plan(scene, camera, {32, 32}).backend, Backend::cpu);
     }
     options.packing = Packing::paper;
-    if (gl) {
+    if (with_gl) {
         EXPECT_EQ(Renderer(options).render(scene, camera, {32, 32}).plan->backend, Backend::gl);
         options.backend = Backend::cpu;
         EXPECT_THROW(static_cast<void>(Renderer(options).plan(scene, camera, {32, 32})), Unsupported);
@@ -285,7 +284,8 @@ TEST(Renderer, TakesTheOtherBackendWhereOneDoesNotSupportAScene) {
         FAIL() << "no backend packs as the paper did in float64";
     } catch (const Unsupported& error) {
         EXPECT_NE(std::string(error.what()).find("backend cpu"), std::string::npos) << error.what();
-        EXPECT_NE(std::string(error.what()).find(gl ? "backend gl" : "no OpenGL"), std::string::npos) << error.what();
+        EXPECT_NE(std::string(error.what()).find(with_gl ? "backend gl" : "no OpenGL"), std::string::npos)
+            << error.what();
     }
 }
 

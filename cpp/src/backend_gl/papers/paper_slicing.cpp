@@ -8,6 +8,7 @@
 
 #include "base/memory.hpp"
 #include "interop.h"
+#include "plan/limits_common.hpp"
 #include "resources.hpp"
 #include "splatting.hpp"
 
@@ -18,8 +19,6 @@ namespace {
 constexpr double log2_e = 1.4426950408889634;
 /// A kernel's polygon is two triangles.
 constexpr std::size_t corners = 6;
-/// Kernels of weight 0 are drawn with this weight, so that the points that they reach do not count as empty.
-constexpr double least_weight = 1e-30;
 
 /// A texture of one texel a kernel, row by row.
 gl::Texture texture_of(const gl::Api& gl, GLenum format, std::size_t texels) {
@@ -157,7 +156,7 @@ void PaperSlicing::slice(Resources& resources, const std::shared_ptr<const Ellip
     set_one("slices", entry.length_unit / frame.slice_spacing);
     program.set("value_scale", f(entry.value_unit * view.value_scale()));
     program.set("weight_scale", f(view.weight_scale()));
-    program.set("least_weight", f(least_weight));
+    program.set("least_weight", f(least_drawn_weight));
     gl_->Viewport(0, 0, KERNEL_COLUMNS, rows);
     gl_->Disable(GL_SCISSOR_TEST);
     gl_->Disable(GL_DEPTH_TEST);

@@ -1,4 +1,5 @@
-// OpenGL contexts without a display: EGL device, EGL surfaceless, OSMesa, each by dlopen.
+// OpenGL contexts without a display: on an EGL device, on surfaceless EGL, or by OSMesa. Their libraries are opened at
+// run time (dlopen).
 #pragma once
 
 #include <memory>

@@ -70,8 +70,8 @@ class SpatialGrid {
     std::vector<std::uint32_t> level_begin_{0};
 };
 
-/// The cells in which kernels can start ([NM06] section 4.2): those of its level that a kernel's bounding box meets, 1
-/// to 8 of them. The first cells are the grid's, with the grid's numbers; cells that are no kernel's home follow.
+/// The cells in which a kernel can start ([NM06] section 4.2): the 1 to 8 cells of its level that its bounding box
+/// meets. Cells of the grid come first, with the same numbers as in the grid; cells that are no kernel's home follow.
 class StartCells {
   public:
     /// For fields of at most 2^28 kernels. 24 bytes for each cell that is no kernel's home; while they are found, up to
@@ -80,9 +80,9 @@ class StartCells {
 
     [[nodiscard]] std::size_t cells() const { return cells_; }
     [[nodiscard]] std::size_t bytes() const;
-    /// Of the cells in which a kernel can start, the one that holds a point of its bounding box (rounding may put a
-    /// point of its surface outside: then the nearest of them). With the point of the support that is nearest to the
-    /// viewer this is the cell that draws the kernel. field, grid: those of `of`.
+    /// The cell in which a kernel starts, where point_world is the point of its support that is nearest to the viewer:
+    /// of the cells in which it can start the one that contains the point, or the nearest one where rounding puts the
+    /// point outside all of them. field, grid: those that were given to `of`.
     [[nodiscard]] std::uint32_t of_kernel(const EllipsoidField& field, const SpatialGrid& grid, std::size_t kernel,
                                           const Vec3& point_world) const;
     [[nodiscard]] Box cell_bounds(const SpatialGrid& grid, std::size_t cell) const;

@@ -15,8 +15,8 @@
 
 namespace sheetsplat {
 
-/// Everything that the slice loops switch on. One flag an effect; the summary lists them with reasons. What is a way of
-/// drawing on GL stays off on the processor.
+/// Everything that the slice loops switch on: one flag for each effect. The summary lists the effects with their
+/// reasons. Ways of drawing that only OpenGL has stay off on the processor.
 struct DrawPlan {
     RenderPlan summary;
 
@@ -33,7 +33,7 @@ struct DrawPlan {
     // Sums and their division.
     bool weight = false;    ///< sums of weights are kept
     bool threshold = false; ///< the one field is divided by its weight sum where it is shaded
-    /// Opacity at 0 > 0: points that no kernel reaches must be told from points whose sum is 0.
+    /// Opacity at 0 > 0: points that no kernel reaches must be distinguished from points whose sum is 0.
     bool empty_test = false;
     /// Several fields: for each the number of its own sheets, where it is divided before all are added; -1: it adds to
     /// the sheets of all.
@@ -87,8 +87,10 @@ struct DrawPlan {
     int slab_pieces = 1; ///< pieces that differences of slab means are integrated in
 };
 
-/// capabilities: null unless the backend is gl. Throws InvalidInput for names of effects that do not exist; Unsupported
-/// for what this backend cannot do within its bound.
+/// The plan of a scene for one backend. view: facts of the scene from this camera; capabilities: of the device, null
+/// unless the backend is gl. Throws InvalidInput where options.effects has an unknown name or one that cannot be forced
+/// on this backend, and Unsupported where the backend cannot render the scene within its error bound (conventions,
+/// section 9).
 DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                    Projection projection, Backend backend, const Capabilities* capabilities);
 

@@ -1,4 +1,5 @@
-// Values that lie far from 0 are counted from their middle where they are divided by their weight sum.
+// The pivot of a field: a constant that backend gl subtracts from values before sums are divided, so that large values
+// keep their digits.
 #pragma once
 
 #include <array>
@@ -8,8 +9,8 @@
 
 namespace sheetsplat {
 
-/// What a field's values are less by in sheets of its own: the middle of those that lie farther from 0 than from one
-/// another, else 0.
+/// What is subtracted from a field's values in sheets of its own: the middle of the range of values where its absolute
+/// value is greater than the width of the range, else 0.
 inline double pivot_of(const Field& field) {
     const std::array<double, 2> range = field.value_range();
     const double middle = 0.5 * range[0] + 0.5 * range[1];

@@ -52,8 +52,8 @@ ColorExtinction mean_over_ramp(const TransferFunction& function, double front, d
 ColorOpacity preintegrate(const TransferFunction& function, double front, double back, double lengths);
 
 /// The same of second order: rho on the slices n - 1 to n + 2 says how it bends between n and n + 1, and a step of
-/// Romberg's from the interval to its halves how far attenuation inside it matters. Source: project page of
-/// conventions, section 10. Opacity 0 where nothing is left.
+/// Romberg's from the interval to its halves how far attenuation inside it matters. Source: conventions,
+/// section 10. Opacity 0 where nothing is left.
 ColorOpacity preintegrate_second_order(const TransferFunction& function, const std::array<double, 4>& rho,
                                        double lengths);
 

@@ -1,5 +1,4 @@
-// Shadows and ambient occlusion of a point. Source: conventions, section 10 (shadows); project page of
-// conventions, section 10 (shadows, ambient occlusion).
+// Shadows and ambient occlusion of a point. Source: conventions, section 10 (shadows, ambient occlusion).
 #pragma once
 
 #include <array>

@@ -1,4 +1,5 @@
-// What each mode makes of the slices. The only home of these rules in C++. Source: conventions, section 7.
+// What each mode uses and computes. C++ code asks these functions instead of comparing modes. Source: conventions,
+// section 7.
 #pragma once
 
 #include "sheetsplat/scene.hpp"

@@ -15,7 +15,7 @@ import logging
 from typing import TYPE_CHECKING, Any
 
 # First of all: in a process of the command line it answers Ctrl-C until all others are read.
-from sheetsplat import _interrupt
+from sheetsplat import _interrupt as _interrupt
 from sheetsplat._sheetsplat import __version__
 from sheetsplat.accuracy import accuracy
 from sheetsplat.api import open, render
@@ -110,6 +110,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
-
-
-_interrupt.restore()

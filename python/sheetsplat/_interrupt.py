@@ -1,10 +1,13 @@
 """Ctrl-C while the command line reads the package: one word in place of a traceback.
 
-The hook is set in a process of the command line alone, and only until the package is read; from then on click answers.
+Python reads `sheetsplat` before any module of the command line, so the package itself sets the hook: only where the
+program is the installed command or ``python -m sheetsplat``. `sheetsplat.cli` restores Python's hook when everything is
+read; from then on click answers.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from types import TracebackType
 
@@ -17,11 +20,17 @@ def _tell(kind: type[BaseException], error: BaseException, trace: TracebackType 
 
 
 def _is_command_line() -> bool:
-    started = (*getattr(sys, "argv", ()), "")[0].replace("\\", "/").rsplit("/", 1)[-1]
-    if started == "-m":  # until the module that -m names is found
+    program = (*getattr(sys, "argv", ()), "")[0]
+    if program == "-m":  # until the module that -m names is found
         words = sys.orig_argv
         return "-m" in words and words[words.index("-m") + 1 :][:1] == ["sheetsplat"]
-    return started in ("sheetsplat", "sheetsplat.exe")
+    folder, name = os.path.split(os.path.abspath(program))
+    if name not in ("sheetsplat", "sheetsplat.exe"):
+        return False
+    import sysconfig
+
+    schemes = (sysconfig.get_default_scheme(), sysconfig.get_preferred_scheme("user"))
+    return any(os.path.realpath(sysconfig.get_path("scripts", one)) == os.path.realpath(folder) for one in schemes)
 
 
 def restore() -> None:

@@ -55,8 +55,8 @@ def _given(group: type, options: Any) -> dict[str, Any]:
 def open(path: str | os.PathLike[str], **options: Unpack[OpenOptions]) -> RegularField | EllipsoidField:
     """Return the field of a file, which may be gzipped.
 
-    Regular volumes: .npy, .npz, NRRD, MetaImage (.mhd, .mha), VTK's .vti, raw samples. Scattered data: PLOT3D with its
-    grid, VTK's .vtu and .vtp, HDF5 with particles, .ply of 3D Gaussian Splatting, .csv, .npz with an array centers.
+    Regular volumes: .npy, .npz, NRRD, MetaImage (.mhd, .mha), .vti, raw samples. Scattered data: HDF5 with particles,
+    .ply of 3D Gaussian Splatting, .vtu, .vtp, .csv, .npz with an array centers, PLOT3D solutions with a grid.
 
     Parameters
     ----------

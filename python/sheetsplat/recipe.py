@@ -19,7 +19,7 @@ from sheetsplat._checks import image_size, shown, strength
 from sheetsplat._values import arguments_of
 from sheetsplat.camera import Camera
 from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
-from sheetsplat.errors import Error, complain
+from sheetsplat.errors import Error, InvalidInput, complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.light import Light, Material
 from sheetsplat.options.core import checked, definitions
@@ -35,7 +35,6 @@ from sheetsplat.transfer import TransferFunction
 FORMAT = 1
 #: Most characters of the text; more are neither written nor read.
 LONGEST = 1 << 20
-_FAILED = "the description in the picture cannot be used"
 _MOST_FIELDS = 256
 # Options of a scene that are objects of these classes.
 _OBJECTS: dict[str, type] = {
@@ -56,6 +55,14 @@ _KINDS: dict[str, tuple[type[Field], tuple[str, ...]]] = {
     "EllipsoidField": (EllipsoidField, _OF_ELLIPSOIDS),
 }
 _Result = TypeVar("_Result")
+
+
+class DamagedRecipe(InvalidInput):
+    """A description of a picture that was changed, damaged, or written by a newer version."""
+
+
+def _damaged(found: str, wanted: str, advice: str = "") -> Error:
+    return complain("the description in the picture cannot be used", found, wanted, advice, kind=DamagedRecipe)
 
 
 @dataclass(frozen=True)
@@ -176,7 +183,7 @@ class Recipe:
     def from_json(cls, text: str) -> Recipe:
         """Return what `to_json` wrote. InvalidInput, naming the key, for anything else: nothing in it is executed."""
         if len(text) > LONGEST:
-            raise complain(_FAILED, f"{len(text)} characters", f"at most {LONGEST}")
+            raise _damaged(f"{len(text)} characters", f"at most {LONGEST}")
         with _reading("JSON"):
             plain = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_without_repetition)
         names = ("format", "version", "size", "camera", "transfer_function", "scene", "fields", "renderer")
@@ -242,13 +249,13 @@ def _reading(key: str) -> Iterator[None]:
     """Turn what goes wrong with the value of a key into InvalidInput that names the key."""
     try:
         yield
+    except DamagedRecipe:
+        raise
     except Error as error:
-        if error.what == _FAILED:
-            raise
         named = f"{key}: {error.option}: " if error.option else f"{key}: "
-        raise complain(_FAILED, named + (error.found or error.what), error.wanted) from None
+        raise _damaged(named + (error.found or error.what), error.wanted) from None
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError, AttributeError) as error:
-        raise complain(_FAILED, f"{key}: {str(error) or type(error).__name__}", "what sheetsplat wrote") from None
+        raise _damaged(f"{key}: {str(error) or type(error).__name__}", "what sheetsplat wrote") from None
 
 
 def _read(key: str, reader: Callable[[Any], _Result], value: Any) -> _Result:
@@ -259,20 +266,20 @@ def _read(key: str, reader: Callable[[Any], _Result], value: Any) -> _Result:
 def _mapping(key: str, value: Any, known: Sequence[str], *, all_of_them: bool = False) -> dict[str, Any]:
     """Return an object of JSON whose keys are known; every key of it, or any of them."""
     if not isinstance(value, dict):
-        raise complain(_FAILED, f"{key}: {shown(value)}", "an object {name: value}")
+        raise _damaged(f"{key}: {shown(value)}", "an object {name: value}")
     for name in value:
         if name not in known:
-            raise complain(_FAILED, f"{key}: the unknown key {shown(name)}", "only: " + ", ".join(known))
+            raise _damaged(f"{key}: the unknown key {shown(name)}", "only: " + ", ".join(known))
     for name in known if all_of_them else ():
         if name not in value:
-            raise complain(_FAILED, f"{key}: no key {name!r}", "all of: " + ", ".join(known))
+            raise _damaged(f"{key}: no key {name!r}", "all of: " + ", ".join(known))
     return value
 
 
 def _list(key: str, value: Any, most: int) -> list[Any]:
     if not isinstance(value, list) or len(value) > most:
         found = f"{len(value)} entries" if isinstance(value, list) else shown(value)
-        raise complain(_FAILED, f"{key}: {found}", f"a list of at most {most}")
+        raise _damaged(f"{key}: {found}", f"a list of at most {most}")
     return value
 
 
@@ -283,12 +290,12 @@ def _tuples(value: Any) -> Any:
 
 def _check_version(form: Any, version: Any) -> None:
     if type(form) is not int or form != FORMAT:
-        raise complain(_FAILED, f"format: {shown(form)}", f"{FORMAT}", "use the version of sheetsplat that wrote it")
+        raise _damaged(f"format: {shown(form)}", f"{FORMAT}", "use the version of sheetsplat that wrote it")
     here = _numbers_of(_sheetsplat.__version__)
     found = _numbers_of(version) if isinstance(version, str) else None
     if found is None or here is None or found > here:
         advice = "use the version of sheetsplat that wrote it"
-        raise complain(_FAILED, f"version: {shown(version)}", f"a version up to {_sheetsplat.__version__}", advice)
+        raise _damaged(f"version: {shown(version)}", f"a version up to {_sheetsplat.__version__}", advice)
 
 
 def _numbers_of(version: str) -> tuple[int, ...] | None:
@@ -300,7 +307,7 @@ def _transfer_function(value: Any) -> TransferFunction:
     rows = _list("transfer_function", value, LONGEST)
     for row in rows:
         if not isinstance(row, list) or len(row) != 5:
-            raise complain(_FAILED, f"transfer_function: {shown(row)}", "rows of five numbers")
+            raise _damaged(f"transfer_function: {shown(row)}", "rows of five numbers")
         for part in row:
             strength("transfer_function", part)
     return TransferFunction(rows)
@@ -310,7 +317,7 @@ def _camera(value: Any) -> Camera:
     kind = value.get("kind") if isinstance(value, dict) else None
     last = {"orthographic": ("height",), "perspective": ("fov_y", "near")}
     if not isinstance(kind, str) or kind not in last:
-        raise complain(_FAILED, f"camera: kind: {shown(kind)}", "orthographic or perspective")
+        raise _damaged(f"camera: kind: {shown(kind)}", "orthographic or perspective")
     arguments = dict(_mapping("camera", value, ("kind", "eye", "target", "up", *last[kind]), all_of_them=True))
     del arguments["kind"]
     made: Camera = getattr(Camera, kind)(**arguments)
@@ -332,7 +339,7 @@ def _scene_options(value: Any) -> dict[str, Any]:
         elif name == "lights":
             given[name] = tuple(_object("lights", Light, one) for one in _list("lights", part, 4096))
         elif isinstance(part, dict):
-            raise complain(_FAILED, f"scene: {name}: {shown(part)}", "a value, or a list of values")
+            raise _damaged(f"scene: {name}: {shown(part)}", "a value, or a list of values")
         else:
             given[name] = _tuples(part)
     return checked("scene", given, SceneOptions)
@@ -341,7 +348,7 @@ def _scene_options(value: Any) -> dict[str, Any]:
 def _fields(value: Any) -> tuple[FieldRecipe, ...]:
     found = tuple(map(_field, _list("fields", value, _MOST_FIELDS)))
     if not found:
-        raise complain(_FAILED, "fields: none", "at least one")
+        raise _damaged("fields: none", "at least one")
     return found
 
 
@@ -349,14 +356,14 @@ def _field(value: Any) -> FieldRecipe:
     given = _mapping("fields", value, tuple(one.name for one in fields(FieldRecipe)), all_of_them=True)
     kind, ghosts = given["kind"], given["ghost_points"]
     if not isinstance(kind, str) or kind not in _KINDS:
-        raise complain(_FAILED, f"fields: kind: {shown(kind)}", " or ".join(_KINDS))
+        raise _damaged(f"fields: kind: {shown(kind)}", " or ".join(_KINDS))
     options = _simple("options", _mapping("options", given["options"], _KINDS[kind][1]))
     opened = _simple("opened", _mapping("opened", given["opened"], _OPENED))
     quantity = _object("quantity", Quantity, given["quantity"])
     if ghosts is not None:
         parts = _list("ghost_points", ghosts, 2)
         if len(parts) != 2 or not all(_is_number(part) for part in parts):
-            raise complain(_FAILED, f"ghost_points: {shown(ghosts)}", "two numbers, or null")
+            raise _damaged(f"ghost_points: {shown(ghosts)}", "two numbers, or null")
         ghosts = (float(parts[0]), float(parts[1]))
     return FieldRecipe(kind, options, opened, quantity, ghosts)
 
@@ -370,7 +377,7 @@ def _simple(key: str, given: Mapping[str, Any]) -> dict[str, Any]:
     for name, value in given.items():
         simple = value is None or isinstance(value, str | bool) or _is_number(value)
         if not simple and not (isinstance(value, list) and len(value) <= 3 and all(map(_is_number, value))):
-            raise complain(_FAILED, f"{key}: {name}: {shown(value)}", "a text, a number, or up to three numbers")
+            raise _damaged(f"{key}: {name}: {shown(value)}", "a text, a number, or up to three numbers")
     return {name: _tuples(value) for name, value in given.items()}
 
 

@@ -332,9 +332,12 @@ class Renderer:
             stage = f"stage {image.stats['stage']:.0f} of {image.stats['stages']:.0f}, "
         seconds = time.perf_counter() - began
         _log.info("rendered %s%d x %d on %s in %.3f s", stage, width, height, plan.backend, seconds)
-        for goal in ("max_error", "max_seconds"):
+        goals = [goal for goal in ("max_error", "max_seconds") if self._settings[goal] is not None]
+        settings = "settings for " + " and ".join(goals)
+        for goal in goals:
             if image.stats.get(f"{goal}_kept") == 0:
-                warn(option_ref(goal) + f" is not kept: {image.plan.effects[-1].reason}")
+                reason = next(effect.reason for effect in plan.effects if effect.name == settings)
+                warn(option_ref(goal) + f" is not kept: {reason}")
         # A coarse stage may miss what the last one shows.
         if image.stats.get("stage") == image.stats.get("stages"):
             self._warn_of_unseen(image, scene)

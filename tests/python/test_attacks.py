@@ -84,11 +84,8 @@ def test_libraries_do_not_warn(tmp_path):
     (tmp_path / "a.nrrd").write_bytes(header + bytes(8))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with np.errstate(all="warn"):
-            try:
-                ss.open(tmp_path / "a.nrrd")
-            except ss.InvalidInput as error:
-                assert "header" in str(error)
+        with np.errstate(all="warn"), pytest.raises(ss.InvalidInput):
+            ss.open(tmp_path / "a.nrrd")
 
 
 @pytest.mark.parametrize(
@@ -158,20 +155,31 @@ def test_stray_errors_are_one_line(monkeypatch, volume):
     assert "Traceback" in run("info", volume, "-vv", code=1).stderr
 
 
-@pytest.mark.parametrize("where", ["click", "numpy", "sheetsplat.cli.main", "sheetsplat.scene"])
-def test_ctrl_c_while_modules_are_read(tmp_path, where):
-    (tmp_path / "sitecustomize.py").write_text(
+def interrupted_import(folder, where, *command):
+    """Run a command with Ctrl-C at the import of a module."""
+    (folder / "sitecustomize.py").write_text(
         "import sys\n"
         "class Finder:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
         f"        if name == {where!r}: raise KeyboardInterrupt\n"
         "sys.meta_path.insert(0, Finder())\n"
     )
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    done = subprocess.run(
-        [sys.executable, "-m", "sheetsplat", "info", "none.npy"], env=environment, capture_output=True, text=True
-    )
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    return subprocess.run([sys.executable, *command], env=environment, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("where", ["click", "numpy", "sheetsplat.cli.main", "sheetsplat.scene"])
+def test_ctrl_c_while_modules_are_read(tmp_path, where):
+    done = interrupted_import(tmp_path, where, "-m", "sheetsplat", "info", "none.npy")
     assert done.returncode in (1, 130, -2) and done.stderr == "Aborted!\n", done.stderr
+
+
+def test_a_program_of_the_same_name_keeps_its_traceback(tmp_path):
+    """Only the installed command answers Ctrl-C during the import."""
+    program = tmp_path / "sheetsplat"
+    program.write_text("import sheetsplat\n")
+    done = interrupted_import(tmp_path, "numpy", str(program))
+    assert done.stderr.startswith("Traceback") and "Aborted" not in done.stderr, done.stderr
 
 
 @pytest.mark.parametrize("projection", ["orthographic", "perspective"])

@@ -1,6 +1,6 @@
 """Files that are wrong in any way: a field or a clear error, and never another exception, a wait, or much memory.
 
-Hypothesis spoils small valid files of every kind that can be read. SHEETSPLAT_FUZZ is the number of examples of each
+Hypothesis damages small valid files of every kind that can be read. SHEETSPLAT_FUZZ is the number of examples of each
 kind, 60 unless set; with it they are drawn anew at each run.
 """
 

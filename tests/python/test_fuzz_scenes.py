@@ -1,6 +1,6 @@
 """Random scenes (fields, cameras, transfer functions, settings), judged by invariants.
 
-A backend draws a scene as it is, with its kernels in another order, each laid as two, in another unit of length, at
+A backend draws a scene as it is, with its kernels in another order, each split into two, in another unit of length, at
 another place, or with tiles of its own; all of it must be the reference's picture of the scene within section 9, or a
 clear error. SHEETSPLAT_FUZZ is the number of scenes, 40 unless set; with it they are drawn anew at each run.
 """
@@ -261,7 +261,7 @@ def reordered(made: Parts, rng: np.random.Generator) -> Parts:
 
 
 def halved(made: Parts, rng: np.random.Generator) -> Parts:
-    """Return the scene with each scattered kernel laid as two, of shares of its weight."""
+    """Return the scene with each scattered kernel split into two, of shares of its weight."""
     for one in made["fields"]:
         if "centers" in one:
             count = len(one["centers"])

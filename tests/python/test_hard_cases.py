@@ -88,7 +88,7 @@ def test_a_picture_that_is_a_little_wrong_fails(backend: str, monkeypatch: pytes
 
 def test_faults_are_seen() -> None:
     good = hard.Measured(pixels=10_000)
-    refused = hard.Measured(refusal=ss.Unsupported("it failed: found this; wanted that; do something"))
+    refused = hard.Measured(refusal=ss.Unsupported("it failed", "this", "that", "do something"))
     assert not hard.fault(hard.WITHIN, good)
     assert hard.fault(hard.WITHIN, replace(good, rmse=1.01e-4)) and hard.fault(
         hard.WITHIN, replace(good, p99_9=1.01e-3)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat.io import read_volume
+from sheetsplat.io import formats, read_volume
 
 VALUES = (np.arange(2 * 3 * 4).reshape(2, 3, 4) * 3 - 7).astype(np.int16)
 
@@ -491,3 +491,9 @@ def test_measured_volumes(data_dir, name, shape, dtype):
     assert field.shape == shape and field.values.dtype == dtype
     expected, _ = nrrd.read(str(path), index_order="C")
     assert np.array_equal(field.values, expected)
+
+
+def test_open_lists_all_formats():
+    text = " ".join(str(ss.open.__doc__).split())
+    assert formats.LISTED_REGULAR in text and formats.LISTED_SCATTERED in text
+    assert all(one.shown for one in formats.FORMATS)

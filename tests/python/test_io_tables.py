@@ -127,7 +127,7 @@ def test_csv_of_many_pieces(tmp_path, monkeypatch):
         ("x,y,z,value,radius,sx,sy,sz\n1,2,3,4,1,1,1,1\n", "radius and sx"),
         ("x,y,z,value,value\n1,2,3,4,5\n", "names that differ"),
         ("x,y,z,value\n1,2,3\n", "3 numbers in row 0"),
-        ("x,y,z,value\n1,2,3,4\n1,2,3\n", "row 0"),
+        ("x,y,z,value\n1,2,3,4\n1,2,3\n", "3 numbers in row 1"),
         ("x,y,z,value\n1,2,3,four\n", "four"),
         ("x,y,z,value\n1,2,3,\n", "row 0"),
         ("x,y,z,value\n1,2,3,nan\n", "not finite"),

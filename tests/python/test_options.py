@@ -79,9 +79,11 @@ def cpp_defaults(header: str, start: str) -> dict[str, object]:
     text = (ROOT / "cpp" / "include" / "sheetsplat" / header).read_text(encoding="utf-8")
     block = text.partition(start)[2].partition(");" if start.endswith("(") else "\n}")[0]
     assert block, start
+    constants = dict(re.findall(r"^constexpr double (\w+) = ([\d.]+);", text, re.MULTILINE))
     found: dict[str, object] = {}
     for name, value in re.findall(r"(\w+) = ([\w.:]+)", re.sub("//.*", "", block)):
         word = value.rpartition("::")[2]
+        word = constants.get(word, word)
         found[name] = {"true": True, "false": False, "automatic": "auto"}.get(word, word)
         if re.fullmatch(r"[\d.]+", word):
             found[name] = float(word)

@@ -110,8 +110,7 @@ def test_opengl_keeps_the_bounds(seed: int, gl_renderer: ss.Renderer) -> None:
         image = gl_renderer.render(scene, camera, size=size, outputs=outputs)
     except ss.Unsupported as error:
         several = len(parts["fields"]) > 1 and any(f["normalization"] == "threshold" for f in parts["fields"])
-        assert several, f"refused: {error}"
-        assert "lit close-up" in str(error)
+        assert several and parts["lights"], f"refused: {error}"
         pytest.skip("a lit close-up of several fields, one normalised by threshold: only the reference draws it")
     o_scene, o_camera, _ = build(oracle, parts)
     picture = lattice_picture(seed)

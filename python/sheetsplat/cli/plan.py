@@ -27,7 +27,7 @@ def command(file: Path, measure: bool, repeats: int, as_json: bool, quiet: bool,
     With --measure also the time that each effect adds to the picture; in brackets, the time that an effect which is off
     would add. That draws about a hundred pictures.
 
-    "Words of the plan" in the usage page explains the effects, and which of them --effect can force.
+    "Reading a plan" in effects.md explains the effects, and which of them --effect can force.
     """
     check_mode(options)
     scene, camera, renderer, size = prepare(file, options)

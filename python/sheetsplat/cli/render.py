@@ -11,12 +11,26 @@ import click
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
 from sheetsplat.cli.scene import prepare, prepare_again
+from sheetsplat.io.formats import LISTED_REGULAR, LISTED_SCATTERED
 from sheetsplat.options.renderer import Output
 
 _PATH = click.Path(path_type=Path, dir_okay=False)
 
 
-@click.command("render")
+_HELP = f"""Render FILE into a picture.
+
+FILE is a volume: {LISTED_REGULAR} (these with --shape and --dtype). Or it is scattered data: {LISTED_SCATTERED}
+(--grid). Each may be gzipped.
+
+FILE may also be a picture that this command wrote (.png): then DATA is what it was made of, one file for each
+field, and the picture is made again. Options of files, of the renderer and --size may be given; all others are the
+picture's own.
+
+Options whose help ends with names of modes are for these modes only.
+"""
+
+
+@click.command("render", help=_HELP)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.argument("data", type=click.Path(path_type=Path), nargs=-1)
 @click.option(
@@ -49,18 +63,7 @@ def command(
     quiet: bool,
     **options: Any,
 ) -> None:
-    """Render FILE into a picture.
-
-    FILE is a volume: .npy, .npz, NRRD, MetaImage (.mhd, .mha), .vti, or raw samples with --shape and --dtype. Or it is
-    scattered data: a PLOT3D solution with --grid, .vtu, .vtp, HDF5 with particles, .ply of 3D Gaussian Splatting, .csv,
-    or .npz with an array centers. Each may be gzipped.
-
-    FILE may also be a picture that this command wrote (.png): then DATA is what it was made of, one file for each
-    field, and the picture is made again. Options of files, of the renderer and --size may be given; all others are the
-    picture's own.
-
-    Options whose help ends with names of modes are for these modes only.
-    """
+    """Run the command; `_HELP` describes it."""
     from sheetsplat.io import pictures
     from sheetsplat.io.png_text import is_png
     from sheetsplat.look.surface import surface_color, surface_text

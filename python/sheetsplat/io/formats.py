@@ -43,6 +43,8 @@ class Format:
         Whether it holds scattered data instead of a regular volume.
     beats_raw
         Whether it is recognized although the caller gives shape and dtype of raw samples.
+    shown
+        How lists of formats name it.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Format:
     options: tuple[str, ...] = ()
     scattered: bool = False
     beats_raw: bool = False
+    shown: str = ""
 
     def read(self, source: Source, **options: Any) -> Any:
         """Return what the reader makes of a file."""
@@ -83,24 +86,55 @@ def _is_vtk_image(source: Source) -> bool:
 _IO = "sheetsplat.io."
 # The first format that recognizes a file is used.
 FORMATS: tuple[Format, ...] = (
-    Format("npy", _IO + "numpy_files:read_npy", _begins(b"\x93NUMPY"), beats_raw=True),
-    Format("npz", _IO + "numpy_files:read_npz", _begins(*_ZIP), ("name",), beats_raw=True),
-    Format("nrrd", _IO + "nrrd_files:read", _begins(b"NRRD"), beats_raw=True),
-    Format("metaimage", _IO + "metaimage:read", _is_metaimage, beats_raw=True),
-    Format("hdf5", _IO + "sph_hdf5:read", _begins(_HDF5), ("scalar", "particles", "support"), scattered=True),
-    Format("ply", _IO + "gaussian_ply:read", _begins(b"ply\n", b"ply\r"), ("scalar",), scattered=True),
-    Format("vti", _IO + "vtk_xml.images:read", _is_vtk_image, ("name",)),
-    Format("vtk", _IO + "vtk_xml.meshes:read", _is_vtk_xml, ("scalar",), scattered=True),
-    Format("csv", _IO + "tables:read_csv", _is_table, ("scalar",), scattered=True),
-    Format("raw", _IO + "raw:read", lambda source: source.suffix in _RAW_SUFFIXES, ("shape", "dtype", "offset")),
+    Format("npy", _IO + "numpy_files:read_npy", _begins(b"\x93NUMPY"), beats_raw=True, shown=".npy"),
+    Format("npz", _IO + "numpy_files:read_npz", _begins(*_ZIP), ("name",), beats_raw=True, shown=".npz"),
+    Format("nrrd", _IO + "nrrd_files:read", _begins(b"NRRD"), beats_raw=True, shown="NRRD"),
+    Format("metaimage", _IO + "metaimage:read", _is_metaimage, beats_raw=True, shown="MetaImage (.mhd, .mha)"),
+    Format(
+        "hdf5",
+        _IO + "sph_hdf5:read",
+        _begins(_HDF5),
+        ("scalar", "particles", "support"),
+        scattered=True,
+        shown="HDF5 with particles",
+    ),
+    Format(
+        "ply",
+        _IO + "gaussian_ply:read",
+        _begins(b"ply\n", b"ply\r"),
+        ("scalar",),
+        scattered=True,
+        shown=".ply of 3D Gaussian Splatting",
+    ),
+    Format("vti", _IO + "vtk_xml.images:read", _is_vtk_image, ("name",), shown=".vti"),
+    Format("vtk", _IO + "vtk_xml.meshes:read", _is_vtk_xml, ("scalar",), scattered=True, shown=".vtu, .vtp"),
+    Format("csv", _IO + "tables:read_csv", _is_table, ("scalar",), scattered=True, shown=".csv"),
+    Format(
+        "raw",
+        _IO + "raw:read",
+        lambda source: source.suffix in _RAW_SUFFIXES,
+        ("shape", "dtype", "offset"),
+        shown="raw samples",
+    ),
     # Recognized only by `find_format`: by the arrays of an .npz, and by the grid of the caller.
-    Format("ellipsoids", _IO + "tables:read_npz", options=("scalar",), scattered=True),
-    Format("plot3d", _IO + "plot3d:read", options=("grid", "scalar"), scattered=True),
+    Format(
+        "ellipsoids",
+        _IO + "tables:read_npz",
+        options=("scalar",),
+        scattered=True,
+        shown=".npz with an array centers",
+    ),
+    Format(
+        "plot3d", _IO + "plot3d:read", options=("grid", "scalar"), scattered=True, shown="PLOT3D solutions with a grid"
+    ),
 )
 #: All formats by their names.
 BY_NAME = {one.name: one for one in FORMATS}
 #: Formats of files that hold points instead of a regular volume.
 SCATTERED = tuple(one.name for one in FORMATS if one.scattered)
+#: What formats of regular volumes, and those of scattered data, are called in messages.
+LISTED_REGULAR = ", ".join(one.shown for one in FORMATS if not one.scattered)
+LISTED_SCATTERED = ", ".join(one.shown for one in FORMATS if one.scattered)
 
 
 def format_of(source: Source, *, raw_options: bool = False) -> Format:
@@ -115,8 +149,7 @@ def format_of(source: Source, *, raw_options: bool = False) -> Format:
     raise complain(
         f"{source.path} cannot be read",
         "an empty file" if not source.head(_HEAD) else "a format that is not known",
-        ".npy, .npz, NRRD, MetaImage (.mhd, .mha), .vti, or raw samples; scattered data as .vtu, .vtp, HDF5, .ply, "
-        ".csv or PLOT3D; each also gzipped",
+        f"{LISTED_REGULAR}; scattered data as {LISTED_SCATTERED}; each also gzipped",
         "for raw samples give their shape and their type, for a PLOT3D solution its grid",
     )
 

@@ -139,7 +139,7 @@ def _way(data: Scattered, fit: str | None, neighbors: int | None) -> str:
         return fit
     if data.has_kernels:
         return "own"
-    if data.format.startswith("hdf5"):
+    if data.particles:
         raise complain(
             "the particles cannot be converted to kernels",
             f"no smoothing lengths beside {listed(data.scalars)}",

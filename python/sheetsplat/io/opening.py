@@ -42,7 +42,7 @@ def read_volume(
     Parameters
     ----------
     path
-        .npy, .npz, NRRD (attached or detached data), MetaImage (.mhd, .mha), VTK's .vti or raw samples.
+        A file of a format in `formats.LISTED_REGULAR`; headers of NRRD and MetaImage may name files of samples.
     shape, dtype
         For raw samples: (nk, nj, ni), the order of the array, and their type, with its byte order (">i2").
     offset
@@ -91,8 +91,7 @@ def read_scattered(
     Parameters
     ----------
     path
-        A PLOT3D solution, where `grid` is given; VTK's .vtu or .vtp, HDF5 with particles, .ply of 3D Gaussian
-        Splatting, .csv, or .npz with an array centers.
+        A file of a format in `formats.LISTED_SCATTERED`; a PLOT3D solution where `grid` is given.
     grid
         The PLOT3D grid of the solution.
     scalar

@@ -61,6 +61,8 @@ class Scattered:
         hexahedra in the order of VTK.
     supports
         Radii of the supports of SPH kernels, (N,), world units.
+    particles
+        Whether rows are particles, which no fit to their neighbours may join unless it is asked for.
     masses, densities
         Of SPH particles, (N,); their quotient is a particle's volume.
     deviations
@@ -83,6 +85,7 @@ class Scattered:
     format: str
     scalars: tuple[str, ...] = ()
     cells: tuple[NDArray[np.int64], ...] | None = None
+    particles: bool = False
     supports: Floats | None = None
     masses: Floats | None = None
     densities: Floats | None = None

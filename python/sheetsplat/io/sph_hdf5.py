@@ -232,6 +232,7 @@ def _read_group(
         "hdf5, particles",
         scalar_names(widths),
         supports=lengths,
+        particles=True,
         masses=masses,
         densities=densities,
         details=details,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import instance
+from sheetsplat._checks import instance, shown
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.io import numpy_files, pictures
@@ -173,14 +173,33 @@ def _numbers(source: Source, text: bytes, part: str | None, columns: int, row: i
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             block: Floats = np.loadtxt(io.BytesIO(text), delimiter=part, comments="#", ndmin=2, encoding="utf-8")
-    except (ValueError, UnicodeDecodeError) as error:
-        # After the semicolon the message is about arguments of loadtxt.
-        found = f"a row after row {row} that is not of numbers ({str(error).split(';')[0]})"
+    except (ValueError, UnicodeDecodeError):
+        found = _fault(text, part, columns, row) or f"a row after row {row} that is not of numbers"
         raise unreadable(source.path, found, f"{columns} numbers in every row") from None
     if block.size and block.shape[1] != columns:
         found = f"{block.shape[1]} numbers in row {row}"
         raise unreadable(source.path, found, f"{columns}, as the first line has names")
     return block.reshape(-1, columns)
+
+
+def _fault(text: bytes, part: str | None, columns: int, row: int) -> str:
+    """Return what is wrong with the first row that is not of so many numbers; empty where every row is.
+
+    Rows count from 0; `row` is the number of the first one.
+    """
+    for line in text.decode("utf-8", "replace").splitlines():
+        words = line.partition("#")[0].strip().split(part)
+        if words in ([], [""]):
+            continue
+        if len(words) != columns:
+            return f"{len(words)} numbers in row {row}"
+        for word in words:
+            try:
+                float(word)
+            except ValueError:
+                return f"{shown(word.strip())} in row {row}"
+        row += 1
+    return ""
 
 
 def read_csv(source: Source, scalar: str | None = None) -> Scattered:

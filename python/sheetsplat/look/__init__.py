@@ -1,1 +1,1 @@
-"""How data look where nobody chose: transfer functions, colours of isosurfaces, reasons for empty pictures."""
+"""How data look where no options are given: transfer functions, colours of isosurfaces, reasons for empty pictures."""

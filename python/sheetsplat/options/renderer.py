@@ -106,7 +106,7 @@ class RendererSettings(TypedDict, total=False):
     effects: Annotated[
         Mapping[str, bool] | None,
         Option(
-            'Forces effects of the plan on or off, by name; "Words of the plan" in the usage page lists them.',
+            'Forces effects of the plan on or off, by name; "Reading a plan" in effects.md lists them.',
             accepts="dict of str to bool",
             check=_effects,
             cli=(
@@ -114,8 +114,8 @@ class RendererSettings(TypedDict, total=False):
                     "--effect",
                     value=Special.TEXT,
                     metavar="NAME=on|off",
-                    help='Force an effect of the plan; may be repeated. "Words of the plan" in the usage page lists '
-                    "the names.",
+                    help='Force an effect of the plan, by name; may be repeated. "Reading a plan" in effects.md lists '
+                    "them.",
                     multiple=True,
                 ),
             ),

@@ -119,7 +119,8 @@ def fault(outcome: Outcome, found: Measured) -> str:
             return f"drawn ({found}) where an error was written: {outcome}"
         if type(found.refusal) is not outcome.kind or not re.search(outcome.match, str(found.refusal)):
             return f"another error than {outcome}: {found.refusal!r}"
-        return "" if str(found.refusal).count(";") >= 1 else f"an error that does not say enough: {found.refusal}"
+        told = found.refusal.found and (found.refusal.wanted or found.refusal.advice)
+        return "" if told else f"an error that does not say enough: {found.refusal}"
     if found.refusal is not None:
         return f"refused: {found.refusal}"
     if outcome == TRANSPARENT:

@@ -131,15 +131,16 @@ opacity at 0 is above 0, and where A_stop is below 1.
 the slices of the whole picture. `./run bench huge` draws 20,000 × 20,000 pixels (6.4 GB) and
 compares 64 windows with the reference, 32 of them across borders of tiles and 16 of these at their corners. On two
 shared cores: 67 s, a peak of 195 MB, RMSE at most 7.0·10⁻⁷, largest difference 3.0·10⁻⁶. A perspective picture cannot
-be drawn in parts, as its parts are seen askew: that is an error.
+be drawn in parts, because its parts would need an off-axis projection: that is an error.
 
-## Found by chance
+## Random tests
 
-`tests/python/test_fuzz_scenes.py` draws scenes by hypothesis (fields, cameras, transfer functions, effects, knobs) and
-holds backends against the reference as they are, with kernels reordered or laid as two, in another unit of length, at
-another place and in tiles of any size. `tests/python/test_fuzz_readers.py` spoils valid files of 33 kinds, and lets a
-reader answer with a field or an error of the package, without more than 256 MB or 20 s. `SHEETSPLAT_FUZZ=2000` draws
-more, anew each time. `tests/python/fuzz_readers.py` follows the readers' branches (atheris).
+`tests/python/test_fuzz_scenes.py` draws scenes by hypothesis (fields, cameras, transfer functions, effects, settings)
+and compares each backend with the reference: as they are, with kernels reordered or split into two that share the
+weight, in another unit of length, at another place and in tiles of any size. `tests/python/test_fuzz_readers.py`
+damages valid files of 33 kinds: a reader must answer with a field or an error of the package, within 256 MB and 20 s.
+`SHEETSPLAT_FUZZ=2000` draws more, anew each time. `tests/python/fuzz_readers.py` follows the readers' branches
+(atheris).
 """
 
 

@@ -113,7 +113,7 @@ def any_order(backend: str) -> tuple[str, str]:
     return worst_of(backend, turned, 2)
 
 
-@promised("one kernel laid as two of half its weight", WITHIN)
+@promised("one kernel split into two of half its weight", WITHIN)
 def halves(backend: str) -> tuple[str, str]:
     def halved(one: Parts, _: int) -> Parts:
         weights = 0.5 * np.asarray(one.get("weights", np.ones(len(one["centers"]))))

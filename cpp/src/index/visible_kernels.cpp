@@ -193,8 +193,10 @@ VisibleFrom visible_from(const VisibilityQuery& visibility) {
                          : VisibleFrom{infinity, std::max(-iso, std::numeric_limits<double>::denorm_min())};
     }
     const TransferFunction& transfer_function = *visibility.transfer_function;
-    return {least_visible([&](double x) { return !transfer_function.transparent_over(0.0, x); }),
-            least_visible([&](double x) { return !transfer_function.transparent_over(-x, 0.0); })};
+    // Of a step at 0 only the side counts on which the values are.
+    constexpr double least = std::numeric_limits<double>::denorm_min();
+    return {least_visible([&](double x) { return !transfer_function.transparent_over(least, x); }),
+            least_visible([&](double x) { return !transfer_function.transparent_over(-x, -least); })};
 }
 
 void check_reach(const VisibilityQuery& query) {

@@ -108,7 +108,7 @@ std::vector<Named> matrix() {
                         scene.slice_spacing = kind.slice_spacing;
                     }
                     how.add_effects(scene, shot.camera);
-                    shot.size = {26, 22};
+                    shot.size = {34, 30};
                     shot.outputs = {how.mode == Mode::composite, how.mode == Mode::composite};
                     all.push_back({std::string(kind.name) + " " + view.name +
                                        (sampling == Sampling::slab ? " slab " : " point ") + how.name,

@@ -279,7 +279,9 @@ class Truth {
         const double old = p.alpha;
         p.alpha += share;
         if (c_.plan.depth && old < 0.5 && p.alpha >= 0.5) {
-            p.depth = depth(0);
+            // Of an interval its middle, but nothing in front of the first slice (section 7).
+            p.depth = c_.plan.preintegration ? std::max(depth(0) + 0.5 * c_.frame.slice_spacing, c_.frame.depth_of(0))
+                                             : depth(0);
         }
     }
 

@@ -30,7 +30,6 @@ def logarithm(values: Floats, what: str, floor: bool | float) -> Floats:
     if not values.size:
         return values
     base = log_base(values, what, floor)
-    _log.info("log10(%s / %g) is shown", what, base)
     return np.asarray(np.maximum(np.log10(np.maximum(values, base)) - math.log10(base), 0.0))
 
 
@@ -104,7 +103,8 @@ def field_of(
             scales = math.sqrt(2.0 * max(_DEFAULT_FALLOFF if k is None else k, 0.0)) * data.deviations
         assert scales is not None
         options |= decay | given(cell_volume=data.cell_volume)
-        return EllipsoidField(data.points, scales, data.rotations, values, weights=data.weights, **options)
+        field = EllipsoidField(data.points, scales, data.rotations, values, weights=data.weights, **options)
+        return field.with_orientation(data.orientation)
     if how == "own":
         assert data.supports is not None
         if k is not None:
@@ -118,7 +118,7 @@ def field_of(
     else:
         kernels = fits.delaunay(data.points, values, cells=data.cells, **decay)
     _log.info("%s: %s", data.format, kernels)
-    return kernels.field(**options)
+    return kernels.field(**options).with_orientation(data.orientation)
 
 
 def given(**options: Any) -> dict[str, Any]:

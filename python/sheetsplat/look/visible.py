@@ -1,0 +1,157 @@
+"""Where the visible part of a scene is: the points that a camera has to show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat._checks import triple
+from sheetsplat.camera import Camera
+from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.look.measure import Floats, Measure, measure_kernels, measure_volumes
+from sheetsplat.scene import Scene
+from sheetsplat.transfer import TransferFunction
+
+# Cells of the coarse picture across, at least so many positions in a cell on average.
+_CELLS = 96
+_LEAST_CELLS = 12
+_PER_CELL = 4.0
+# A cell is visible where its opacity is above this share of the largest.
+_VISIBLE = 0.06
+# Share of the picture's opacity that may lie outside on each side.
+_OUTLIERS = 0.002
+# What fills less of a coarse picture than this is looked at again, nearer.
+_SMALL = 0.5
+_LOOKS = 6
+
+
+def camera_axes(camera: Camera) -> Floats:
+    """Return right, up and backwards of a camera in the world, as rows."""
+    unit = np.eye(3)
+    return np.array([camera.native.direction_to_eye(triple("axis", axis)) for axis in unit]).T
+
+
+def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
+    """Return points (M, 3) at which something can be seen, and how far it reaches beyond them, world units.
+
+    None where that is everything. What can be seen is found in a coarse picture along the view: the opacity of a ray is
+    1 - exp(-sum of optical depths), whatever lies in front, so a histogram of positions weighted by their optical
+    depths is enough. The mode "xray" has values for optical depths, "isosurface" all that is on the dense side of the
+    surface; where the maximum of a ray, its minimum or its average is shown, everything counts.
+    """
+    if scene.mode not in ("composite", "isosurface", "xray"):
+        return None
+    parts = []
+    for one, others, function in _measures(scene):
+        weights = _shown(one.values, scene, others, function) * one.volumes
+        kept = (weights > 0) & np.isfinite(weights) & _kept(scene, one.points)
+        if kept.any():
+            parts.append((one.points[kept], weights[kept], float(np.median(one.reaches[kept]))))
+    if not parts:
+        return None
+    points, weights = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
+    reach = max(part[2] for part in parts)
+    if len(points) < 2:
+        return None
+    # Relative to the middle, so that volumes far from 0 keep their digits.
+    middle = points.mean(axis=0)
+    places = (points - middle) @ camera_axes(camera).T
+    seen = np.ones(len(places), bool)
+    for _ in range(_LOOKS):
+        extent = np.ptp(places[seen, :2], axis=0)
+        seen[seen] = _seen(places[seen, :2], weights[seen], as_sum=scene.mode == "xray")
+        if not seen.any():
+            return None
+        if not extent.any() or float((np.ptp(places[seen, :2], axis=0) / extent.max()).max()) > _SMALL:
+            break
+    first, last = _quantiles(places[seen, 2], weights[seen])
+    seen &= (places[:, 2] >= first) & (places[:, 2] <= last)
+    return points[seen], reach
+
+
+def _quantiles(numbers: Floats, weights: Floats) -> tuple[float, float]:
+    """Return the range of numbers without its outliers."""
+    order = np.argsort(numbers)
+    share = np.cumsum(weights[order])
+    first = int(np.searchsorted(share, _OUTLIERS * share[-1]))
+    last = int(np.searchsorted(share, (1.0 - _OUTLIERS) * share[-1]))
+    return float(numbers[order[first]]), float(numbers[order[min(last, len(order) - 1)]])
+
+
+def _seen(places: Floats, weights: Floats, *, as_sum: bool) -> NDArray[np.bool_]:
+    """Return which positions in the picture (N, 2) lie where something can be seen, outliers aside."""
+    low = places.min(axis=0)
+    extent = np.maximum(np.ptp(places, axis=0), 1e-12 * float(np.abs(places).max(initial=1e-280)))
+    count = int(np.clip(math.sqrt(len(places) / _PER_CELL), _LEAST_CELLS, _CELLS))
+    cells = np.maximum(1, np.ceil(count * extent / extent.max())).astype(int)
+    at = np.minimum((places - low) / extent * cells, cells - 1).astype(np.int64)
+    cell = at[:, 0] * cells[1] + at[:, 1]
+    depth = np.bincount(cell, weights, int(cells.prod()))
+    opacity = depth if as_sum else -np.expm1(-depth * float((cells / extent).prod()))
+    opacity = np.where(opacity >= _VISIBLE * opacity.max(), opacity, 0.0)
+    found: NDArray[np.bool_] = opacity[cell] > 0
+    picture = opacity.reshape(cells)
+    for axis in (0, 1):
+        share = np.cumsum(picture.sum(axis=1 - axis))
+        first = np.searchsorted(share, _OUTLIERS * share[-1], side="right")
+        last = np.searchsorted(share, (1.0 - _OUTLIERS) * share[-1], side="left")
+        found = found & (at[:, axis] >= first) & (at[:, axis] <= last)
+    return found
+
+
+def _kept(scene: Scene, points: Floats) -> NDArray[np.bool_]:
+    """Return which points the scene's clip keeps."""
+    clip = scene.options["clip"]
+    kept = np.ones(len(points), bool)
+    for normal, offset in clip.planes:
+        kept &= points @ np.asarray(normal) >= offset
+    if clip.box is not None:
+        kept &= np.all((points >= clip.box[0]) & (points <= clip.box[1]), axis=1)
+    return kept
+
+
+def _measures(scene: Scene) -> Iterator[tuple[Measure, Sequence[Field], TransferFunction]]:
+    """Yield positions in each field, the other fields of its group, and the group's transfer function.
+
+    Fields of a group on one lattice count as one, the sum.
+    """
+    for group, function in zip(scene.groups, scene.transfer_functions, strict=True):
+        fields = [one for one in group if one.size]
+        for field in fields:
+            if isinstance(field, EllipsoidField):
+                yield measure_kernels(field), [one for one in fields if one is not field], function
+        volumes = [one for one in fields if isinstance(one, RegularField)]
+        while volumes:
+            alike = [one for one in volumes if _lattice(one) == _lattice(volumes[0])]
+            others = [one for one in fields if not any(one is other for other in alike)]
+            yield measure_volumes(alike), others, function
+            volumes = [one for one in volumes if not any(one is other for other in alike)]
+
+
+def _lattice(field: RegularField) -> tuple[Any, ...]:
+    return field.shape, field.spacing, field.origin, field.lattice
+
+
+def _shown(values: Floats, scene: Scene, others: Sequence[Field], function: TransferFunction) -> Floats:
+    """Return optical depths of values; where other fields may be added, the largest of without, lowest and highest."""
+    ranges = [one.value_range for one in others]
+    shifts = {0.0, sum(min(low, 0.0) for low, _ in ranges), sum(max(high, 0.0) for _, high in ranges)}
+    found: Floats = np.max([_depths(values + shift, scene, function) for shift in shifts], axis=0)
+    return found
+
+
+def _depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
+    """Return optical depths per world unit, or what stands for them in other modes."""
+    if scene.mode == "xray":
+        return np.abs(values)
+    if scene.mode == "isosurface":
+        # A wall of any thickness hides what is behind it.
+        lowest = min((value for value, opacity in scene.surfaces if opacity > 0), default=math.inf)
+        return np.where(values >= lowest, 1e3 / scene.reference_length, 0.0)
+    opacity = function.at(values)[..., 3]
+    found: Floats = -np.log1p(-np.minimum(opacity, 1.0 - 1e-9)) / scene.reference_length
+    return found

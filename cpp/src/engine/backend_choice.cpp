@@ -5,6 +5,8 @@
 #include "backend_cpu/cpu_renderer.hpp"
 #include "backend_gl/gl_renderer.hpp"
 #include "base/checks.hpp"
+#include "base/instruction_set.hpp"
+#include "base/threads.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -34,10 +36,10 @@ Words reason_of(const Complaint& complaint) { return Complaint{complaint.what, c
 
 } // namespace
 
-int thread_count(int asked) { return asked > 0 ? asked : backend_cpu::usable_threads(); }
+int thread_count(int asked) { return asked > 0 ? asked : usable_threads(); }
 
 std::string describe_cpu(int threads) {
-    return backend_cpu::instruction_set() + ", " + text_of_count(static_cast<std::uint64_t>(threads), "thread");
+    return instruction_set() + ", " + text_of_count(static_cast<std::uint64_t>(threads), "thread");
 }
 
 BackendChoice::BackendChoice(std::optional<int> device) : device_(device) {}

@@ -1,8 +1,8 @@
 #include "sheetsplat/device.hpp"
 
 #include "backend_choice.hpp"
-#include "backend_cpu/cpu_renderer.hpp"
 #include "backend_gl/gl_renderer.hpp"
+#include "base/instruction_set.hpp"
 
 namespace sheetsplat {
 
@@ -17,7 +17,7 @@ std::vector<DeviceReport> devices() {
     processor.backend = "cpu";
     processor.available = true;
     processor.description = describe_cpu(thread_count(0));
-    processor.extensions = backend_cpu::instruction_sets();
+    processor.extensions = instruction_sets();
     reports.push_back(processor);
     for (DeviceReport& report : backend_gl::survey()) {
         reports.push_back(std::move(report));

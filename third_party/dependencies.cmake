@@ -23,10 +23,10 @@ if(NOT TARGET glm::glm)
 endif()
 
 # Highway's headers alone: its library is not there for static linking everywhere, and only its run-time choice of the
-# instruction set lives in it (cpp/src/backend_cpu/instruction_set.cpp has ours).
+# instruction set lives in it (cpp/src/base/instruction_set.cpp has ours).
 find_path(HIGHWAY_INCLUDE_DIR hwy/highway.h)
 if(NOT HIGHWAY_INCLUDE_DIR)
-  sheetsplat_missing("Highway" "its headers (hwy/highway.h), for the vector code of backend cpu" "libhwy-dev")
+  sheetsplat_missing("Highway" "its headers (hwy/highway.h), for vector code" "libhwy-dev")
 endif()
 add_library(sheetsplat_highway INTERFACE)
 target_include_directories(sheetsplat_highway SYSTEM INTERFACE ${HIGHWAY_INCLUDE_DIR})

@@ -1,4 +1,5 @@
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -61,7 +62,9 @@ SampleArray to_samples(const py::array& values) {
 
 std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& spacing, const Triple& origin,
                                          const std::string& lattice, double radius, double falloff,
-                                         const std::string& normalization, double w0, const std::string& nan) {
+                                         const std::string& normalization, double w0, const std::string& nan,
+                                         bool prefilter, const std::optional<py::array>& coefficients,
+                                         const std::optional<std::map<std::string, double>>& figures) {
     if (values.ndim() != 3) {
         throw InvalidInput(Complaint{"RegularField: the samples cannot be used",
                                      "an array of " + std::to_string(values.ndim()) + " axes", "3 axes, [k, j, i]",
@@ -76,15 +79,31 @@ std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& 
     options.normalization = from_name("normalization", normalization, normalizations);
     options.w0 = w0;
     options.nan = from_name("nan", nan, nan_policies);
+    options.prefilter = prefilter;
     const std::array<std::size_t, 3> shape{static_cast<std::size_t>(values.shape(0)),
                                            static_cast<std::size_t>(values.shape(1)),
                                            static_cast<std::size_t>(values.shape(2))};
     SampleArray samples = to_samples(values);
+    if (coefficients && figures) {
+        PrefilteredSamples found{
+            to_samples(*coefficients),
+            {figures->at("residual"), figures->at("condition"), static_cast<int>(figures->at("steps"))}};
+        const py::gil_scoped_release release;
+        return std::make_shared<RegularField>(std::move(samples), std::move(found), shape, options);
+    }
+    const auto progress = [](double) {
+        const py::gil_scoped_acquire acquire;
+        if (PyErr_CheckSignals() != 0) {
+            throw py::error_already_set();
+        }
+        return true;
+    };
     const py::gil_scoped_release release;
-    return std::make_shared<RegularField>(std::move(samples), shape, options);
+    return std::make_shared<RegularField>(std::move(samples), shape, options, progress);
 }
 
-/// The samples themselves, read-only; the array keeps the field alive.
+/// The samples themselves, as kernels have them or as they were given, read-only; the array keeps the field alive.
+template <const SampleArray& (RegularField::*get)() const>
 py::array view_samples(const py::object& self) {
     const auto& field = self.cast<const RegularField&>();
     const auto& shape = field.shape();
@@ -93,9 +112,18 @@ py::array view_samples(const py::object& self) {
             using Value = typename std::decay_t<decltype(samples)>::value_type;
             return py::array(py::dtype::of<Value>(), {shape[0], shape[1], shape[2]}, samples.data(), self);
         },
-        field.samples());
+        (field.*get)());
     view.attr("flags").attr("writeable") = false;
     return view;
+}
+
+std::optional<std::map<std::string, double>> figures_of(const RegularField& field) {
+    const std::optional<PrefilterFigures>& found = field.prefilter();
+    if (!found) {
+        return std::nullopt;
+    }
+    return std::map<std::string, double>{
+        {"residual", found->residual}, {"condition", found->condition}, {"steps", found->steps}};
 }
 
 std::shared_ptr<EllipsoidField> make_ellipsoids(const py::array& centers, const py::array& scales,
@@ -239,8 +267,11 @@ void register_field(py::module_& module) {
     py::class_<RegularField, Field, std::shared_ptr<RegularField>>(module, "RegularField")
         .def(py::init(&make_field), py::arg("values"), py::kw_only(), py::arg("spacing"), py::arg("origin"),
              py::arg("lattice"), py::arg("radius"), py::arg("falloff"), py::arg("normalization"), py::arg("w0"),
-             py::arg("nan"))
-        .def_property_readonly("values", &view_samples)
+             py::arg("nan"), py::arg("prefilter"), py::arg("coefficients").none(true), py::arg("figures").none(true))
+        .def_property_readonly("values", &view_samples<&RegularField::samples>)
+        .def_property_readonly("given_values", &view_samples<&RegularField::given_samples>)
+        .def_property_readonly("given_range", &RegularField::given_range)
+        .def_property_readonly("prefilter_figures", &figures_of)
         .def_property_readonly("lattice_constant", &RegularField::lattice_constant)
         .def_property_readonly("has_holes", &RegularField::has_holes)
         .def(
@@ -287,6 +318,12 @@ void register_field(py::module_& module) {
         .def("shapes", &shapes_of, py::arg("indices"))
         .def("sums_at", &array_of_sums, py::arg("points"))
         .def("ghost_points", &arrays_of_ghosts, py::arg("distance"), py::arg("most"));
+    module.def(
+        "prefilter_condition",
+        [](double radius, double falloff, const std::string& lattice) {
+            return prefilter_condition(from_name("lattice", lattice, lattices), radius, falloff);
+        },
+        py::arg("radius"), py::arg("falloff"), py::arg("lattice"));
     module.def(
         "nearest_rotations", [](const py::array& matrices) { return array_of_rotations(to_rotations(matrices)); },
         py::arg("matrices"));

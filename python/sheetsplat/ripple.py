@@ -15,8 +15,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat import _sheetsplat
 from sheetsplat._checks import choice, number, truth
-from sheetsplat._prefilter import require_kernel, unit_radius
 from sheetsplat.errors import complain, option_ref, unusable
 from sheetsplat.fields import Lattice, Normalization
 
@@ -47,6 +47,11 @@ class Ripple:
     rms: float
     slope: float
     ramp: float
+
+
+def unit_radius(radius: float, lattice: Lattice) -> float:
+    """Return a support's radius in the unit in which all samples lie at whole numbers: for BCC a/2."""
+    return radius * math.sqrt(2.0) if lattice == "bcc" else radius
 
 
 def lattice_constant(radius: float, falloff: float, lattice: Lattice = "cartesian") -> float:
@@ -96,7 +101,7 @@ def lattice_ripple(
                 option_ref("prefilter", "true") + " and " + option_ref("normalization", "threshold"),
                 "one of them",
             )
-        require_kernel(size, k, lattice)
+        _sheetsplat.prefilter_condition(size, k, lattice)
         way = "prefilter"
     return _ripple(size, k, lattice, way, least)
 
@@ -158,4 +163,4 @@ def _ripple(radius: float, falloff: float, lattice: Lattice, way: str, w0: float
     )
 
 
-__all__ = ["Ripple", "lattice_constant", "lattice_ripple"]
+__all__ = ["Ripple", "lattice_constant", "lattice_ripple", "unit_radius"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from functools import partial
@@ -12,7 +13,22 @@ from numpy.typing import NDArray
 from scipy import ndimage  # type: ignore[import-untyped]
 
 import sheetsplat as ss
-from bench.measure import Floats, attempt, clock, composited, decibels, device_of, rays, renderer_for, rms, time_frames
+from bench.measure import (
+    Floats,
+    attempt,
+    clock,
+    composited,
+    decibels,
+    device_of,
+    forget_peak,
+    in_new_process,
+    rays,
+    renderer_for,
+    resident,
+    rms,
+    time_frames,
+    usable_processors,
+)
 from bench.pictures import keep
 from bench.report import Goal, Options, Report, Row, columns, environment
 from sheetsplat import datasets
@@ -37,8 +53,32 @@ _DEPTH = 1.0
 
 _KERNELS = ((2.0, 5.0), (2.5, 7.0), (3.0, 8.0))
 
+#: Goals of the solution for the coefficients, nanoseconds a sample on all processors.
+WANTED_NS = {"cartesian": 40.0, "bcc": 80.0}
+_SOLVED_EDGES = (128, 256)
+
 #: Rows that can be run alone.
-ROWS = ("trilinear", "plain", "threshold", "prefilter", "bcc", "bcc prefilter")
+ROWS = ("trilinear", "plain", "threshold", "prefilter", "bcc", "bcc prefilter", "solution")
+
+
+def solution(edge: int, radius: float, falloff: float, lattice: Any) -> Row:
+    """Return the cost of the coefficients of noise, for `in_new_process`.
+
+    ``ns`` is the time of all threads over samples and processors, which other load hardly changes; ``bytes`` the peak
+    of memory over the caller's array and the samples that the field keeps, for each sample.
+    """
+    values = np.random.default_rng(1).random((edge, edge, edge), np.float32)
+    options: dict[str, Any] = {"radius": radius, "falloff": falloff, "lattice": lattice}
+    ss.RegularField(values[:32, :32, :32], prefilter=True, **options)
+    _, _, without = clock(lambda: ss.RegularField(values, **options))
+    before = resident()
+    forget_peak()
+    field, _, spent = clock(lambda: ss.RegularField(values, prefilter=True, **options))
+    return {
+        "ns": 1e9 * (spent - without) / values.size / usable_processors(),
+        "bytes": (resident("VmHWM") - before) / values.size - values.itemsize,
+        "residual": field.prefilter_residual,
+    }
 
 
 def flat_picture(
@@ -172,12 +212,23 @@ def run(options: Options) -> Report:
     goals = []
     if not math.isnan(reached):
         goals = [Goal("prefilter (2.5, 7)", reached, WANTED_DB, "dB", least=True)]
+    for size_of, lattice, (radius, falloff) in itertools.product(_SOLVED_EDGES, WANTED_NS, _KERNELS):
+        if not options.wants("solution"):
+            continue
+        solved = options.edge(size_of)
+        name = f"{lattice}, {solved}^3"
+        options.say(f"solution, {name}, radius {radius:g}, falloff {falloff:g}")
+        chosen = {"edge": solved, "radius": radius, "falloff": falloff, "lattice": lattice}
+        found = attempt(partial(in_new_process, solution, **chosen))
+        rows.append({"row": name, "radius": radius, "falloff": falloff, **found})
+        if "ns" in found and radius < _KERNELS[-1][0]:
+            goals.append(Goal(f"{name}, ({radius:g}, {falloff:g})", found["ns"], WANTED_NS[lattice], "ns"))
     return Report(
         name="prefilter",
         title=f"Marschner-Lobb {edge}^3, flat, {size[0]}x{size[1]}, slices half a sample apart, against its formula",
         columns=columns(
             "row=reconstruction, radius, falloff, db=dB, rmse, maximum, field_ms=field ms, wall_ms=frame ms, "
-            "ripple=ripple peak, residual, remark"
+            "ripple=ripple peak, residual, ns=ns a sample, bytes=bytes a sample, remark"
         ),
         rows=rows,
         goals=goals,
@@ -186,6 +237,8 @@ def run(options: Options) -> Report:
             "only the reconstruction differs.",
             f"field ms: from samples to field, including the solution for the coefficients. frame ms: median of "
             f"{options.views}.",
+            "ns a sample: the solution for the coefficients of noise alone, time of all threads over samples and "
+            "processors. bytes a sample: coefficients and what is needed on the way.",
             "The BCC lattices have 1 / sqrt(2) of the samples; opacities are per the Cartesian distance.",
         ],
         environment=environment(device_of(renderer_for(options))),

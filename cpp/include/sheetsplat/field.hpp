@@ -99,15 +99,40 @@ struct RegularFieldOptions {
     Normalization normalization = Normalization::lattice;
     double w0 = 1.0;
     NanPolicy nan = NanPolicy::error;
+    /// The kernels get coefficients in place of the samples, so that their sum passes through every sample; the
+    /// normalisation becomes `none`. There are no kernels beyond the volume.
+    bool prefilter = false;
 };
+
+/// What the prefilter reached.
+struct PrefilterFigures {
+    double residual = 0.0;  ///< largest distance of the sums from a sample, over the largest sample
+    double condition = 1.0; ///< largest amplification of errors from samples to coefficients
+    int steps = 0;
+};
+
+struct PrefilteredSamples {
+    SampleArray coefficients; ///< float, or double where the samples are or where float has too few digits
+    PrefilterFigures figures;
+};
+
+/// The condition number of the equations of the prefilter. Throws InvalidInput for kernels that cannot be prefiltered:
+/// too wide, or a spectrum that is not above 0 or spans more than 2000.
+double prefilter_condition(Lattice lattice, double radius, double falloff);
 
 /// A Cartesian or BCC volume. Immutable.
 class RegularField final : public Field {
   public:
     /// samples: nk * nj * ni values, i fastest; shape: {nk, nj, ni} as the array [k, j, i] says.
     /// Throws InvalidInput for empty or mismatched arrays, NaN (unless skipped), infinities, spacing, radius or falloff
-    /// <= 0.
-    RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options = {});
+    /// <= 0; with prefilter for normalisation threshold, any NaN, and kernels whose sums lose the samples, OutOfMemory
+    /// where the coefficients do not fit, Error where the sums stay farther than 1e-6 of the largest sample from one,
+    /// Cancelled where `progress` returns false while the prefilter runs.
+    RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options = {},
+                 const Progress& progress = {});
+    /// With coefficients that another field of these samples, kernels and lattice found.
+    RegularField(SampleArray samples, PrefilteredSamples found, std::array<std::size_t, 3> shape,
+                 const RegularFieldOptions& options);
 
     [[nodiscard]] FieldKind kind() const override { return FieldKind::regular; }
     [[nodiscard]] std::size_t size() const override { return kernels_; }
@@ -122,7 +147,13 @@ class RegularField final : public Field {
     [[nodiscard]] const std::array<std::size_t, 3>& shape() const { return shape_; }
     [[nodiscard]] const RegularFieldOptions& options() const { return options_; }
     [[nodiscard]] Lattice lattice() const { return options_.lattice; }
+    /// The factors of the kernels: the samples, with `prefilter` their coefficients.
     [[nodiscard]] const SampleArray& samples() const { return samples_; }
+    /// The samples as they were given.
+    [[nodiscard]] const SampleArray& given_samples() const { return prefilter_ ? given_ : samples_; }
+    /// Smallest and largest of these; value_range() is that of the factors.
+    [[nodiscard]] const std::array<double, 2>& given_range() const { return given_range_; }
+    [[nodiscard]] const std::optional<PrefilterFigures>& prefilter() const { return prefilter_; }
     /// True where a NaN was skipped somewhere, so that the lattice has holes.
     [[nodiscard]] bool has_holes() const { return has_holes_; }
 
@@ -136,11 +167,18 @@ class RegularField final : public Field {
     [[nodiscard]] double lattice_constant() const;
 
   private:
-    SampleArray samples_;
+    /// found: null where the prefilter is still to be run, if `options` say so.
+    RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options,
+                 const Progress& progress, PrefilteredSamples* found);
+    /// Makes coefficients the factors of the kernels.
+    void take(PrefilteredSamples&& found);
+
+    SampleArray samples_, given_;
     std::array<std::size_t, 3> shape_{};
     RegularFieldOptions options_;
     Box centres_world_;
-    std::array<double, 2> value_range_{0.0, 0.0};
+    std::array<double, 2> value_range_{0.0, 0.0}, given_range_{0.0, 0.0};
+    std::optional<PrefilterFigures> prefilter_;
     std::size_t kernels_ = 0;
     bool has_holes_ = false;
 };

@@ -39,9 +39,6 @@ constexpr double least_max_error = 6e-8;
 /// Threads of backend cpu, at most.
 constexpr int most_threads = 1024;
 
-/// Called between slices with the share that is done, 0 to 1. Returning false stops the rendering (Cancelled).
-using Progress = std::function<bool(double)>;
-
 struct Outputs {
     bool coverage = false; ///< sum of W_n ds s
     bool depth = false;    ///< depth at which opacity first reaches one half

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
@@ -27,5 +28,8 @@ struct Box {
     [[nodiscard]] Vec3 centre() const { return lower + 0.5 * (upper - lower); }
     [[nodiscard]] Vec3 extent() const { return empty() ? Vec3(0.0) : upper - lower; }
 };
+
+/// Called now and then with the share that is done, 0 to 1. Returning false stops the work (Cancelled).
+using Progress = std::function<bool(double)>;
 
 } // namespace sheetsplat

@@ -7,13 +7,13 @@
 #include <memory>
 #include <new>
 
-#include "backend_cpu/instruction_set.hpp"
 #include "backend_cpu/loop_setup.hpp"
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/sorted_view.hpp"
 #include "backend_cpu/tile_feed.hpp"
 #include "backend_cpu/tile_task.hpp"
 #include "base/clock.hpp"
+#include "base/instruction_set.hpp"
 #include "base/memory.hpp"
 #include "base/poll.hpp"
 #include "scene/mode_rules.hpp"

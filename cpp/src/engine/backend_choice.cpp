@@ -5,6 +5,8 @@
 #include "backend_cpu/cpu_renderer.hpp"
 #include "backend_gl/gl_renderer.hpp"
 #include "base/checks.hpp"
+#include "base/instruction_set.hpp"
+#include "base/threads.hpp"
 #include "sheetsplat/device.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -35,10 +37,10 @@ Words reason_of(const Complaint& complaint) { return Complaint{complaint.what, c
 
 } // namespace
 
-int thread_count(int asked) { return asked > 0 ? asked : backend_cpu::usable_threads(); }
+int thread_count(int asked) { return asked > 0 ? asked : usable_threads(); }
 
 std::string describe_cpu(int threads) {
-    return backend_cpu::instruction_set() + ", " + text_of_count(static_cast<std::uint64_t>(threads), "thread");
+    return instruction_set() + ", " + text_of_count(static_cast<std::uint64_t>(threads), "thread");
 }
 
 BackendChoice::BackendChoice(std::optional<int> device) : device_(device) {}
@@ -135,7 +137,7 @@ std::vector<DeviceReport> devices() {
     processor.backend = "cpu";
     processor.available = true;
     processor.description = describe_cpu(thread_count(0));
-    processor.extensions = backend_cpu::instruction_sets();
+    processor.extensions = instruction_sets();
     std::vector<DeviceReport> reports = backend_gl::survey();
     reports.insert(reports.begin(), {reference, processor});
     return reports;

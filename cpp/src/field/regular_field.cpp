@@ -9,7 +9,9 @@
 #include <glm/geometric.hpp>
 
 #include "base/checks.hpp"
+#include "base/poll.hpp"
 #include "base/unusable.hpp"
+#include "field/prefilter.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/field.hpp"
 
@@ -255,9 +257,19 @@ void check_positions(const RegularFieldOptions& options, const Extent& extent, c
 
 } // namespace
 
-RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options)
+RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options,
+                           const Progress& progress)
+    : RegularField(std::move(samples), shape, options, progress, nullptr) {}
+
+RegularField::RegularField(SampleArray samples, PrefilteredSamples found, std::array<std::size_t, 3> shape,
+                           const RegularFieldOptions& options)
+    : RegularField(std::move(samples), shape, options, {}, &found) {}
+
+RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options,
+                           const Progress& progress, PrefilteredSamples* found)
     : samples_(std::move(samples)), shape_(shape), options_(options) {
-    const std::size_t count = check_shape(shape_, std::visit([](const auto& array) { return array.size(); }, samples_));
+    const auto size_of = [](const auto& array) { return array.size(); };
+    const std::size_t count = check_shape(shape_, std::visit(size_of, samples_));
     check_options(options_);
     kernel_.falloff = options_.falloff;
     normalization_ = options_.normalization;
@@ -271,6 +283,13 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
     }
     Extent extent = full_extent(shape_, options_.lattice);
     check_positions(options_, extent, semi_axes_world());
+    if (found != nullptr) {
+        check_shape(shape_, std::visit(size_of, found->coefficients));
+        take(std::move(*found));
+    } else if (options_.prefilter) {
+        const PollScope polling([&progress] { report_progress(progress, 0.0); });
+        take(prefiltered(samples_, shape_, options_));
+    }
 
     std::visit(
         [&](const auto& array) {
@@ -289,6 +308,9 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
             }
         },
         samples_);
+    if (!prefilter_) {
+        given_range_ = value_range_;
+    }
     if (std::max(-value_range_[0], value_range_[1]) > largest_sample) {
         throw InvalidInput(Complaint{"RegularField: the samples cannot be used",
                                      "values from " + text_of(value_range_[0]) + " to " + text_of(value_range_[1]),
@@ -301,6 +323,19 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
             centres_world_.upper[axis] = along(options_, axis, extent.last[static_cast<std::size_t>(axis)]);
         }
     }
+}
+
+void RegularField::take(PrefilteredSamples&& found) {
+    given_ = std::exchange(samples_, std::move(found.coefficients));
+    given_range_ = std::visit(
+        [](const auto& array) {
+            const Survey all = survey(array.data(), array.size());
+            return std::array<double, 2>{all.smallest, all.largest};
+        },
+        given_);
+    prefilter_ = found.figures;
+    options_.prefilter = true;
+    normalization_ = options_.normalization = Normalization::none;
 }
 
 Box RegularField::supports_world() const {
@@ -318,11 +353,10 @@ double RegularField::default_slice_spacing() const {
 }
 
 std::size_t RegularField::memory() const {
-    return sizeof(*this) + std::visit(
-                               [](const auto& array) {
-                                   return array.capacity() * sizeof(typename std::decay_t<decltype(array)>::value_type);
-                               },
-                               samples_);
+    const auto bytes = [](const auto& array) {
+        return array.capacity() * sizeof(typename std::decay_t<decltype(array)>::value_type);
+    };
+    return sizeof(*this) + std::visit(bytes, samples_) + std::visit(bytes, given_);
 }
 
 Vec3 RegularField::position(std::size_t i, std::size_t j, std::size_t k) const {

@@ -136,7 +136,7 @@ class Field:
         return made
 
     orientation = Forwarded[Orientation | None](
-        "_orientation", "Which way up it is, for the first view; None where nobody said."
+        "_orientation", "Which way up it is, for the first view; None where it is not known."
     )
 
     def with_orientation(self, orientation: Orientation | None) -> Self:

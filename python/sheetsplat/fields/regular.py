@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import Triple, Vector, choice, number, triple, truth
-from sheetsplat._prefilter import Coefficients, require_kernel, solve
 from sheetsplat._properties import Forwarded
-from sheetsplat.errors import complain, option_ref
+from sheetsplat.errors import complain
 from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
 from sheetsplat.quantity import Quantity
 
@@ -20,11 +19,8 @@ NanPolicy = Literal["error", "skip"]
 
 _KEPT = ("uint8", "int16", "uint16", "float32", "float64")
 _FAILED = "RegularField: the samples cannot be used"
-# All that a field is made of, beside its coefficients.
-_PARTS = (
-    *("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan"),
-    *("_samples", "_residual", "_condition"),
-)
+# All that a field is made of, beside its samples and coefficients.
+_PARTS = ("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan")
 
 
 def _narrow_integers(values: NDArray[Any]) -> np.dtype[Any]:
@@ -132,9 +128,10 @@ class RegularField(Field):
         Threshold of "threshold", > 0.
     prefilter
         Give the kernels coefficients in place of the samples, so that their sum passes through every sample;
-        `normalization` becomes "none" then. There are no kernels beyond the volume. Takes a copy of the samples in
-        float32 or float64, and about 60 bytes a sample while the coefficients are computed. The kernel must be narrow
-        enough to resolve the samples: (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is the best.
+        `normalization` becomes "none" then. There are no kernels beyond the volume. The field keeps the coefficients
+        beside the samples, in float32 or float64; 4 bytes a sample more are needed while they are computed. The kernel
+        must be narrow enough to resolve the samples: (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is
+        the best.
     nan
         What a NaN sample is: "error", or "skip" for "no sample there".
 
@@ -148,11 +145,8 @@ class RegularField(Field):
         Where the copy of the samples does not fit, or what `prefilter` needs.
     """
 
-    __slots__ = ("_condition", "_lattice", "_nan", "_origin", "_radius", "_residual", "_samples", "_spacing")
+    __slots__ = ("_lattice", "_nan", "_origin", "_radius", "_spacing")
     native: _sheetsplat.RegularField
-    _condition: float | None
-    _residual: float | None
-    _samples: NDArray[Any] | None
 
     def __init__(
         self,
@@ -168,7 +162,7 @@ class RegularField(Field):
         prefilter: bool = False,
         nan: NanPolicy = "error",
     ) -> None:
-        self._quantity, self._opened = Quantity(), NOT_OPENED
+        self._quantity, self._opened, self._orientation = Quantity(), NOT_OPENED, None
         self._spacing = triple("RegularField: spacing", spacing)
         self._origin = triple("RegularField: origin", origin)
         self._lattice = choice("RegularField: lattice", lattice, ("cartesian", "bcc"))
@@ -177,19 +171,19 @@ class RegularField(Field):
         self._normalization = choice("RegularField: normalization", normalization, ("none", "lattice", "threshold"))
         self._w0 = number("RegularField: w0", w0)
         self._nan = choice("RegularField: nan", nan, ("error", "skip"))
-        samples = as_samples(values)
-        self._residual = self._condition = self._samples = self._orientation = None
-        if truth("RegularField: prefilter", prefilter):
-            found = self._prefiltered(samples)
-            self._residual, self._condition = found.residual, found.condition
-            # The caller may write to the array.
-            self._samples = samples.copy()
-            self._samples.flags.writeable = False
-            samples = found.values
-        self.native = self._made(samples)
+        self.native = self._made(as_samples(values), prefilter=truth("RegularField: prefilter", prefilter))
+        if self.prefilter:
+            self._normalization = "none"
 
-    def _made(self, samples: NDArray[Any]) -> _sheetsplat.RegularField:
-        """Return the native field of some samples, or coefficients, with this field's options."""
+    def _made(
+        self,
+        samples: NDArray[Any],
+        *,
+        prefilter: bool = False,
+        coefficients: NDArray[Any] | None = None,
+        figures: dict[str, float] | None = None,
+    ) -> _sheetsplat.RegularField:
+        """Return the native field of some samples with this field's options; coefficients: found before."""
         return _sheetsplat.RegularField(
             samples,
             spacing=self._spacing,
@@ -200,81 +194,54 @@ class RegularField(Field):
             normalization=self._normalization,
             w0=self._w0,
             nan=self._nan,
+            prefilter=prefilter,
+            coefficients=coefficients,
+            figures=figures,
         )
 
     def _parts(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in _PARTS} | {"coefficients": self.native.values}
+        return {name: getattr(self, name) for name in _PARTS} | {
+            "samples": self.values,
+            "coefficients": self.coefficients if self.prefilter else None,
+            "figures": self.native.prefilter_figures,
+        }
 
     def _restore(self, parts: dict[str, Any]) -> None:
         for name in _PARTS:
             setattr(self, name, parts[name])
-        if self._samples is not None:
-            self._samples.flags.writeable = False
-        self.native = self._made(parts["coefficients"])
+        self.native = self._made(parts["samples"], coefficients=parts["coefficients"], figures=parts["figures"])
 
-    def _prefiltered(self, samples: NDArray[Any]) -> Coefficients:
-        """Return coefficients that interpolate, and set the normalisation that they need; InvalidInput without any."""
-        failed = "RegularField: " + option_ref("prefilter", "true") + " cannot be used"
-        if self._normalization == "threshold":
-            raise complain(
-                failed,
-                option_ref("normalization", "threshold") + ", a mean that passes through no sample",
-                option_ref("normalization", "none") + ", which " + option_ref("prefilter", "true") + " sets",
-                "leave out one or the other",
-            )
-        self._normalization = "none"
-        # The other arguments are checked before the equations are solved.
-        self._made(np.zeros((1, 1, 1) if samples.size else samples.shape, samples.dtype))
-        require_kernel(self._radius, self._falloff, self._lattice)
-        if samples.dtype.kind == "f":
-            for k, layer in enumerate(samples):
-                bad = ~np.isfinite(layer)
-                if bad.any():
-                    j, i = np.argwhere(bad)[0]
-                    skips = self._nan == "skip" and np.isnan(layer[j, i])
-                    raise complain(
-                        failed,
-                        f"{layer[j, i]} at sample [{k}, {j}, {i}]"
-                        + (", which " + option_ref("nan", "skip") + " leaves out" if skips else ""),
-                        "finite numbers, since each coefficient depends on the samples all around it",
-                        "fill such samples before, or leave out " + option_ref("prefilter"),
-                    )
-        # The samples, the coefficients, and the field's own copy of them.
-        kept = samples.itemsize + 2 * max(samples.itemsize, 4)
-        _memory.require(samples.size * kept, f"the coefficients of {' x '.join(map(str, samples.shape))} samples")
-        return solve(samples, self._radius, self._falloff, self._lattice)
-
-    @property
-    def values(self) -> NDArray[Any]:
-        """The samples, shape (nk, nj, ni), in the type in which they are kept; read-only, no copy."""
-        return self.native.values if self._samples is None else self._samples
+    values = Forwarded[NDArray[Any]](
+        "native.given_values",
+        "The samples, shape (nk, nj, ni), in the type in which they are kept; read-only, no copy.",
+    )
 
     @property
     def value_range(self) -> tuple[float, float]:
         """Smallest and largest sample, which coefficients may exceed; 0, 0 without samples."""
-        if self._samples is None:
-            return super().value_range
-        return float(self._samples.min()), float(self._samples.max())
-
-    @property
-    def memory(self) -> int:
-        """Bytes that the field keeps."""
-        return super().memory + (0 if self._samples is None else self._samples.nbytes)
+        low, high = self.native.given_range
+        return low, high
 
     @property
     def prefilter(self) -> bool:
         """Whether the kernels' sum passes through the samples."""
-        return self._samples is not None
+        return self.native.prefilter_figures is not None
 
     coefficients = Forwarded[NDArray[Any]](
         "native.values", "Factors of the kernels, [k, j, i]: the samples unless prefiltered; read-only, no copy."
     )
-    prefilter_residual = Forwarded[float | None](
-        "_residual", "Largest distance of the sum from a sample, over the largest sample; None unless prefiltered."
-    )
-    prefilter_condition = Forwarded[float | None](
-        "_condition", "Largest amplification of errors from samples to coefficients; None unless prefiltered."
-    )
+
+    @property
+    def prefilter_residual(self) -> float | None:
+        """Largest distance of the sum from a sample, over the largest sample; None unless prefiltered."""
+        found = self.native.prefilter_figures
+        return None if found is None else found["residual"]
+
+    @property
+    def prefilter_condition(self) -> float | None:
+        """Largest amplification of errors from samples to coefficients; None unless prefiltered."""
+        found = self.native.prefilter_figures
+        return None if found is None else found["condition"]
 
     @property
     def shape(self) -> tuple[int, int, int]:

@@ -10,6 +10,7 @@
 #include <glm/geometric.hpp>
 
 #include "backend_cpu/cpu_renderer.hpp"
+#include "base/instruction_set.hpp"
 #include "support/cpu_drawing.hpp"
 
 namespace sheetsplat::backend_cpu {

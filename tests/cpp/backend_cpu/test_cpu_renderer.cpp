@@ -475,18 +475,5 @@ TEST(CpuRenderer, PicturesOfNothing) {
     }
 }
 
-TEST(InstructionSets, AreChosenByName) {
-    const SetChoice choice;
-    const std::vector<std::string> sets = instruction_sets();
-    ASSERT_FALSE(sets.empty());
-    EXPECT_EQ(sets.back(), "baseline");
-    EXPECT_NE(instruction_set().find(sets.front()), std::string::npos);
-    for (const std::string& set : sets) {
-        choose_instruction_set(set);
-        EXPECT_NE(instruction_set().find(set), std::string::npos);
-    }
-    EXPECT_THROW(choose_instruction_set("AVX-1024"), InvalidInput);
-}
-
 } // namespace
 } // namespace sheetsplat::backend_cpu

@@ -7,7 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "backend_cpu/instruction_set.hpp"
+#include "backend_cpu/tile_task.hpp"
+#include "base/instruction_set.hpp"
 #include "plan/make_plan.hpp"
 #include "support/facts.hpp"
 

@@ -10,10 +10,10 @@
 #include <glm/matrix.hpp>
 #include <gtest/gtest.h>
 
-#include "backend_cpu/instruction_set.hpp"
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/tile_feed.hpp"
 #include "backend_cpu/tile_task.hpp"
+#include "base/instruction_set.hpp"
 #include "support/cpu_drawing.hpp"
 
 namespace sheetsplat::backend_cpu {

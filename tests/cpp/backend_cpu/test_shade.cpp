@@ -9,7 +9,8 @@
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
 
-#include "backend_cpu/instruction_set.hpp"
+#include "backend_cpu/tile_task.hpp"
+#include "base/instruction_set.hpp"
 #include "plan/make_plan.hpp"
 #include "shade_truth.hpp"
 

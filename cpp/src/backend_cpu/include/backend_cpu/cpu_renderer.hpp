@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "backend_cpu/threads.hpp"
+#include "base/threads.hpp"
 #include "index/visible_runs.hpp"
 #include "plan/make_plan.hpp"
 #include "sheetsplat/image.hpp"
@@ -49,14 +49,6 @@ struct Job {
     const Progress* progress = nullptr;
     const LightVolumes* volumes = nullptr; ///< where the plan has shadows or ambient occlusion
 };
-
-/// The instruction set that was chosen for this processor, in words: "AVX-512, 16 lanes".
-std::string instruction_set();
-/// All that were compiled and can run here, the best one first, by the names that choose_instruction_set takes.
-std::vector<std::string> instruction_sets();
-/// For tests: the set that further renderings use; an empty name: the best one. Throws InvalidInput for a name that
-/// instruction_sets() does not hold.
-void choose_instruction_set(const std::string& name);
 
 /// Owns threads, and what was sorted by tiles for the last view.
 class CpuRenderer {

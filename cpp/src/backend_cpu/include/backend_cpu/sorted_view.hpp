@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "backend_cpu/cpu_renderer.hpp"
-#include "backend_cpu/threads.hpp"
 #include "backend_cpu/tile_feed.hpp"
+#include "base/threads.hpp"
 
 namespace sheetsplat::backend_cpu {
 

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "backend_cpu/sections.hpp"
-#include "backend_cpu/threads.hpp"
 #include "backend_cpu/tile.hpp"
+#include "base/threads.hpp"
 #include "index/visible_runs.hpp"
 #include "view/ellipsoid_view.hpp"
 #include "view/field_view.hpp"

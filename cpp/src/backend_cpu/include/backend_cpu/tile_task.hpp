@@ -12,6 +12,7 @@
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/tile.hpp"
 #include "backend_cpu/tile_feed.hpp"
+#include "base/instruction_set.hpp"
 
 namespace sheetsplat::backend_cpu {
 
@@ -127,10 +128,6 @@ struct TileFunctions {
     void (*shade)(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
                   TilePicture<T>& picture);
 };
-
-/// An instruction set that was compiled.
-enum class InstructionSet { baseline, sse4, avx2, avx512, neon };
-const char* to_string(InstructionSet set);
 
 /// Null where the set was not compiled.
 template <class T>

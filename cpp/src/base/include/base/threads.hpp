@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-namespace sheetsplat::backend_cpu {
+namespace sheetsplat {
 
 /// Threads that this process may run at once: its affinity mask, at least 1.
 int usable_threads();
@@ -64,4 +64,4 @@ struct ForgetPool {
 };
 using OwnPool = std::unique_ptr<ThreadPool, ForgetPool>;
 
-} // namespace sheetsplat::backend_cpu
+} // namespace sheetsplat

@@ -1,14 +1,13 @@
 // Which instruction set this processor runs. Highway's own run-time choice lives in its library, which is not
 // distributed for static linking everywhere; its headers need none of it.
-#include <atomic>
-#include <string>
-#include <vector>
+#include "base/instruction_set.hpp"
 
-#include "backend_cpu/cpu_renderer.hpp"
-#include "backend_cpu/instruction_set.hpp"
+#include <atomic>
+
+#include "hwy/detect_targets.h"
 #include "sheetsplat/error.hpp"
 
-namespace sheetsplat::backend_cpu {
+namespace sheetsplat {
 
 namespace {
 
@@ -33,6 +32,22 @@ bool runs_here(InstructionSet set) {
 #endif
     default:
         return false;
+    }
+}
+
+/// Whether Highway compiles vector code for the set.
+constexpr bool is_compiled(InstructionSet set) {
+    switch (set) {
+    case InstructionSet::sse4:
+        return (HWY_TARGETS & HWY_SSE4) != 0;
+    case InstructionSet::avx2:
+        return (HWY_TARGETS & HWY_AVX2) != 0;
+    case InstructionSet::avx512:
+        return (HWY_TARGETS & HWY_AVX3) != 0;
+    case InstructionSet::neon:
+        return (HWY_TARGETS & HWY_NEON) != 0;
+    default:
+        return true;
     }
 }
 
@@ -62,7 +77,7 @@ const char* to_string(InstructionSet set) {
 std::vector<InstructionSet> usable_instruction_sets() {
     std::vector<InstructionSet> found;
     for (const InstructionSet set : all_sets) {
-        if (tile_functions<float>(set) != nullptr && runs_here(set)) {
+        if (is_compiled(set) && runs_here(set)) {
             found.push_back(set);
         }
     }
@@ -106,4 +121,4 @@ void choose_instruction_set(const std::string& name) {
         Complaint{"the instruction set cannot be chosen", "\"" + name + "\"", "one of " + known, "correct the name"});
 }
 
-} // namespace sheetsplat::backend_cpu
+} // namespace sheetsplat

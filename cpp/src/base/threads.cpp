@@ -1,4 +1,4 @@
-#include "backend_cpu/threads.hpp"
+#include "base/threads.hpp"
 
 #if defined(__linux__)
 #include <sched.h>
@@ -13,7 +13,7 @@
 #include <system_error>
 #include <utility>
 
-namespace sheetsplat::backend_cpu {
+namespace sheetsplat {
 
 namespace {
 
@@ -150,4 +150,4 @@ void ThreadPool::run(std::size_t count, const std::function<void(std::size_t, in
     }
 }
 
-} // namespace sheetsplat::backend_cpu
+} // namespace sheetsplat

@@ -27,6 +27,7 @@ from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.light import Light, Material
 from sheetsplat.notices import PictureWarning
+from sheetsplat.picking import Pick
 from sheetsplat.plan import Effect, RenderPlan
 from sheetsplat.quantity import Quantity
 from sheetsplat.recipe import FieldRecipe, Recipe
@@ -64,6 +65,7 @@ __all__ = [
     "Light",
     "Material",
     "OutOfMemory",
+    "Pick",
     "PictureWarning",
     "Quantity",
     "Recipe",

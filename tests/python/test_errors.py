@@ -93,7 +93,7 @@ def test_errors_of_the_native_half_have_fields() -> None:
         ss.RegularField(np.full((2, 2, 2), np.nan))
     error = raised.value
     assert error.what == "RegularField: the samples cannot be used"
-    assert error.found == "NaN at sample (0, 0, 0)"
+    assert error.found == "NaN at sample [0, 0, 0]"
     assert error.wanted == "finite numbers"
     assert pickle.loads(pickle.dumps(error)).complaint == error.complaint
     assert isinstance(error, ValueError)

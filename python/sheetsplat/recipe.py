@@ -54,6 +54,11 @@ _KINDS: dict[str, tuple[type[Field], tuple[str, ...]]] = {
     "RegularField": (RegularField, _OF_VOLUMES),
     "EllipsoidField": (EllipsoidField, _OF_ELLIPSOIDS),
 }
+_CAMERAS = {
+    "orthographic": ("eye", "target", "up", "height"),
+    "perspective": ("eye", "target", "up", "fov_y", "near"),
+    "fit": ("lower", "upper", "direction", "up", "kind", "margin", "fov_y"),
+}
 _Result = TypeVar("_Result")
 
 
@@ -166,7 +171,7 @@ class Recipe:
 
     def to_json(self) -> str:
         """Return it as JSON, with the version of the package."""
-        camera = {"kind": self.camera.kind, **self.camera.arguments()}
+        camera = {"maker": self.camera.maker, **self.camera.arguments}
         plain = {
             "format": FORMAT,
             "version": _sheetsplat.__version__,
@@ -314,14 +319,12 @@ def _transfer_function(value: Any) -> TransferFunction:
 
 
 def _camera(value: Any) -> Camera:
-    kind = value.get("kind") if isinstance(value, dict) else None
-    last = {"orthographic": ("height",), "perspective": ("fov_y", "near")}
-    if not isinstance(kind, str) or kind not in last:
-        raise _damaged(f"camera: kind: {shown(kind)}", "orthographic or perspective")
-    arguments = dict(_mapping("camera", value, ("kind", "eye", "target", "up", *last[kind]), all_of_them=True))
-    del arguments["kind"]
-    made: Camera = getattr(Camera, kind)(**arguments)
-    return made
+    maker = value.get("maker") if isinstance(value, dict) else None
+    if not isinstance(maker, str) or maker not in _CAMERAS:
+        raise _damaged(f"camera: maker: {shown(maker)}", "one of: " + ", ".join(_CAMERAS))
+    arguments = dict(_mapping("camera", value, ("maker", *_CAMERAS[maker]), all_of_them=True))
+    del arguments["maker"]
+    return Camera.of_arguments(maker, arguments)
 
 
 def _object(key: str, kind: type, value: Any) -> Any:

@@ -133,7 +133,7 @@ def test_opaque_pixels_are_picked_at_their_depth(ball, name, kind):
     camera = ss.Camera.fit(scene, (-1, -2, -3), kind=kind)
     image = ss.Renderer("reference").render(scene, camera, SIZE, outputs=("depth",))
     known = np.isfinite(image.depth)
-    assert known.sum() > 40
+    assert known.sum() > 25
     away = np.array([image.pick(x, y).depth - image.depth[y, x] for y, x in np.argwhere(known)])
     # A pixel that is at ½ within rounding may have the next slice.
     assert (np.abs(away) < 1e-4).mean() > 0.98

@@ -136,6 +136,7 @@ def drop(*keys):
     return dropped
 
 
+LEVEL = {"maker": "orthographic", "eye": [0, 0, 1], "target": [0, 0, 0], "up": [0, 1, 0], "height": 9}
 CHANGES = {
     "no object": (lambda plain: [plain], "description"),
     "unknown key": (change("command", value="rm -rf /"), "'command'"),
@@ -150,12 +151,29 @@ CHANGES = {
     "size as text": (change("size", value="20x16"), "size"),
     "three sizes": (change("size", value=[1, 2, 3]), "size"),
     "camera as list": (change("camera", value=[1]), "camera"),
-    "camera kind": (change("camera", "kind", value="fit"), "camera"),
-    "camera kind dunder": (change("camera", "kind", value="__init__"), "camera"),
-    "camera key": (change("camera", "fov_y", value=3), "fov_y"),
-    "camera eye": (change("camera", "eye", value=[1, 2]), "eye"),
-    "camera height": (change("camera", "height", value="high"), "height"),
-    "camera height below 0": (change("camera", "height", value=-1), "camera"),
+    "camera maker": (change("camera", "maker", value="by hand"), "maker"),
+    "camera maker dunder": (change("camera", "maker", value="__init__"), "maker"),
+    "camera of another maker": (change("camera", "maker", value="orthographic"), "camera"),
+    "camera key": (change("camera", "near", value=3), "near"),
+    "camera box": (change("camera", "lower", value=[1, 2]), "camera"),
+    "camera box of text": (change("camera", "lower", value="low"), "camera"),
+    "camera direction": (change("camera", "direction", value=[0, 0, 0]), "camera"),
+    "camera up": (change("camera", "up", value={"x": 1}), "camera"),
+    "camera margin": (change("camera", "margin", value="wide"), "margin"),
+    "camera margin below 0": (change("camera", "margin", value=-1), "camera"),
+    "camera height": (
+        change(
+            "camera",
+            value={"maker": "orthographic", "eye": [0, 0, 1], "target": [0, 0, 0], "up": [0, 1, 0], "height": "9"},
+        ),
+        "height",
+    ),
+    "camera eye": (
+        change(
+            "camera", value={"maker": "orthographic", "eye": [0, 1], "target": [0, 0, 0], "up": [0, 1, 0], "height": 9}
+        ),
+        "eye",
+    ),
     "no points": (change("transfer_function", value=[]), "transfer_function"),
     "points as text": (change("transfer_function", value="viridis"), "transfer_function"),
     "short point": (change("transfer_function", 0, value=[1, 2]), "transfer_function"),

@@ -204,11 +204,12 @@ class Image:
 
     @property
     def clim(self) -> tuple[float, float]:
-        """The values at which the colours begin and end: of the transfer function, or of a scalar picture."""
+        """The values at which the colours begin and end: of the first transfer function, or of a scalar picture."""
         if self._scalar is not None:
             colors: ScalarColors = self._recipe.options["scalar_colors"]
             return colors.limits(self._scalar)
-        return self._recipe.transfer_function.v_min, self._recipe.transfer_function.v_max
+        first = self._recipe.transfer_functions[0]
+        return first.v_min, first.v_max
 
     @property
     def error(self) -> ErrorEstimate:

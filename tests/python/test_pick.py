@@ -199,6 +199,30 @@ def test_several_fields_are_picked_together(rng):
     assert behind.sample[0] == 0
 
 
+def test_groups_are_picked_by_what_is_most_opaque():
+    near = ss.EllipsoidField([(0, 0, 2.0)], 1.0, values=[0.5], normalization="none")
+    far = ss.RegularField(np.ones((3, 3, 3)), origin=(-1, -1, -3))
+    hidden = [(0, 0, 0, 0, 0), (1, 1, 1, 1, 0.001)]
+    shown = [(0, 0, 0, 0, 0), (1, 1, 1, 1, 0.9)]
+    for functions, field in (([shown, hidden], 0), ([hidden, shown], 1)):
+        scene = ss.Scene([far, near], functions, slice_spacing=0.1)
+        image = ss.Renderer("reference").render(scene, ss.Camera.fit(scene, "-z"), (31, 31), outputs=("depth",))
+        found = image.pick(15, 15)
+        assert found.field == field and found.depth == pytest.approx(float(image.depth[15, 15]), abs=1e-4)
+        assert found.value == pytest.approx(scene.fields[field].at([found.position])[0])
+
+
+def test_of_several_surfaces_the_one_that_shows_is_picked(ball):
+    field = ss.RegularField(ball)
+    for pairs, value in (([(0.2, 0.1), (0.6, 1.0)], 0.6), ([(0.2, 0.7), (0.6, 1.0)], 0.2), ([(0.3, 0.2)], 0.3)):
+        scene = ss.Scene(field, RAMP, mode="isosurface", iso_value=pairs)
+        image = ss.Renderer("reference").render(scene, ss.Camera.fit(scene, (-1, -2, -3)), (31, 31), outputs=("depth",))
+        found = image.pick(15, 15)
+        assert found.value == pytest.approx(value, abs=1e-6) and found.opacity == dict(pairs)[value]
+        if len(pairs) > 1:
+            assert found.depth == pytest.approx(float(image.depth[15, 15]), abs=0.3)
+
+
 @pytest.mark.parametrize("place", [(-1, 0), (30, 0), (0, 24), (np.nan, 0), ("1", 0), (None, 0), (np.inf, 0), (True, 0)])
 def test_places_outside_are_refused(ball, place):
     image = ss.render(ball, size=SIZE, backend="reference")

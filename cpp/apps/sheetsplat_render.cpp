@@ -88,6 +88,31 @@ ss::TransferPoint parse_point(const std::string& text) {
     return point;
 }
 
+/// Width and height of "300", "300x200", or of two texts. Throws CLI::ValidationError where they are not one or two
+/// whole numbers of at least 1.
+std::array<int, 2> parse_size(const std::vector<std::string>& texts) {
+    std::string joined;
+    for (const std::string& text : texts) {
+        joined += (joined.empty() ? "" : "x") + text;
+    }
+    const CLI::ValidationError wrong("--size", "'" + joined +
+                                                   "' is neither one nor two whole numbers from 1 to 2147483647, "
+                                                   "WIDTHxHEIGHT, WIDTH HEIGHT, or one for both");
+    std::vector<int> sizes;
+    for (const std::string& part : CLI::detail::split(joined, 'x')) {
+        int pixels = 0;
+        const bool digits = !part.empty() && part.find_first_not_of("0123456789") == std::string::npos;
+        if (!digits || !CLI::detail::lexical_cast(part, pixels) || pixels < 1) {
+            throw wrong;
+        }
+        sizes.push_back(pixels);
+    }
+    if (sizes.size() > 2) {
+        throw wrong;
+    }
+    return {sizes.front(), sizes.back()};
+}
+
 /// count samples of a headerless file in the byte order of this machine. The file's size is known to fit.
 template <typename T>
 ss::SampleArray read_samples(const std::string& path, std::size_t count) {
@@ -387,7 +412,10 @@ void declare(CLI::App& app, Options& options) {
     app.add_option("--fov,--fov-y", options.fov_y, "vertical angle of the perspective camera in degrees (30)");
 
     app.option_defaults()->group("Picture");
-    app.add_option("--size", options.size, "pixels, WIDTHxHEIGHT or WIDTH HEIGHT (400x400)")->delimiter('x');
+    app.add_option_function<std::vector<std::string>>(
+           "--size", [&options](const std::vector<std::string>& texts) { options.size = parse_size(texts); },
+           "pixels, WIDTHxHEIGHT, WIDTH HEIGHT, or one number for both (400)")
+        ->expected(1, 2);
     app.add_option("--background", options.background, "RED GREEN BLUE, 0 to 1 (transparent)");
     app.add_option("--backend", options.backend, "auto | gl | cpu | reference")
         ->transform(one_of<ss::Backend>({{"auto", ss::Backend::automatic},

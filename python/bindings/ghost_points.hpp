@@ -14,7 +14,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
-#include "ellipsoid_points.hpp"
+#include "field_points.hpp"
 #include "point_tree.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/field.hpp"

@@ -11,7 +11,7 @@
 
 #include "convert.hpp"
 #include "ellipsoid_arrays.hpp"
-#include "ellipsoid_points.hpp"
+#include "field_points.hpp"
 #include "ghost_points.hpp"
 #include "registrars.hpp"
 #include "sheetsplat/field.hpp"
@@ -130,13 +130,15 @@ std::shared_ptr<EllipsoidField> make_ellipsoids(const py::array& centers, const 
                                                 const std::optional<py::array>& rotations, const py::array& values,
                                                 const std::optional<py::array>& weights,
                                                 const std::string& normalization, double w0, double falloff,
-                                                std::optional<double> min_scale, std::optional<double> cell_volume) {
+                                                std::optional<double> min_scale, std::optional<double> cell_volume,
+                                                bool unit_rotations) {
     EllipsoidFieldOptions options;
     options.normalization = from_name("normalization", normalization, normalizations);
     options.w0 = w0;
     options.falloff = falloff;
     options.min_scale = min_scale;
     options.cell_volume = cell_volume;
+    options.unit_rotations = unit_rotations;
     EllipsoidArrays arrays;
     arrays.centers = to_vectors(centers, "centers");
     if (scales.ndim() == 1) {
@@ -224,15 +226,26 @@ py::array_t<double> shapes_of(const EllipsoidField& field,
     return made;
 }
 
-py::array_t<double> array_of_sums(const EllipsoidField& field, const py::array& points) {
+/// What the kernels of any field add up to at points (M, 3): (M, 8) of D, W, their derivatives along x, y, z, and (M,)
+/// the number of the kernel with the nearest centre among those that reach the point, -1 where none does.
+py::tuple arrays_of_sums(const Field& field, const py::array& points) {
     std::vector<Vec3> places = to_vectors(points, "points");
     const std::size_t count = places.size();
-    return made_array(count, 2, [&](double* at) {
-        for (const std::array<double, 2>& sums : sums_at(field, std::move(places))) {
-            *at++ = sums[0];
-            *at++ = sums[1];
+    py::array_t<std::int64_t> nearest(static_cast<py::ssize_t>(count));
+    std::int64_t* number = nearest.mutable_data();
+    py::array_t<double> sums = made_array(count, 8, [&](double* at) {
+        for (const FieldSums& one : sums_at(field, std::move(places))) {
+            *at++ = one.values;
+            *at++ = one.weights;
+            for (int axis = 0; axis < 3; ++axis) {
+                at[axis] = one.values_slope[axis];
+                at[3 + axis] = one.weights_slope[axis];
+            }
+            at += 6;
+            *number++ = one.nearest;
         }
     });
+    return py::make_tuple(std::move(sums), std::move(nearest));
 }
 
 py::tuple arrays_of_ghosts(const EllipsoidField& field, double distance, std::size_t most) {
@@ -263,7 +276,8 @@ void register_field(py::module_& module) {
         .def_property_readonly("centres", [](const Field& field) { return to_corners(field.centres_world()); })
         .def_property_readonly("supports", [](const Field& field) { return to_corners(field.supports_world()); })
         .def_property_readonly("default_slice_spacing", &Field::default_slice_spacing)
-        .def_property_readonly("memory", &Field::memory);
+        .def_property_readonly("memory", &Field::memory)
+        .def("sums_at", &arrays_of_sums, py::arg("points"));
     py::class_<RegularField, Field, std::shared_ptr<RegularField>>(module, "RegularField")
         .def(py::init(&make_field), py::arg("values"), py::kw_only(), py::arg("spacing"), py::arg("origin"),
              py::arg("lattice"), py::arg("radius"), py::arg("falloff"), py::arg("normalization"), py::arg("w0"),
@@ -283,7 +297,7 @@ void register_field(py::module_& module) {
     py::class_<EllipsoidField, Field, std::shared_ptr<EllipsoidField>>(module, "EllipsoidField")
         .def(py::init(&make_ellipsoids), py::arg("centers"), py::arg("scales"), py::arg("rotations").none(true),
              py::arg("values"), py::kw_only(), py::arg("weights").none(true), py::arg("normalization"), py::arg("w0"),
-             py::arg("falloff"), py::arg("min_scale"), py::arg("cell_volume"))
+             py::arg("falloff"), py::arg("min_scale"), py::arg("cell_volume"), py::arg("unit_rotations") = false)
         .def_property_readonly("centers",
                                [](const py::object& self) {
                                    const auto& arrays = self.cast<const EllipsoidField&>().arrays();
@@ -316,7 +330,6 @@ void register_field(py::module_& module) {
         .def_property_readonly("isotropic", &EllipsoidField::isotropic)
         .def_property_readonly("lattice_constant", &EllipsoidField::lattice_constant)
         .def("shapes", &shapes_of, py::arg("indices"))
-        .def("sums_at", &array_of_sums, py::arg("points"))
         .def("ghost_points", &arrays_of_ghosts, py::arg("distance"), py::arg("most"));
     module.def(
         "prefilter_condition",

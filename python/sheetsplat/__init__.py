@@ -28,6 +28,7 @@ from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.light import Light, Material
 from sheetsplat.notices import PictureWarning
 from sheetsplat.orientation import Orientation
+from sheetsplat.picking import Pick
 from sheetsplat.plan import Effect, RenderPlan
 from sheetsplat.quantity import Quantity
 from sheetsplat.recipe import FieldRecipe, Recipe
@@ -66,6 +67,7 @@ __all__ = [
     "Material",
     "Orientation",
     "OutOfMemory",
+    "Pick",
     "PictureWarning",
     "Quantity",
     "Recipe",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -57,17 +59,29 @@ class Camera:
     The camera looks from eye to target; lengths are world units, angles degrees.
     """
 
-    __slots__ = ("native",)
+    __slots__ = ("_maker", "native")
+    _maker: tuple[str, dict[str, Any]]
     native: _sheetsplat.Camera
 
     def __init__(self) -> None:
         raise TypeError("a Camera is made by Camera.orthographic, Camera.perspective or Camera.fit")
 
     @classmethod
-    def _of(cls, native: _sheetsplat.Camera) -> Camera:
+    def _by(cls, maker: str, **arguments: Any) -> Camera:
+        """Return the camera that a function of the native camera makes of arguments."""
         camera = cls.__new__(cls)
-        camera.native = native
+        object.__setattr__(camera, "_maker", (maker, arguments))
+        camera.native = getattr(_sheetsplat.Camera, maker)(**arguments)
         return camera
+
+    @classmethod
+    def of_arguments(cls, maker: str, arguments: Mapping[str, Any]) -> Camera:
+        """Return the camera of what `maker` and `arguments` of another one are, the same to the bit."""
+        given = dict(arguments)
+        if maker == "fit":
+            return cls.fit(SimpleNamespace(bounds=(given.pop("lower"), given.pop("upper"))), **given)
+        made: Camera = getattr(cls, choice("Camera: maker", maker, ("orthographic", "perspective")))(**given)
+        return made
 
     @classmethod
     def orthographic(cls, eye: Vector, target: Vector, up: Vector = (0.0, 1.0, 0.0), *, height: float) -> Camera:
@@ -87,13 +101,12 @@ class Camera:
         InvalidInput
             Where eye = target, up is along the view, a number is not finite, or height is not positive.
         """
-        return cls._of(
-            _sheetsplat.Camera.orthographic(
-                triple("Camera: eye", eye),
-                triple("Camera: target", target),
-                measurable("Camera: up", triple("Camera: up", up)),
-                number("Camera: height", height),
-            )
+        return cls._by(
+            "orthographic",
+            eye=triple("Camera: eye", eye),
+            target=triple("Camera: target", target),
+            up=measurable("Camera: up", triple("Camera: up", up)),
+            height=number("Camera: height", height),
         )
 
     @classmethod
@@ -118,14 +131,13 @@ class Camera:
         InvalidInput
             Where eye = target, up is along the view, a number is not finite, or an angle or depth is out of range.
         """
-        return cls._of(
-            _sheetsplat.Camera.perspective(
-                triple("Camera: eye", eye),
-                triple("Camera: target", target),
-                measurable("Camera: up", triple("Camera: up", up)),
-                number("Camera: fov_y", fov_y),
-                optional_number("Camera: near", near),
-            )
+        return cls._by(
+            "perspective",
+            eye=triple("Camera: eye", eye),
+            target=triple("Camera: target", target),
+            up=measurable("Camera: up", triple("Camera: up", up)),
+            fov_y=number("Camera: fov_y", fov_y),
+            near=optional_number("Camera: near", near),
         )
 
     @classmethod
@@ -164,16 +176,15 @@ class Camera:
             Where there is no box to fit, or a number is out of range.
         """
         lower, upper = bounds_of(field)
-        return cls._of(
-            _sheetsplat.Camera.fit(
-                lower,
-                upper,
-                axis_or_vector("Camera: direction", direction),
-                axis_or_vector("Camera: up", up),
-                choice("Camera: kind", kind, ("orthographic", "perspective")),
-                number("Camera: margin", margin),
-                number("Camera: fov_y", fov_y),
-            )
+        return cls._by(
+            "fit",
+            lower=lower,
+            upper=upper,
+            direction=axis_or_vector("Camera: direction", direction),
+            up=axis_or_vector("Camera: up", up),
+            kind=choice("Camera: kind", kind, ("orthographic", "perspective")),
+            margin=number("Camera: margin", margin),
+            fov_y=number("Camera: fov_y", fov_y),
         )
 
     @property
@@ -211,12 +222,15 @@ class Camera:
         """Depth of the near plane of a perspective camera."""
         return self.native.near
 
-    def arguments(self) -> dict[str, Any]:
-        """Return the arguments of `orthographic` or `perspective`, as `kind` says, that make this camera."""
-        given: dict[str, Any] = {"eye": self.eye, "target": self.target, "up": self.up}
-        if self.kind == "orthographic":
-            return {**given, "height": self.height}
-        return {**given, "fov_y": self.fov_y, "near": self.near}
+    @property
+    def maker(self) -> str:
+        """The function that made it: "orthographic", "perspective" or "fit"."""
+        return self._maker[0]
+
+    @property
+    def arguments(self) -> Mapping[str, Any]:
+        """The arguments of that function; of "fit" the box, `lower` and `upper`, in place of the field."""
+        return MappingProxyType(self._maker[1])
 
     def world_axes(self) -> tuple[Triple, Triple, Triple]:
         """Return the world directions that point right, up, and back towards the viewer in the picture; unit length."""
@@ -225,27 +239,23 @@ class Camera:
         right, up, back = ((rows[0][n], rows[1][n], rows[2][n]) for n in range(3))
         return right, up, back
 
+    def _parts(self) -> tuple[Any, ...]:
+        last = self.height if self.kind == "orthographic" else (self.fov_y, self.near)
+        return self.kind, self.eye, self.target, self.up, self.world_axes(), last
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy by the arguments."""
-        return _made, (self.kind, self.arguments())
+        return Camera.of_arguments, (self.maker, dict(self.arguments))
 
     def __eq__(self, other: object) -> bool:
-        """Return whether kind and arguments are the same."""
-        if not isinstance(other, Camera):
-            return NotImplemented
-        return self.kind == other.kind and self.arguments() == other.arguments()
+        """Return whether position, axes and projection are the same."""
+        return self._parts() == other._parts() if isinstance(other, Camera) else NotImplemented
 
     def __hash__(self) -> int:
-        """Return a hash of the arguments."""
-        return hash((self.kind, *self.arguments().values()))
+        """Return a hash of position, axes and projection."""
+        return hash(self._parts())
 
     def __repr__(self) -> str:
         """Return a short description."""
         last = f"height={self.height:g}" if self.kind == "orthographic" else f"fov_y={self.fov_y:g}, near={self.near:g}"
         return f"Camera.{self.kind}(eye={self.eye}, target={self.target}, up={self.up}, {last})"
-
-
-def _made(kind: str, arguments: dict[str, Any]) -> Camera:
-    """Return the camera of what `Camera.__reduce__` gave."""
-    camera: Camera = getattr(Camera, kind)(**arguments)
-    return camera

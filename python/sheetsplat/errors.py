@@ -32,6 +32,8 @@ __all__ = [
 # Characters of a text within a message; the longest list of names that belongs into one is shorter.
 _LONGEST = 1200
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+# Packages whose modules have other names.
+_PACKAGES = {"PIL": "pillow", "flip_evaluator": "flip-evaluator", "nrrd": "pynrrd"}
 _CONSTANTS = {"true": "True", "false": "False", "none": "None", "...": "..."}
 
 
@@ -211,7 +213,8 @@ def complain(
 
 def missing_package(what: str, error: ImportError) -> Error:
     """Return the error for something that needs a package which is not installed."""
-    name = (error.name or str(error)).partition(".")[0]
+    module = (error.name or str(error)).partition(".")[0]
+    name = _PACKAGES.get(module, module)
     return complain(what, f"no package {name}", name, f"pip install {name}", kind=Unsupported)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,9 @@ from numpy.typing import NDArray
 
 from sheetsplat import pixels
 from sheetsplat._matplotlib import module_of, require_matplotlib
+from sheetsplat.options.scene import surfaces_of
 from sheetsplat.quantity import Quantity
+from sheetsplat.recipe import FieldRecipe
 from sheetsplat.transfer import TransferFunction
 
 if TYPE_CHECKING:
@@ -64,7 +67,7 @@ class PicturePlane:
 
 def color_bars(image: Image) -> list[ColorBar]:
     """Return the colour bars of a picture, one for each of its transfer functions."""
-    quantity = _quantity(image)
+    quantity = _common(image.recipe.fields)
     options = image.recipe.options
     if image.is_scalar:
         colors = options["scalar_colors"]
@@ -78,14 +81,18 @@ def color_bars(image: Image) -> list[ColorBar]:
         if quantity.floor is not None and not colors.log:
             return [ColorBar(table, quantity.scalar(low), quantity.scalar(high), True, label)]
         return [ColorBar(table, low, high, colors.log, label)]
-    iso = options.get("iso_value") if image.mode == "isosurface" else None
-    return [_bar_of(image.recipe.transfer_function, quantity, iso)]
+    surfaces = surfaces_of(options["iso_value"]) if image.mode == "isosurface" else ()
+    recipe, first, bars = image.recipe, 0, []
+    for function, count in zip(recipe.transfer_functions, recipe.groups, strict=True):
+        bars.append(_bar_of(function, _common(recipe.fields[first : first + count]), surfaces))
+        first += count
+    return bars
 
 
 _MEANS = {"mip": "largest", "minimum": "smallest", "average": "mean"}
 
 
-def _bar_of(function: TransferFunction, quantity: Quantity, iso: Any) -> ColorBar:
+def _bar_of(function: TransferFunction, quantity: Quantity, surfaces: Sequence[tuple[float, float]]) -> ColorBar:
     low, high = function.v_min, function.v_max
     if not low < high:
         # One point: one colour everywhere.
@@ -94,16 +101,16 @@ def _bar_of(function: TransferFunction, quantity: Quantity, iso: Any) -> ColorBa
     table = np.clip(function.at(np.linspace(low, high, _COLORS)), 0.0, 1.0)
     # The opacity is per length; a bar shows the colours alone.
     table[:, 3] = 1.0
-    marks = () if iso is None else (quantity.scalar(float(iso)),)
+    marks = tuple(quantity.scalar(value) for value, _ in surfaces if low <= value <= high)
     return ColorBar(
         table, quantity.scalar(low), quantity.scalar(high), quantity.floor is not None, quantity.label, marks
     )
 
 
-def _quantity(image: Image) -> Quantity:
-    """Return what the scalar of a picture is: that of its fields where they agree."""
-    known = {one.quantity for one in image.recipe.fields}
-    return known.pop() if len(known) == 1 else Quantity(length_unit=_length_unit(image))
+def _common(fields: Sequence[FieldRecipe]) -> Quantity:
+    """Return what the scalar of fields that add up is: that of each where they agree."""
+    known = {one.quantity for one in fields}
+    return known.pop() if len(known) == 1 else Quantity()
 
 
 def _length_unit(image: Image) -> str:

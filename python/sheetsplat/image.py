@@ -23,6 +23,9 @@ from sheetsplat.scalar_colors import ScalarColors
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
 
+    from sheetsplat.picking import Pick
+    from sheetsplat.scene import Scene
+
 
 @dataclass(frozen=True, eq=False)
 class ErrorEstimate:
@@ -82,13 +85,18 @@ class Image:
     """
 
     __slots__ = (
-        *("_coverage", "_depth", "_error", "_estimate", "_plan", "_recipe", "_rgba", "_scalar", "_settings", "_stats"),
+        *("_coverage", "_depth", "_error", "_estimate", "_plan", "_recipe", "_rgba", "_scalar", "_scene", "_settings"),
+        "_stats",
     )
     _error: ErrorEstimate | None
     _estimate: Callable[[], ErrorEstimate] | None
 
     def __init__(
-        self, native: _sheetsplat.Image, recipe: Recipe, estimate: Callable[[], ErrorEstimate] | None = None
+        self,
+        native: _sheetsplat.Image,
+        recipe: Recipe,
+        estimate: Callable[[], ErrorEstimate] | None = None,
+        scene: Scene | None = None,
     ) -> None:
         self._rgba: NDArray[np.float32] | None = native.rgba
         self._scalar: NDArray[np.float32] | None = native.scalar
@@ -100,10 +108,12 @@ class Image:
         self._recipe = recipe
         self._error = None
         self._estimate = estimate
+        self._scene = scene
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
-        """Pickle by arrays; the error estimate goes along where it was computed, else it is lost."""
-        return _restored, ({name: getattr(self, name) for name in self.__slots__ if name != "_estimate"},)
+        """Pickle by arrays, without the scene; the error estimate goes along where it was computed, else it is lost."""
+        kept = [name for name in self.__slots__ if name not in ("_estimate", "_scene")]
+        return _restored, ({name: getattr(self, name) for name in kept},)
 
     def __eq__(self, other: object) -> bool:
         """Return whether pixels and further outputs are the same, and what is shown."""
@@ -194,11 +204,12 @@ class Image:
 
     @property
     def clim(self) -> tuple[float, float]:
-        """The values at which the colours begin and end: of the transfer function, or of a scalar picture."""
+        """The values at which the colours begin and end: of the first transfer function, or of a scalar picture."""
         if self._scalar is not None:
             colors: ScalarColors = self._recipe.options["scalar_colors"]
             return colors.limits(self._scalar)
-        return self._recipe.transfer_function.v_min, self._recipe.transfer_function.v_max
+        first = self._recipe.transfer_functions[0]
+        return first.v_min, first.v_max
 
     @property
     def error(self) -> ErrorEstimate:
@@ -344,6 +355,29 @@ class Image:
 
         return annotated(self, colorbar=colorbar, axes=axes, scale_bar=scale_bar, title=title)
 
+    def pick(self, x: float, y: float) -> Pick | None:
+        """Return what is seen at a pixel: its place in the world, and the field there; None where nothing is.
+
+        The field is evaluated in float64 on the slices of the picture, by the kernels themselves: sampling by slabs,
+        pre-integration and filters do not count. The image keeps its scene for this.
+
+        Parameters
+        ----------
+        x, y
+            Column from the left and row from the top, in pixels; parts of a pixel do not count.
+
+        Raises
+        ------
+        InvalidInput
+            For a place outside of the picture, and for a picture without its scene, as one from a pickle.
+        """
+        from sheetsplat.picking import pick
+
+        if self._scene is None:
+            wanted = "its scene: a picture that a Renderer returned"
+            raise complain("the picture cannot be picked", "a picture alone", wanted)
+        return pick(self, self._scene, x, y)
+
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         """Return straight red, green, blue and alpha, 0 to 1, or 0 to the largest number of an unsigned type."""
         kind = np.dtype(np.float32 if dtype is None else dtype)
@@ -389,6 +423,6 @@ def _same(one: NDArray[np.float32] | None, other: NDArray[np.float32] | None) ->
 def _restored(parts: dict[str, Any]) -> Image:
     """Return the image of what `Image.__reduce_ex__` gave."""
     image = Image.__new__(Image)
-    for name, part in {**parts, "_estimate": None}.items():
+    for name, part in {**parts, "_estimate": None, "_scene": None}.items():
         setattr(image, name, part)
     return image

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import math
 import os
@@ -53,6 +54,11 @@ _OPENED = tuple(name for name in definitions(OpenOptions) if name != "grid")
 _KINDS: dict[str, tuple[type[Field], tuple[str, ...]]] = {
     "RegularField": (RegularField, _OF_VOLUMES),
     "EllipsoidField": (EllipsoidField, _OF_ELLIPSOIDS),
+}
+_CAMERAS = {
+    "orthographic": ("eye", "target", "up", "height"),
+    "perspective": ("eye", "target", "up", "fov_y", "near"),
+    "fit": ("lower", "upper", "direction", "up", "kind", "margin", "fov_y"),
 }
 _Result = TypeVar("_Result")
 
@@ -123,8 +129,10 @@ class Recipe:
 
     Attributes
     ----------
-    transfer_function
-        Of the scene.
+    transfer_functions
+        Of the scene, one for each group of fields.
+    groups
+        How many fields are in each group.
     options
         Every option of `Scene` by its name.
     camera
@@ -137,7 +145,8 @@ class Recipe:
         Options of `Renderer`: the backend that drew the picture, and what may change its last digits.
     """
 
-    transfer_function: TransferFunction
+    transfer_functions: tuple[TransferFunction, ...]
+    groups: tuple[int, ...]
     options: Mapping[str, Any]
     camera: Camera
     size: tuple[int, int]
@@ -151,7 +160,8 @@ class Recipe:
         """Return the recipe of a picture; `changes` are options of the scene that were chosen in place of its own."""
         made_of = tuple(map(FieldRecipe.of, scene.fields))
         settings = {name: renderer[name] for name in _RENDERER}
-        return cls(scene.transfer_function, {**scene.options, **changes}, camera, size, made_of, settings)
+        groups, options = tuple(map(len, scene.groups)), {**scene.options, **changes}
+        return cls(scene.transfer_functions, groups, options, camera, size, made_of, settings)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -167,17 +177,20 @@ class Recipe:
                 f"{len(self.fields)}, as many as it was made of",
                 "give as many files",
             )
-        return Scene(fields, self.transfer_function, **self.options)
+        rest = iter(fields)
+        groups = [list(itertools.islice(rest, count)) for count in self.groups]
+        return Scene(groups, self.transfer_functions, **self.options)
 
     def to_json(self) -> str:
         """Return it as JSON, with the version of the package."""
-        camera = {"kind": self.camera.kind, **self.camera.arguments()}
+        camera = {"maker": self.camera.maker, **self.camera.arguments}
         plain = {
             "format": FORMAT,
             "version": _sheetsplat.__version__,
             "size": self.size,
             "camera": camera,
-            "transfer_function": self.transfer_function.points.tolist(),
+            "transfer_functions": [function.points.tolist() for function in self.transfer_functions],
+            "groups": self.groups,
             "scene": dict(self.options),
             "fields": [_members(one) for one in self.fields],
             "renderer": dict(self.renderer),
@@ -191,15 +204,17 @@ class Recipe:
             raise _damaged(f"{len(text)} characters", f"at most {LONGEST}")
         with _reading("JSON"):
             plain = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_without_repetition)
-        names = ("format", "version", "size", "camera", "transfer_function", "scene", "fields", "renderer")
+        names = ("format", "version", "size", "camera", "transfer_functions", "groups", "scene", "fields", "renderer")
         parts = _mapping("description", plain, names, all_of_them=True)
         _check_version(parts["format"], parts["version"])
+        fields, functions = _read("fields", _fields, parts["fields"]), parts["transfer_functions"]
         return cls(
-            transfer_function=_read("transfer_function", _transfer_function, parts["transfer_function"]),
+            transfer_functions=_read("transfer_functions", _transfer_functions, functions),
+            groups=_groups(parts["groups"], functions, len(fields)),
             options=_read("scene", _scene_options, parts["scene"]),
             camera=_read("camera", _camera, parts["camera"]),
             size=_read("size", image_size, parts["size"]),
-            fields=_read("fields", _fields, parts["fields"]),
+            fields=fields,
             renderer=_read("renderer", _renderer, parts["renderer"]),
         )
 
@@ -308,25 +323,40 @@ def _numbers_of(version: str) -> tuple[int, ...] | None:
     return None if found is None else tuple(map(int, found.groups()))
 
 
+def _transfer_functions(value: Any) -> tuple[TransferFunction, ...]:
+    found = tuple(map(_transfer_function, _list("transfer_functions", value, _MOST_FIELDS)))
+    if not found:
+        raise _damaged("transfer_functions: none", "at least one")
+    return found
+
+
 def _transfer_function(value: Any) -> TransferFunction:
-    rows = _list("transfer_function", value, LONGEST)
+    rows = _list("transfer_functions", value, LONGEST)
     for row in rows:
         if not isinstance(row, list) or len(row) != 5:
-            raise _damaged(f"transfer_function: {shown(row)}", "rows of five numbers")
+            raise _damaged(f"transfer_functions: {shown(row)}", "rows of five numbers")
         for part in row:
-            strength("transfer_function", part)
+            strength("transfer_functions", part)
     return TransferFunction(rows)
 
 
+def _groups(value: Any, functions: Any, fields: int) -> tuple[int, ...]:
+    """Return the number of fields of each group: a group for each transfer function, and all fields in one."""
+    counts = _list("groups", value, _MOST_FIELDS)
+    whole = all(type(count) is int and count > 0 for count in counts)
+    if not whole or len(counts) != len(functions) or sum(counts) != fields:
+        wanted = f"{len(functions)} numbers that add up to {fields}"
+        raise _damaged(f"groups: {shown(value)}", wanted)
+    return tuple(counts)
+
+
 def _camera(value: Any) -> Camera:
-    kind = value.get("kind") if isinstance(value, dict) else None
-    last = {"orthographic": ("height",), "perspective": ("fov_y", "near")}
-    if not isinstance(kind, str) or kind not in last:
-        raise _damaged(f"camera: kind: {shown(kind)}", "orthographic or perspective")
-    arguments = dict(_mapping("camera", value, ("kind", "eye", "target", "up", *last[kind]), all_of_them=True))
-    del arguments["kind"]
-    made: Camera = getattr(Camera, kind)(**arguments)
-    return made
+    maker = value.get("maker") if isinstance(value, dict) else None
+    if not isinstance(maker, str) or maker not in _CAMERAS:
+        raise _damaged(f"camera: maker: {shown(maker)}", "one of: " + ", ".join(_CAMERAS))
+    arguments = dict(_mapping("camera", value, ("maker", *_CAMERAS[maker]), all_of_them=True))
+    del arguments["maker"]
+    return Camera.of_arguments(maker, arguments)
 
 
 def _object(key: str, kind: type, value: Any) -> Any:

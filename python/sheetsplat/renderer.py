@@ -323,7 +323,7 @@ class Renderer:
             found = self.native.estimate_error(native, scene.native, camera.native, progress=None)
             return ErrorEstimate.of_native(found)
 
-        image = Image(native, self._recipe(native, scene, camera), estimate)
+        image = Image(native, self._recipe(native, scene, camera), estimate, scene)
         width, height = image.size
         plan = image.plan
         self._warn_of_unused(plan)

@@ -15,7 +15,7 @@ from sheetsplat.errors import complain
 from sheetsplat.fields import Field, as_fields, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.options.core import check_names, checked, documented
-from sheetsplat.options.scene import IsoValue, SceneOptions
+from sheetsplat.options.scene import IsoValue, SceneOptions, surfaces_of
 from sheetsplat.quantity import notes_of
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.transfer import TransferFunction
@@ -192,10 +192,7 @@ class Scene:
     @property
     def surfaces(self) -> tuple[tuple[float, float], ...]:
         """The isosurfaces as pairs (value, opacity); none where no `iso_value` was given."""
-        given = self.iso_value
-        if given is None:
-            return ()
-        return tuple(given) if isinstance(given, Sequence) else ((given, 1.0),)
+        return surfaces_of(self.iso_value)
 
     @property
     def filter(self) -> str | None:

@@ -93,7 +93,7 @@ def test_errors_of_the_native_half_have_fields() -> None:
         ss.RegularField(np.full((2, 2, 2), np.nan))
     error = raised.value
     assert error.what == "RegularField: the samples cannot be used"
-    assert error.found == "NaN at sample (0, 0, 0)"
+    assert error.found == "NaN at sample [0, 0, 0]"
     assert error.wanted == "finite numbers"
     assert pickle.loads(pickle.dumps(error)).complaint == error.complaint
     assert isinstance(error, ValueError)
@@ -232,3 +232,31 @@ def test_files_have_the_rights_of_any_new_file(tmp_path: Path, mask: int) -> Non
     process(code, str(tmp_path))
     assert stat.S_IMODE((tmp_path / "a.npy").stat().st_mode) == 0o666 & ~mask
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
+
+
+@pytest.mark.parametrize(("module", "package", "name"), [("nrrd", "pynrrd", "a.nrrd"), ("h5py", "h5py", "a.h5")])
+def test_missing_packages_are_named(tmp_path, monkeypatch, module, package, name):
+    """Not as a damaged file."""
+    start = {"a.nrrd": b"NRRD0004\ntype: uint8\n", "a.h5": b"\x89HDF\r\n\x1a\n"}[name]
+    (tmp_path / name).write_bytes(start + bytes(300))
+    monkeypatch.setitem(sys.modules, module, None)
+    for reader in [one for one in sys.modules if one.startswith("sheetsplat.io.") and "sph" in one]:
+        monkeypatch.delitem(sys.modules, reader)
+    with pytest.raises(ss.Unsupported, match=f"no package {package}.*pip install {package}"):
+        ss.open(tmp_path / name)
+
+
+def test_pictures_without_their_package(tmp_path, monkeypatch, ball):
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    with pytest.raises(ss.Unsupported, match="a.exr cannot be written: found no package OpenEXR"):
+        ss.render(ball, size=(8, 8), backend="reference").save(tmp_path / "a.exr")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("shape", [(50, 3), (50, 4)])
+def test_points_given_as_a_volume_are_told_about_fits(shape):
+    with pytest.raises(ss.InvalidInput, match=r"sheetsplat\.fit\.nearest"):
+        ss.render(np.zeros(shape))
+    with pytest.raises(ss.InvalidInput) as caught:
+        ss.render(np.zeros((50, 50)))
+    assert "fit" not in str(caught.value)

@@ -43,6 +43,8 @@ LOOKS = {
     "lit": {"lights": [ss.Light((1, 2, 3), space="world")], "material": ss.Material(specular=0.5), "shadows": True},
     "occluded": {"ambient_occlusion": ss.AmbientOcclusion(3.0, 0.5), "gradient": "analytic"},
     "isosurface": {"mode": "isosurface", "iso_value": 90, "projection": "perspective"},
+    "isosurfaces": {"mode": "isosurface", "iso_value": [(50, 0.3), (120, 1.0)]},
+    "average": {"mode": "average"},
     "second order": {"preintegration": "second_order", "opacity_stop": 1.0, "cmap": "magma", "clim": (20, 180)},
     "xray": {"mode": "xray", "cmap": ["black", "red", "white"], "log_scale": True},
     "mip": {"mode": "mip", "clim": (10, 150)},
@@ -78,6 +80,19 @@ def test_several_fields_take_several_files(tmp_path, volume, kernels):
     assert np.array_equal(levels(first), levels(again))
     assert "made of 2 files" in run("render", first, volume, "-o", again, code=2).stderr
     assert "is no data for this picture" in run("render", first, kernels, volume, "-o", again, code=1).stderr
+
+
+def test_groups_with_transfer_functions_of_their_own_are_made_again(tmp_path, volume, kernels):
+    first, again = tmp_path / "first.png", tmp_path / "again.png"
+    fields = [ss.open(volume), ss.open(kernels), ss.open(volume)]
+    scene = ss.Scene(
+        [fields[:2], fields[2]], [[(0, 0, 0, 1, 0), (200, 1, 1, 0, 0.5)], [(0, 1, 0, 0, 0), (90, 1, 0, 0, 1)]]
+    )
+    image = ss.render(scene, **SMALL)
+    image.save(first)
+    assert Recipe.read(first).scene(fields) == scene
+    run("render", first, volume, kernels, volume, "-o", again)
+    assert first.read_bytes() == again.read_bytes()
 
 
 def test_sizes_and_backends_may_change_and_looks_may_not(tmp_path, volume):
@@ -136,6 +151,7 @@ def drop(*keys):
     return dropped
 
 
+LEVEL = {"maker": "orthographic", "eye": [0, 0, 1], "target": [0, 0, 0], "up": [0, 1, 0], "height": 9}
 CHANGES = {
     "no object": (lambda plain: [plain], "description"),
     "unknown key": (change("command", value="rm -rf /"), "'command'"),
@@ -150,17 +166,34 @@ CHANGES = {
     "size as text": (change("size", value="20x16"), "size"),
     "three sizes": (change("size", value=[1, 2, 3]), "size"),
     "camera as list": (change("camera", value=[1]), "camera"),
-    "camera kind": (change("camera", "kind", value="fit"), "camera"),
-    "camera kind dunder": (change("camera", "kind", value="__init__"), "camera"),
-    "camera key": (change("camera", "fov_y", value=3), "fov_y"),
-    "camera eye": (change("camera", "eye", value=[1, 2]), "eye"),
-    "camera height": (change("camera", "height", value="high"), "height"),
-    "camera height below 0": (change("camera", "height", value=-1), "camera"),
-    "no points": (change("transfer_function", value=[]), "transfer_function"),
-    "points as text": (change("transfer_function", value="viridis"), "transfer_function"),
-    "short point": (change("transfer_function", 0, value=[1, 2]), "transfer_function"),
-    "opacity": (change("transfer_function", 0, value=[1, 0, 0, 0, 7]), "transfer_function"),
-    "point of text": (change("transfer_function", 0, value=["0", "0", "0", "0", "0"]), "transfer_function"),
+    "camera maker": (change("camera", "maker", value="by hand"), "maker"),
+    "camera maker dunder": (change("camera", "maker", value="__init__"), "maker"),
+    "camera of another maker": (change("camera", "maker", value="orthographic"), "camera"),
+    "camera key": (change("camera", "near", value=3), "near"),
+    "camera box": (change("camera", "lower", value=[1, 2]), "camera"),
+    "camera box of text": (change("camera", "lower", value="low"), "camera"),
+    "camera direction": (change("camera", "direction", value=[0, 0, 0]), "camera"),
+    "camera up": (change("camera", "up", value={"x": 1}), "camera"),
+    "camera margin": (change("camera", "margin", value="wide"), "margin"),
+    "camera margin below 0": (change("camera", "margin", value=-1), "camera"),
+    "camera height": (
+        change(
+            "camera",
+            value={"maker": "orthographic", "eye": [0, 0, 1], "target": [0, 0, 0], "up": [0, 1, 0], "height": "9"},
+        ),
+        "height",
+    ),
+    "camera eye": (
+        change(
+            "camera", value={"maker": "orthographic", "eye": [0, 1], "target": [0, 0, 0], "up": [0, 1, 0], "height": 9}
+        ),
+        "eye",
+    ),
+    "no points": (change("transfer_functions", value=[]), "transfer_functions"),
+    "points as text": (change("transfer_functions", value="viridis"), "transfer_functions"),
+    "short point": (change("transfer_functions", 0, 0, value=[1, 2]), "transfer_functions"),
+    "opacity": (change("transfer_functions", 0, 0, value=[1, 0, 0, 0, 7]), "transfer_functions"),
+    "point of text": (change("transfer_functions", 0, 0, value=["0", "0", "0", "0", "0"]), "transfer_functions"),
     "scene key": (change("scene", "exec", value=1), "'exec'"),
     "mode": (change("scene", "mode", value="best"), "mode"),
     "mode as list": (change("scene", "mode", value=["xray"]), "mode"),
@@ -179,6 +212,9 @@ CHANGES = {
     "occlusion": (change("scene", "ambient_occlusion", value={"radius": -1}), "radius"),
     "colors": (change("scene", "scalar_colors", value={"cmap": "no such"}), "cmap"),
     "colors limits": (change("scene", "scalar_colors", value={"clim": [2, 1]}), "clim"),
+    "groups": (change("groups", value=[2]), "groups"),
+    "groups of truth": (change("groups", value=[True]), "groups"),
+    "no groups": (change("groups", value=[]), "groups"),
     "no fields": (change("fields", value=[]), "fields"),
     "field kind": (change("fields", 0, "kind", value="str"), "kind"),
     "field key": (change("fields", 0, "path", value="/etc/passwd"), "'path'"),

@@ -78,7 +78,8 @@ double checked_scale(double scale, std::size_t i, const std::optional<double>& l
     return used;
 }
 
-void check_rotations(std::vector<glm::dquat>& rotations) {
+/// Brings quaternions to unit length, unless they are of another field: a second division may change their last digits.
+void check_rotations(std::vector<glm::dquat>& rotations, bool normalised) {
     for (std::size_t i = 0; i < rotations.size(); ++i) {
         glm::dquat& q = rotations[i];
         const double length = std::sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
@@ -87,7 +88,9 @@ void check_rotations(std::vector<glm::dquat>& rotations) {
                 "EllipsoidField: a rotation cannot be used", "a quaternion of length " + text_of(length) + kernel(i),
                 "unit quaternions w, x, y, z, to within 1e-3", "divide each quaternion by its length"});
         }
-        q = glm::dquat(q.w / length, q.x / length, q.y / length, q.z / length);
+        if (!normalised) {
+            q = glm::dquat(q.w / length, q.x / length, q.y / length, q.z / length);
+        }
     }
 }
 
@@ -190,7 +193,7 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
             scale[axis] = checked_scale(scale[axis], i, options.min_scale);
         }
     }
-    check_rotations(arrays_.rotations);
+    check_rotations(arrays_.rotations, options.unit_rotations);
     value_range_ = check_values(arrays_.values);
     weight_range_ = check_weights(arrays_.weights);
     check_masses(arrays_.values, arrays_.weights);

@@ -156,8 +156,8 @@ double along(const RegularFieldOptions& options, int axis, std::size_t steps_alo
     const std::size_t ni = shape[2];
     const std::size_t nj = shape[1];
     throw InvalidInput(Complaint{"RegularField: the samples cannot be used",
-                                 text_of(value) + " at sample (" + text_of_count(n % ni) + ", " +
-                                     text_of_count(n / ni % nj) + ", " + text_of_count(n / ni / nj) + ")",
+                                 text_of(value) + " at sample [" + text_of_count(n / ni / nj) + ", " +
+                                     text_of_count(n / ni % nj) + ", " + text_of_count(n % ni) + "]",
                                  "finite numbers",
                                  skip_helps ? "pass " + option_ref("nan", "skip") + " to leave such samples out"
                                             : "replace it, or make it NaN and pass " + option_ref("nan", "skip") +

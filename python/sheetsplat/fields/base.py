@@ -8,11 +8,12 @@ from types import MappingProxyType
 from typing import Any, Literal, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from sheetsplat import _sheetsplat
-from sheetsplat._checks import Bounds, instance, shown, triple
+from sheetsplat import _memory, _sheetsplat
+from sheetsplat._checks import Bounds, instance, numbers, shown, triple
 from sheetsplat._properties import Forwarded
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
@@ -149,6 +150,74 @@ class Field:
     def _up_text(self) -> str:
         """What the description of a field says about its orientation."""
         return "" if self._orientation is None else f", up {self._orientation.up}"
+
+    def at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the field's scalar at points (M, 3) in the world, shape (M,); 0 where no kernel reaches.
+
+        Raises
+        ------
+        InvalidInput
+            For anything but M times three finite numbers.
+        """
+        return self.evaluate(points)[0]
+
+    def evaluate(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the field's scalar and its gradient at points (M, 3) in the world, in float64.
+
+        Returns
+        -------
+        tuple
+            Scalars, shape (M,), and their derivatives along x, y, z, shape (M, 3), scalar per world unit; both are 0
+            where no kernel reaches. With normalisation "threshold" the gradient jumps where W is w0; the side of the
+            larger W holds there.
+
+        Raises
+        ------
+        InvalidInput
+            For anything but M times three finite numbers.
+        """
+        values, gradients, _ = self.probe(points)
+        return values, gradients
+
+    def nearest_kernel(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return the number of the kernel whose centre is nearest among those that reach a point, -1 where none does.
+
+        Kernels of volumes are numbered as the samples of ``values.ravel()``.
+
+        Raises
+        ------
+        InvalidInput
+            For anything but M times three finite numbers.
+        """
+        return self._sums_at(points)[1]
+
+    def probe(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+        """Return what `evaluate` and `nearest_kernel` return, in the time of one of them."""
+        sums, nearest = self._sums_at(points)
+        total, weight, slope, weight_slope = sums[:, 0], sums[:, 1], sums[:, 2:5], sums[:, 5:]
+        if self._normalization == "none":
+            return total.copy(), slope.copy(), nearest
+        if self._normalization == "lattice":
+            return total / self.native.lattice_constant, slope / self.native.lattice_constant, nearest
+        divisor = np.maximum(self._w0, weight)
+        values = total / divisor
+        falling = np.where((weight >= self._w0)[:, None], values[:, None] * weight_slope, 0.0)
+        return values, (slope - falling) / divisor[:, None], nearest
+
+    def _sums_at(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return D, W and their derivatives, (M, 8), and the numbers of the nearest kernels, (M,)."""
+        what = f"{type(self).__name__}: points"
+        places = numbers(what, points, "(M, 3) world positions")
+        places = places.reshape(0, 3) if places.shape == (0,) else places
+        if places.ndim != 2 or places.shape[1] != 3:
+            raise complain(unusable(what), f"an array of shape {places.shape}", "(M, 3) world positions")
+        # The points, the tree that finds them, and what is found.
+        _memory.require(320 * len(places), f"{len(places)} points", "ask for fewer points at a time")
+        if not np.isfinite(places).all():
+            n = int(np.flatnonzero(~np.isfinite(places).all(axis=1))[0])
+            failed = f"{type(self).__name__}: a point cannot be used"
+            raise complain(failed, f"{places[n]}, point {n}", "three finite numbers")
+        return self.native.sums_at(places)
 
     # Regular fields have their own of these two.
     @property

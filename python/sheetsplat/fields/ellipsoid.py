@@ -184,6 +184,7 @@ class EllipsoidField(Field):
             falloff=self._falloff,
             min_scale=self._min_scale,
             cell_volume=self._cell_volume,
+            unit_rotations=True,
         )
 
     @classmethod
@@ -285,23 +286,6 @@ class EllipsoidField(Field):
         "_ghost_options", "Distance and weight of its ghost points, or None without them."
     )
 
-    def at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Return the field's scalar at points (M, 3) in the world, shape (M,); 0 where no kernel reaches.
-
-        Raises
-        ------
-        InvalidInput
-            For anything but M times three finite numbers.
-        """
-        sums = self._sums_at(points)
-        divisor: Any = 1.0
-        if self._normalization == "lattice":
-            divisor = self.native.lattice_constant
-        elif self._normalization == "threshold":
-            divisor = np.maximum(self._w0, sums[:, 1])
-        found: NDArray[np.float64] = sums[:, 0] / divisor
-        return found
-
     def weight_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the sum W of weights at points (M, 3) in the world, shape (M,): it is small where the data are sparse.
 
@@ -310,17 +294,8 @@ class EllipsoidField(Field):
         InvalidInput
             For anything but M times three finite numbers.
         """
-        found: NDArray[np.float64] = self._sums_at(points)[:, 1]
+        found: NDArray[np.float64] = self._sums_at(points)[0][:, 1]
         return found
-
-    def _sums_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        places = _rows("points", points, "(M, 3) world positions", (3,))
-        # The points and the tree that finds them.
-        _memory.require(96 * len(places), f"{len(places)} points", "ask for fewer points at a time")
-        if not np.isfinite(places).all():
-            n = int(np.flatnonzero(~np.isfinite(places).all(axis=1))[0])
-            raise complain("EllipsoidField: a point cannot be used", f"{places[n]}, point {n}", "three finite numbers")
-        return self.native.sums_at(places)
 
     def with_ghost_points(self, *, distance: float = 1.0, weight: float = 1.0) -> EllipsoidField:
         """Return the field with ghost points around it: kernels of value 0 that end the data softly ([NM06] §4.1).

@@ -88,7 +88,7 @@ def why_one_color(image: Image, scene: Scene) -> str:
     else:
         known = [one for one in scene.fields if one.size]
         bounded = all(one.normalization != "none" or (isinstance(one, RegularField) and one.prefilter) for one in known)
-        if scene.mode != "composite" or not known or not bounded:
+        if scene.mode != "composite" or not known or not bounded or len(scene.groups) > 1:
             return ""
         lows, highs = zip(*map(_bounds_of, known), strict=True)
         # Where fields overlap their scalars add up; elsewhere there is one alone.

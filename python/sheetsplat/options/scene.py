@@ -63,6 +63,13 @@ def _preintegration(what: str, value: object) -> Preintegration:
     return truth(what, value)
 
 
+def surfaces_of(iso_value: IsoValue | None) -> tuple[tuple[float, float], ...]:
+    """Return isosurfaces as pairs (value, opacity); none for None."""
+    if iso_value is None:
+        return ()
+    return tuple(iso_value) if isinstance(iso_value, Sequence) else ((iso_value, 1.0),)
+
+
 class LightOptions(TypedDict, total=False):
     """Lights, material and background."""
 

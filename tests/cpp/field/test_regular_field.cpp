@@ -218,7 +218,7 @@ TYPED_TEST(OddSamples, are_refused_with_their_index) {
                                 std::isnan(odd) ? "found NaN at sample"
                                 : odd > 0.0     ? "found infinity at sample"
                                                 : "found -infinity",
-                                "(" + std::to_string(i) + ", " + std::to_string(j) + ", " + std::to_string(k) + ")",
+                                "[" + std::to_string(k) + ", " + std::to_string(j) + ", " + std::to_string(i) + "]",
                                 "wanted finite numbers"});
             EXPECT_EQ(text.find("pass nan = skip to leave such samples out") != std::string::npos, std::isnan(odd))
                 << text;
@@ -247,7 +247,7 @@ TYPED_TEST(OddSamples, nan_is_no_kernel_where_skipped) {
     EXPECT_EQ(field.value(1, 2, 1), 11.0);
 
     at(0, 0, 0) = std::numeric_limits<TypeParam>::infinity();
-    expect_parts(refused(samples, {3, 4, 5}, options), {"infinity at sample (0, 0, 0)"});
+    expect_parts(refused(samples, {3, 4, 5}, options), {"infinity at sample [0, 0, 0]"});
 }
 
 TYPED_TEST(OddSamples, boxes_are_tight_on_both_lattices_whatever_is_missing) {

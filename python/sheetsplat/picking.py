@@ -1,0 +1,284 @@
+"""What is seen at a pixel: the place along its ray, and the field there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat._checks import Triple, number, shown, triple
+from sheetsplat.errors import complain, unusable
+from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.options.core import SCALAR
+
+if TYPE_CHECKING:
+    from sheetsplat.image import Image
+    from sheetsplat.scene import Scene
+    from sheetsplat.transfer import TransferFunction
+
+Floats = NDArray[np.float64]
+# A crossing is looked for in so many parts of an interval, and in as many of the part that has it.
+_PARTS = 64
+
+
+@dataclass(frozen=True)
+class Pick:
+    """What is seen at a pixel.
+
+    Attributes
+    ----------
+    position
+        World position. Mode "composite": on the slice where the opacity of the pixel first reaches ½, as `Image.depth`
+        has it; where it stays below ½, on the slice that contributes most. "isosurface": where the ray crosses the
+        value; of several surfaces likewise. "xray", "mip", "average": on the slice with the largest scalar;
+        "minimum": with the smallest.
+    depth
+        Its depth: world units from the eye along the view direction.
+    value
+        The scalar there, in float64, whatever the picture was drawn with: of the fields that add up; where groups have
+        transfer functions of their own, of the group that is most opaque there, or whose surface it is.
+    gradient
+        Its derivatives along x, y, z, per world unit.
+    opacity
+        Opacity per reference length there; of an isosurface its own; None in scalar modes.
+    field
+        Number of the field with the nearest kernel, in the scene.
+    kernel
+        Number of the kernel in that field whose centre is nearest among those that reach the position; of volumes the
+        number of the sample in ``values.ravel()``.
+    sample
+        (k, j, i) of that sample; None for scattered kernels.
+    """
+
+    position: Triple
+    depth: float
+    value: float
+    gradient: Triple
+    opacity: float | None
+    field: int
+    kernel: int
+    sample: tuple[int, int, int] | None = None
+
+
+@dataclass(frozen=True)
+class _Ray:
+    """The ray of a pixel: world positions at depths."""
+
+    eye: Floats
+    # World units for each unit of depth, and at depth 0.
+    along: Floats
+    beside: Floats
+    # Length of the ray in each unit of depth.
+    stretch: float
+
+    def at(self, depths: Floats) -> Floats:
+        """Return the positions at depths, (M, 3)."""
+        return self.eye + self.beside + depths[:, None] * self.along
+
+
+def _ray(image: Image, column: int, row: int) -> _Ray:
+    """Return the ray of a pixel's centre. Conventions, section 1 (Coordinates)."""
+    camera, (width, height) = image.camera, image.size
+    right, up, back = (np.asarray(axis) for axis in camera.world_axes())
+    x = (2.0 * (column + 0.5) / width - 1.0) * width / height
+    y = 1.0 - 2.0 * (row + 0.5) / height
+    eye = np.asarray(camera.eye)
+    if camera.kind == "orthographic":
+        return _Ray(eye, -back, 0.5 * camera.height * (x * right + y * up), 1.0)
+    slope = math.tan(math.radians(camera.fov_y) / 2.0)
+    along = slope * (x * right + y * up) - back
+    return _Ray(eye, along, np.zeros(3), float(np.linalg.norm(along)))
+
+
+def _number(what: str, value: object, count: int) -> int:
+    found = number(f"Image.pick: {what}", value)
+    if not (math.isfinite(found) and 0 <= found < count):
+        raise complain(
+            unusable(f"Image.pick: {what}"), shown(value), f"from 0 to below {count}, a place in the picture"
+        )
+    return int(found)
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """What the fields of a group that add up are at points."""
+
+    values: Floats
+    slopes: Floats
+    reached: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, fields: tuple[Field, ...], points: Floats) -> _Samples:
+        """Return the scalar of all fields together, its gradient, and whether any kernel reaches."""
+        values, slopes, reached = np.zeros(len(points)), np.zeros((len(points), 3)), np.zeros(len(points), bool)
+        for field in fields:
+            value, slope, nearest = field.probe(points)
+            values, slopes, reached = values + value, slopes + slope, reached | (nearest >= 0)
+        return cls(values, slopes, reached)
+
+
+def _kept(scene: Scene, points: Floats) -> NDArray[np.bool_]:
+    """Return whether clipping keeps points."""
+    clip = scene.options["clip"]
+    kept = np.ones(len(points), bool)
+    for normal, offset in clip.planes:
+        kept &= points @ np.asarray(normal) >= offset
+    if clip.box is not None:
+        kept &= ((points >= clip.box[0]) & (points <= clip.box[1])).all(axis=1)
+    return kept
+
+
+def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
+    """Return what is seen at a pixel of a picture of a scene; see `Image.pick`."""
+    width, height = image.size
+    ray = _ray(image, _number("x", x, width), _number("y", y, height))
+    depths = _depths(image, scene)
+    if not depths.size:
+        return None
+    points = ray.at(depths)
+    kept, stop = _kept(scene, points), float(image.recipe.options["opacity_stop"])
+    if scene.mode in SCALAR:
+        all_fields = _Samples.of(scene.fields, points)
+        shown_here = all_fields.reached & kept
+        if not shown_here.any():
+            return None
+        values = -all_fields.values if scene.mode == "minimum" else all_fields.values
+        return _pick_at(scene.fields, 0, ray, float(depths[np.where(shown_here, values, -np.inf).argmax()]), None)
+    groups = [_Samples.of(fields, points) for fields in scene.groups]
+    if scene.mode == "isosurface":
+        found = _seen_surface(scene, groups, depths, kept, image.plan.slice_spacing, stop)
+        return None if found is None else _surface_at(scene, ray, *found)
+    opacities = np.array(
+        [
+            _opacities(scene, function, group, kept)
+            for function, group in zip(scene.transfer_functions, groups, strict=True)
+        ]
+    )
+    lengths = image.plan.slice_spacing * ray.stretch / scene.reference_length
+    with np.errstate(divide="ignore"):
+        alpha = -np.expm1(lengths * np.log1p(-opacities).sum(axis=0))
+    n = _seen(alpha, stop)
+    if n is None:
+        return None
+    # The group that is most opaque there.
+    which = int(opacities[:, n].argmax())
+    first = sum(map(len, scene.groups[:which]))
+    return _pick_at(scene.groups[which], first, ray, float(depths[n]), float(opacities[which, n]))
+
+
+def _depths(image: Image, scene: Scene) -> Floats:
+    """Return the depths of the picture's slices. Conventions, section 3 (Slices)."""
+    plan, camera = image.plan, image.camera
+    lower, upper = scene.native.centres
+    middle = -camera.native.to_eye(triple("centre", 0.5 * (np.asarray(lower) + np.asarray(upper))))[2]
+    depths = middle + (plan.first_slice + np.arange(plan.slices, dtype=np.float64) + 0.5) * plan.slice_spacing
+    return depths[depths > camera.near] if camera.kind == "perspective" else depths
+
+
+def _opacities(scene: Scene, function: TransferFunction, group: _Samples, kept: NDArray[np.bool_]) -> Floats:
+    """Return opacities of a group per reference length; 0 where nothing is shown."""
+    opacity: Floats = np.where(group.reached & kept, function.at(group.values)[:, 3], 0.0)
+    steep = scene.options["gradient_opacity"]
+    if steep is not None:
+        opacity *= np.minimum(1.0, np.sqrt((group.slopes * group.slopes).sum(axis=1)) / steep)
+    return opacity
+
+
+def _seen(alpha: Floats, stop: float) -> int | None:
+    """Return where along a ray the opacity first reaches ½, else what contributes most; None without opacity."""
+    left = np.concatenate([[1.0], np.cumprod(1.0 - alpha)])
+    # A pixel is finished with what takes it to the stop.
+    contributions = np.where(1.0 - left[:-1] < stop, left[:-1] * alpha, 0.0)
+    total = np.cumsum(contributions)
+    if not (total.size and total[-1] > 0):
+        return None
+    half = np.flatnonzero(total >= 0.5)
+    return int(half[0] if half.size else contributions.argmax())
+
+
+@dataclass(frozen=True)
+class _Crossing:
+    """Where the ray crosses a surface, between two slices; ordered as surfaces are composited."""
+
+    interval: int
+    place: float
+    group: int
+    surface: int
+    start: float
+    end: float
+    below_first: bool
+
+
+def _seen_surface(
+    scene: Scene, groups: list[_Samples], depths: Floats, kept: NDArray[np.bool_], spacing: float, stop: float
+) -> tuple[_Crossing, float, float] | None:
+    """Return the crossing that is seen, its value and its opacity, or None. Conventions, section 7 (Modes)."""
+    # Outside of all slices the scalar is 0.
+    ends = np.concatenate([[depths[0] - spacing], depths, [depths[-1] + spacing]])
+    both = np.concatenate([[True], kept]) & np.concatenate([kept, [True]])
+    crossings = []
+    for number_of_group, group in enumerate(groups):
+        values = np.concatenate([[0.0], group.values, [0.0]])
+        for surface, (iso, opacity) in enumerate(scene.surfaces):
+            below = values < iso
+            for n in np.flatnonzero((below[1:] != below[:-1]) & both).tolist() if opacity > 0 else ():
+                place = (iso - values[n]) / (values[n + 1] - values[n])
+                start, end = float(ends[n]), float(ends[n + 1])
+                crossings.append(_Crossing(n, float(place), number_of_group, surface, start, end, bool(below[n])))
+    crossings.sort(key=lambda one: (one.interval, one.place, one.group, one.surface))
+    seen = _seen(np.array([scene.surfaces[one.surface][1] for one in crossings]), stop)
+    return None if seen is None else (crossings[seen], *scene.surfaces[crossings[seen].surface])
+
+
+def _surface_at(scene: Scene, ray: _Ray, crossing: _Crossing, iso: float, opacity: float) -> Pick:
+    """Return what is seen where a ray crosses a surface, whose place between the slices is found first."""
+    fields = scene.groups[crossing.group]
+    start, end = crossing.start, crossing.end
+    for _ in range(2):
+        inside = np.linspace(start, end, _PARTS + 1)
+        scalars = _Samples.of(fields, ray.at(inside)).values
+        sides = scalars < iso
+        # The ends are on their sides, whatever the field is beyond the last slice.
+        sides[0], sides[-1] = crossing.below_first, not crossing.below_first
+        m = int(np.flatnonzero(sides[1:] != sides[:-1])[0])
+        start, end = float(inside[m]), float(inside[m + 1])
+        here, there = float(scalars[m]), float(scalars[m + 1])
+    share = (iso - here) / (there - here) if there != here else 0.5
+    depth = start + min(max(share, 0.0), 1.0) * (end - start)
+    return _pick_at(fields, sum(map(len, scene.groups[: crossing.group])), ray, depth, opacity)
+
+
+def _pick_at(fields: tuple[Field, ...], first: int, ray: _Ray, depth: float, opacity: float | None) -> Pick:
+    """Return what fields that add up are at a depth of a ray; `first`: the number of the first of them in the scene."""
+    point = ray.at(np.asarray([depth]))
+    probes = [field.probe(point) for field in fields]
+    nearest = [int(numbers[0]) for _, _, numbers in probes]
+    distances = [_distance(field, n, point[0]) for field, n in zip(fields, nearest, strict=True)]
+    which = int(np.argmin(distances))
+    field, kernel = fields[which], nearest[which]
+    sample = _sample(field, kernel) if isinstance(field, RegularField) and kernel >= 0 else None
+    value = sum(float(values[0]) for values, _, _ in probes)
+    gradient = triple("gradient", sum(slopes[0] for _, slopes, _ in probes))
+    return Pick(triple("position", point[0]), depth, value, gradient, opacity, first + which, kernel, sample)
+
+
+def _sample(field: RegularField, kernel: int) -> tuple[int, int, int]:
+    """Return (k, j, i) of a sample by its number."""
+    k, j, i = (int(part) for part in np.unravel_index(kernel, field.shape))
+    return k, j, i
+
+
+def _distance(field: Field, kernel: int, point: Floats) -> float:
+    """Return the distance of a kernel's centre from a point; infinite for -1, no kernel."""
+    if kernel < 0:
+        return math.inf
+    if isinstance(field, RegularField):
+        k, j, i = _sample(field, kernel)
+        centre: Any = field.native.position(i, j, k)
+    else:
+        assert isinstance(field, EllipsoidField)
+        centre = field.centers[kernel]
+    return float(np.linalg.norm(point - np.asarray(centre)))

@@ -27,6 +27,7 @@ from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.light import Light, Material
 from sheetsplat.notices import PictureWarning
+from sheetsplat.orientation import Orientation
 from sheetsplat.plan import Effect, RenderPlan
 from sheetsplat.quantity import Quantity
 from sheetsplat.recipe import FieldRecipe, Recipe
@@ -63,6 +64,7 @@ __all__ = [
     "InvalidInput",
     "Light",
     "Material",
+    "Orientation",
     "OutOfMemory",
     "PictureWarning",
     "Quantity",

@@ -11,10 +11,12 @@ from sheetsplat._checks import Bounds, Triple, Vector, number, triple
 from sheetsplat._checks import direction as axis_or_vector
 from sheetsplat.camera import Camera, Kind, bounds_of
 from sheetsplat.effects import DepthCue
-from sheetsplat.errors import complain, unusable
+from sheetsplat.errors import InvalidInput, complain, unusable
 from sheetsplat.fields import Field
-from sheetsplat.options.camera import AZIMUTH, ELEVATION, CameraOptions
+from sheetsplat.look.visible import Floats, camera_axes, visible_points
+from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import check_names, filled
+from sheetsplat.orientation import Z_UP, Orientation
 from sheetsplat.scene import Scene
 
 
@@ -49,7 +51,10 @@ def _rotate(vector: Any, axis: Any, angle: float) -> Any:
 
 
 def compose_camera(thing: object, size: tuple[int, int], **options: Unpack[CameraOptions]) -> Camera:
-    """Return a camera that shows all of a field or a scene in a picture of any shape, turned, zoomed and centred."""
+    """Return a camera that shows all of a field or a scene in a picture of any shape, turned, zoomed and centred.
+
+    Of a scene it shows what can be seen under the transfer function, of anything else the box around the supports.
+    """
     check_names("render", options, CameraOptions)
     given: dict[str, Any] = filled(CameraOptions, options)
     target = given.pop("target")
@@ -65,19 +70,33 @@ def compose_camera(thing: object, size: tuple[int, int], **options: Unpack[Camer
     return Camera.orthographic(eye, middle, camera.up, height=camera.height)
 
 
-def _view(direction: Any, up: Any, azimuth: float | None, elevation: float | None) -> tuple[Triple, Triple]:
+def orientation_of(thing: object) -> Orientation:
+    """Return the orientation of the first field that has one, else that of what states nothing."""
+    fields = thing.fields if isinstance(thing, Scene) else thing if isinstance(thing, list | tuple) else [thing]
+    stated = (one.orientation for one in fields if isinstance(one, Field) and one.orientation is not None)
+    return next(stated, Z_UP)
+
+
+def _view(
+    direction: Any, up: Any, azimuth: float | None, elevation: float | None, orientation: Orientation
+) -> tuple[Triple, Triple]:
     """Return the direction of view and the up direction, turned by the two angles."""
-    view = axis_or_vector("render: direction", (0.0, 0.0, -1.0) if direction is None else direction)
-    upward = axis_or_vector("render: up", (0.0, 1.0, 0.0) if up is None else up)
+    upward = axis_or_vector("render: up", orientation.up if up is None else up)
+    usable = any(upward) and bool(np.all(np.isfinite(upward)))
+    if direction is None and usable:
+        x, y, z = orientation.horizontal_front(upward)
+        view = -x, -y, -z
+    else:
+        view = axis_or_vector("render: direction", (0.0, 0.0, -1.0) if direction is None else direction)
     # A direction that is given is not turned further.
-    turn = number("render: azimuth", (AZIMUTH if direction is None else 0.0) if azimuth is None else azimuth)
-    rise = number("render: elevation", (ELEVATION if direction is None else 0.0) if elevation is None else elevation)
+    turns = orientation.angles if direction is None else (0.0, 0.0)
+    turn = number("render: azimuth", turns[0] if azimuth is None else azimuth)
+    rise = number("render: elevation", turns[1] if elevation is None else elevation)
     if not (math.isfinite(turn) and math.isfinite(rise)):
         raise complain("render: azimuth or elevation cannot be used", f"{turn:g}, {rise:g}", "finite angles, degrees")
-    if any(view) and any(upward) and np.all(np.isfinite(view)) and np.all(np.isfinite(upward)):
+    if any(view) and usable and np.all(np.isfinite(view)):
         if up is None and _parallel(view, upward):
-            # The up direction that rising to this view from the front would give.
-            upward = (0.0, 0.0, math.copysign(1.0, view[1]))
+            upward = _up_from_above(view, orientation)
         level = _turned(view, upward, turn, 0.0)
         view = _turned(view, upward, turn, rise)
         if _parallel(view, upward) and not _parallel(level, upward):
@@ -85,6 +104,15 @@ def _view(direction: Any, up: Any, azimuth: float | None, elevation: float | Non
             ahead = np.asarray(level) - np.asarray(view) * np.dot(level, view)
             upward = triple("up", ahead if np.dot(view, upward) < 0 else -ahead)
     return view, upward
+
+
+def _up_from_above(view: Triple, orientation: Orientation) -> Triple:
+    """Return the up direction of a view along the orientation's own: y where nothing is stated."""
+    if orientation == Z_UP:
+        return 0.0, 1.0, 0.0
+    # The one that rising to this view from the front would give.
+    sign = math.copysign(1.0, np.dot(view, orientation.up))
+    return triple("up", sign * np.asarray(orientation.horizontal_front()))
 
 
 def _framing_all(
@@ -103,27 +131,44 @@ def _framing_all(
     """Return a camera whose target is the middle of what it shows."""
     # Without a kernel there is no box, and the picture is empty from anywhere.
     bounds: Bounds = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)) if _is_empty(thing) else bounds_of(thing)
-    view, upward = _view(direction, up, azimuth, elevation)
+    view, upward = _view(direction, up, azimuth, elevation, orientation_of(thing))
     nearer = number("render: zoom", zoom)
     if not (math.isfinite(nearer) and nearer > 0):
         raise complain(unusable("render: zoom"), f"{nearer:g}", "a finite number above 0")
     width, height = size
+    aspect = height / width
     reach = number("render: margin", margin)
-    box = _Box(bounds)
+    camera = Camera.fit(_Box(bounds), view, upward, projection, reach, fov_y=fov_y)
+    corners = np.stack(np.meshgrid(*np.transpose(bounds)), axis=-1).reshape(8, 3)
+    seen = visible_points(thing, camera) if isinstance(thing, Scene) and not _is_empty(thing) else None
+    points, beyond = (corners, 0.0) if seen is None else seen
     if projection == "perspective":
-        camera = _nearest(Camera.fit(box, view, upward, projection, reach, fov_y=fov_y), bounds, height / width, reach)
+        camera = _nearest(camera, points, beyond, aspect, reach)
         if nearer == 1.0:
             return camera
         # Moving nearer would end inside the object; a narrower angle enlarges it from where the eye is.
         angle = 2 * math.degrees(math.atan(math.tan(math.radians(camera.fov_y) / 2) / nearer))
         return Camera.perspective(camera.eye, camera.target, camera.up, fov_y=angle, near=camera.near)
-    camera = Camera.fit(box, view, upward, projection, reach, fov_y=fov_y)
-    # Width and height of the box as this camera sees it: the sums of the projections of its edges.
-    edges = np.diag(np.subtract(bounds[1], bounds[0]))
-    across, high, _ = np.abs([camera.native.direction_to_eye(triple("edge", edge)) for edge in edges]).sum(axis=0)
-    if across > 0 and high > 0:
-        reach *= max(high, across * height / width) / max(high, across)
-    return Camera.fit(box, view, upward, projection, reach / nearer, fov_y=fov_y)
+    return _closest(camera, points, beyond, aspect, reach / nearer)
+
+
+def _closest(camera: Camera, points: Floats, beyond: float, aspect: float, margin: float) -> Camera:
+    """Return an orthographic camera, moved sideways, whose picture is as small as some points allow."""
+    axes = camera_axes(camera)
+    places = (points - np.asarray(camera.target)) @ axes.T
+    low, high = places.min(axis=0), places.max(axis=0)
+    across, upwards, _ = high - low + 2.0 * beyond
+    full = max(upwards, across * aspect) * margin
+    if not (full > 0 and math.isfinite(full)):
+        # A single point: as large as the camera had it.
+        return camera
+    target = np.asarray(camera.target) + (0.5 * (low + high)) @ axes
+    eye = target + (np.asarray(camera.eye) - np.asarray(camera.target))
+    try:
+        return Camera.orthographic(eye, target, camera.up, height=full)
+    except InvalidInput:
+        # So far from 0 that no digits are left for the distance of the eye.
+        return camera
 
 
 def _is_empty(thing: object) -> bool:
@@ -138,21 +183,30 @@ def _parallel(first: Triple, second: Triple) -> bool:
     return float(np.linalg.norm(np.cross(a / np.linalg.norm(a), b / np.linalg.norm(b)))) < 1e-6
 
 
-def _nearest(camera: Camera, bounds: Bounds, aspect: float, margin: float) -> Camera:
-    """Return a perspective camera moved as near as the corners of a box allow; aspect is height over width."""
-    half = 0.5 * np.subtract(bounds[1], bounds[0])
+# Steps of moving the eye of a perspective camera sideways until what it sees is in the middle.
+_CENTRING = 4
+
+
+def _nearest(camera: Camera, points: Floats, beyond: float, aspect: float, margin: float) -> Camera:
+    """Return a perspective camera moved as near and as central as some points allow; aspect is height over width."""
     slope = math.tan(math.radians(camera.fov_y) / 2)
-    edges = [camera.native.direction_to_eye(triple("edge", edge)) for edge in np.diag(half)]
-    signs = np.stack(np.meshgrid(*3 * [(-1.0, 1.0)]), axis=-1).reshape(8, 3)
-    corners = np.abs(signs @ np.asarray(edges)[:, :2]), signs @ np.asarray(edges)[:, 2]
-    distance = float((corners[1] + margin / slope * np.maximum(corners[0][:, 0] * aspect, corners[0][:, 1])).max())
-    target = np.asarray(camera.target)
-    back = np.asarray(camera.eye) - target
-    length = float(np.linalg.norm(back))
-    # A box without an extent, or one so far from 0 that no digits are left for it: keep the fitted camera.
+    axes = camera_axes(camera)
+    places = (points - np.asarray(camera.target)) @ axes.T
+    middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    for step in range(_CENTRING + 1):
+        offsets = places - middle
+        sides = np.maximum(np.abs(offsets[:, 0]) * aspect, np.abs(offsets[:, 1])) + beyond
+        distance = float((offsets[:, 2] + beyond + margin / slope * sides).max())
+        depths = distance - offsets[:, 2]
+        if step == _CENTRING or not (distance > 0 and np.all(depths > 0)):
+            break
+        tangents = offsets[:, :2] / depths[:, np.newaxis]
+        middle[:2] += 0.5 * (tangents.min(axis=0) + tangents.max(axis=0)) * distance
+    target = np.asarray(camera.target) + middle @ axes
+    # Points at one place, or so far from 0 that no digits are left for them: keep the fitted camera.
     if not distance > 1e-9 * max(1.0, float(np.abs(target).max())) or not math.isfinite(distance):
         return camera
-    return Camera.perspective(target + back * (distance / length), target, camera.up, fov_y=camera.fov_y)
+    return Camera.perspective(target + axes[2] * distance, target, camera.up, fov_y=camera.fov_y)
 
 
 class _Box:

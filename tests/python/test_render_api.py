@@ -70,7 +70,8 @@ def test_the_threshold_parts_things_from_background(rng):
     assert 25 < look.surface < 75 and look.clim[0] == look.surface and 100 < look.clim[1] < 130
     assert look.opacity[0][1] == 0 and look.opacity[-1] == (pytest.approx(look.clim[1]), automatic.TOP_OPACITY)
     # The background is invisible, the thing is not.
-    picture = ss.render(values, size=(48, 48), direction=(0, 0, -1), backend="reference").rgba
+    camera = ss.Camera.fit(ss.RegularField(values))
+    picture = ss.render(values, size=(48, 48), camera=camera, backend="reference").rgba
     assert picture[3:6, 3:6, 3].max() < 0.02 and picture[22:26, 22:26, 3].min() > 0.9
 
 

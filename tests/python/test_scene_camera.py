@@ -348,12 +348,17 @@ def test_azimuth_and_elevation_turn_the_eye(field):
         offset = np.subtract(camera.eye, camera.target)
         return offset / np.linalg.norm(offset)
 
-    assert np.allclose(view(azimuth=0, elevation=0), (0, 0, 1))
-    assert np.allclose(view(azimuth=90, elevation=0), (1, 0, 0))
-    assert np.allclose(view(azimuth=0, elevation=30), (0, 0.5, math.sqrt(0.75)))
+    # z is up unless something else is stated, and the first view the isometric one of PyVista and ParaView.
+    assert np.allclose(view(), np.full(3, math.sqrt(1 / 3)))
+    assert np.allclose(view(azimuth=0, elevation=0), (1, 0, 0))
+    assert np.allclose(view(azimuth=90, elevation=0), (0, 1, 0))
+    assert np.allclose(view(azimuth=0, elevation=30), (math.sqrt(0.75), 0, 0.5))
+    assert np.allclose(view(up="y"), np.full(3, math.sqrt(1 / 3)))
+    assert np.allclose(view(up="y", azimuth=0, elevation=0), (0, 0, 1))
+    assert np.allclose(view(up="-y", azimuth=0, elevation=0), (0, 0, -1))
     assert np.allclose(view(azimuth=-90, elevation=0, up=(0, 0, 1), direction=(0, 1, 0)), (-1, 0, 0))
     assert np.allclose(view(direction=(1, 0, 0)), (-1, 0, 0))
-    assert not np.allclose(view(), (0, 0, 1))
+    assert compose_camera(field, (40, 40), direction="-z").up == (0, 1, 0)
 
 
 def test_zoom_enlarges(field):
@@ -367,4 +372,4 @@ def test_zoom_enlarges(field):
     with pytest.raises(ss.InvalidInput, match="azimuth"):
         compose_camera(field, (40, 40), azimuth=math.inf)
     with pytest.raises(ss.InvalidInput, match="Camera"):
-        compose_camera(field, (40, 40), up=(0, 0, 1))
+        compose_camera(field, (40, 40), direction="-z", up=(0, 0, 1))

@@ -10,9 +10,10 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import Bounds, shown, triple
+from sheetsplat._checks import Bounds, instance, shown, triple
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
+from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
 Normalization = Literal["none", "lattice", "threshold"]
@@ -31,6 +32,7 @@ def _restored(kind: type[Field], parts: dict[str, Any]) -> Field:
     field = object.__new__(kind)
     field._quantity = parts.pop("quantity")
     field._opened = MappingProxyType(parts.pop("opened"))
+    field._orientation = parts.pop("orientation")
     field._restore(parts)
     return field
 
@@ -41,11 +43,12 @@ class Field:
     Made by `RegularField` and `EllipsoidField`.
     """
 
-    __slots__ = ("_falloff", "native", "_normalization", "_opened", "_quantity", "_w0")
+    __slots__ = ("_falloff", "native", "_normalization", "_opened", "_orientation", "_quantity", "_w0")
     _falloff: float
     native: _sheetsplat.Field
     _normalization: str
     _opened: Mapping[str, Any]
+    _orientation: Orientation | None
     _quantity: Quantity
     _w0: float
 
@@ -80,7 +83,8 @@ class Field:
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
         """Pickle by arrays, which protocol 5 hands over as buffers."""
-        return _restored, (type(self), {**self._parts(), "quantity": self._quantity, "opened": dict(self._opened)})
+        told = {"quantity": self._quantity, "opened": dict(self._opened), "orientation": self._orientation}
+        return _restored, (type(self), {**self._parts(), **told})
 
     def __copy__(self) -> Self:
         """Return itself: it is immutable."""
@@ -91,12 +95,12 @@ class Field:
         return self
 
     def __eq__(self, other: object) -> bool:
-        """Return whether the other field has the same kernels, options and quantity."""
+        """Return whether the other field has the same kernels, options, quantity and orientation."""
         if self is other:
             return True
         if not isinstance(other, Field) or type(self) is not type(other):
             return NotImplemented
-        if hash(self) != hash(other) or self._quantity != other._quantity:
+        if hash(self) != hash(other) or self._quantity != other._quantity or self._orientation != other._orientation:
             return False
         mine, others = self._parts(), other._parts()
         return all(_same(part, others[name]) for name, part in mine.items())
@@ -130,6 +134,21 @@ class Field:
             for name in getattr(kind, "__slots__", ()):
                 setattr(made, name, changes.get(name, getattr(self, name)))
         return made
+
+    orientation = Forwarded[Orientation | None](
+        "_orientation", "Which way up it is, for the first view; None where nobody said."
+    )
+
+    def with_orientation(self, orientation: Orientation | None) -> Self:
+        """Return the same field, without a copy of its arrays, with another orientation; None: not known."""
+        if orientation is not None:
+            instance("Field: orientation", orientation, Orientation)
+        return self._with(_orientation=orientation)
+
+    @property
+    def _up_text(self) -> str:
+        """What the description of a field says about its orientation."""
+        return "" if self._orientation is None else f", up {self._orientation.up}"
 
     # Regular fields have their own of these two.
     @property

@@ -136,7 +136,7 @@ class EllipsoidField(Field):
         self._falloff = number("EllipsoidField: falloff", falloff)
         self._min_scale = optional_number("EllipsoidField: min_scale", min_scale)
         self._cell_volume = optional_number("EllipsoidField: cell_volume", cell_volume)
-        self._quantity, self._opened = Quantity(), NOT_OPENED
+        self._quantity, self._opened, self._orientation = Quantity(), NOT_OPENED, None
         self._ghosts, self._ghost_options = 0, None
         if values is None:
             raise _no_rows("values")
@@ -390,7 +390,7 @@ class EllipsoidField(Field):
             cell_volume=self._cell_volume,
         )
         field._min_scale = self._min_scale
-        field._quantity, field._opened = self._quantity, self._opened
+        field._quantity, field._opened, field._orientation = self._quantity, self._opened, self._orientation
         field._ghosts, field._ghost_options = count, (away, mass)
         return field
 
@@ -402,5 +402,5 @@ class EllipsoidField(Field):
         ghosts = f", {self._ghosts} of them ghost points" if self._ghosts else ""
         return (
             f"EllipsoidField({self.size} {kinds}{ghosts}, semi-axes {thin:g} to {long:g}, values {low:g} to {high:g}, "
-            f"normalization {self._normalization!r})"
+            f"normalization {self._normalization!r}{self._up_text})"
         )

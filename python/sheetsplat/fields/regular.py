@@ -178,7 +178,7 @@ class RegularField(Field):
         self._w0 = number("RegularField: w0", w0)
         self._nan = choice("RegularField: nan", nan, ("error", "skip"))
         samples = as_samples(values)
-        self._residual = self._condition = self._samples = None
+        self._residual = self._condition = self._samples = self._orientation = None
         if truth("RegularField: prefilter", prefilter):
             found = self._prefiltered(samples)
             self._residual, self._condition = found.residual, found.condition
@@ -294,5 +294,6 @@ class RegularField(Field):
         low, high = self.value_range
         return (
             f"RegularField({ni} x {nj} x {nk} {self.values.dtype.name}, {self._lattice}, "
-            f"spacing {self._spacing}, values {low:g} to {high:g}{', prefiltered' if self.prefilter else ''})"
+            f"spacing {self._spacing}, values {low:g} to {high:g}{', prefiltered' if self.prefilter else ''}"
+            f"{self._up_text})"
         )

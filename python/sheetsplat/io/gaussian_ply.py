@@ -24,6 +24,7 @@ from sheetsplat.io.checks import checked_shape, finite_points, finite_values, li
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import unknown_scalar
 from sheetsplat.io.source import Source
+from sheetsplat.orientation import Orientation
 
 _HEADER_LIMIT = 1 << 16
 _NAMES = "char uchar short ushort int uint float double"
@@ -35,6 +36,8 @@ _TURN = ("rot_0", "rot_1", "rot_2", "rot_3")
 # Spherical harmonic of degree 0: colour = 1/2 + this times f_dc.
 _HARMONIC_0 = 0.28209479177387814
 _COLORS = {"red": "f_dc_0", "green": "f_dc_1", "blue": "f_dc_2"}
+# Scenes keep the axes of the cameras that they are trained from: y points down, z ahead.
+_Y_DOWN = Orientation(up=(0.0, -1.0, 0.0))
 # Most characters of a number and its separator.
 _LONGEST_WORD = 64
 
@@ -201,4 +204,5 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         deviations=deviations,
         rotations=turns / lengths[:, None],
         details={"encoding": written},
+        orientation=_Y_DOWN,
     )

@@ -104,7 +104,8 @@ def field_of(
             scales = math.sqrt(2.0 * max(_DEFAULT_FALLOFF if k is None else k, 0.0)) * data.deviations
         assert scales is not None
         options |= decay | given(cell_volume=data.cell_volume)
-        return EllipsoidField(data.points, scales, data.rotations, values, weights=data.weights, **options)
+        field = EllipsoidField(data.points, scales, data.rotations, values, weights=data.weights, **options)
+        return field.with_orientation(data.orientation)
     if how == "own":
         assert data.supports is not None
         if k is not None:
@@ -118,7 +119,7 @@ def field_of(
     else:
         kernels = fits.delaunay(data.points, values, cells=data.cells, **decay)
     _log.info("%s: %s", data.format, kernels)
-    return kernels.field(**options)
+    return kernels.field(**options).with_orientation(data.orientation)
 
 
 def given(**options: Any) -> dict[str, Any]:

@@ -9,13 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from sheetsplat._checks import triple
+from sheetsplat.errors import InvalidInput
+from sheetsplat.io.axes import along_the_world
 from sheetsplat.io.checks import beside, checked_shape, floats, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
+from sheetsplat.orientation import PATIENT, Orientation
 
 _HEADER_LIMIT = 1 << 16
 _NAMES = "CHAR UCHAR SHORT USHORT INT UINT LONG ULONG LONG_LONG ULONG_LONG FLOAT DOUBLE"
+_IDENTITY = "1 0 0 0 1 0 0 0 1"
 _CODES = "i1 u1 i2 u2 i4 u4 i4 u4 i8 u8 f4 f8"
 _TYPES = {f"MET_{name}": code for name, code in zip(_NAMES.split(), _CODES.split(), strict=True)}
 
@@ -67,11 +70,23 @@ def _check_supported(path: Path, fields: dict[str, str]) -> None:
             raise unreadable(path, f"{name} = {fields.get(name, default)}", wanted, advice)
     if not _truth(path, fields, "BinaryData", default="True"):
         raise unreadable(path, "BinaryData = False", "binary samples", "convert the file to binary samples")
-    identity = "1 0 0 0 1 0 0 0 1"
-    matrix = floats(path, *_first(fields, "TransformMatrix", "Rotation", "Orientation", default=identity), 9)
-    if matrix != floats(path, "", identity, 9):
-        advice = "resample the volume to the axes of the world"
-        raise unreadable(path, f"TransformMatrix = {matrix}", "the identity", advice)
+
+
+def _orientation(fields: dict[str, str], *, turned: bool) -> Orientation | None:
+    """Return which way up the world of a file is, or None where it does not say.
+
+    ITK's world runs to the left, the back and the head of a patient, and ITK writes the sides that the axes of the file
+    come from: RAI for the axes of that world. Other letters beside axes that are not turned are those of the format's
+    own definition: the sides that the axes run to.
+    """
+    letters = fields.get("AnatomicalOrientation", "").strip()
+    if turned or letters.upper() == "RAI":
+        return PATIENT
+    try:
+        return Orientation.anatomical(*letters)
+    except InvalidInput:
+        # "???" is "not known".
+        return None
 
 
 def read(source: Source) -> Volume:
@@ -87,6 +102,9 @@ def read(source: Source) -> Volume:
     if 0 in spacing:
         raise unreadable(path, f"ElementSpacing = {spacing}", "numbers other than 0")
     origin = floats(path, *_first(fields, "Offset", "Position", "Origin", default="0 0 0"), 3)
+    # Each three numbers are the direction of an axis of the file, the fastest first.
+    matrix = floats(path, *_first(fields, "TransformMatrix", "Rotation", "Orientation", default=_IDENTITY), 9)
+    turned = matrix != floats(path, "", _IDENTITY, 9)
     packed = _truth(path, fields, "CompressedData")
     try:
         skip = int(fields.get("HeaderSize", "0"))
@@ -102,8 +120,9 @@ def read(source: Source) -> Volume:
     else:
         with Source(beside(path, name)) as samples:
             values = _samples(samples, 0, dtype, count, packed=packed, skip=skip)
-    placed = triple("spacing", map(abs, spacing)), triple("origin", origin)
-    return Volume(values.reshape(sizes[::-1]), *placed, "metaimage")
+    steps = np.reshape(matrix, (3, 3)) * np.abs(spacing)[:, np.newaxis]
+    placed = along_the_world(path, "TransformMatrix", steps, np.asarray(origin), values.reshape(sizes[::-1]))
+    return Volume(*placed, "metaimage", orientation=_orientation(fields, turned=turned))
 
 
 def _samples(source: Source, start: int, dtype: np.dtype[Any], count: int, *, packed: bool, skip: int) -> Any:

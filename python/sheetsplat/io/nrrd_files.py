@@ -16,9 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple, shown, triple
+from sheetsplat.errors import InvalidInput
+from sheetsplat.io.axes import along_the_world
 from sheetsplat.io.checks import beside, checked_shape, sides, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
+from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
 _HEADER_LIMIT = 1 << 20
@@ -93,25 +96,8 @@ def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[N
         raise unreadable(path, f"space origin {shown(origin.tolist())}", "three finite numbers")
     if directions is not None:
         rows = np.asarray([np.full(3, np.nan) if row is None else row for row in directions], dtype=np.float64)
-        wanted = "three directions along the axes of the world"
-        if rows.shape != (3, 3) or not np.all(np.isfinite(rows)):
-            raise unreadable(path, f"space directions {shown(rows.tolist())}", wanted)
-        along = rows != 0
-        if not (np.all(along.sum(axis=0) == 1) and np.all(along.sum(axis=1) == 1)):
-            found = f"space directions {shown(rows.tolist())}"
-            raise unreadable(path, found, wanted, "resample the volume to such axes")
-        # Each row is the step along an axis of the file, the fastest first.
-        world = along.argmax(axis=1)
-        steps = rows[np.arange(3), world]
-        file_axis = np.argsort(world)
-        values = values.transpose([2 - file_axis[2], 2 - file_axis[1], 2 - file_axis[0]])
-        for axis in range(3):
-            step = steps[file_axis[axis]]
-            if step < 0:
-                values = np.flip(values, 2 - axis)
-                origin[axis] += step * (values.shape[2 - axis] - 1)
-            spacing[axis] = abs(step)
-    elif spacings is not None:
+        return along_the_world(path, "space directions", rows, origin, values)
+    if spacings is not None:
         spacing = np.asarray(spacings, dtype=np.float64)
         # NaN means "not known" in this format.
         spacing = np.where(np.isnan(spacing), 1.0, spacing)
@@ -119,6 +105,18 @@ def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[N
             raise unreadable(path, f"spacings {shown(spacing.tolist())}", "three numbers other than 0")
         spacing = np.abs(spacing)
     return values, triple("spacing", spacing), triple("origin", origin)
+
+
+def _orientation(header: dict[str, Any]) -> Orientation | None:
+    """Return which way up the space of the header is, or None where it is not that of a body."""
+    words = str(header.get("space", "")).lower().split("-")
+    if header.get("space directions") is None or len(words) < 3 or words[3:] not in ([], ["time"]):
+        return None
+    try:
+        return Orientation.anatomical(*words[:3])
+    except InvalidInput:
+        # Scanner axes, right-handed axes, and names that are not of this format.
+        return None
 
 
 def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...], start: int) -> NDArray[Any]:
@@ -184,7 +182,8 @@ def read(source: Source) -> Volume:
             flat = _read_samples(samples, plain, sizes, 0)
     values, spacing, origin = _placed(source.path, header, flat.reshape(sizes[::-1]))
     details: dict[str, str] = {name: str(header[name]) for name in _TOLD if name in header}
-    return Volume(values, spacing, origin, "nrrd", details, Quantity(length_unit=_length_unit(header)))
+    quantity = Quantity(length_unit=_length_unit(header))
+    return Volume(values, spacing, origin, "nrrd", details, quantity, _orientation(header))
 
 
 def _length_unit(header: dict[str, Any]) -> str:

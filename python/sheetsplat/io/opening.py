@@ -192,4 +192,5 @@ def _field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularF
     volume = read_regular(path, options)
     placed = {"spacing": volume.spacing, "origin": volume.origin}
     chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
-    return RegularField(volume.values, **chosen).with_quantity(**asdict(volume.quantity))
+    field = RegularField(volume.values, **chosen).with_quantity(**asdict(volume.quantity))
+    return field.with_orientation(volume.orientation)

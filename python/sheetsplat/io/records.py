@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple
+from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
 Floats = NDArray[np.float64]
@@ -30,6 +31,8 @@ class Volume:
         Further entries of the header, as texts.
     quantity
         What the samples and the lengths are.
+    orientation
+        Which way up it is; None where the file does not say.
     """
 
     values: NDArray[Any]
@@ -38,6 +41,7 @@ class Volume:
     format: str = ""
     details: dict[str, str] = field(default_factory=dict)
     quantity: Quantity = Quantity()
+    orientation: Orientation | None = None
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,8 @@ class Scattered:
         From the file; None: the default of `EllipsoidField`.
     details
         Further information, as texts.
+    orientation
+        Which way up they are; None where the format does not say.
     """
 
     points: Floats
@@ -98,6 +104,7 @@ class Scattered:
     falloff: float | None = None
     cell_volume: float | None = None
     details: dict[str, str] = field(default_factory=dict)
+    orientation: Orientation | None = None
 
     @property
     def has_kernels(self) -> bool:

@@ -6,9 +6,8 @@ from sheetsplat._checks import Vector
 from sheetsplat.camera import Camera, Kind
 from sheetsplat.options.core import Option, defaults_of
 from sheetsplat.options.values import POSITIVE, Numbers, Real, Special
+from sheetsplat.orientation import ISOMETRIC
 
-# Degrees of the default view, which shows three faces of the box around a volume.
-AZIMUTH, ELEVATION = 25.0, 20.0
 _FIT = defaults_of(Camera.fit)
 
 
@@ -19,7 +18,7 @@ class CameraOptions(TypedDict, total=False):
         Vector | str | None,
         Option(
             'World direction of the view: three numbers, or an axis such as "x" or "-z".',
-            unset="-z",
+            unset="by the field's orientation: from its front, or where that is not known from (1, 1, 1)",
             accepts="three numbers or str",
             value=Special.DIRECTION,
         ),
@@ -28,7 +27,7 @@ class CameraOptions(TypedDict, total=False):
         Vector | str | None,
         Option(
             "World direction that points up in the picture: three numbers, or an axis.",
-            unset="y",
+            unset="what the file says, else z",
             accepts="three numbers or str",
             value=Special.DIRECTION,
         ),
@@ -36,8 +35,9 @@ class CameraOptions(TypedDict, total=False):
     azimuth: Annotated[
         float | None,
         Option(
-            "Angle in degrees by which the eye moves around {up}, to the right.",
-            unset=f"{AZIMUTH:g}, or 0 with {{direction}}",
+            "Angle in degrees by which the eye moves around {up}, to the right: from {direction}, else from the front, "
+            "which is x unless the file says.",
+            unset="45, or 0 with {direction} or a front",
             value=Real(),
         ),
     ]
@@ -45,7 +45,7 @@ class CameraOptions(TypedDict, total=False):
         float | None,
         Option(
             "Angle in degrees by which the eye then moves towards {up}.",
-            unset=f"{ELEVATION:g}, or 0 with {{direction}}",
+            unset=f"{ISOMETRIC[1]:.2f}, or 0 with {{direction}} or a front",
             value=Real(),
         ),
     ]
@@ -54,7 +54,7 @@ class CameraOptions(TypedDict, total=False):
         Vector | None,
         Option(
             "World point in the middle of the picture.",
-            unset="the middle of the fields",
+            unset="the middle of what is seen",
             accepts="three numbers",
             value=Numbers("X,Y,Z", 3),
         ),
@@ -70,5 +70,5 @@ class CameraOptions(TypedDict, total=False):
         ),
     ]
     margin: Annotated[
-        float, Option("How much larger than the fields the picture is.", default=_FIT["margin"], value=POSITIVE)
+        float, Option("How much larger than what is seen the picture is.", default=_FIT["margin"], value=POSITIVE)
     ]

@@ -1,0 +1,231 @@
+"""Where the visible part of a scene is: the points that a camera has to show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat._checks import triple
+from sheetsplat.camera import Camera
+from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.scene import Scene
+
+Floats = NDArray[np.float64]
+
+# Positions of each field at which its opacity is looked up.
+_MOST = 400_000
+_MOST_KERNELS = 40_000
+# Positions in each kernel of a field of few of them.
+_FEW = 20_000
+# How far from its centre a kernel is looked at, in its semi-axes: there its profile is still above a fiftieth.
+_INNER = 0.7
+# How far kernels are seen beyond that, in semi-axes: where many overlap their mean is still high.
+_RIM = 0.2
+# Cells of the coarse picture across, at least so many positions in a cell on average.
+_CELLS = 96
+_LEAST_CELLS = 12
+_PER_CELL = 4.0
+# A cell is visible where its opacity is above this share of the largest.
+_VISIBLE = 0.06
+# Share of the picture's opacity that may lie outside on each side.
+_OUTLIERS = 0.002
+# What fills less of a coarse picture than this is looked at again, nearer.
+_SMALL = 0.5
+_LOOKS = 6
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Positions (N, 3), world units; of each its optical depth times the area of the picture that it covers.
+
+    `reach`: how far what they stand for reaches beyond them.
+    """
+
+    points: Floats
+    weights: Floats
+    reach: float = 0.0
+
+
+def camera_axes(camera: Camera) -> Floats:
+    """Return right, up and backwards of a camera in the world, as rows."""
+    unit = np.eye(3)
+    return np.array([camera.native.direction_to_eye(triple("axis", axis)) for axis in unit]).T
+
+
+def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
+    """Return points (M, 3) at which something can be seen, and how far it reaches beyond them, world units.
+
+    None where that is everything. What can be seen is found in a coarse picture along the view: the opacity of a ray is
+    1 - exp(-sum of optical depths), whatever lies in front, so a histogram of positions weighted by their optical
+    depths is enough. The mode "xray" has values for optical depths, "isosurface" all that is on the dense side of the
+    surface; where the maximum of a ray, its minimum or its average is shown, everything counts.
+    """
+    if scene.mode not in ("composite", "isosurface", "xray"):
+        return None
+    found = list(_samples(scene))
+    if not found:
+        return None
+    points = np.concatenate([one.points for one in found])
+    weights = np.concatenate([one.weights for one in found])
+    kept = _kept(scene, points) & (weights > 0) & np.isfinite(weights)
+    points, weights = points[kept], weights[kept]
+    if len(points) < 2:
+        return None
+    # Relative to the middle, so that volumes far from 0 keep their digits.
+    middle = points.mean(axis=0)
+    places = (points - middle) @ camera_axes(camera).T
+    seen = np.ones(len(places), bool)
+    for _ in range(_LOOKS):
+        extent = np.ptp(places[seen, :2], axis=0)
+        seen[seen] = _seen(places[seen, :2], weights[seen], as_sum=scene.mode == "xray")
+        if not seen.any():
+            return None
+        if not extent.any() or float((np.ptp(places[seen, :2], axis=0) / extent.max()).max()) > _SMALL:
+            break
+    first, last = _quantiles(places[seen, 2], weights[seen])
+    seen &= (places[:, 2] >= first) & (places[:, 2] <= last)
+    return points[seen], max(one.reach for one in found)
+
+
+def _quantiles(numbers: Floats, weights: Floats) -> tuple[float, float]:
+    """Return the range of numbers without its outliers."""
+    order = np.argsort(numbers)
+    share = np.cumsum(weights[order])
+    first = int(np.searchsorted(share, _OUTLIERS * share[-1]))
+    last = int(np.searchsorted(share, (1.0 - _OUTLIERS) * share[-1]))
+    return float(numbers[order[first]]), float(numbers[order[min(last, len(order) - 1)]])
+
+
+def _seen(places: Floats, weights: Floats, *, as_sum: bool) -> NDArray[np.bool_]:
+    """Return which positions in the picture (N, 2) lie where something can be seen, outliers aside."""
+    low = places.min(axis=0)
+    extent = np.maximum(np.ptp(places, axis=0), 1e-12 * float(np.abs(places).max(initial=1e-280)))
+    count = int(np.clip(math.sqrt(len(places) / _PER_CELL), _LEAST_CELLS, _CELLS))
+    cells = np.maximum(1, np.ceil(count * extent / extent.max())).astype(int)
+    at = np.minimum((places - low) / extent * cells, cells - 1).astype(np.int64)
+    cell = at[:, 0] * cells[1] + at[:, 1]
+    depth = np.bincount(cell, weights, int(cells.prod()))
+    opacity = depth if as_sum else -np.expm1(-depth * float((cells / extent).prod()))
+    opacity = np.where(opacity >= _VISIBLE * opacity.max(), opacity, 0.0)
+    found: NDArray[np.bool_] = opacity[cell] > 0
+    picture = opacity.reshape(cells)
+    for axis in (0, 1):
+        share = np.cumsum(picture.sum(axis=1 - axis))
+        first = np.searchsorted(share, _OUTLIERS * share[-1], side="right")
+        last = np.searchsorted(share, (1.0 - _OUTLIERS) * share[-1], side="left")
+        found = found & (at[:, axis] >= first) & (at[:, axis] <= last)
+    return found
+
+
+def _kept(scene: Scene, points: Floats) -> NDArray[np.bool_]:
+    """Return which points the scene's clip keeps."""
+    clip = scene.options["clip"]
+    kept = np.ones(len(points), bool)
+    for normal, offset in clip.planes:
+        kept &= points @ np.asarray(normal) >= offset
+    if clip.box is not None:
+        kept &= np.all((points >= clip.box[0]) & (points <= clip.box[1]), axis=1)
+    return kept
+
+
+def _samples(scene: Scene) -> Iterator[_Samples]:
+    """Yield the positions of each field; fields on one lattice count as one, whose values are the sums."""
+    fields = [one for one in scene.fields if one.size]
+    for field in fields:
+        if isinstance(field, EllipsoidField):
+            yield _of_kernels(field, scene, [one for one in fields if one is not field])
+    volumes = [one for one in fields if isinstance(one, RegularField)]
+    while volumes:
+        alike = [one for one in volumes if _lattice(one) == _lattice(volumes[0])]
+        yield _of_volumes(alike, scene, [one for one in fields if one not in alike])
+        volumes = [one for one in volumes if one not in alike]
+
+
+def _lattice(field: RegularField) -> tuple[Any, ...]:
+    return field.shape, field.spacing, field.origin, field.lattice
+
+
+def _shown(values: Floats, scene: Scene, others: Sequence[Field]) -> Floats:
+    """Return optical depths of values; where other fields may be added, the largest of without, lowest and highest."""
+    ranges = [one.value_range for one in others]
+    shifts = {0.0, sum(min(low, 0.0) for low, _ in ranges), sum(max(high, 0.0) for _, high in ranges)}
+    found: Floats = np.max([_depths(values + shift, scene) for shift in shifts], axis=0)
+    return found
+
+
+def _depths(values: Floats, scene: Scene) -> Floats:
+    """Return optical depths per world unit, or what stands for them in other modes."""
+    if scene.mode == "xray":
+        return np.abs(values)
+    if scene.mode == "isosurface":
+        # A wall of any thickness hides what is behind it.
+        return np.where(values >= (scene.iso_value or 0.0), 1e3 / scene.reference_length, 0.0)
+    opacity = scene.transfer_function.at(values)[..., 3]
+    found: Floats = -np.log1p(-np.minimum(opacity, 1.0 - 1e-9)) / scene.reference_length
+    return found
+
+
+def _of_volumes(fields: Sequence[RegularField], scene: Scene, others: Sequence[Field]) -> _Samples:
+    """Return every n-th sample along each axis, as many as are needed, of fields on one lattice."""
+    field, values = fields[0], fields[0].values
+    step = max(1, math.ceil((values.size / _MOST) ** (1 / 3)))
+    steps = [min(step, size) for size in values.shape]
+    if field.lattice == "bcc":
+        # Every second layer is shifted.
+        steps[0] |= 1
+    picked = values[:: steps[0], :: steps[1], :: steps[2]]
+    k, j, i = (np.arange(0, size, gap, dtype=np.float64) for size, gap in zip(values.shape, steps, strict=True))
+    known = picked.reshape(-1).astype(np.float64)
+    for one in fields[1:]:
+        known += one.values[:: steps[0], :: steps[1], :: steps[2]].reshape(-1)
+    depths = np.zeros(known.size)
+    there = ~np.isnan(known)
+    depths[there] = _shown(known[there], scene, others)
+    at = np.flatnonzero(depths)
+    a, b, c = np.unravel_index(at, picked.shape)
+    dx, dy, dz = field.spacing
+    x, y, z = i[c], j[b], k[a]
+    volume = dx * dy * dz
+    if field.lattice == "bcc":
+        shift = 0.5 * (z % 2)
+        x, y, z = x + shift, y + shift, 0.5 * z
+        dy = dz = dx
+        volume = 0.5 * dx**3
+    points = np.asarray(field.origin) + np.stack((x, y, z), axis=1) * (dx, dy, dz)
+    reach = 0.5 * max(gap * width for gap, width in zip(steps, (dz, dy, dx), strict=True))
+    return _Samples(points, depths[at] * (volume * math.prod(steps)), reach)
+
+
+def _of_kernels(field: EllipsoidField, scene: Scene, others: Sequence[Field]) -> _Samples:
+    """Return positions inside kernels."""
+    known = field.size - field.ghosts
+    picked = np.arange(0, known, max(1, math.ceil(known / _MOST_KERNELS)))
+    centers = field.centers[picked]
+    scales = field.scales[picked]
+    # Integrals of the profiles: that of exp(-k r^2) is (pi / k)^(3/2).
+    volumes = (scales**3 if scales.ndim == 1 else scales.prod(axis=1)) * (math.pi / field.falloff) ** 1.5
+    # Where many kernels overlap, each stands for its share of the volume.
+    crowd = np.maximum(1.0, field.weight_at(centers) / max(field.weight_range[1], 1e-300))
+    weights = _shown(field.at(centers), scene, others) * volumes / crowd * (known / len(picked))
+    shown = np.flatnonzero(weights > 0)
+    if not len(shown):
+        return _Samples(np.empty((0, 3)), np.empty(0))
+    copies = max(1, math.ceil(_FEW / len(shown)))
+    shapes = field.native.shapes(picked[shown].astype(np.int64))
+    points = [centers[shown] + np.einsum("nij,nj->ni", shapes, inner) for inner in _directions(copies, len(shown))]
+    longest = scales[shown] if scales.ndim == 1 else scales[shown].max(axis=1)
+    reach = _RIM * float(np.median(longest))
+    return _Samples(np.concatenate(points), np.tile(weights[shown] / copies, copies), reach)
+
+
+def _directions(copies: int, count: int) -> Iterator[Floats]:
+    """Yield `copies` times `count` positions in the inner part of the unit sphere, the same ones in every call."""
+    generator = np.random.default_rng(2006)
+    for _ in range(copies):
+        found = generator.normal(size=(count, 3))
+        yield found * (_INNER * generator.random(count) ** (1 / 3) / np.linalg.norm(found, axis=1))[:, np.newaxis]

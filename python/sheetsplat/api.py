@@ -17,6 +17,7 @@ from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.image import Image
 from sheetsplat.look.compose import compose_scene, suggested_look
+from sheetsplat.look.decades import in_decades
 from sheetsplat.look.surface import surface_text
 from sheetsplat.notices import warn
 from sheetsplat.options.camera import CameraOptions
@@ -124,6 +125,7 @@ def _scene(data: object, options: Any, outputs: Iterable[str], *, spacing_is_fre
         return data
     fields = to_fields(Path(data) if isinstance(data, str) else data, **pick(OpenOptions, options))
     look = {**suggested_look(data, look), **look}
+    fields = in_decades(fields, look, options.get("log"))
     mode = choice("render: mode", look.get("mode") or "composite", MODES)
     # False has the same effect as leaving the option out.
     asked = [name for name, value in pick_given(LookOptions, options).items() if value is not False]
@@ -134,8 +136,8 @@ def _scene(data: object, options: Any, outputs: Iterable[str], *, spacing_is_fre
         # Made when the camera is known.
         del look["depth_cue"]
     scene = compose_scene(fields, spacing_is_free=spacing_is_free, **look)
-    if scene.mode == "isosurface":
-        _log.info("%s", surface_text(scene))
+    for note in (*scene.notes, *([surface_text(scene)] if scene.mode == "isosurface" else [])):
+        _log.info("%s", note)
     return scene
 
 

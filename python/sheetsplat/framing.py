@@ -13,7 +13,8 @@ from sheetsplat.camera import Camera, Kind, bounds_of
 from sheetsplat.effects import DepthCue
 from sheetsplat.errors import InvalidInput, complain, unusable
 from sheetsplat.fields import Field
-from sheetsplat.look.visible import Floats, camera_axes, visible_points
+from sheetsplat.look.measure import Floats
+from sheetsplat.look.visible import camera_axes, visible_points
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import check_names, filled
 from sheetsplat.orientation import Z_UP, Orientation

@@ -66,6 +66,8 @@ class RenderPlan:
         stop are not included: `Image.error` and the effect "settings for max_error" have them.
     picture_ms
         Median time of the picture in milliseconds where `Renderer.measure_effects` made this plan; else None.
+    notes
+        What is shown, where that is not the data as they are.
     """
 
     backend: str
@@ -81,13 +83,14 @@ class RenderPlan:
     effects: tuple[Effect, ...]
     error_budget: dict[str, float]
     picture_ms: float | None = None
+    notes: tuple[str, ...] = ()
 
     @classmethod
-    def of_native(cls, native: _sheetsplat.RenderPlan) -> RenderPlan:
-        """Return the plan of the native module."""
+    def of_native(cls, native: _sheetsplat.RenderPlan, notes: tuple[str, ...] = ()) -> RenderPlan:
+        """Return the plan of the native module, with notes on what is shown."""
         same = {one.name: getattr(native, one.name) for one in fields(cls) if hasattr(native, one.name)}
         effects = tuple(Effect(*parts) for parts in native.effects)
-        return cls(**{**same, "effects": effects, "error_budget": dict(native.error_budget)})
+        return cls(**{**same, "effects": effects, "error_budget": dict(native.error_budget), "notes": notes})
 
     @property
     def expected_error(self) -> float:
@@ -118,6 +121,7 @@ class RenderPlan:
             ("memory", f"{self.memory / 1e6:.1f} MB beside the fields"),
         ]
         lines = [f"{name:<11}{text}" for name, text in rows]
+        lines += [f"{'note':<11}{note}" for note in self.notes]
         if self.picture_ms is not None:
             lines.append(f"{'picture':<11}{self.picture_ms:.3g} ms, median")
         lines += self._table()

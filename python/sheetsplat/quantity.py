@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from sheetsplat._checks import optional_number, shown
@@ -55,6 +56,16 @@ class Quantity:
         return value if self.floor is None else self.floor * 10.0**value
 
     @property
+    def note(self) -> str:
+        """What is shown where that is not the scalar itself, else ""."""
+        return "" if self.floor is None else f"log10({self.name or 'value'} / {self.floor:g}) is shown"
+
+    @property
     def label(self) -> str:
         """Name and unit, for an axis."""
         return f"{self.name or 'value'} [{self.unit}]" if self.unit else self.name or "value"
+
+
+def notes_of(quantities: Iterable[Quantity]) -> tuple[str, ...]:
+    """Return the notes of several quantities, each once."""
+    return tuple(dict.fromkeys(one.note for one in quantities if one.note))

@@ -26,7 +26,7 @@ from sheetsplat.options.core import checked, definitions
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions
-from sheetsplat.quantity import Quantity
+from sheetsplat.quantity import Quantity, notes_of
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
@@ -152,6 +152,11 @@ class Recipe:
         made_of = tuple(map(FieldRecipe.of, scene.fields))
         settings = {name: renderer[name] for name in _RENDERER}
         return cls(scene.transfer_function, {**scene.options, **changes}, camera, size, made_of, settings)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is shown, where that is not the data as they are."""
+        return notes_of(one.quantity for one in self.fields)
 
     def scene(self, fields: Sequence[Field]) -> Scene:
         """Return the scene of as many fields as the picture had."""

@@ -176,7 +176,7 @@ class Renderer:
         InvalidInput, Unsupported, OutOfMemory
             As `render` would.
         """
-        plan = RenderPlan.of_native(self.native.plan(**_asked(scene, camera, size, outputs)))
+        plan = RenderPlan.of_native(self.native.plan(**_asked(scene, camera, size, outputs)), scene.notes)
         self._warn_of_unused(plan)
         return plan
 

@@ -16,6 +16,7 @@ from sheetsplat.fields import Field, as_fields, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.options.core import check_names, checked, documented
 from sheetsplat.options.scene import IsoValue, SceneOptions
+from sheetsplat.quantity import notes_of
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.transfer import TransferFunction
 
@@ -207,6 +208,11 @@ class Scene:
         """Red, green, blue behind the picture, or None."""
         found: Triple | None = self._options["background"]
         return found
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is shown, where that is not the data as they are."""
+        return notes_of(one.quantity for one in self._fields)
 
     @property
     def slice_spacing(self) -> float:

@@ -149,10 +149,12 @@ def test_a_lattice_of_ellipsoids_is_a_regular_field(block):
 def test_fields_add_up(rng, block):
     field = ball_of_kernels(rng)
     half = ss.EllipsoidField(field.centers, field.scales, values=field.values / 2)
-    expected = ss.render(field, clim=(0, 2), **SMALL).rgba
+    # What can be seen of several fields, and so the framing, is estimated.
+    options = {"clim": (0, 2), "camera": ss.Camera.fit(field, (1, 0.3, -0.5)), **SMALL}
+    expected = ss.render(field, **options).rgba
     assert expected[..., 3].max() > 0.5
-    assert np.allclose(ss.render([half, half], clim=(0, 2), **SMALL).rgba, expected, atol=1e-5)
-    assert not np.allclose(ss.render(half, clim=(0, 2), **SMALL).rgba, expected, atol=0.05)
+    assert np.allclose(ss.render([half, half], **options).rgba, expected, atol=1e-5)
+    assert not np.allclose(ss.render(half, **options).rgba, expected, atol=0.05)
 
 
 def test_advice_tells_what_the_scalars_are(rng):

@@ -82,9 +82,11 @@ def _option(option: Option, spelling: CommandLine) -> Callable[[Function], Funct
     settings: dict[str, Any] = {"multiple": spelling.multiple}
     flag = flags(option.name, spelling)
     if spelling.switch or "/" in flag:
-        settings |= {"is_flag": True, "default": bool(default) if is_own else False}
         on, _, off = flag.partition("/")
-        words = (on if default else off) if off else ""
+        # A switch of two spellings without a default is neither on nor off.
+        unset = default is None and bool(off)
+        settings |= {"is_flag": True, "default": None if unset else bool(default) if is_own else False}
+        words = words if unset else (on if default else off) if off else ""
     else:
         names = choices_of(option.type)
         if spelling.value is not None:

@@ -92,8 +92,8 @@ def command(
     else:
         check_mode(options, tuple(extra))
         scene, camera, renderer, size = prepare(file, options)
-    if scene.mode == "isosurface":
-        say(surface_text(scene), quiet=quiet)
+    for note in (*scene.notes, *([surface_text(scene)] if scene.mode == "isosurface" else [])):
+        say(note, quiet=quiet)
     with progress_bar(file.name, quiet=quiet) as progress:
         image = renderer.render(scene, camera, size=size, outputs=tuple(extra), progress=progress)
     with pictures.whole_files([output, *extra.values()]) as (made, *others):

@@ -111,13 +111,15 @@ def prepare(path: Path, options: dict[str, Any]) -> tuple[Scene, Camera, Rendere
     """Return scene, camera, renderer and size of a file and the values of `scene_options`."""
     from sheetsplat import api
     from sheetsplat._checks import image_size
+    from sheetsplat.look.decades import in_decades
     from sheetsplat.renderer import Renderer
 
     effects = forced_effects(options["effects"])
     size = image_size(options["size"])
     with usage_errors():
         look = _look(options)
-    fields = api.to_fields(path, **file_options(options))
+    opened = file_options(options)
+    fields = in_decades(api.to_fields(path, **opened), look, opened["log"])
     with usage_errors():
         scene, camera = _seen(fields, look, options, size)
         return scene, camera, Renderer(**{**pick(RendererOptions, options), "effects": effects}), size

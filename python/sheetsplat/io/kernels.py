@@ -30,7 +30,6 @@ def logarithm(values: Floats, what: str, floor: bool | float) -> Floats:
     if not values.size:
         return values
     base = log_base(values, what, floor)
-    _log.info("log10(%s / %g) is shown", what, base)
     return np.asarray(np.maximum(np.log10(np.maximum(values, base)) - math.log10(base), 0.0))
 
 

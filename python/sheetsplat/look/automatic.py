@@ -34,6 +34,8 @@ _OUTLIERS = 1.0
 # Largest ratio of a value to the width of the limits: half of what sums of float32 resolve within the error bound.
 _WIDEST = 20.0
 _EXTREMES = 256
+# Distance of slices, in radii of the kernels that are shown, where those are far smaller than the others.
+_DENSE_SPACING = 0.4
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,8 @@ class Look:
         The largest of these opacities, for objects of this thickness.
     slice_spacing
         Distance of slices in world units that shows borders without steps; None: the default of the fields.
+    reference_length
+        Length in world units to which these opacities refer; None: the default of the fields.
     """
 
     clim: tuple[float, float]
@@ -59,6 +63,7 @@ class Look:
     surface: float
     top_opacity: float = TOP_OPACITY
     slice_spacing: float | None = None
+    reference_length: float | None = None
 
 
 def _samples(samples: NDArray[Any]) -> NDArray[np.float64]:
@@ -93,11 +98,19 @@ def choose(fields: Sequence[Field]) -> Look:
     """
     field = max(fields, key=lambda one: one.size)
     if isinstance(field, RegularField):
-        return choose_for(field.values)
+        return choose_for(field.values, decades=field.quantity.floor is not None)
     if not isinstance(field, EllipsoidField):
         raise TypeError(f"automatic.choose: {type(field).__name__}")
     places = places_in(field)
-    look = _wide_enough(choose_for(field.at(affordable_places_in(field))), field)
+    if field.quantity.floor is not None and places.size:
+        # Decades: of particles most count where they are dense, not where they are large.
+        known = slice(0, field.size - field.ghosts)
+        look = choose_for(field.values[known], decades=True)
+        dense = field.values[known] > look.surface
+        if np.count_nonzero(dense) > 1:
+            return _of_dense(look, field.centers[known][dense], field.scales[known][dense])
+    else:
+        look = _wide_enough(choose_for(field.at(affordable_places_in(field))), field)
     spacing = min(one.default_slice_spacing for one in fields if one.size) if places.size else 1.0
     usual = _usual_spacing(places, spacing)
     share = min(1.0, spacing / usual)
@@ -107,6 +120,15 @@ def choose(fields: Sequence[Field]) -> Look:
     # A weighted mean ends abruptly at the border of the weights; too few slices leave visible steps there.
     finer = max(0.5 * spacing, usual) if usual < spacing else None
     return replace(look, opacity=scaled, top_opacity=top_opacity, slice_spacing=finer)
+
+
+def _of_dense(look: Look, centers: NDArray[np.float64], scales: NDArray[np.float64]) -> Look:
+    """Return a look whose lengths are those of the kernels that it shows, which may be far smaller than the others."""
+    thinnest = scales if scales.ndim == 1 else scales.min(axis=1)
+    spacing = _DENSE_SPACING * float(np.median(thinnest))
+    share = min(1.0, spacing / _usual_spacing(centers, spacing))
+    scaled = tuple((value, -math.expm1(share * math.log1p(-opacity))) for value, opacity in look.opacity)
+    return replace(look, opacity=scaled, top_opacity=scaled[-1][1], slice_spacing=spacing, reference_length=spacing)
 
 
 def _wide_enough(look: Look, field: EllipsoidField) -> Look:
@@ -182,25 +204,25 @@ def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64
     return found
 
 
-def choose_for(samples: NDArray[Any]) -> Look:
-    """Return limits and opacities for samples, finite or NaN."""
+def choose_for(samples: NDArray[Any], *, decades: bool = False) -> Look:
+    """Return limits and opacities for samples, finite or NaN; `decades`: they are logarithms."""
     values = _samples(samples)
     # Differences of the largest numbers must not overflow; scaling by a power of two is exact.
     scale = 4.0 if values.size and float(np.abs(values).max()) > 1e307 else 1.0
-    look = _choose(values / scale)
+    look = _choose(values / scale, even=decades)
     pairs = tuple((value * scale, opacity) for value, opacity in look.opacity)
     return Look((look.clim[0] * scale, look.clim[1] * scale), pairs, look.surface * scale)
 
 
-def _choose(values: NDArray[np.float64]) -> Look:
+def _choose(values: NDArray[np.float64], *, even: bool) -> Look:
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
     if not low < high:
         # One value everywhere: show it, almost transparent.
         width = max(abs(low), 1.0) * 1e-3
         return Look((low - width, high + width), ((low - width, 0.05), (high + width, 0.05)), low)
     # Low values vary little and high ones much. Square roots make the variation similar, so that thin branches and
-    # faint shells are classified as objects, not as background.
-    start = low + _between_classes(np.sqrt(values - low)) ** 2
+    # faint shells are classified as objects, not as background; logarithms do that already.
+    start = low + (_between_classes(values - low) if even else _between_classes(np.sqrt(values - low)) ** 2)
     shown = values[values > start]
     top = float(np.percentile(shown, _TOP_PERCENTILE)) if shown.size else high
     if not start < top:

@@ -44,13 +44,18 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     mode = scene_options.get("mode", "composite")
     if mode == "isosurface":
         scene_options.setdefault("iso_value", automatic.choose(fields).surface)
-    function, spacing = _transfer_function(fields, mode, scene_options.get("iso_value"), options)
+    function, look = _transfer_function(fields, mode, scene_options.get("iso_value"), options)
+    spacing = look.slice_spacing if look is not None and mode == "composite" else None
     if mode == "isosurface" and any(isinstance(one, EllipsoidField) and one.size for one in fields):
         # The crossing is found between two slices by linear interpolation, which two slices in a kernel's thickness do
         # not allow. The reference length, and with it the meaning of opacities, stays.
         spacing = min(one.default_slice_spacing for one in fields if one.size) / 4
+        if look is not None and look.reference_length is not None:
+            spacing = min(spacing, look.reference_length)
     if spacing is not None and not spacing_is_free:
         scene_options.setdefault("slice_spacing", spacing)
+    if look is not None and look.reference_length is not None and mode in COLORED:
+        scene_options.setdefault("reference_length", look.reference_length)
     lit = options.get("shading") in (None, True) and mode in COLORED
     if mode not in COLORED:
         _set_scalar_colors(scene_options, options)
@@ -84,8 +89,8 @@ def _set_scalar_colors(scene_options: Any, options: Mapping[str, Any]) -> None:
 
 def _transfer_function(
     fields: Sequence[Field], mode: str, iso_value: Any, options: Mapping[str, Any]
-) -> tuple[TransferFunction, float | None]:
-    """Return a transfer function, and the distance of slices that was chosen together with it, or None."""
+) -> tuple[TransferFunction, automatic.Look | None]:
+    """Return a transfer function, and the automatic look that it was chosen by, or None."""
     given: TransferFunction | None = options.get("transfer_function")
     cmap, opacity, clim = (options.get(name) for name in ("cmap", "opacity", "clim"))
     if given is not None:
@@ -104,8 +109,7 @@ def _transfer_function(
     elif opacity is None:
         assert look is not None
         opacity = (0.0, look.top_opacity)
-    spacing = look.slice_spacing if look is not None and mode == "composite" else None
-    return TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacity, clim), spacing
+    return TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacity, clim), look
 
 
 def suggested_look(data: object, given: Mapping[str, object]) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,19 +12,9 @@ from numpy.typing import NDArray
 from sheetsplat._checks import triple
 from sheetsplat.camera import Camera
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.look.measure import Floats, Measure, measure_kernels, measure_volumes
 from sheetsplat.scene import Scene
 
-Floats = NDArray[np.float64]
-
-# Positions of each field at which its opacity is looked up.
-_MOST = 400_000
-_MOST_KERNELS = 40_000
-# Positions in each kernel of a field of few of them.
-_FEW = 20_000
-# How far from its centre a kernel is looked at, in its semi-axes: there its profile is still above a fiftieth.
-_INNER = 0.7
-# How far kernels are seen beyond that, in semi-axes: where many overlap their mean is still high.
-_RIM = 0.2
 # Cells of the coarse picture across, at least so many positions in a cell on average.
 _CELLS = 96
 _LEAST_CELLS = 12
@@ -37,18 +26,6 @@ _OUTLIERS = 0.002
 # What fills less of a coarse picture than this is looked at again, nearer.
 _SMALL = 0.5
 _LOOKS = 6
-
-
-@dataclass(frozen=True)
-class _Samples:
-    """Positions (N, 3), world units; of each its optical depth times the area of the picture that it covers.
-
-    `reach`: how far what they stand for reaches beyond them.
-    """
-
-    points: Floats
-    weights: Floats
-    reach: float = 0.0
 
 
 def camera_axes(camera: Camera) -> Floats:
@@ -67,13 +44,16 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
     """
     if scene.mode not in ("composite", "isosurface", "xray"):
         return None
-    found = list(_samples(scene))
-    if not found:
+    parts = []
+    for one, others in _measures(scene):
+        weights = _shown(one.values, scene, others) * one.volumes
+        kept = (weights > 0) & np.isfinite(weights) & _kept(scene, one.points)
+        if kept.any():
+            parts.append((one.points[kept], weights[kept], one.reach))
+    if not parts:
         return None
-    points = np.concatenate([one.points for one in found])
-    weights = np.concatenate([one.weights for one in found])
-    kept = _kept(scene, points) & (weights > 0) & np.isfinite(weights)
-    points, weights = points[kept], weights[kept]
+    points, weights = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
+    reach = max(part[2] for part in parts)
     if len(points) < 2:
         return None
     # Relative to the middle, so that volumes far from 0 keep their digits.
@@ -89,7 +69,7 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
             break
     first, last = _quantiles(places[seen, 2], weights[seen])
     seen &= (places[:, 2] >= first) & (places[:, 2] <= last)
-    return points[seen], max(one.reach for one in found)
+    return points[seen], reach
 
 
 def _quantiles(numbers: Floats, weights: Floats) -> tuple[float, float]:
@@ -133,17 +113,17 @@ def _kept(scene: Scene, points: Floats) -> NDArray[np.bool_]:
     return kept
 
 
-def _samples(scene: Scene) -> Iterator[_Samples]:
-    """Yield the positions of each field; fields on one lattice count as one, whose values are the sums."""
+def _measures(scene: Scene) -> Iterator[tuple[Measure, Sequence[Field]]]:
+    """Yield positions in each field, and all other fields; fields on one lattice count as one, the sum."""
     fields = [one for one in scene.fields if one.size]
     for field in fields:
         if isinstance(field, EllipsoidField):
-            yield _of_kernels(field, scene, [one for one in fields if one is not field])
+            yield measure_kernels(field), [one for one in fields if one is not field]
     volumes = [one for one in fields if isinstance(one, RegularField)]
     while volumes:
         alike = [one for one in volumes if _lattice(one) == _lattice(volumes[0])]
-        yield _of_volumes(alike, scene, [one for one in fields if one not in alike])
-        volumes = [one for one in volumes if one not in alike]
+        yield measure_volumes(alike), [one for one in fields if not any(one is other for other in alike)]
+        volumes = [one for one in volumes if not any(one is other for other in alike)]
 
 
 def _lattice(field: RegularField) -> tuple[Any, ...]:
@@ -168,64 +148,3 @@ def _depths(values: Floats, scene: Scene) -> Floats:
     opacity = scene.transfer_function.at(values)[..., 3]
     found: Floats = -np.log1p(-np.minimum(opacity, 1.0 - 1e-9)) / scene.reference_length
     return found
-
-
-def _of_volumes(fields: Sequence[RegularField], scene: Scene, others: Sequence[Field]) -> _Samples:
-    """Return every n-th sample along each axis, as many as are needed, of fields on one lattice."""
-    field, values = fields[0], fields[0].values
-    step = max(1, math.ceil((values.size / _MOST) ** (1 / 3)))
-    steps = [min(step, size) for size in values.shape]
-    if field.lattice == "bcc":
-        # Every second layer is shifted.
-        steps[0] |= 1
-    picked = values[:: steps[0], :: steps[1], :: steps[2]]
-    k, j, i = (np.arange(0, size, gap, dtype=np.float64) for size, gap in zip(values.shape, steps, strict=True))
-    known = picked.reshape(-1).astype(np.float64)
-    for one in fields[1:]:
-        known += one.values[:: steps[0], :: steps[1], :: steps[2]].reshape(-1)
-    depths = np.zeros(known.size)
-    there = ~np.isnan(known)
-    depths[there] = _shown(known[there], scene, others)
-    at = np.flatnonzero(depths)
-    a, b, c = np.unravel_index(at, picked.shape)
-    dx, dy, dz = field.spacing
-    x, y, z = i[c], j[b], k[a]
-    volume = dx * dy * dz
-    if field.lattice == "bcc":
-        shift = 0.5 * (z % 2)
-        x, y, z = x + shift, y + shift, 0.5 * z
-        dy = dz = dx
-        volume = 0.5 * dx**3
-    points = np.asarray(field.origin) + np.stack((x, y, z), axis=1) * (dx, dy, dz)
-    reach = 0.5 * max(gap * width for gap, width in zip(steps, (dz, dy, dx), strict=True))
-    return _Samples(points, depths[at] * (volume * math.prod(steps)), reach)
-
-
-def _of_kernels(field: EllipsoidField, scene: Scene, others: Sequence[Field]) -> _Samples:
-    """Return positions inside kernels."""
-    known = field.size - field.ghosts
-    picked = np.arange(0, known, max(1, math.ceil(known / _MOST_KERNELS)))
-    centers = field.centers[picked]
-    scales = field.scales[picked]
-    # Integrals of the profiles: that of exp(-k r^2) is (pi / k)^(3/2).
-    volumes = (scales**3 if scales.ndim == 1 else scales.prod(axis=1)) * (math.pi / field.falloff) ** 1.5
-    # Where many kernels overlap, each stands for its share of the volume.
-    crowd = np.maximum(1.0, field.weight_at(centers) / max(field.weight_range[1], 1e-300))
-    weights = _shown(field.at(centers), scene, others) * volumes / crowd * (known / len(picked))
-    shown = np.flatnonzero(weights > 0)
-    if not len(shown):
-        return _Samples(np.empty((0, 3)), np.empty(0))
-    copies = max(1, math.ceil(_FEW / len(shown)))
-    shapes = field.native.shapes(picked[shown].astype(np.int64))
-    points = [centers[shown] + np.einsum("nij,nj->ni", shapes, inner) for inner in _directions(copies, len(shown))]
-    longest = scales[shown] if scales.ndim == 1 else scales[shown].max(axis=1)
-    reach = _RIM * float(np.median(longest))
-    return _Samples(np.concatenate(points), np.tile(weights[shown] / copies, copies), reach)
-
-
-def _directions(copies: int, count: int) -> Iterator[Floats]:
-    """Yield `copies` times `count` positions in the inner part of the unit sphere, the same ones in every call."""
-    generator = np.random.default_rng(2006)
-    for _ in range(copies):
-        found = generator.normal(size=(count, 3))
-        yield found * (_INNER * generator.random(count) ** (1 / 3) / np.linalg.norm(found, axis=1))[:, np.newaxis]

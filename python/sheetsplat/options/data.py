@@ -129,14 +129,18 @@ class FileOptions(TypedDict, total=False):
         ),
     ]
     log: Annotated[
-        bool | float,
+        bool | float | None,
         Option(
             "Show log10(value / smallest value), in decades; or, where it is a number, log10(value / number), with "
             "smaller values raised to that number.",
-            default=False,
+            unset="False; in a picture by the histogram",
             accepts="bool or float",
             cli=(
-                CommandLine("--log/--no-log", help="Show log10(value / smallest value), in decades."),
+                CommandLine(
+                    "--log/--no-log",
+                    help="Show log10(value / smallest value), in decades.",
+                    default="by the histogram",
+                ),
                 CommandLine(
                     "--log-floor",
                     "log_floor",

@@ -1,0 +1,120 @@
+"""Values of many decades: whether the histogram asks for their logarithm, and the field of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.io.kernels import logarithm
+from sheetsplat.look.automatic import choose_for
+from sheetsplat.options.core import COLORED
+
+# Decades from the 1st to the 99.9th percentile of the kernels, or of the samples.
+_DECADES = 3.0
+_RANGE = (1.0, 99.9)
+# Volumes: and fewer samples than this share would be seen. Integers, as scanners give them, are never that wide.
+_LEAST_SEEN = 0.01
+# Smaller values are raised to this percentile, from which decades count.
+_FLOOR = 0.1
+# Largest share of values of exactly 0.
+_ZEROS = 0.5
+# Options whose numbers are values of the field as it is.
+_IN_VALUES = ("transfer_function", "clim", "iso_value", "gradient_opacity")
+
+
+def in_decades(fields: Sequence[Field], look: Mapping[str, Any], log: object) -> list[Field]:
+    """Return fields with the logarithms of their values where the histogram asks for them and nobody chose.
+
+    Parameters
+    ----------
+    fields
+        Of a picture. Logarithms of several fields would not add up; they stay as they are.
+    look
+        The options of the picture; where some of them are values of the field, the field stays as it is.
+    log
+        The option of this name: only None asks.
+    """
+    same = list(fields)
+    if log is not None or len(same) != 1 or look.get("mode", "composite") not in COLORED:
+        return same
+    pairs = look.get("opacity") is not None and np.ndim(look["opacity"]) == 2
+    if pairs or any(look.get(name) is not None for name in _IN_VALUES):
+        return same
+    floor = floor_of(same[0])
+    return same if floor is None else [logarithmic(same[0], floor)]
+
+
+def floor_of(field: Field) -> float | None:
+    """Return the value from which decades count, or None where values are shown as they are."""
+    if field.quantity.floor is not None or field.normalization == "none" and not _interpolates(field):
+        # Sums of logarithms mean nothing.
+        return None
+    if isinstance(field, EllipsoidField):
+        if field.ghosts:
+            return None
+        positive = _positive(field.values)
+        wide = positive is not None and _decades(positive) >= _DECADES
+    elif isinstance(field, RegularField) and field.values.dtype.kind == "f":
+        positive = _positive(field.values)
+        wide = positive is not None and _decades(positive) >= _DECADES and _shown(positive) < _LEAST_SEEN
+    else:
+        return None
+    if not wide or positive is None:
+        return None
+    found = float(np.percentile(positive, _FLOOR))
+    return found if found > 0 else None
+
+
+def _interpolates(field: Field) -> bool:
+    return isinstance(field, RegularField) and field.prefilter
+
+
+def _positive(values: NDArray[Any]) -> NDArray[np.float64] | None:
+    """Return the values above 0; None where there are values below 0, or many of exactly 0."""
+    flat = values.reshape(-1)
+    flat = flat[:: max(1, flat.size // 1_000_000) | 1].astype(np.float64)
+    known = flat[~np.isnan(flat)]
+    above = known[known > 0]
+    usable = known.size > 1 and known.min() >= 0 and above.size >= (1.0 - _ZEROS) * known.size
+    return above if usable else None
+
+
+def _decades(values: NDArray[np.float64]) -> float:
+    low, high = np.percentile(values, _RANGE)
+    return float(np.log10(high) - np.log10(low))
+
+
+def _shown(values: NDArray[np.float64]) -> float:
+    """Return the share of samples that an automatic look in the values themselves would show."""
+    return float((values > choose_for(values).surface).mean())
+
+
+def logarithmic(field: Field, floor: float) -> Field:
+    """Return a field of log10(value / floor), 0 for smaller values."""
+    shown: Field
+    values: Any
+    names: tuple[str, ...]
+    if isinstance(field, RegularField):
+        wide = np.float32 if field.values.dtype.itemsize <= 4 else np.float64
+        values = logarithm(field.values.astype(np.float64), field.quantity.name or "the samples", floor)
+        # NaN samples stay: their kernels are left out.
+        values = np.where(np.isnan(field.values), np.nan, values).astype(wide)
+        names = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
+        options = {name: getattr(field, name) for name in names}
+        if field.prefilter:
+            # Which that sets itself.
+            del options["normalization"]
+        shown = RegularField(values, **options)
+    else:
+        assert isinstance(field, EllipsoidField)
+        values = logarithm(field.values, field.quantity.name or "the values", floor)
+        names = ("weights", "normalization", "w0", "falloff", "min_scale", "cell_volume")
+        options = {name: getattr(field, name) for name in names}
+        shown = EllipsoidField(field.centers, field.scales, field.rotations, values, **options)
+    told = field.quantity
+    shown = shown.with_quantity(told.name, told.unit, told.length_unit, floor).with_orientation(field.orientation)
+    return shown.opened_with({**field.opened, "log": floor})

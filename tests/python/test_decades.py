@@ -1,0 +1,132 @@
+"""Values of many decades: when a picture shows their logarithm, how it says so, and who decides."""
+
+import logging
+
+import numpy as np
+import pytest
+from command_line import run
+
+import sheetsplat as ss
+from sheetsplat.look.compose import compose_scene
+from sheetsplat.look.decades import floor_of, in_decades
+
+SMALL = {"size": (32, 32), "backend": "cpu"}
+
+
+def galaxy(rng, count=3000):
+    """Return a disk of dense small kernels in a halo of thin large ones, seven decades apart."""
+    disk = rng.normal(size=(count, 3)) * (3, 3, 0.3)
+    halo = rng.normal(size=(count, 3)) * 100
+    values = np.concatenate([10 ** rng.uniform(6, 7, count), 10 ** rng.uniform(0, 2, count)])
+    return ss.EllipsoidField(np.concatenate([disk, halo]), np.repeat((0.8, 40.0), count), values=values)
+
+
+def lognormal(rng, sigma=5.0, size=24):
+    """Return a smooth volume whose logarithms are spread normally."""
+    spectrum = np.fft.rfftn(rng.normal(size=(size, size, size)))
+    waves = np.meshgrid(np.fft.fftfreq(size), np.fft.fftfreq(size), np.fft.rfftfreq(size), indexing="ij")
+    smooth = np.fft.irfftn(spectrum * np.exp(-40 * sum(wave**2 for wave in waves)))
+    return np.exp(sigma * smooth / smooth.std()).astype(np.float32)
+
+
+def test_densities_of_many_decades_are_shown_as_logarithms(rng, caplog):
+    field = galaxy(rng)
+    caplog.set_level(logging.INFO, "sheetsplat")
+    image = ss.render(field.with_quantity("density", "kg"), **SMALL)
+    floor = image.recipe.fields[0].quantity.floor
+    assert floor == pytest.approx(1.0, rel=0.5)
+    note = f"log10(density / {floor:g}) is shown"
+    assert image.plan.notes == (note,) and note in str(image.plan) and note in caplog.text
+    assert image.plan.to_dict()["notes"] == [note]
+    # Colours are over the disk, which fills the picture.
+    low, high = image.clim
+    assert 2 < low < 6.5 and 6.5 < high <= 7.5
+    alpha = image.rgba[..., 3] > 0.1
+    assert alpha.mean() > 0.03 and image.camera.height < 60
+    # As when the logarithm is asked for.
+    asked = in_decades([field], {}, None)[0]
+    assert np.allclose(asked.values, np.log10(np.maximum(field.values / floor, 1)))
+    assert asked.opened["log"] == floor
+
+
+def test_volumes_of_many_decades(rng):
+    values = lognormal(rng, sigma=8.0)
+    assert floor_of(ss.RegularField(values)) == pytest.approx(np.percentile(values, 0.1), rel=0.01)
+    shown = in_decades([ss.RegularField(values, spacing=(1, 2, 3), radius=2.5, falloff=7, prefilter=True)], {}, None)[0]
+    assert shown.prefilter and shown.spacing == (1, 2, 3) and shown.values.dtype == np.float32
+    assert shown.values.max() == pytest.approx(np.log10(values.max() / shown.quantity.floor), rel=1e-5)
+    skipped = np.where(values > np.percentile(values, 98), np.nan, values)
+    kept = in_decades([ss.RegularField(skipped, nan="skip")], {}, None)[0]
+    assert np.array_equal(np.isnan(kept.values), np.isnan(skipped))
+
+
+@pytest.mark.parametrize("kind", ["narrow", "outliers", "integers", "negative", "zeros", "sums", "constant", "empty"])
+def test_what_is_not_spread_over_decades_stays(rng, kind):
+    values = lognormal(rng)
+    if kind == "narrow":
+        values = lognormal(rng, sigma=0.5)
+    elif kind == "outliers":
+        values = lognormal(rng, sigma=0.5)
+        values[3, 4, 5] = 1e9
+    elif kind == "integers":
+        values = np.minimum(values, 60000).astype(np.uint16)
+    elif kind == "negative":
+        values = values - 1
+    elif kind == "zeros":
+        values = np.where(rng.random(values.shape) < 0.6, 0, values)
+    elif kind == "constant":
+        values = np.full((4, 4, 4), 3.0)
+    elif kind == "empty":
+        values = np.full((4, 4, 4), np.nan)
+    more = {"normalization": "none"} if kind == "sums" else {"nan": "skip"}
+    field = ss.RegularField(values, **more)
+    assert in_decades([field], {}, None) == [field]
+
+
+def test_what_was_given_wins(rng):
+    field = galaxy(rng)
+    function = ss.TransferFunction([(1e5, 0, 0, 0, 0), (1e7, 1, 1, 1, 0.5)])
+    for look in (
+        {"clim": (1e5, 1e7)},
+        {"transfer_function": function},
+        {"mode": "isosurface", "iso_value": 1e6},
+        {"opacity": [(1e5, 0), (1e7, 0.5)]},
+        {"mode": "mip"},
+    ):
+        assert in_decades([field], look, None) == [field]
+    assert in_decades([field], {}, False) == [field] and in_decades([field, field], {}, None) == [field, field]
+    assert in_decades([field], {"opacity": 0.5}, None) != [field]
+
+
+def test_no_logarithm_on_request(rng, tmp_path):
+    field = galaxy(rng, 500)
+    path = tmp_path / "g.npz"
+    ss.io.save_npz(field, path)
+    assert ss.render(path, **SMALL).plan.notes
+    with pytest.warns(ss.PictureWarning, match="log"):
+        assert not ss.render(path, log=False, **SMALL).plan.notes
+    assert np.array_equal(ss.open(path).values, field.values)
+    assert ss.render(path, log=10.0, **SMALL).recipe.fields[0].quantity.floor == 10.0
+
+
+def test_the_command_says_so(rng, tmp_path):
+    path = tmp_path / "g.npz"
+    ss.io.save_npz(galaxy(rng, 300), path)
+    options = ("render", path, "--size", "24", "--backend", "cpu", "-o")
+    assert "log10(values / " in run(*options, tmp_path / "a.png").stderr
+    assert "log10" not in run(*options, tmp_path / "b.png", "--no-log").stderr.replace("log=", "")
+    # A picture says how it was made, and is made again alike.
+    run("render", tmp_path / "a.png", path, "-o", tmp_path / "c.png")
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "c.png").read_bytes()
+
+
+@pytest.mark.data
+def test_the_galaxy_shows_its_disk(data_dir):
+    path = data_dir / "sph_gas_nchilada12M.h5"
+    if not path.exists():
+        pytest.skip(f"{path} is not there")
+    field = in_decades([ss.open(path)], {}, None)[0]
+    scene = compose_scene([field])
+    camera = ss.render(scene, size=(48, 48), backend="cpu").camera
+    # The disk has a radius of about 10, the box of 1,900.
+    assert scene.transfer_function.v_min > 4 and camera.height < 80

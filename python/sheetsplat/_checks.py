@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -171,8 +171,10 @@ def color(what: str, value: object) -> Triple:
 
 
 def image_size(value: object) -> tuple[int, int]:
-    """Return (width, height) in pixels, or InvalidInput."""
-    wanted = "two whole numbers of pixels, (width, height), each from 1 to 2147483647"
+    """Return (width, height) in pixels, both equal where one number is given, or InvalidInput."""
+    wanted = "one or two whole numbers of pixels, (width, height), each from 1 to 2147483647"
+    if isinstance(value, int | np.integer) and not isinstance(value, bool | np.bool_):
+        value = (value, value)
     try:
         parts = list(itertools.islice(value, 3))  # type: ignore[call-overload]
         if any(isinstance(part, bool | np.bool_) for part in parts):
@@ -199,10 +201,18 @@ def share(what: str, value: object) -> float:
     return result
 
 
+def nearest_names(value: object, names: Iterable[str]) -> str:
+    """Return the advice "did you mean …?" for a name that is nearly one of `names`, else ""."""
+    import difflib
+
+    near = difflib.get_close_matches(value.lower(), list(names)) if isinstance(value, str) else []
+    return f"did you mean {' or '.join(near)}?" if near else ""
+
+
 def choice(what: str, value: object, names: Sequence[str]) -> str:
     """Return one of `names`, or InvalidInput."""
     if not isinstance(value, str) or value not in names:
-        raise complain(unusable(what), shown(value), "one of: " + ", ".join(names))
+        raise complain(unusable(what), shown(value), "one of: " + ", ".join(names), nearest_names(value, names))
     return value
 
 

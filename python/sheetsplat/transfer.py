@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import STRONGEST, color, number, shown, strength
+from sheetsplat._checks import STRONGEST, choice, color, nearest_names, number, shown, strength
 from sheetsplat.errors import complain, unusable
+from sheetsplat.opacity_words import PRESETS, opacities_of
 
 Floats = NDArray[np.float64]
 # A name of the cmap package, names of colours, a table (N, 3 or 4), or a function of numbers in [0, 1] that gives such
 # rows.
 Colormap = str | Sequence[str] | ArrayLike | Callable[[Floats], ArrayLike]
-# One opacity, opacities spread evenly over clim, or pairs (value, opacity).
-Opacity = float | Sequence[float] | Sequence[tuple[float, float]] | NDArray[Any]
+# A word, one opacity, opacities spread evenly over clim, or pairs (value, opacity).
+Opacity = str | float | Sequence[float] | Sequence[tuple[float, float]] | NDArray[Any]
 
 # Number of samples of a named colormap or of a function; tables of 8 bits have as many entries.
 _COLORS = 256
@@ -49,7 +50,7 @@ def color_rows(cmap: Colormap) -> Floats:
                 unusable("cmap"),
                 f"{cmap!r} ({reason})",
                 "a name of the cmap package",
-                'try "viridis" or "gray"',
+                nearest_names(cmap, cmap_package.Catalog().unique_keys()) or 'try "viridis" or "gray"',
             ) from None
     elif callable(cmap):
         rows = _table(cmap(np.linspace(0.0, 1.0, _COLORS)), "the colormap's result", wanted)
@@ -82,6 +83,8 @@ def color_limits(clim: Sequence[float], *, positive: bool = False) -> tuple[floa
 def _opacities(opacity: Opacity, low: float, high: float) -> Floats:
     """Return rows value, opacity; values may repeat (a step) but never fall."""
     wanted = "a number in [0, 1], a sequence of them (spread evenly over clim), or pairs (value, opacity)"
+    if isinstance(opacity, str):
+        return opacities_of(opacity, low, high)
     table = _table(opacity, "opacity", wanted)
     if table.ndim == 0:
         table = np.array([[low, float(table)], [high, float(table)]])
@@ -161,7 +164,8 @@ class TransferFunction:
             [0, 1] (or uint8), or a function that gives such rows for an array of numbers in [0, 1]. A fourth column
             multiplies the opacity.
         opacity
-            Per reference length: one number, a sequence spread evenly over `clim`, or pairs (value, opacity).
+            Per reference length: one number, a sequence spread evenly over `clim`, pairs (value, opacity), or a word:
+            linear, geom, sigmoid, sigmoid_3 … sigmoid_20, each also with _r (falling), foreground, isolayers:N.
         clim
             The two values at which the colormap begins and ends.
 
@@ -183,6 +187,19 @@ class TransferFunction:
         both = np.concatenate([left[:, None], right[:, None]], axis=1)
         keep = np.column_stack([steps, np.ones(len(values), bool)])
         return cls(both[keep])
+
+    @classmethod
+    def preset(cls, name: str) -> TransferFunction:
+        """Return a transfer function for CT in Hounsfield units: "ct_bone", "ct_muscle" or "ct_lung".
+
+        Its opacities suit a reference length of about a millimetre.
+
+        Raises
+        ------
+        InvalidInput
+            For other names.
+        """
+        return cls(PRESETS[choice("transfer_function", name, tuple(PRESETS))])
 
     @property
     def points(self) -> Floats:

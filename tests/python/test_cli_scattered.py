@@ -52,6 +52,8 @@ def test_render_gives_what_python_gives(tmp_path, table):
     np.testing.assert_array_equal(picture(tmp_path, path), wanted)
     np.testing.assert_array_equal(ss.render(path, size=(12, 12), backend="reference").pixels, wanted)
     decades = ss.EllipsoidField(rows[:, :3], rows[:, 4], None, np.log10(rows[:, 3] / rows[:, 3].min()))
+    # The look knows that they are decades.
+    decades = decades.with_quantity(floor=rows[:, 3].min())
     logarithmic = ss.render(decades, size=(12, 12), backend="reference").pixels
     np.testing.assert_allclose(picture(tmp_path, path, "--log"), logarithmic, atol=1e-6)
     assert np.abs(logarithmic - wanted).max() > 0.05

@@ -68,7 +68,7 @@ def _look(options: dict[str, Any]) -> dict[str, Any]:
             planes=[(plane[:3], plane[3]) for plane in options["clip_planes"]],
             box=None if box is None else (box[:3], box[3:]),
         )
-    if options["ambient_occlusion"] is not None:
+    if isinstance(options["ambient_occlusion"], tuple):
         look["ambient_occlusion"] = AmbientOcclusion(*options["ambient_occlusion"])
     cue, color = look.pop("depth_cue"), options["depth_cue_color"]
     if color is not None and cue is None:

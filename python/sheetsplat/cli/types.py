@@ -15,6 +15,7 @@ import numpy as np
 
 from sheetsplat._checks import color
 from sheetsplat.errors import InvalidInput
+from sheetsplat.opacity_words import opacities_of
 from sheetsplat.options import values
 from sheetsplat.options.values import Special
 
@@ -129,7 +130,10 @@ def _direction(text: str) -> tuple[float, ...]:
 
 
 def _opacity(text: str) -> Any:
-    """Return what TransferFunction.from_colormap takes: one number, several spread over clim, or pairs."""
+    """Return what TransferFunction.from_colormap takes: a word, one number, several spread over clim, or pairs."""
+    if text.strip()[:1].isalpha() and text.strip().lower() not in ("nan", "inf"):
+        opacities_of(text.strip(), 0.0, 1.0)
+        return text.strip()
     if ":" in text:
         pairs = [part.split(":") for part in text.split(",")]
         points = [(_finite(at), _share(opacity)) for at, opacity in pairs]
@@ -180,8 +184,10 @@ def _depth_cue(text: str) -> Any:
     return start, end, strength
 
 
-def _occlusion(text: str) -> tuple[float, float]:
-    """Return radius and strength."""
+def _occlusion(text: str) -> Any:
+    """Return True for "auto", else radius and strength."""
+    if text.strip().lower() == "auto":
+        return True
     numbers = [_finite(part) for part in text.split(",")]
     radius, strength = numbers if len(numbers) == 2 else (*numbers, 1.0)
     if not (radius > 0.0 and 0.0 <= strength <= 1.0):
@@ -219,8 +225,14 @@ _SPECIAL: dict[Special, ParamType] = {
     ),
     Special.DIRECTION: Parsed("X,Y,Z", _VECTOR.wanted, _direction),
     Special.INPUT_FILE: click.Path(path_type=Path),
-    Special.OCCLUSION: Parsed("RADIUS[,STRENGTH]", "5, or 5,0.7: a radius above 0, strength 0 to 1", _occlusion),
-    Special.OPACITY: Parsed("A | A,A,… | V:A,V:A,…", "0.5, or 0,0.1,0.9, or 40:0,90:0.1,200:0.9", _opacity),
+    Special.OCCLUSION: Parsed(
+        "auto | RADIUS[,STRENGTH]", "auto, or 5, or 5,0.7: a radius above 0, strength 0 to 1", _occlusion
+    ),
+    Special.OPACITY: Parsed(
+        "A | A,A,… | V:A,V:A,… | WORD",
+        "0.5, or 0,0.1,0.9, or 40:0,90:0.1,200:0.9, or sigmoid_5, isolayers:4 …",
+        _opacity,
+    ),
     Special.SURFACES: Parsed("V | V:A,V:A,…", "80, or 80:0.3,120:1: values with opacities from 0 to 1", _surfaces),
     Special.TEXT: click.STRING,
 }

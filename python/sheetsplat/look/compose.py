@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Unpack
 
+from sheetsplat.effects import AmbientOcclusion
 from sheetsplat.errors import complain, option_ref, option_refs
-from sheetsplat.fields import EllipsoidField, Field
+from sheetsplat.fields import EllipsoidField, Field, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
 from sheetsplat.look.surface import surface_limits
@@ -19,6 +21,8 @@ from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
+# Radius of ambient occlusion, of the diagonal of the data.
+_SURROUNDINGS = 0.04
 # One light over the viewer's left shoulder; with the specular share it shows the shape of smooth surfaces.
 HEAD_LIGHT = Light(direction=(-0.3, 0.4, 1.0))
 SHINY = Material(ambient=0.3, diffuse=0.85, specular=0.3, shininess=24.0, two_sided=True)
@@ -61,10 +65,21 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         _set_scalar_colors(scene_options, options)
     scene_options.setdefault("lights", (HEAD_LIGHT,) if lit else ())
     scene_options.setdefault("material", SHINY)
+    if isinstance(options.get("ambient_occlusion"), bool):
+        scene_options.pop("ambient_occlusion", None)
+        if options["ambient_occlusion"]:
+            scene_options["ambient_occlusion"] = AmbientOcclusion(_surroundings(fields))
     scene = Scene(list(fields), function, **scene_options)
     if scene.options["shadows"] and not scene.lights:
         warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene
+
+
+def _surroundings(fields: Sequence[Field]) -> float:
+    """Return a radius for ambient occlusion: a share of the diagonal of the box around the centres."""
+    boxes = [one.centre_bounds for one in fields if one.size]
+    low, high = joined_bounds(boxes) if boxes else ((0.0,) * 3, (0.0,) * 3)
+    return _SURROUNDINGS * math.dist(low, high) or 1.0
 
 
 def _refuse_both(whole: str, parts: Sequence[str], options: Mapping[str, Any]) -> None:
@@ -91,12 +106,12 @@ def _transfer_function(
     fields: Sequence[Field], mode: str, iso_value: Any, options: Mapping[str, Any]
 ) -> tuple[TransferFunction, automatic.Look | None]:
     """Return a transfer function, and the automatic look that it was chosen by, or None."""
-    given: TransferFunction | None = options.get("transfer_function")
+    given: TransferFunction | str | None = options.get("transfer_function")
     cmap, opacity, clim = (options.get(name) for name in ("cmap", "opacity", "clim"))
     if given is not None:
         if mode in COLORED:
             _refuse_both("transfer_function", ("cmap", "opacity", "clim"), options)
-        return given, None
+        return TransferFunction.preset(given) if isinstance(given, str) else given, None
     if mode not in COLORED:
         return _COLORLESS, None
     if mode == "isosurface" and clim is None:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.fields import EllipsoidField, Field, RegularField
-from sheetsplat.io.kernels import logarithm
 from sheetsplat.look.automatic import choose_for
 from sheetsplat.options.core import COLORED
 
@@ -95,6 +94,9 @@ def _shown(values: NDArray[np.float64]) -> float:
 
 def logarithmic(field: Field, floor: float) -> Field:
     """Return a field of log10(value / floor), 0 for smaller values."""
+    # Readers are not needed before.
+    from sheetsplat.io.kernels import logarithm
+
     shown: Field
     values: Any
     names: tuple[str, ...]

@@ -11,6 +11,7 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 
+from sheetsplat._checks import nearest_names
 from sheetsplat.errors import Error, InvalidInput, complain
 from sheetsplat.options.values import Value
 
@@ -166,10 +167,7 @@ def check_names(function: str, options: Iterable[str], group: type, others: Iter
     known = [*definitions(group), *others]
     for name in options:
         if name not in known:
-            import difflib
-
-            near = difflib.get_close_matches(name, known)
-            advice = f"did you mean {' or '.join(near)}?" if near else f"help(sheetsplat.{function}) lists the options"
+            advice = nearest_names(name, known) or f"help(sheetsplat.{function}) lists the options"
             raise complain(
                 f"{function}: there is no option of this name", name, "", advice, option=name, kind=UnknownOption
             )

@@ -33,9 +33,10 @@ class TransferOptions(TypedDict, total=False):
     opacity: Annotated[
         Opacity | None,
         Option(
-            "Opacity per reference length: one number, several spread evenly over {clim}, or pairs (value, opacity).",
+            "Opacity per reference length: one number, several spread evenly over {clim}, pairs (value, opacity), or a "
+            "word: linear, geom, sigmoid, sigmoid_3 … sigmoid_20, each also falling with _r; foreground; isolayers:N.",
             unset="by the histogram",
-            accepts="float, sequence of float, or pairs",
+            accepts="float, sequence of float, pairs, or str",
             modes=COMPOSITE,
             value=Special.OPACITY,
         ),
@@ -60,7 +61,13 @@ class TransferOptions(TypedDict, total=False):
         ),
     ]
     transfer_function: Annotated[
-        TransferFunction | None, Option("Replaces {cmap}, {opacity} and {clim}.", modes=COLORED, cli=())
+        TransferFunction | str | None,
+        Option(
+            "Replaces {cmap}, {opacity} and {clim}; ct_bone, ct_muscle and ct_lung are for CT in Hounsfield units.",
+            accepts="TransferFunction or str",
+            modes=COLORED,
+            value=Special.TEXT,
+        ),
     ]
     shading: Annotated[
         bool,

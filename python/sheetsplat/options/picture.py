@@ -21,11 +21,11 @@ class PictureOptions(TypedDict, total=False):
     """The picture itself."""
 
     size: Annotated[
-        tuple[int, int],
+        tuple[int, int] | int,
         Option(
-            "Width and height in pixels.",
+            "Width and height in pixels; one number: square.",
             default=(400, 400),
-            accepts="two int",
+            accepts="two int, or one",
             cli=(
                 CommandLine(
                     value=Numbers("WxH", 2, whole=True, square=True),

@@ -295,9 +295,11 @@ class EffectOptions(TypedDict, total=False):
         bool, Option("Lights cast shadows.", default=False, modes=COLORED, effect="shadows", check=truth, switch=True)
     ]
     ambient_occlusion: Annotated[
-        AmbientOcclusion | None,
+        AmbientOcclusion | bool | None,
         Option(
-            "Dim ambient light where the surroundings, up to a radius in world units, are dense.",
+            "Dim ambient light where the surroundings, up to a radius in world units, are dense; True, in `render` "
+            "alone: a radius of 4 % of the data's diagonal.",
+            accepts="AmbientOcclusion or bool",
             modes=COLORED,
             effect="ambient_occlusion",
             check=optional(instance_of(AmbientOcclusion)),

@@ -212,7 +212,7 @@ class Scene:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is shown, where that is not the data as they are."""
-        return notes_of(one.quantity for one in self._fields)
+        return notes_of(one.quantity for one in self.fields)
 
     @property
     def slice_spacing(self) -> float:

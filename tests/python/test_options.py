@@ -115,7 +115,7 @@ def test_defaults_are_those_of_cpp(header, start, taker, others):
 def test_spellings():
     assert flag_of("iso_value") == "--iso" and flag_of("fov_y") == "--fov" and flag_of("clip_planes") == "--clip-plane"
     assert flag_of("max_error") == "--max-error" and flag_of("depth") == "--depth"
-    assert "transfer_function" not in spellings() and "camera" not in spellings()
+    assert "scalar_colors" not in spellings() and "camera" not in spellings()
 
 
 def test_modes_and_their_options():

@@ -34,14 +34,14 @@ class Measure:
         (N, 3), world units.
     values, volumes
         (N,); volumes in world units.
-    reach
-        How far what the positions stand for reaches beyond them, world units.
+    reaches
+        (N,), how far what the positions stand for reaches beyond them, world units.
     """
 
     points: Floats
     values: Floats
     volumes: Floats
-    reach: float
+    reaches: Floats
 
 
 def measure_volumes(fields: Sequence[RegularField]) -> Measure:
@@ -68,7 +68,7 @@ def measure_volumes(fields: Sequence[RegularField]) -> Measure:
     points = np.asarray(field.origin) + np.stack((x, y, z), axis=1) * (dx, dy, dz)
     volume = dx * dy * dz * math.prod(steps) * (0.5 if field.lattice == "bcc" else 1.0)
     reach = 0.5 * max(gap * width for gap, width in zip(steps, (dz, dy, dx), strict=True))
-    return Measure(points, known[at], np.full(len(at), volume), reach)
+    return Measure(points, known[at], np.full(len(at), volume), np.full(len(at), reach))
 
 
 def measure_kernels(field: EllipsoidField) -> Measure:
@@ -91,7 +91,7 @@ def measure_kernels(field: EllipsoidField) -> Measure:
         np.concatenate(points),
         np.tile(field.at(centers), copies),
         np.tile(volumes / copies, copies),
-        _RIM * float(np.median(longest)) if len(picked) else 0.0,
+        np.tile(_RIM * longest, copies),
     )
 
 

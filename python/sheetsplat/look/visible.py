@@ -14,6 +14,7 @@ from sheetsplat.camera import Camera
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.look.measure import Floats, Measure, measure_kernels, measure_volumes
 from sheetsplat.scene import Scene
+from sheetsplat.transfer import TransferFunction
 
 # Cells of the coarse picture across, at least so many positions in a cell on average.
 _CELLS = 96
@@ -45,11 +46,11 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
     if scene.mode not in ("composite", "isosurface", "xray"):
         return None
     parts = []
-    for one, others in _measures(scene):
-        weights = _shown(one.values, scene, others) * one.volumes
+    for one, others, function in _measures(scene):
+        weights = _shown(one.values, scene, others, function) * one.volumes
         kept = (weights > 0) & np.isfinite(weights) & _kept(scene, one.points)
         if kept.any():
-            parts.append((one.points[kept], weights[kept], one.reach))
+            parts.append((one.points[kept], weights[kept], float(np.median(one.reaches[kept]))))
     if not parts:
         return None
     points, weights = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
@@ -113,38 +114,44 @@ def _kept(scene: Scene, points: Floats) -> NDArray[np.bool_]:
     return kept
 
 
-def _measures(scene: Scene) -> Iterator[tuple[Measure, Sequence[Field]]]:
-    """Yield positions in each field, and all other fields; fields on one lattice count as one, the sum."""
-    fields = [one for one in scene.fields if one.size]
-    for field in fields:
-        if isinstance(field, EllipsoidField):
-            yield measure_kernels(field), [one for one in fields if one is not field]
-    volumes = [one for one in fields if isinstance(one, RegularField)]
-    while volumes:
-        alike = [one for one in volumes if _lattice(one) == _lattice(volumes[0])]
-        yield measure_volumes(alike), [one for one in fields if not any(one is other for other in alike)]
-        volumes = [one for one in volumes if not any(one is other for other in alike)]
+def _measures(scene: Scene) -> Iterator[tuple[Measure, Sequence[Field], TransferFunction]]:
+    """Yield positions in each field, the other fields of its group, and the group's transfer function.
+
+    Fields of a group on one lattice count as one, the sum.
+    """
+    for group, function in zip(scene.groups, scene.transfer_functions, strict=True):
+        fields = [one for one in group if one.size]
+        for field in fields:
+            if isinstance(field, EllipsoidField):
+                yield measure_kernels(field), [one for one in fields if one is not field], function
+        volumes = [one for one in fields if isinstance(one, RegularField)]
+        while volumes:
+            alike = [one for one in volumes if _lattice(one) == _lattice(volumes[0])]
+            others = [one for one in fields if not any(one is other for other in alike)]
+            yield measure_volumes(alike), others, function
+            volumes = [one for one in volumes if not any(one is other for other in alike)]
 
 
 def _lattice(field: RegularField) -> tuple[Any, ...]:
     return field.shape, field.spacing, field.origin, field.lattice
 
 
-def _shown(values: Floats, scene: Scene, others: Sequence[Field]) -> Floats:
+def _shown(values: Floats, scene: Scene, others: Sequence[Field], function: TransferFunction) -> Floats:
     """Return optical depths of values; where other fields may be added, the largest of without, lowest and highest."""
     ranges = [one.value_range for one in others]
     shifts = {0.0, sum(min(low, 0.0) for low, _ in ranges), sum(max(high, 0.0) for _, high in ranges)}
-    found: Floats = np.max([_depths(values + shift, scene) for shift in shifts], axis=0)
+    found: Floats = np.max([_depths(values + shift, scene, function) for shift in shifts], axis=0)
     return found
 
 
-def _depths(values: Floats, scene: Scene) -> Floats:
+def _depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
     """Return optical depths per world unit, or what stands for them in other modes."""
     if scene.mode == "xray":
         return np.abs(values)
     if scene.mode == "isosurface":
         # A wall of any thickness hides what is behind it.
-        return np.where(values >= (scene.iso_value or 0.0), 1e3 / scene.reference_length, 0.0)
-    opacity = scene.transfer_function.at(values)[..., 3]
+        lowest = min((value for value, opacity in scene.surfaces if opacity > 0), default=math.inf)
+        return np.where(values >= lowest, 1e3 / scene.reference_length, 0.0)
+    opacity = function.at(values)[..., 3]
     found: Floats = -np.log1p(-np.minimum(opacity, 1.0 - 1e-9)) / scene.reference_length
     return found

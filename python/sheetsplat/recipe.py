@@ -168,11 +168,6 @@ class Recipe:
         """What is shown, where that is not the data as they are."""
         return notes_of(one.quantity for one in self.fields)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What is shown, where that is not the data as they are."""
-        return notes_of(one.quantity for one in self.fields)
-
     def scene(self, fields: Sequence[Field]) -> Scene:
         """Return the scene of as many fields as the picture had."""
         if len(fields) != len(self.fields):

@@ -138,8 +138,8 @@ std::shared_ptr<EllipsoidField> make_ellipsoids(const py::array& centers, const 
     options.falloff = falloff;
     options.min_scale = min_scale;
     options.cell_volume = cell_volume;
-    options.unit_rotations = unit_rotations;
     EllipsoidArrays arrays;
+    arrays.unit_rotations = unit_rotations;
     arrays.centers = to_vectors(centers, "centers");
     if (scales.ndim() == 1) {
         arrays.radii = to_numbers(scales, "scales");

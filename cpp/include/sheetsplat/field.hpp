@@ -191,6 +191,7 @@ struct EllipsoidArrays {
     std::vector<glm::dquat> rotations; ///< N unit quaternions, own axes -> world axes; empty: none is turned
     std::vector<double> values;        ///< f
     std::vector<double> weights;       ///< m >= 0; empty: 1
+    bool unit_rotations = false;       ///< the rotations are those of another field, and are kept to the bit
 };
 
 struct EllipsoidFieldOptions {
@@ -199,8 +200,6 @@ struct EllipsoidFieldOptions {
     double falloff = 8.0;
     std::optional<double> min_scale{};   ///< world units; shorter semi-axes are raised to it
     std::optional<double> cell_volume{}; ///< V of normalisation lattice: the volume that one kernel stands for
-    /// The rotations come from another field: they are unit quaternions and are kept to the bit.
-    bool unit_rotations = false;
 };
 
 /// Ellipsoidal Gaussians of any place, size and direction ([NM06]). Immutable; may have no kernels at all.

@@ -193,7 +193,7 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
             scale[axis] = checked_scale(scale[axis], i, options.min_scale);
         }
     }
-    check_rotations(arrays_.rotations, options.unit_rotations);
+    check_rotations(arrays_.rotations, arrays_.unit_rotations);
     value_range_ = check_values(arrays_.values);
     weight_range_ = check_weights(arrays_.weights);
     check_masses(arrays_.values, arrays_.weights);

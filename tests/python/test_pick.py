@@ -208,7 +208,10 @@ def test_groups_are_picked_by_what_is_most_opaque():
         scene = ss.Scene([far, near], functions, slice_spacing=0.1)
         image = ss.Renderer("reference").render(scene, ss.Camera.fit(scene, "-z"), (31, 31), outputs=("depth",))
         found = image.pick(15, 15)
-        assert found.field == field and found.depth == pytest.approx(float(image.depth[15, 15]), abs=1e-4)
+        assert found.field == field
+        depth = float(image.depth[15, 15])
+        # Where opacity stays below one half, `pick` shows the most opaque slice.
+        assert found.depth == pytest.approx(depth, abs=1e-4) if np.isfinite(depth) else found.opacity < 0.5
         assert found.value == pytest.approx(scene.fields[field].at([found.position])[0])
 
 

@@ -46,7 +46,7 @@ class Field:
 
     __slots__ = ("_falloff", "native", "_normalization", "_opened", "_orientation", "_quantity", "_w0")
     _falloff: float
-    native: _sheetsplat.Field
+    native: _sheetsplat.RegularField | _sheetsplat.EllipsoidField
     _normalization: str
     _opened: Mapping[str, Any]
     _orientation: Orientation | None

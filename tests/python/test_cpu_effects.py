@@ -186,7 +186,6 @@ SHADOWED = [
     Case("ellipsoids", "threshold", "perspective", opaque=True),
     Case("uneven", "threshold", "perspective").with_(sampling="slab"),
     Case("ellipsoids", "threshold").with_(preintegration=True),
-    Case("cartesian").with_(mode="isosurface", iso_value=0.4),
     Case("ellipsoids", "threshold", opaque=True).with_(clip=ss.Clip(TILTED)),
 ]
 

@@ -41,7 +41,7 @@ std::vector<Kind> kinds() {
         {"spheres", {cloud(60, 0.17, 1.0)}, false, false, 0.05},
         {"1:5", {cloud(60, 0.17, 5.0)}, false, false, 0.05},
         {"1:1000", {cloud(60, 0.12, 1000.0, 5, thin)}, true, false, 0.05, 0.2},
-        {"ewa", {cloud(60, 0.06, 5.0)}, false, true, 0.08, 0.1},
+        {"ewa", {cloud(60, 0.12, 5.0)}, false, true, 0.08, 0.1},
         {"several", {ball(7, small), cloud(30, 0.15, 1.0), cloud(30, 0.15, 3.0, 8, thin)}, false, false, 0.06},
     };
 }

@@ -215,7 +215,7 @@ TEST(EllipsoidView, FilterLeavesHugeKernelsAndKeepsTheMassOfTinyOnes) {
         EXPECT_NEAR(kernel.half_depth / bare.half_depth, 1.0, 1e-12);
         EXPECT_LE(largest_entry(conic(kernel) - conic(bare)), 1e-11 * largest_entry(conic(bare)));
     }
-    EXPECT_NEAR(view.kernel(6).amplitude * 0.04 * 0.04 * 0.1 / 1e-297, 1.0, 1e-9);
+    EXPECT_NEAR(view.kernel(6).amplitude * 0.08 * 0.08 * 0.2 / 1e-297, 1.0, 1e-9);
     EXPECT_NEAR(view.kernel(7).amplitude, 1.0, 1e-12);
 }
 

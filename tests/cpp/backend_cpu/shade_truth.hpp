@@ -280,8 +280,9 @@ class Truth {
         p.alpha += share;
         if (c_.plan.depth && old < 0.5 && p.alpha >= 0.5) {
             // Of an interval its middle, but nothing in front of the first slice (section 7).
-            p.depth = c_.plan.preintegration ? std::max(depth(0) + 0.5 * c_.frame.slice_spacing, c_.frame.depth_of(c_.frame.first_met))
-                                             : depth(0);
+            p.depth = c_.plan.preintegration
+                          ? std::max(depth(0) + 0.5 * c_.frame.slice_spacing, c_.frame.depth_of(c_.frame.first_met))
+                          : depth(0);
         }
     }
 

@@ -509,10 +509,7 @@ def test_harsh_scenes_are_right_or_refused(backend: str) -> None:
     assert drawn > HARSH[backend] / 2
 
 
-class SeenEnough(Exception):
-    """Ends the search for scenes."""
-
-
+@pytest.mark.slow
 def test_a_scene_that_is_a_little_wrong_is_seen() -> None:
     """Negative control: a scene that shows anything and whose opacities are off by a hundredth fails."""
     seen, missed = 0, 0
@@ -523,7 +520,7 @@ def test_a_scene_that_is_a_little_wrong_is_seen() -> None:
     def any_scene(made: Parts) -> None:
         nonlocal seen, missed
         if seen == 5:
-            raise SeenEnough
+            return
         made["scene"] |= {"mode": "composite", "opacity_stop": 1.0}
         made["scene"].pop("iso_value", None)
         dimmer = copy.deepcopy(made)
@@ -536,6 +533,5 @@ def test_a_scene_that_is_a_little_wrong_is_seen() -> None:
             seen += 1
             missed += off_by(one, other)["rmse"] <= FLOAT32_HARD[0]
 
-    with pytest.raises(SeenEnough):
-        any_scene()
-    assert missed == 0
+    any_scene()
+    assert seen == 5 and missed == 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 import random
 import signal
 import subprocess
@@ -323,11 +322,6 @@ def test_one_processor_means_one_thread() -> None:
         os.sched_setaffinity(0, allowed)
     assert image.stats["threads"] == 1 and image.plan.device.endswith("1 thread")
     assert np.array_equal(image.pixels, expected)
-
-
-def test_a_renderer_says_that_it_cannot_be_pickled() -> None:
-    with pytest.raises(TypeError, match="pickle"):
-        pickle.dumps(ss.Renderer("cpu"))
 
 
 # Time and memory

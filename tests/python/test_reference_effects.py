@@ -164,46 +164,6 @@ def test_ambient_occlusion_under_a_face(reference_renderer: ss.Renderer) -> None
                 assert abs(uncut[0] / uncut[3] - wanted) > 0.1 * taken
 
 
-def test_a_block_casts_its_shadow_on_a_plane(reference_renderer: ss.Renderer) -> None:
-    """Light comes along x through a block beside the view, to the left face of another field."""
-    k = 0.1
-    plane = ss.EllipsoidField([(0.0, 0.0, 0.0)], [1.0], values=[1.0], normalization="none")
-    values = np.full((9, 9, 3), 1e-3)
-    beside = ss.RegularField(values, origin=(6, -4, -4), normalization="threshold", w0=1e-9)
-    steps = [(0.0, 1, 1, 1, 0.0), (5e-4, 1, 1, 1, 0.0), (5e-4, 1, 1, 1, k), (1.0, 1, 1, 1, k)]
-
-    def light(field: object, spacing: float, **options: object) -> float:
-        scene = ss.Scene(
-            field,
-            steps,
-            mode="isosurface",
-            iso_value=0.3,
-            slice_spacing=spacing,
-            reference_length=1.0,
-            lights=[ss.Light((1, 0, 0), space="world")],
-            material=ss.Material(ambient=0, diffuse=1),
-            gradient="analytic",
-            **options,
-        )
-        return float(reference_renderer.render(scene, front(0.01, (0.3, 0.0)), size=(1, 1)).rgba[0, 0, 0])
-
-    spacing = 0.02
-    both = [plane, beside]
-    free = light(both, spacing)
-    assert free > 0.2
-    assert light(plane, spacing) == pytest.approx(free, rel=ROUNDING)
-    # The block reaches from 4 to 10, two beyond its samples along the axis through them; and what is left of the
-    # kernel itself, of which the plane is made.
-    own = math.log(light(plane, spacing, shadows=True) / free) / math.log(1 - k)
-    through = math.log(light(both, spacing, shadows=True) / free) / math.log(1 - k)
-    assert 0 < own < 1
-    assert through - own == pytest.approx(6.0, abs=2 * spacing)
-    cut = ss.Clip(planes=[((-1, 0, 0), -7.0)])
-    assert math.log(light(both, spacing, shadows=True, clip=cut) / free) / math.log(1 - k) - own == pytest.approx(
-        3.0, abs=2 * spacing
-    )
-
-
 def test_second_order_is_nearer_to_the_limit(reference_renderer: ss.Renderer) -> None:
     """Thin intervals of first order are the limit; second order is there with wide ones."""
     rng = np.random.default_rng(3)

@@ -122,7 +122,7 @@ def test_background_is_put_behind(renderer, field, camera):
 
 
 @pytest.mark.parametrize(
-    "size", [(0, 10), (10, 0), (-1, 10), (10,), (10, 10, 10), (10.5, 10), "10x10", None, (2**31, 1), (2**70, 1), 10]
+    "size", [(0, 10), (10, 0), (-1, 10), (10,), (10, 10, 10), (10.5, 10), "10x10", None, (2**31, 1), (2**70, 1)]
 )
 def test_sizes_without_meaning_are_refused(renderer, scene, camera, size):
     for call in (renderer.render, renderer.plan):

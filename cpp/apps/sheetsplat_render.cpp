@@ -451,6 +451,16 @@ std::string spelled(const CLI::App& app, const ss::OptionRef& option) {
     return alone ? known->get_name() : known->get_name() + " " + option.value;
 }
 
+/// Throws CLI::ValidationError for "--option=", which CLI11 would give the next word as its value.
+void refuse_empty_values(int argc, char** argv) {
+    for (int number = 1; number < argc; ++number) {
+        const std::string word = argv[number];
+        if (word.rfind("--", 0) == 0 && word.back() == '=') {
+            throw CLI::ValidationError(word.substr(0, word.size() - 1), "there is no value after the equals sign");
+        }
+    }
+}
+
 /// Throws CLI::ValidationError for options that what is drawn does not use.
 void refuse_unused(const CLI::App& app, const Options& options) {
     const bool scattered = options.generated == Generated::ellipsoids;
@@ -472,6 +482,7 @@ int main(int argc, char** argv) {
     Options options;
     try {
         declare(app, options);
+        refuse_empty_values(argc, argv);
         app.parse(argc, argv);
         if (options.raw.empty() && !options.generated) {
             throw CLI::RequiredError("--raw or --generate");

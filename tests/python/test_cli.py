@@ -327,13 +327,15 @@ def test_a_bar_only_on_a_terminal(tmp_path, volume):
 @pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_leaves_nothing_half_written(tmp_path, volume):
     command = [sys.executable, "-m", "sheetsplat", "render", str(volume), "-o", "a.png", "-v", "--size", "600x600"]
-    command += ["--slice-spacing", "0.001", *BACKEND]
+    command += ["--slice-spacing", "0.001", "--mode", "isosurface", *BACKEND]
     with subprocess.Popen(command, stderr=subprocess.PIPE, cwd=tmp_path) as process:
         try:
-            time.sleep(2.5)
+            assert process.stderr is not None
+            process.stderr.readline()  # what surface is shown: said right before drawing begins
+            time.sleep(0.5)
             assert process.poll() is None
             process.send_signal(signal.SIGINT)
-            process.wait(timeout=20)
+            process.wait(timeout=60)
         finally:
             process.kill()
     assert process.returncode == 1

@@ -26,7 +26,7 @@ constexpr std::array<Workaround, 4> workarounds = {{
     {"fp16_store_truncates", [](const Capabilities& c) { return !c.float16_blend_rounds; },
      "sums in 16-bit floats are cut off instead of rounded, so that long sums come out dark: sheets are 32-bit"},
     {"no_float32_blend", [](const Capabilities& c) { return !c.float32_blend; },
-     "32-bit floats cannot be summed by blending: what needs them is refused or drawn by another backend"},
+     "32-bit floats cannot be summed by blending: the plan refuses float32 sheets, and another backend draws"},
     {"points_need_guard", [](const Capabilities& c) { return !c.points_reach_in; },
      "a point is dropped when its centre leaves the viewport: the viewport is drawn larger than the target by a "
      "point's radius"},

@@ -47,6 +47,14 @@ DrawPlan plan_of(const Scene& scene, const RendererOptions& options = {}, const 
                      &capabilities);
 }
 
+TEST(Plan, RefusesFloat32SheetsThatTheDeviceCannotBlend) {
+    Capabilities capabilities = software();
+    capabilities.float32_blend = false;
+    expect_parts(
+        message_of<Unsupported>([&] { static_cast<void>(plan_of(plain_scene(), {}, {}, facts(), capabilities)); }),
+        {"float32 sheets", "a rasteriser in software", "cannot blend 32-bit floats"});
+}
+
 TEST(Plan, LeavesOutWhatTheSceneDoesNotCallFor) {
     const DrawPlan plan = plan_of(plain_scene());
     for (const char* name : {"weight", "gradient", "specular", "two_sided", "opacity_correction", "opacity_stop",

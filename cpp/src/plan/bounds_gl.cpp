@@ -223,8 +223,8 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     const bool ends = plan.precision == Precision::uint8 && sums_go_beyond(scene);
     if (plan.precision == Precision::float32 && !capabilities.float32_blend) {
         throw Unsupported(Complaint{"the picture cannot be made with float32 sheets",
-                                    capabilities.renderer + ", which cannot blend 32-bit floats",
-                                    "a device that can", "use " + option_ref("backend", "cpu"), "backend"});
+                                    capabilities.renderer + ", which cannot blend 32-bit floats", "a device that can",
+                                    "use " + option_ref("backend", "cpu"), "backend"});
     }
     const double noise = ends ? 1.0 : sum_noise(plan.precision, !capabilities.float16_blend_rounds, crowd);
     expect_errors(view, facts, noise, plan);

@@ -50,9 +50,9 @@ DrawPlan plan_of(const Scene& scene, const RendererOptions& options = {}, const 
 TEST(Plan, RefusesFloat32SheetsThatTheDeviceCannotBlend) {
     Capabilities capabilities = software();
     capabilities.float32_blend = false;
-    expect_parts(
-        message_of<Unsupported>([&] { static_cast<void>(plan_of(plain_scene(), {}, {}, facts(), capabilities)); }),
-        {"float32 sheets", "a rasteriser in software", "cannot blend 32-bit floats"});
+    test::expect_parts(test::message_of<Unsupported>(
+                           [&] { static_cast<void>(plan_of(plain_scene(), {}, {}, facts(), capabilities)); }),
+                       {"float32 sheets", "a rasteriser in software", "cannot blend 32-bit floats"});
 }
 
 TEST(Plan, LeavesOutWhatTheSceneDoesNotCallFor) {

@@ -30,6 +30,7 @@ _SMOOTHING = ("SmoothingLength", "SmoothingLengths", "Hsml")
 _MASS = ("Masses", "Mass")
 _DENSITY = ("Density", "Densities")
 _MOST_DATASETS = 1000
+_MOST_LINKS = 16
 # Radii of supports in smoothing lengths: Gadget, Arepo and GIZMO; SWIFT (cubic spline); Gasoline and ChaNGa.
 _SUPPORTS = (1.0, 1.825742, 2.0)
 _PROBES = 64
@@ -64,6 +65,34 @@ def _seekable(source: Source) -> Path | BinaryIO:
     return io.BytesIO(source.payload("raw").array(np.dtype(np.uint8), end).tobytes())
 
 
+def _inside(path: Path, start: Any, name: str, links: int = _MOST_LINKS) -> Any:
+    """Return the object of this file with a name relative to `start`, link by link; None where there is none.
+
+    No other file is opened: InvalidInput for an external link on the way, through soft links too. At most `links` soft
+    links are followed.
+    """
+    here = start.file if name.startswith("/") else start
+    for part in name.split("/"):
+        if part in ("", "."):
+            continue
+        if not isinstance(here, h5py.Group):
+            return None
+        raw = part.encode("utf-8", "surrogateescape")
+        if not here.id.links.exists(raw):
+            return None
+        kind = here.id.links.get_info(raw).type
+        where = f"{here.name.rstrip('/')}/{part}"
+        if kind == h5py.h5l.TYPE_HARD:
+            here = here[part]
+        elif kind == h5py.h5l.TYPE_SOFT and links > 0:
+            target = here.id.links.get_val(raw).decode("utf-8", "surrogateescape")
+            here = _inside(path, here, target, links - 1)
+        else:
+            what = "a chain of links at" if kind == h5py.h5l.TYPE_SOFT else "a link to another file at"
+            raise unreadable(path, f"{what} {shown(where)}", "its data in this file", "copy them into it")
+    return here
+
+
 class _Group:
     """A group of particles: its datasets of numbers, that of the positions, and the number of particles."""
 
@@ -74,9 +103,7 @@ class _Group:
         if len(names) > _MOST_DATASETS:
             raise unreadable(path, f"{len(names)} entries in {name}", f"at most {_MOST_DATASETS}")
         for one in names:
-            if isinstance(group.get(one, getlink=True), h5py.ExternalLink):
-                continue
-            entry = group[one]
+            entry = _inside(path, group, one)
             if isinstance(entry, h5py.Dataset) and entry.dtype.kind in "iuf" and entry.ndim in (1, 2):
                 self._datasets[one] = entry
         place = self.first(_PLACE)
@@ -124,10 +151,13 @@ class _Group:
         return self.read(name).astype(np.float64)
 
 
-def _mass_table(file: Any, name: str) -> float:
+def _mass_table(path: Path, file: Any, name: str) -> float:
     """Return the common mass of all particles of a group, 0 where the file has none."""
+    header = _inside(path, file, "Header")
+    if header is None:
+        return 0.0
     try:
-        table = np.asarray(file["Header"].attrs["MassTable"], dtype=np.float64).reshape(-1)
+        table = np.asarray(header.attrs["MassTable"], dtype=np.float64).reshape(-1)
         mass = float(table[int(name.removeprefix("PartType"))])
     except (KeyError, ValueError, IndexError, TypeError):
         return 0.0
@@ -193,13 +223,13 @@ def read(
     name = _DEFAULT if particles is None else particles
     opened = _seekable(source)
     with h5py.File(opened, "r") as file:
-        groups = [one for one in file if isinstance(file.get(one, getclass=True), type) and one != "Header"]
-        link = file.get(name, getlink=True) if name in groups else None
-        if link is None or isinstance(link, h5py.ExternalLink) or not isinstance(file[name], h5py.Group):
+        group = _inside(path, file, name)
+        if not isinstance(group, h5py.Group) or group == file:
+            groups = [one for one in file if one != "Header"]
             found = f"no group {shown(name)}, but {listed(groups) or 'nothing'}"
             wanted = "particles in a group PartType0, or the name of another one"
             raise unreadable(path, found, wanted, "pass " + option_ref("particles", "..."))
-        return _read_group(path, file, _Group(path, file[name], name), name, scalar, support)
+        return _read_group(path, file, _Group(path, group, name), name, scalar, support)
 
 
 def _read_group(
@@ -211,7 +241,7 @@ def _read_group(
     points = finite_points(path, group.read(group.place).astype(np.float64))
     values = finite_values(path, chosen, column_of(group.read(base), column))
     masses, densities = group.column(_MASS), group.column(_DENSITY)
-    if masses is None and (share := _mass_table(file, name)) > 0:
+    if masses is None and (share := _mass_table(path, file, name)) > 0:
         masses = np.full(group.count, share)
     lengths = group.column(_SMOOTHING)
     details = {"particles": name}

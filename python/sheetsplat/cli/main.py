@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-import errno
+import contextlib
 import importlib
 import logging
+import os
+import signal
 import sys
+import threading
 import traceback
+from collections.abc import Iterator
+from types import FrameType
 from typing import Any
 
 import click
 
 from sheetsplat import __version__
+from sheetsplat.cli.output import tell
 from sheetsplat.cli.wording import message
 from sheetsplat.errors import Error, InvalidInput
 
@@ -28,8 +34,48 @@ _COMMANDS = {
 _REASON = 500
 
 
+def _open_streams() -> None:
+    """Open the null device in place of closed standard streams, whose numbers files would get otherwise."""
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+
+
+@contextlib.contextmanager
+def _terminated_by_exit() -> Iterator[None]:
+    """Make SIGTERM an exit, so that unfinished files are removed, where nobody else handles it."""
+    main_thread = threading.current_thread() is threading.main_thread()
+    if not main_thread or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+
+    def leave(number: int, _frame: FrameType | None) -> None:
+        sys.exit(128 + number)
+
+    signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 class _Group(click.Group):
     """Reads a command's module when it is asked for, and turns errors into messages and exit codes."""
+
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Run the program, with all three standard streams open, and its files removed where it is terminated."""
+        _open_streams()
+        try:
+            with _terminated_by_exit():
+                return super().main(*args, **kwargs)
+        except OSError as error:
+            # Readers turn theirs into errors of the package, and click answers a closed pipe: this is stdout's.
+            tell(f"sheetsplat: stdout cannot be written: {error.strerror or error}")
+            # What is left in the buffer must not fail again when Python ends.
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+            sys.exit(1)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names in their order in the help."""
@@ -57,19 +103,18 @@ class _Group(click.Group):
             # Names of effects are checked by the plan; an unknown name is wrong usage too.
             if isinstance(error, InvalidInput) and error.option == "effects":
                 raise click.UsageError(text, ctx) from None
-            click.echo(f"sheetsplat: {text}", err=True)
+            tell(f"sheetsplat: {text}")
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except MemoryError:
-            click.echo("sheetsplat: there is not enough memory; use a smaller volume or picture", err=True)
+            tell("sheetsplat: there is not enough memory; use a smaller volume or picture")
+        except OSError:
+            raise
         except Exception as error:
-            # The reader of stdout has closed it; click then exits without a message.
-            if isinstance(error, OSError) and error.errno == errno.EPIPE:
-                raise
             if logging.getLogger("sheetsplat").isEnabledFor(logging.DEBUG):
                 traceback.print_exc()
             reason = " ".join(str(error).split())[:_REASON]
-            click.echo(f"sheetsplat: internal error, {type(error).__name__}: {reason}", err=True)
+            tell(f"sheetsplat: internal error, {type(error).__name__}: {reason}")
         sys.exit(1)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -28,16 +29,25 @@ def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
         taken[path.resolve()] = path
 
 
+def tell(text: str) -> None:
+    """Print a line on stderr. Where stderr cannot be written, lines are lost and the work goes on."""
+    try:
+        click.echo(text, err=True)
+    except OSError:
+        # What is left in the buffer must not fail again when Python ends.
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+
+
 def say(text: str, *, quiet: bool) -> None:
     """Print a line on stderr unless `quiet`."""
     if not quiet:
-        click.echo(text, err=True)
+        tell(text)
 
 
 @contextlib.contextmanager
 def progress_bar(what: str, *, quiet: bool) -> Iterator[Callable[[float], object] | None]:
     """Yield a progress callback that draws a bar on stderr, or None where stderr is no terminal."""
-    if quiet or not sys.stderr.isatty():
+    if quiet or sys.stderr is None or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from sheetsplat.cli.output import tell
 from sheetsplat.errors import Error, InvalidInput, OptionRef, spelled_in_python
 from sheetsplat.notices import PictureWarning
 
@@ -52,7 +53,7 @@ def warnings_on_stderr(*, quiet: bool) -> Iterator[None]:
         line = " ".join(warning.words.text(lambda option: spelled(option, command)).split())
         if line not in seen:
             seen.add(line)
-            click.echo(f"warning: {line}", err=True)
+            tell(f"warning: {line}")
 
     with warnings.catch_warnings():
         others = warnings.showwarning

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -56,21 +57,48 @@ def check_folder(path: Path) -> None:
         raise complain(failed, f"no right to write to {folder}", "another folder", kind=Error)
 
 
+# Temporary files of `whole_file` that are being written.
+_unfinished: set[Path] = set()
+
+
+def _target(path: Path) -> Path:
+    """Return where `path` leads through symbolic links; Error where that is neither a regular file nor a new one."""
+    try:
+        kind = path.stat().st_mode
+    except FileNotFoundError:
+        kind = stat.S_IFREG
+    if not stat.S_ISREG(kind):
+        found = "a folder" if stat.S_ISDIR(kind) else "a pipe, a device or the like"
+        raise complain(f"{path} cannot be written", found, "a regular file, or a new name", kind=Error)
+    return path.resolve() if path.is_symlink() else path
+
+
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; it is renamed to `path` at the end, and removed after an error."""
-    made = path.with_name(f".{path.stem}-{secrets.token_hex(8)}{path.suffix}")
+    """Yield a temporary path beside `path`; it is renamed to `path` at the end, and removed after an error.
+
+    A symbolic link stays, and the file that it leads to is replaced. The temporary path of another `whole_file` is
+    yielded as it is.
+    """
+    if path in _unfinished:
+        yield path
+        return
+    try:
+        target = _target(path)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    # A short name of ASCII, whatever the file's own name is.
+    made = target.with_name(f".{secrets.token_hex(8)}{path.suffix}")
+    _unfinished.add(made)
     try:
         # With the permissions of the umask; files of tempfile are readable by their owner alone.
         os.close(os.open(made, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    except OSError as error:
-        raise _unwritable(path, error) from None
-    try:
         yield made
-        made.replace(path)
+        made.replace(target)
     except OSError as error:
         raise _unwritable(path, error) from None
     finally:
+        _unfinished.discard(made)
         with contextlib.suppress(OSError):
             made.unlink()
 
@@ -113,9 +141,19 @@ def save_array(array: Floats, path: Path) -> None:
     with whole_file(path) as made:
         try:
             planes = {name: np.ascontiguousarray(plane) for name, plane in channels.items()}
-            OpenEXR.File(header, planes).write(str(made))
+            with made.open("r+b") as stream:
+                OpenEXR.File(header, planes).write(_utf8_name(made, stream.fileno()))
         except RuntimeError as error:
             raise complain(f"{path} cannot be written", str(error), kind=Error) from None
+
+
+def _utf8_name(path: Path, handle: int) -> str:
+    """Return a name for libraries that take UTF-8 alone: where `path` has none, that of its open file."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return f"/dev/fd/{handle}"
+    return str(path)
 
 
 def save_raster(array: NDArray[Any], path: Path, text: str = "") -> None:
@@ -133,7 +171,8 @@ def save_raster(array: NDArray[Any], path: Path, text: str = "") -> None:
         options = {**options, "pnginfo": information}
     with whole_file(path) as made:
         try:
-            PillowImage.fromarray(array).save(made, format=form, **options)
+            with made.open("r+b") as stream:
+                PillowImage.fromarray(array).save(stream, format=form, **options)
         except (ValueError, SystemError, KeyError) as error:
             # Of pictures with more pixels than the format has, among others.
             raise complain(f"{path} cannot be written", str(error), "another format", kind=Error) from None
@@ -211,7 +250,9 @@ def _read_png(path: Path) -> Floats:
 def _read_exr(path: Path) -> Floats:
     import OpenEXR  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-    channels: dict[str, Any] = OpenEXR.File(str(path), separate_channels=True).channels()
+    with path.open("rb") as stream:
+        name = _utf8_name(path, stream.fileno())
+        channels: dict[str, Any] = OpenEXR.File(name, separate_channels=True).channels()
     planes = {name: np.asarray(channel.pixels, dtype=np.float32) for name, channel in channels.items()}
     if "Y" in planes:
         return planes["Y"]

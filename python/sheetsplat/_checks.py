@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sheetsplat import _memory
-from sheetsplat.errors import complain, unusable
+from sheetsplat.errors import OutOfMemory, Words, complain, unusable
 
 Triple = tuple[float, float, float]
 Bounds = tuple[Triple, Triple]
@@ -128,6 +128,17 @@ def measurable(
     return vector
 
 
+def as_array(failed: str | Words, value: object, wanted: str) -> np.ndarray[Any, Any]:
+    """Return `numpy.asarray(value)`; InvalidInput for what is no array, OutOfMemory where it does not fit."""
+    try:
+        return np.asarray(value)
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
+        raise complain(failed, f"{type(value).__name__}: {error}", wanted) from None
+    except MemoryError:
+        found = f"{shown(value)}, for which there is not enough memory"
+        raise complain(failed, found, wanted, _FEWER, kind=OutOfMemory) from None
+
+
 def numbers(what: str, value: object, wanted: str) -> np.ndarray[Any, Any]:
     """Return an array of real numbers, or InvalidInput that says what was wanted. Masked entries become NaN.
 
@@ -138,10 +149,7 @@ def numbers(what: str, value: object, wanted: str) -> np.ndarray[Any, Any]:
             value = np.ma.filled(value.astype(np.float64), np.nan)
         else:
             value = value.data
-    try:
-        array: np.ndarray[Any, Any] = np.asarray(value)
-    except (ValueError, TypeError, OverflowError) as error:
-        raise complain(unusable(what), f"{type(value).__name__}: {error}", wanted) from None
+    array = as_array(unusable(what), value, wanted)
     # A list without entries is float64 for NumPy; None and texts are objects and strings.
     if array.dtype.kind not in "biuf":
         found = shown(value) if value is None or array.ndim == 0 else f"values of type {array.dtype}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sheetsplat._checks import choice, image_size, names, parts, shown, whole
+from sheetsplat._checks import choice, image_size, instance, names, parts, shown, whole
 from sheetsplat.errors import complain, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
@@ -125,8 +125,8 @@ def _scene(data: object, options: Any, outputs: Iterable[str], *, spacing_is_fre
         return data
     fields = to_fields(Path(data) if isinstance(data, str) else data, **pick(OpenOptions, options))
     look = {**suggested_look(data, look), **look}
+    mode = choice("render: mode", "composite" if look.get("mode") is None else look["mode"], MODES)
     fields = in_decades(fields, look, options.get("log"))
-    mode = choice("render: mode", look.get("mode") or "composite", MODES)
     # False has the same effect as leaving the option out.
     asked = [name for name, value in pick_given(LookOptions, options).items() if value is not False]
     ignored = unused(mode, [*asked, *outputs])
@@ -163,6 +163,8 @@ def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOpt
     picture = filled(RenderOptions, options)
     size = image_size(picture["size"])
     renderer: Renderer | None = picture["renderer"]
+    if renderer is not None:
+        instance("render: renderer", renderer, Renderer)
     goals = picture if renderer is None else {"max_error": renderer.max_error, "max_seconds": renderer.max_seconds}
     free = goals["max_error"] is not None or goals["max_seconds"] is not None
     outputs: Any = names("Renderer: outputs", picture["outputs"], OUTPUTS)

@@ -20,7 +20,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sheetsplat._checks import shown
+from sheetsplat._checks import optional_number, shown, triple
 from sheetsplat.errors import complain
 from sheetsplat.fields import RegularField
 
@@ -214,8 +214,9 @@ def resample_to_bcc(
         spacing = values.spacing if spacing is None else spacing
         origin = values.origin if origin is None else origin
         values = values.values
-    spacing = (1.0, 1.0, 1.0) if spacing is None else spacing
-    origin = (0.0, 0.0, 0.0) if origin is None else origin
+    spacing = (1.0, 1.0, 1.0) if spacing is None else triple("resample_to_bcc: spacing", spacing)
+    origin = (0.0, 0.0, 0.0) if origin is None else triple("resample_to_bcc: origin", origin)
+    a = optional_number("resample_to_bcc: a", a)
     samples = np.asarray(values)
     if samples.ndim != 3 or samples.size == 0:
         raise complain(failed, f"shape {samples.shape}", "samples along k, j and i, at least one along each")

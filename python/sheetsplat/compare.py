@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import shown
+from sheetsplat._checks import as_array
 from sheetsplat.errors import complain
 from sheetsplat.image import Image, pixels_of
 
@@ -18,10 +18,7 @@ _WANTED = "real numbers, (h, w, 4), or (h, w) for scalars"
 
 def _picture(array: Image | ArrayLike, what: str) -> Floats:
     failed = f"compare: the {what} cannot be used"
-    try:
-        found = np.asarray(pixels_of(array))
-    except (TypeError, ValueError):
-        raise complain(failed, shown(array), _WANTED) from None
+    found = as_array(failed, pixels_of(array), _WANTED)
     if found.dtype.kind not in "biuf":
         raise complain(failed, f"values of type {found.dtype}", _WANTED)
     with np.errstate(over="ignore"):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
-from sheetsplat._checks import Triple, image_size, instance, whole
+from sheetsplat._checks import Triple, image_size, instance, parts, shown, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, Unsupported, complain, unusable
 from sheetsplat.io.pictures import check_folder, whole_file
@@ -30,6 +30,13 @@ _HEADER = 4096
 def _moved(position: Triple, right: Triple, up: Triple, x: float, y: float) -> Triple:
     a, b, c = (p + x * r + y * u for p, r, u in zip(position, right, up, strict=True))
     return a, b, c
+
+
+def _column_and_row(value: object) -> tuple[int, int]:
+    found = parts("window: at", value, "column and row of a pixel", 2)
+    if len(found) != 2:
+        raise complain(unusable("window: at"), shown(value), "column and row of a pixel")
+    return whole("window: at", found[0]), whole("window: at", found[1])
 
 
 def window(camera: Camera, size: tuple[int, int], at: tuple[int, int], extent: tuple[int, int]) -> Camera:
@@ -52,7 +59,12 @@ def window(camera: Camera, size: tuple[int, int], at: tuple[int, int], extent: t
     ------
     Unsupported
         For a perspective camera: parts of its picture would need an off-axis projection.
+    InvalidInput
+        For anything but a camera, sizes and whole numbers.
     """
+    instance("window: camera", camera, Camera)
+    size, extent = image_size(size), image_size(extent)
+    at = _column_and_row(at)
     if camera.kind != "orthographic":
         raise complain(
             "a part of a picture cannot be drawn by itself",

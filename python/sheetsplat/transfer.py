@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import STRONGEST, choice, color, nearest_names, number, shown, strength
+from sheetsplat._checks import STRONGEST, choice, color, nearest_names, number, numbers, parts, shown, strength
 from sheetsplat.errors import complain, unusable
 from sheetsplat.opacity_words import PRESETS, opacities_of
 
@@ -25,12 +25,9 @@ _COLORS = 256
 
 
 def _table(values: Any, what: str, wanted: str) -> Floats:
-    try:
-        table = np.asarray(values)
-        scale = 255.0 if table.dtype == np.uint8 else 1.0
-        return np.asarray(table, dtype=np.float64) / scale
-    except (TypeError, ValueError):
-        raise complain(unusable(what), shown(values), wanted) from None
+    table = numbers(what, values, wanted)
+    scale = 255.0 if np.asarray(values).dtype == np.uint8 else 1.0
+    return table.astype(np.float64) / scale
 
 
 def color_rows(cmap: Colormap) -> Floats:
@@ -69,9 +66,10 @@ def color_rows(cmap: Colormap) -> Floats:
 
 def color_limits(clim: Sequence[float], *, positive: bool = False) -> tuple[float, float]:
     """Return the two numbers at which a colormap begins and ends, or InvalidInput; `positive`: for a logarithm."""
-    limits = list(clim) if not isinstance(clim, str) and hasattr(clim, "__iter__") else []
+    wanted = "two numbers, the lower one first"
+    limits = parts("clim", clim, wanted, 2)
     if len(limits) != 2:
-        raise complain(unusable("clim"), shown(clim), "two numbers, the lower one first")
+        raise complain(unusable("clim"), shown(clim), wanted)
     low, high = number("clim", limits[0]), number("clim", limits[1])
     if not (np.isfinite(low) and np.isfinite(high) and low < high):
         raise complain(unusable("clim"), f"({low:g}, {high:g})", "two finite numbers, the lower one first")
@@ -138,10 +136,7 @@ class TransferFunction:
 
     def __init__(self, points: ArrayLike) -> None:
         wanted = "rows of five numbers: value, r, g, b, opacity"
-        try:
-            rows = np.asarray(points, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise complain("TransferFunction: the points cannot be used", shown(points), wanted) from None
+        rows = numbers("TransferFunction: points", points, wanted).astype(np.float64, copy=False)
         if rows.size == 0:
             rows = rows.reshape(0, 5)
         if rows.ndim != 2 or rows.shape[1] != 5:
@@ -223,7 +218,7 @@ class TransferFunction:
 
     def at(self, values: ArrayLike) -> Floats:
         """Return r, g, b and opacity at each value: float64, the shape of `values` and one more axis of 4."""
-        array = np.asarray(values, dtype=np.float64)
+        array = numbers("TransferFunction.at: values", values, "numbers").astype(np.float64, copy=False)
         rows = self.native.at(np.ascontiguousarray(array.ravel()))
         return rows[:, 1:].reshape(*array.shape, 4)
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat._checks import whole
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.light import Light
@@ -135,5 +136,5 @@ class Dataset(DrawableDataset):
 
 def require_samples(name: str, n: int, least: int) -> None:
     """Raise InvalidInput for fewer than `least` samples along each axis of a data set."""
-    if n < least:
+    if whole(f"{name}: n", n) < least:
         raise complain(f"the data set {name} cannot be made", f"n = {n}", f"at least {least} samples along each axis")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, _sheetsplat
-from sheetsplat._checks import Triple, Vector, choice, number, triple, truth
+from sheetsplat._checks import Triple, Vector, as_array, choice, number, triple, truth
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
 from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
@@ -80,12 +80,7 @@ def as_samples(values: ArrayLike) -> NDArray[Any]:
         else:
             array = values.data
     else:
-        try:
-            array = np.asarray(values)
-        except (ValueError, TypeError) as error:
-            raise complain(
-                _FAILED, f"{type(values).__name__}: {error}", "an array of numbers with three axes"
-            ) from None
+        array = as_array(_FAILED, values, "an array of numbers with three axes")
     if array.ndim != 3:
         advice = "choose one channel or one time step" if array.ndim > 3 else "reshape it to (nk, nj, ni)"
         if array.ndim == 2 and array.shape[1] in (3, 4):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import shown
+from sheetsplat._checks import as_array, shown
 from sheetsplat.errors import complain, unusable
 
 from ._kernels import Floats, Numbers
@@ -35,7 +35,7 @@ def grid_cells(shape: tuple[int, int, int]) -> Numbers:
 
 
 def _block(given: Any, columns: int | None) -> Numbers:
-    array = np.asarray(given)
+    array = as_array(_FAILED, given, _WANTED)
     if array.ndim != 2 or array.dtype.kind not in "iu" or (columns is not None and array.shape[1] != columns):
         raise complain(_FAILED, f"an array of {array.dtype} of shape {array.shape}", _WANTED)
     if array.shape[1] not in CORNERS:
@@ -45,7 +45,7 @@ def _block(given: Any, columns: int | None) -> Numbers:
 
 def _from_stream(connectivity: Any, ends: Any) -> list[Numbers]:
     """Return blocks of cells from their points, one cell after another, and the end of each cell."""
-    points, stops = np.asarray(connectivity), np.asarray(ends)
+    points, stops = as_array(_FAILED, connectivity, _WANTED), as_array(_FAILED, ends, _WANTED)
     if points.dtype.kind not in "iu" or stops.dtype.kind not in "iu" or points.ndim != 1 or stops.ndim != 1:
         raise complain(_FAILED, f"connectivity of {points.dtype}, ends of {stops.dtype}", "whole numbers in one row")
     stops = stops.astype(np.int64)

@@ -151,7 +151,7 @@ def _grid(points: ArrayLike, values: ArrayLike, shape: object) -> tuple[Any, Any
 def _used(mask: ArrayLike | None, count: int) -> NDArray[np.bool_] | None:
     if mask is None:
         return None
-    given = np.asarray(mask).reshape(-1)
+    given = numbers(_WHAT, mask, "mask").reshape(-1)
     if given.dtype.kind not in "biu" or len(given) != count:
         raise complain(
             unusable(f"{_WHAT}: mask"),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import number, shown, whole
+from sheetsplat._checks import as_array, number, shown, whole
 from sheetsplat.errors import complain, option_ref, unusable
 
 from ._kernels import Floats, Numbers
@@ -23,11 +23,7 @@ _FARTHEST = 1e90
 
 def numbers(what: str, given: ArrayLike, name: str) -> NDArray[Any]:
     """Return an array of real numbers, not yet converted, or InvalidInput."""
-    try:
-        array = np.asarray(given)
-    except (TypeError, ValueError) as error:
-        found = f"{type(given).__name__}: {error}"
-        raise complain(unusable(f"{what}: {name}"), found, "an array of numbers") from None
+    array = as_array(unusable(f"{what}: {name}"), given, "an array of numbers")
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
         raise complain(
             unusable(f"{what}: {name}"), "masked entries", "numbers throughout", "drop the points that have none"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
+from sheetsplat._checks import number
 from sheetsplat.errors import complain
 
 from ._kernels import Floats, Kernels, Numbers
@@ -178,7 +179,12 @@ def solid(
             "at least one",
             "use smaller cells",
         )
-    data = scalars(_WHAT, values(centers) if callable(values) else np.full(count, values), "values", count)
+    data = scalars(
+        _WHAT,
+        values(centers) if callable(values) else np.full(count, number(f"{_WHAT}: values", values)),
+        "values",
+        count,
+    )
     return Kernels(
         centers=centers,
         scales=overlap * edges,

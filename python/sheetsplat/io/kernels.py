@@ -47,7 +47,7 @@ def log_base(values: Floats, what: str, floor: bool | float) -> float:
                 option="log",
             )
         return float(values.min())
-    base = float(floor)
+    base = number("log", floor)
     if not (math.isfinite(base) and base > 0):
         raise complain("log cannot be used", f"a floor of {base:g}", "True, or a floor above 0")
     return base

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from sheetsplat import _memory
+from sheetsplat._checks import shown
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.io.checks import unreadable
@@ -165,9 +166,9 @@ def read_regular(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Vo
     _memory.require(3 * 8 * volume.values.size, f"the logarithms of {path}")
     what = volume.details.get("content", "the samples")
     values = logarithm(volume.values.astype(np.float64), what, floor)
-    shown = values.astype(np.float32) if volume.values.dtype.itemsize <= 4 else values
+    kept = values.astype(np.float32) if volume.values.dtype.itemsize <= 4 else values
     floor = log_base(volume.values, what, floor) if values.size else None
-    return replace(volume, values=shown, quantity=replace(volume.quantity, floor=floor))
+    return replace(volume, values=kept, quantity=replace(volume.quantity, floor=floor))
 
 
 def open_scattered(path: str | os.PathLike[str], options: Mapping[str, Any]) -> tuple[Scattered, EllipsoidField]:
@@ -181,6 +182,8 @@ def open_scattered(path: str | os.PathLike[str], options: Mapping[str, Any]) -> 
 
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
     """Return the field of a file; `options` are those of `sheetsplat.open` that the caller gave."""
+    if not isinstance(path, str | os.PathLike):
+        raise complain("the file cannot be read", f"{type(path).__name__}, {shown(path)}", "a path")
     # Paths are nothing that a field says about itself.
     opened = {name: value for name, value in options.items() if name != "grid"}
     return _field(path, options).opened_with(opened)

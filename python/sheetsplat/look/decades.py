@@ -40,11 +40,20 @@ def in_decades(fields: Sequence[Field], look: Mapping[str, Any], log: object) ->
     same = list(fields)
     if log is not None or len(same) != 1 or look.get("mode", "composite") not in COLORED:
         return same
-    pairs = look.get("opacity") is not None and np.ndim(look["opacity"]) == 2
-    if pairs or any(look.get(name) is not None for name in _IN_VALUES):
+    if _holds_pairs(look.get("opacity")) or any(look.get(name) is not None for name in _IN_VALUES):
         return same
     floor = floor_of(same[0])
     return same if floor is None else [logarithmic(same[0], floor)]
+
+
+def _holds_pairs(opacity: object) -> bool:
+    if opacity is None or isinstance(opacity, str):
+        return False
+    try:
+        return np.ndim(opacity) == 2  # type: ignore[arg-type]
+    except (ValueError, TypeError, MemoryError):
+        # Whoever reads the option says what is wrong with it.
+        return False
 
 
 def floor_of(field: Field) -> float | None:

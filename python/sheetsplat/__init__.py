@@ -29,7 +29,7 @@ from sheetsplat.light import Light, Material
 from sheetsplat.notices import PictureWarning
 from sheetsplat.orientation import Orientation
 from sheetsplat.picking import Pick
-from sheetsplat.plan import Effect, RenderPlan
+from sheetsplat.plan import Effect, PictureQuality, QualitySetting, RenderPlan
 from sheetsplat.quantity import Quantity
 from sheetsplat.recipe import FieldRecipe, Recipe
 from sheetsplat.renderer import Renderer
@@ -68,7 +68,9 @@ __all__ = [
     "Orientation",
     "OutOfMemory",
     "Pick",
+    "PictureQuality",
     "PictureWarning",
+    "QualitySetting",
     "Quantity",
     "Recipe",
     "RegularField",

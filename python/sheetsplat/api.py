@@ -25,6 +25,7 @@ from sheetsplat.options.core import MODES, check_names, documented, filled, pick
 from sheetsplat.options.data import FileOptions, OpenOptions
 from sheetsplat.options.picture import LookOptions, RenderOptions, unused
 from sheetsplat.options.renderer import OUTPUTS, RendererOptions
+from sheetsplat.quality.choose import Choice
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
@@ -47,8 +48,9 @@ def _shape(shape: object) -> tuple[int, int, int]:
 
 
 def _given(group: type, options: Any) -> dict[str, Any]:
-    """Return the options of a group that were given; None, False and 0 stand for the default."""
+    """Return the options of a group that were given, but for `quality`; None, False and 0 stand for the default."""
     given = pick_given(group, options)
+    given.pop("quality", None)
     return {name: value for name, value in given.items() if value or name not in ("prefilter", "log", "offset")}
 
 
@@ -75,9 +77,18 @@ def open(path: str | os.PathLike[str], **options: Unpack[OpenOptions]) -> Regula
     Error
         Where the file cannot be read.
     """
+    check_names("open", options, OpenOptions)
+    choice = Choice("open", options)
+    field = choice.kernel(_opened(path, options))
+    for setting in choice.quality.settings:
+        _log.info("quality %s: %s", choice.name, setting)
+    return field
+
+
+def _opened(path: str | os.PathLike[str], options: Any) -> RegularField | EllipsoidField:
+    """Return the field of a file with the kernels that were given, or plain ones."""
     from sheetsplat.io.opening import open_field
 
-    check_names("open", options, OpenOptions)
     given = _given(OpenOptions, options)
     if "shape" in given:
         given["shape"] = _shape(given["shape"])
@@ -86,17 +97,25 @@ def open(path: str | os.PathLike[str], **options: Unpack[OpenOptions]) -> Regula
     return open_field(path, given)
 
 
+def _is_made(data: object) -> bool:
+    """Return whether data are a field, or several."""
+    several = isinstance(data, list | tuple) and bool(data) and all(isinstance(one, Field) for one in data)
+    return several or isinstance(data, Field)
+
+
 def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
-    """Return the fields of an array, a path, a field or several fields; `options` make fields of the first two."""
+    """Return the fields of an array, a path, a field or several fields; `options` make fields of the first two.
+
+    Their kernels are those that were given, or plain ones.
+    """
     given = _given(OpenOptions, options)
     # Generated data sets, and other objects with a method field().
     maker = None if isinstance(data, np.ndarray) else getattr(data, "field", None)
     if callable(maker):
         data = maker()
     if isinstance(data, str | os.PathLike):
-        return [open(data, **given)]
-    is_fields = isinstance(data, list | tuple) and bool(data) and all(isinstance(one, Field) for one in data)
-    if isinstance(data, Field) or is_fields:
+        return [_opened(data, given)]
+    if _is_made(data):
         if given:
             raise complain(
                 "render: these options cannot be used",
@@ -110,7 +129,7 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
     return [RegularField(data, **given)]  # type: ignore[arg-type]
 
 
-def _scene(data: object, options: Any, outputs: Iterable[str], *, spacing_is_free: bool) -> Scene:
+def _scene(data: object, options: Any, outputs: Iterable[str], quality: Choice, *, spacing_is_free: bool) -> Scene:
     """Return the scene of data and of the options for fields and look; a scene is returned as it is."""
     look = pick_given(LookOptions, options)
     if isinstance(data, Scene):
@@ -122,11 +141,11 @@ def _scene(data: object, options: Any, outputs: Iterable[str], *, spacing_is_fre
                 "them only for arrays, files and fields",
                 "give them to sheetsplat.Scene",
             )
-        return data
+        return quality.kept(data)
     fields = to_fields(Path(data) if isinstance(data, str) else data, **pick(OpenOptions, options))
     look = {**suggested_look(data, look), **look}
     mode = choice("render: mode", "composite" if look.get("mode") is None else look["mode"], MODES)
-    fields = in_decades(fields, look, options.get("log"))
+    fields = quality.kernels(in_decades(fields, look, options.get("log")), made=_is_made(data))
     # False has the same effect as leaving the option out.
     asked = [name for name, value in pick_given(LookOptions, options).items() if value is not False]
     ignored = unused(mode, [*asked, *outputs])
@@ -135,7 +154,8 @@ def _scene(data: object, options: Any, outputs: Iterable[str], *, spacing_is_fre
     if look.get("depth_cue") == "auto":
         # Made when the camera is known.
         del look["depth_cue"]
-    scene = compose_scene(fields, spacing_is_free=spacing_is_free, **look)
+    look.pop("filter", None)
+    scene = quality.slices(compose_scene(fields, spacing_is_free=spacing_is_free, **look), free=spacing_is_free)
     for note in (*scene.notes, *([surface_text(scene)] if scene.mode == "isosurface" else [])):
         _log.info("%s", note)
     return scene
@@ -168,12 +188,14 @@ def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOpt
     goals = picture if renderer is None else {"max_error": renderer.max_error, "max_seconds": renderer.max_seconds}
     free = goals["max_error"] is not None or goals["max_seconds"] is not None
     outputs: Any = names("Renderer: outputs", picture["outputs"], OUTPUTS)
-    scene = _scene(data, options, outputs, spacing_is_free=free)
+    quality = Choice("render", options)
+    scene = _scene(data, options, outputs, quality, spacing_is_free=free)
     camera = picture["camera"]
     if camera is None:
         camera = compose_camera(scene, size, **pick(CameraOptions, options))
     if picture["depth_cue"] == "auto":
         scene = scene.replace(depth_cue=fitting_depth_cue(scene, camera))
+    scene = quality.finished(scene, camera, size)
     if renderer is None:
         renderer = Renderer(**pick(RendererOptions, options))
     return renderer.render(scene, camera, size=size, outputs=outputs, progress=picture["progress"])

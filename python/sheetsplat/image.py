@@ -102,7 +102,7 @@ class Image:
         self._scalar: NDArray[np.float32] | None = native.scalar
         self._coverage: NDArray[np.float32] | None = native.coverage
         self._depth: NDArray[np.float32] | None = native.depth
-        self._plan = RenderPlan.of_native(native.plan, recipe.notes)
+        self._plan = RenderPlan.of_native(native.plan, recipe.notes, None if scene is None else scene.quality)
         self._settings: dict[str, Any] | None = native.settings
         self._stats: dict[str, float] = native.stats
         self._recipe = recipe

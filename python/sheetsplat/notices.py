@@ -50,6 +50,11 @@ def warn(words: str | Words) -> None:
     warnings.warn(PictureWarning(words), stacklevel=level)
 
 
+def is_muted() -> bool:
+    """Return whether warnings are not issued here, so that what is looked for need not be found."""
+    return _MUTED.get()
+
+
 @contextlib.contextmanager
 def muted() -> Iterator[None]:
     """Issue no warnings: for pictures that nobody sees, and for parts of one."""

@@ -41,6 +41,60 @@ class Effect:
 
 
 @dataclass(frozen=True)
+class QualitySetting:
+    """What became of one option that a quality may set.
+
+    Attributes
+    ----------
+    option
+        Its name.
+    value
+        Its value in this picture.
+    reason
+        Why, and what it costs.
+    given
+        True where the caller gave it, or the data have it already: then the quality left it as it is.
+    """
+
+    option: str
+    value: float | bool | str | None
+    reason: str
+    given: bool = False
+
+    def __str__(self) -> str:
+        """Return one line."""
+        value = f"{self.value:.6g}" if isinstance(self.value, float) else repr(self.value)
+        return f"{self.option}={value}: {self.reason}"
+
+
+@dataclass(frozen=True)
+class PictureQuality:
+    """What the option `quality` of `sheetsplat.render` set.
+
+    Attributes
+    ----------
+    name
+        "draft", "good" or "best".
+    settings
+        Each option that it may set, with its value and the reason.
+    """
+
+    name: str
+    settings: tuple[QualitySetting, ...] = ()
+
+    def of(self, option: str) -> QualitySetting:
+        """Return what became of an option. KeyError for one that no quality sets in this picture."""
+        for setting in self.settings:
+            if setting.option == option:
+                return setting
+        raise KeyError(option)
+
+    def lines(self) -> list[str]:
+        """Return the name, and a line for each setting."""
+        return [self.name, *map(str, self.settings)]
+
+
+@dataclass(frozen=True)
 class RenderPlan:
     """The effects that run for one scene, camera and size. ``print(plan)`` prints a table.
 
@@ -68,6 +122,8 @@ class RenderPlan:
         Median time of the picture in milliseconds where `Renderer.measure_effects` made this plan; else None.
     notes
         What is shown, where that is not the data as they are.
+    quality
+        What the option `quality` set; None for scenes that were not made by `sheetsplat.render` or the command line.
     """
 
     backend: str
@@ -84,13 +140,24 @@ class RenderPlan:
     error_budget: dict[str, float]
     picture_ms: float | None = None
     notes: tuple[str, ...] = ()
+    quality: PictureQuality | None = None
 
     @classmethod
-    def of_native(cls, native: _sheetsplat.RenderPlan, notes: tuple[str, ...] = ()) -> RenderPlan:
-        """Return the plan of the native module, with notes on what is shown."""
+    def of_native(
+        cls, native: _sheetsplat.RenderPlan, notes: tuple[str, ...] = (), quality: PictureQuality | None = None
+    ) -> RenderPlan:
+        """Return the plan of the native module, with notes on what is shown, and what a quality set."""
         same = {one.name: getattr(native, one.name) for one in fields(cls) if hasattr(native, one.name)}
         effects = tuple(Effect(*parts) for parts in native.effects)
-        return cls(**{**same, "effects": effects, "error_budget": dict(native.error_budget), "notes": notes})
+        return cls(
+            **{
+                **same,
+                "effects": effects,
+                "error_budget": dict(native.error_budget),
+                "notes": notes,
+                "quality": quality,
+            }
+        )
 
     @property
     def expected_error(self) -> float:
@@ -122,6 +189,8 @@ class RenderPlan:
         ]
         lines = [f"{name:<11}{text}" for name, text in rows]
         lines += [f"{'note':<11}{note}" for note in self.notes]
+        if self.quality is not None:
+            lines += [f"{'' if n else 'quality':<11}{line}" for n, line in enumerate(self.quality.lines())]
         if self.picture_ms is not None:
             lines.append(f"{'picture':<11}{self.picture_ms:.3g} ms, median")
         lines += self._table()

@@ -15,7 +15,7 @@ from sheetsplat.camera import Camera
 from sheetsplat.errors import complain, option_ref, unusable
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.look import empty
-from sheetsplat.notices import warn
+from sheetsplat.notices import is_muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
 from sheetsplat.options.renderer import (
     OUTPUTS,
@@ -27,10 +27,14 @@ from sheetsplat.options.renderer import (
     check_backend,
 )
 from sheetsplat.plan import RenderPlan
+from sheetsplat.quality.thin import may_be_flat, thin_kernels
 from sheetsplat.recipe import Recipe
 from sheetsplat.scene import Scene
 
 _log = logging.getLogger("sheetsplat")
+
+# Kernels between slices are told where they are this share of what shows; `image.error` cannot see them.
+_LEAST_UNSEEN = 1e-3
 
 
 def _chosen_backend(backend: str) -> str:
@@ -176,7 +180,8 @@ class Renderer:
         InvalidInput, Unsupported, OutOfMemory
             As `render` would.
         """
-        plan = RenderPlan.of_native(self.native.plan(**_asked(scene, camera, size, outputs)), scene.notes)
+        native = self.native.plan(**_asked(scene, camera, size, outputs))
+        plan = RenderPlan.of_native(native, scene.notes, scene.quality)
         self._warn_of_unused(plan)
         return plan
 
@@ -341,6 +346,7 @@ class Renderer:
         # A coarse stage may miss what the last one shows.
         if image.stats.get("stage") == image.stats.get("stages"):
             self._warn_of_unseen(image, scene)
+            self._warn_of_unmet(image, scene)
         if _log.isEnabledFor(logging.DEBUG):
             _log.debug("plan\n%s", plan)
             _log.debug("stats %s", image.stats)
@@ -363,6 +369,26 @@ class Renderer:
             warn("nothing can be seen in the picture: " + empty.why_empty(scene))
         elif outside := empty.why_one_color(image, scene):
             warn("all values have one colour in the picture: " + outside)
+
+    @staticmethod
+    def _warn_of_unmet(image: Image, scene: Scene) -> None:
+        """Warn of kernels that would show and that no slice meets."""
+        settings = image.settings or {}
+        shown = scene.replace(slice_spacing=settings["slice_spacing"]) if "slice_spacing" in settings else scene
+        point = settings.get("sampling", scene.options["sampling"]) == "point"
+        if is_muted() or not point or scene.filter is not None or not may_be_flat(shown):
+            return
+        thin = thin_kernels(shown, image.camera, image.size)
+        if thin.unseen < _LEAST_UNSEEN:
+            return
+        warn(
+            f"{thin.count} kernels, {100.0 * thin.unseen:.2g} % of what shows, lie between slices and are not seen: "
+            f"they reach {thin.thinnest:.3g} along the view, and slices are {shown.slice_spacing:.3g} apart; "
+            + option_ref("filter", "ewa")
+            + " spreads them, "
+            + option_ref("slice_spacing", f"{thin.thinnest:.3g}")
+            + " meets them"
+        )
 
     def _warn_of_unused(self, plan: RenderPlan) -> None:
         """Warn of settings that the backend does not use; of each once."""

@@ -16,6 +16,7 @@ from sheetsplat.fields import Field, as_fields, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.options.core import check_names, checked, documented
 from sheetsplat.options.scene import IsoValue, SceneOptions, surfaces_of
+from sheetsplat.plan import PictureQuality
 from sheetsplat.quantity import notes_of
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.transfer import TransferFunction
@@ -88,7 +89,8 @@ class Scene:
         Where a number or a combination has no meaning.
     """
 
-    __slots__ = ("_groups", "_options", "native")
+    __slots__ = ("_groups", "_options", "_quality", "native")
+    _quality: PictureQuality | None
 
     def __init__(
         self,
@@ -97,7 +99,7 @@ class Scene:
         **options: Unpack[SceneOptions],
     ) -> None:
         check_names("Scene", options, SceneOptions)
-        self._groups = _groups(field, transfer_function)
+        self._groups, self._quality = _groups(field, transfer_function), None
         self._options = checked("Scene", options, SceneOptions)
         native = {name: _native(value) for name, value in self._options.items()}
         # The engine makes the numbers of a scalar picture; the image makes their colours.
@@ -133,6 +135,17 @@ class Scene:
             **self._options,
         }
         return Scene(**{**given, **changes})
+
+    @property
+    def quality(self) -> PictureQuality | None:
+        """What the option `quality` set where `sheetsplat.render` made the scene; None in all others."""
+        return self._quality
+
+    def with_quality(self, quality: PictureQuality | None) -> Scene:
+        """Return the same scene with what a quality set, which its plans then say; it does not count for equality."""
+        made = self.replace()
+        object.__setattr__(made, "_quality", quality)
+        return made
 
     @property
     def fields(self) -> tuple[Field, ...]:
@@ -228,7 +241,7 @@ class Scene:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy by the arguments."""
-        return _made, (self.groups, self.transfer_functions, dict(self._options))
+        return _made, (self.groups, self.transfer_functions, dict(self._options), self._quality)
 
     def __eq__(self, other: object) -> bool:
         """Return whether fields, transfer function and options are the same."""
@@ -247,6 +260,12 @@ class Scene:
         return f"Scene({', '.join(map(repr, self.fields))}, mode {self.mode!r}, {len(self.lights)} lights)"
 
 
-def _made(groups: tuple[Any, ...], functions: tuple[TransferFunction, ...], options: dict[str, Any]) -> Scene:
+def _made(
+    groups: tuple[Any, ...],
+    functions: tuple[TransferFunction, ...],
+    options: dict[str, Any],
+    quality: PictureQuality | None,
+) -> Scene:
     """Return the scene of what `Scene.__reduce__` gave."""
-    return Scene(groups, functions, **options)
+    scene = Scene(groups, functions, **options)
+    return scene if quality is None else scene.with_quality(quality)

@@ -17,7 +17,6 @@ from PIL import Image as PillowImage
 import sheetsplat as ss
 from sheetsplat.accuracy import KNOBS, AccuracyReport, AccuracyRow, accuracy
 from sheetsplat.accuracy.knobs import INTERPOLATED
-from sheetsplat.accuracy.lattice_sweeps import regular
 from sheetsplat.accuracy.measure import limit
 from sheetsplat.accuracy.report import front
 from sheetsplat.accuracy.sweeps import cut_off, enlarge, smaller, table
@@ -389,10 +388,11 @@ def test_what_the_knobs_change(scene: ss.Scene) -> None:
     assert cut_off(alone, 0.5).at(near)[0] == pytest.approx((bell - h) / (1 - h))  # type: ignore[attr-defined]
     lattice = scene.fields[0]
     assert isinstance(lattice, ss.RegularField)
-    same = regular(lattice)
+    same = lattice.replace()
     assert (same.radius, same.falloff, same.spacing) == (lattice.radius, lattice.falloff, lattice.spacing)
-    sharp = regular(lattice, prefilter=True)
-    assert regular(sharp).prefilter and np.array_equal(regular(sharp).values, lattice.values)
+    sharp = lattice.replace(prefilter=True)
+    assert sharp.replace().prefilter and np.array_equal(sharp.replace().values, lattice.values)
+    assert sharp.replace(prefilter=False) == lattice
     coarse = table(scene.transfer_function, 4)
     assert len(coarse.points) == 4 and coarse.v_max == scene.transfer_function.v_max
     with pytest.raises(ss.InvalidInput, match="table"):

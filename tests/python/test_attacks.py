@@ -22,7 +22,7 @@ from sheetsplat.framing import compose_camera
 from sheetsplat.io import pictures
 from sheetsplat.look import automatic
 
-SMALL = {"size": (8, 8), "backend": "reference"}
+SMALL = {"size": (8, 8), "backend": "reference", "quality": "draft"}
 POINTS = [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)]
 
 

@@ -13,7 +13,7 @@ from sheetsplat.look import automatic
 from sheetsplat.look.compose import compose_scene
 from sheetsplat.look.empty import why_empty
 
-SMALL = {"size": (32, 32), "backend": "reference"}
+SMALL = {"size": (32, 32), "backend": "reference", "quality": "draft"}
 
 
 def ball_of_kernels(rng, count=400):

@@ -9,7 +9,7 @@ from conftest import random_rotations
 import sheetsplat as ss
 from sheetsplat.look.empty import why_empty
 
-SMALL = {"size": (32, 32), "backend": "reference"}
+SMALL = {"size": (32, 32), "backend": "reference", "quality": "draft"}
 
 
 def matrices_of(quaternions):

@@ -16,7 +16,7 @@ from sheetsplat.figure import color_bars, picture_plane, round_length
 
 matplotlib.use("Agg")
 
-SMALL = {"size": (40, 30), "backend": "reference"}
+SMALL = {"size": (40, 30), "backend": "reference", "quality": "draft"}
 
 
 @pytest.fixture(scope="module")

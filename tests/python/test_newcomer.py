@@ -17,7 +17,7 @@ from sheetsplat.look.compose import compose_scene
 from sheetsplat.look.empty import why_empty
 from sheetsplat.look.surface import surface_color
 
-SMALL = {"size": (24, 24), "backend": "reference"}
+SMALL = {"size": (24, 24), "backend": "reference", "quality": "draft"}
 BACKEND = ["--backend", "reference", "--size", "12"]
 
 

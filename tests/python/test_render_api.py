@@ -8,7 +8,7 @@ import pytest
 import sheetsplat as ss
 from sheetsplat.look import automatic
 
-SMALL = {"size": (24, 24), "backend": "reference"}
+SMALL = {"size": (24, 24), "backend": "reference", "quality": "draft"}
 
 
 def test_data_may_be_an_array_a_path_a_field_or_fields(tmp_path, ball):
@@ -46,7 +46,8 @@ def test_given_nouns_take_the_place_of_options(ball):
     field = ss.RegularField(ball)
     camera, renderer = ss.Camera.fit(field, (1, 0, 0)), ss.Renderer("reference")
     function = ss.TransferFunction([(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)])
-    image = ss.render(field, camera=camera, renderer=renderer, transfer_function=function, shading=False, size=(20, 20))
+    nouns = {"camera": camera, "renderer": renderer, "transfer_function": function}
+    image = ss.render(field, **nouns, shading=False, size=(20, 20), quality="draft")
     expected = renderer.render(ss.Scene(field, function), camera, size=(20, 20))
     assert np.array_equal(image.rgba, expected.rgba)
 

@@ -24,12 +24,6 @@ KERNELS = ((2.0, 5.0), (2.5, 7.0), (3.0, 8.0))
 BEST_KERNEL = KERNELS[1]
 
 
-def regular(one: RegularField, **changes: Any) -> RegularField:
-    """Return a regular field with some options changed."""
-    names = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
-    return RegularField(one.values, **{**{name: getattr(one, name) for name in names}, **changes})
-
-
 def _lattice_of(base: Base) -> RegularField:
     (one,) = base.scene.fields
     assert isinstance(one, RegularField)
@@ -93,7 +87,7 @@ def _kernel(base: Base) -> Iterator[Setting]:
             options["w0"] = 0.5 * lattice_constant(radius, falloff, "bcc" if one.lattice == "bcc" else "cartesian")
         yield Setting(
             f"({radius:g}, {falloff:g})" + (f", {series}" if series else ""),
-            {"field": partial(regular, one, **options)},
+            {"field": partial(one.replace, **options)},
             call_text("RegularField", options),
             series=series,
             current=(radius, falloff, way) == now,
@@ -132,7 +126,7 @@ SWEEPS: dict[str, Callable[[Base], Iterator[Setting]]] = {
 
 def _prefiltered(one: RegularField, radius: float, falloff: float) -> RegularField:
     """Return a field whose sum passes through the samples of another one."""
-    return regular(one, radius=radius, falloff=falloff, normalization="lattice", prefilter=True)
+    return one.replace(radius=radius, falloff=falloff, normalization="lattice", prefilter=True)
 
 
 def interpolating(base: Base) -> Scene:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from sheetsplat.accuracy import lattice_sweeps
 from sheetsplat.accuracy.knobs import CONVERGED, INTERPOLATED, Base, Setting, call_text, calls_for_gradients
-from sheetsplat.accuracy.lattice_sweeps import regular
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.options.picture import unused
@@ -125,7 +124,7 @@ def _cut_offs(base: Base, cut: float) -> list[list[Field]]:
 def cut_off(one: Field, cut: float) -> Field:
     """Return a field of the same Gaussians whose supports are `cut` times as large."""
     if isinstance(one, RegularField):
-        return regular(one, radius=one.radius * cut, falloff=one.falloff * cut**2)
+        return one.replace(radius=one.radius * cut, falloff=one.falloff * cut**2)
     if isinstance(one, EllipsoidField):
         return EllipsoidField(
             one.centers,

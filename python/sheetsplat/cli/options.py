@@ -16,6 +16,7 @@ from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, CommandLine, Option, choices_of, definitions
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
 from sheetsplat.options.picture import LookOptions, PictureOptions, unused
+from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.renderer import RendererOptions
 from sheetsplat.options.spelling import flag_of, flags, on_command_line
 
@@ -93,7 +94,8 @@ def _option(option: Option, spelling: CommandLine) -> Callable[[Function], Funct
             settings["type"] = param_type(spelling.value)
         elif names:
             settings["type"] = click.Choice(names)
-        if is_own and isinstance(default, str | int | float | tuple) and not spelling.multiple:
+        # What is chosen by other options must be seen not to have been given.
+        if is_own and isinstance(default, str | int | float | tuple) and not spelling.multiple and not option.chosen:
             settings["default"] = default
     if spelling.metavar:
         settings["metavar"] = spelling.metavar
@@ -118,8 +120,8 @@ def single(group: type, *names: str) -> list[Callable[[Any], Any]]:
 
 def scene_options(function: Function) -> Function:
     """Add every option that `sheetsplat.cli.scene.prepare` takes."""
-    groups = (FileOptions, PlacementOptions, KernelOptions, LookOptions, PictureOptions, CameraOptions, RendererOptions)
-    decorated: Function = apply(options_of(*groups))(function)
+    groups = (QualityOptions, FileOptions, PlacementOptions, KernelOptions, LookOptions, PictureOptions, CameraOptions)
+    decorated: Function = apply(options_of(*groups, RendererOptions))(function)
     return decorated
 
 

@@ -21,6 +21,7 @@ from sheetsplat.options.spelling import flag_of
 if TYPE_CHECKING:
     from sheetsplat.camera import Camera
     from sheetsplat.fields import Field
+    from sheetsplat.quality.choose import Choice
     from sheetsplat.renderer import Renderer
     from sheetsplat.scene import Scene
 
@@ -89,7 +90,7 @@ def prepare_again(
 
     context = click.get_current_context()
     given = {name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
-    of_files = {"log_floor", *definitions(OpenOptions)}
+    of_files = {"log_floor", *definitions(OpenOptions)} - {"quality"}
     own = sorted(given - of_files - {"size", *definitions(RendererOptions)})
     if own:
         raise click.UsageError(f"{path} has its own {', '.join(map(flag_of, own))}; leave out one or the other")
@@ -112,6 +113,7 @@ def prepare(path: Path, options: dict[str, Any]) -> tuple[Scene, Camera, Rendere
     from sheetsplat import api
     from sheetsplat._checks import image_size
     from sheetsplat.look.decades import in_decades
+    from sheetsplat.quality.choose import Choice
     from sheetsplat.renderer import Renderer
 
     effects = forced_effects(options["effects"])
@@ -119,23 +121,25 @@ def prepare(path: Path, options: dict[str, Any]) -> tuple[Scene, Camera, Rendere
     with usage_errors():
         look = _look(options)
     opened = file_options(options)
-    fields = in_decades(api.to_fields(path, **opened), look, opened["log"])
+    quality = Choice("render", {name: value for name, value in options.items() if value is not None})
+    fields = quality.kernels(in_decades(api.to_fields(path, **opened), look, opened["log"]), made=False)
     with usage_errors():
-        scene, camera = _seen(fields, look, options, size)
+        scene, camera = _seen(fields, look, options, size, quality)
         return scene, camera, Renderer(**{**pick(RendererOptions, options), "effects": effects}), size
 
 
 def _seen(
-    fields: Sequence[Field], look: dict[str, Any], options: dict[str, Any], size: tuple[int, int]
+    fields: Sequence[Field], look: dict[str, Any], options: dict[str, Any], size: tuple[int, int], quality: Choice
 ) -> tuple[Scene, Camera]:
     """Return scene and camera of fields and the values of `scene_options`."""
     from sheetsplat import framing
     from sheetsplat.look.compose import compose_scene
 
     free = options["max_error"] is not None or options["max_seconds"] is not None
-    scene = compose_scene(fields, **look, spacing_is_free=free)
+    look.pop("filter")
+    scene = quality.slices(compose_scene(fields, **look, spacing_is_free=free), free=free)
     camera = framing.compose_camera(scene, size, **pick(CameraOptions, options))
     if options["depth_cue"] == "auto":
         color = options["depth_cue_color"] or (0, 0, 0)
         scene = scene.replace(depth_cue=framing.fitting_depth_cue(scene, camera, color))
-    return scene, camera
+    return quality.finished(scene, camera, size), camera

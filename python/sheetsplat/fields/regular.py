@@ -206,6 +206,29 @@ class RegularField(Field):
             setattr(self, name, parts[name])
         self.native = self._made(parts["samples"], coefficients=parts["coefficients"], figures=parts["figures"])
 
+    def replace(self, values: ArrayLike | None = None, **changes: Any) -> RegularField:
+        """Return a field with other samples, or some options changed, and all else as in this one.
+
+        Parameters
+        ----------
+        values
+            Its samples; the same ones unless given.
+        changes
+            Options of `RegularField`. Where only `prefilter` is taken back, the normalisation is "lattice".
+
+        Raises
+        ------
+        InvalidInput, OutOfMemory
+            As `RegularField`.
+        """
+        options = {name.removeprefix("_"): getattr(self, name) for name in _PARTS} | {"prefilter": self.prefilter}
+        if self.prefilter:
+            # The one that it set itself.
+            del options["normalization"]
+        made = RegularField(self.values if values is None else values, **{**options, **changes})
+        made._quantity, made._opened, made._orientation = self._quantity, self._opened, self._orientation
+        return made
+
     values = Forwarded[NDArray[Any]](
         "native.given_values",
         "The samples, shape (nk, nj, ni), in the type in which they are kept; read-only, no copy.",

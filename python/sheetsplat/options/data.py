@@ -8,6 +8,7 @@ from numpy.typing import DTypeLike
 from sheetsplat._checks import Vector
 from sheetsplat.fields import EllipsoidField, Lattice, NanPolicy, Normalization, RegularField
 from sheetsplat.options.core import CommandLine, Option, defaults_of, value_text
+from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.values import POSITIVE, Numbers, Special, Whole
 
 Fit = Literal["delaunay", "nearest"]
@@ -46,7 +47,7 @@ class KernelOptions(TypedDict, total=False):
         float | None,
         Option(
             "Volumes: radius of the kernels' supports in sample distances.",
-            unset=f"{_VOLUME['radius']:g}",
+            unset=f"{_VOLUME['radius']:g}, or as {{quality}} says",
             value=POSITIVE,
         ),
     ]
@@ -54,7 +55,8 @@ class KernelOptions(TypedDict, total=False):
         float | None,
         Option(
             "Exponent of the Gaussian at the border of a support.",
-            unset=f"{_VOLUME['falloff']:g} for volumes, {_SCATTERED['falloff']:g} for scattered data",
+            unset=f"{_VOLUME['falloff']:g} for volumes, or as {{quality}} says; "
+            f"{_SCATTERED['falloff']:g} for scattered data",
             value=POSITIVE,
         ),
     ]
@@ -75,12 +77,18 @@ class KernelOptions(TypedDict, total=False):
         ),
     ]
     prefilter: Annotated[
-        bool,
+        bool | None,
         Option(
             "Volumes: let the sum of the kernels interpolate the samples, which is sharper. Best with {radius} 2.5 and "
             "{falloff} 7.",
-            default=_VOLUME["prefilter"],
-            switch=True,
+            unset="as {quality} says",
+            cli=(
+                CommandLine(
+                    "--prefilter/--no-prefilter",
+                    help="Volumes: let the sum of the kernels interpolate the samples, which is sharper.",
+                    default="as {quality} says",
+                ),
+            ),
         ),
     ]
     nan: Annotated[
@@ -180,5 +188,5 @@ class FileOptions(TypedDict, total=False):
     ]
 
 
-class OpenOptions(FieldOptions, FileOptions, total=False):
+class OpenOptions(FieldOptions, FileOptions, QualityOptions, total=False):
     """Every keyword argument of `open`."""

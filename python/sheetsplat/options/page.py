@@ -7,6 +7,7 @@ from sheetsplat.options.core import MODES, Option, definitions, in_python
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
 from sheetsplat.options.look import TransferOptions
 from sheetsplat.options.picture import ObjectOptions, PictureOptions
+from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.renderer import BackendOptions, RendererLimits, RendererSettings
 from sheetsplat.options.scene import EffectOptions, LightOptions, ModeOptions, SamplingOptions
 from sheetsplat.options.spelling import flags
@@ -27,7 +28,7 @@ This page is made from the definitions in `sheetsplat/options`:
 """
 _COLUMNS = ("option", "command line", "type", "default", "meaning", "modes")
 _GROUPS: tuple[tuple[str, tuple[type, ...]], ...] = (
-    ("Picture", (PictureOptions,)),
+    ("Picture", (QualityOptions, PictureOptions)),
     ("Colours and opacity", (TransferOptions,)),
     ("Mode", (ModeOptions,)),
     ("Sampling", (SamplingOptions,)),

@@ -1,11 +1,11 @@
 """The options of a scene: sampling, effects, mode, light."""
 
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Literal, TypedDict
+from typing import Annotated, Literal, TypedDict, get_args
 
 import numpy as np
 
-from sheetsplat._checks import Vector, color, instance, number, optional_number, parts, shown, truth
+from sheetsplat._checks import Vector, choice, color, instance, number, optional_number, parts, shown, truth
 from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
 from sheetsplat.errors import complain, unusable
 from sheetsplat.light import Light, Material
@@ -15,7 +15,7 @@ from sheetsplat.options.values import POSITIVE, Numbers, Real, Special
 from sheetsplat.scalar_colors import ScalarColors
 
 Sampling = Literal["point", "slab"]
-Filter = Literal["ewa"]
+Filter = Literal["ewa", "off"]
 Gradient = Literal["sheets", "analytic"]
 Preintegration = bool | Literal["second_order"]
 
@@ -61,6 +61,14 @@ def _preintegration(what: str, value: object) -> Preintegration:
             raise complain(unusable(what), shown(value), 'True, False or "second_order"')
         return "second_order"
     return truth(what, value)
+
+
+def _filter(what: str, value: object) -> str | None:
+    """Return "ewa" or None; "off" is another name of None."""
+    if value == "auto":
+        wanted = '"ewa", "off" or None'
+        raise complain(unusable(what), '"auto"', wanted, "give it to sheetsplat.render, which knows the camera")
+    return None if value in (None, "off") else choice(what, value, get_args(Filter))
 
 
 def surfaces_of(iso_value: IsoValue | None) -> tuple[tuple[float, float], ...]:
@@ -154,7 +162,7 @@ class SamplingOptions(TypedDict, total=False):
         Option(
             "Distance of slices in world units, greater than 0.",
             unset="the smallest that a field suggests",
-            chosen="the smallest that a field suggests; for scattered data and isosurfaces often a smaller one",
+            chosen="by {quality}: the smallest that a field suggests, or a share of it",
             check=optional_number,
             value=POSITIVE,
         ),
@@ -183,6 +191,7 @@ class SamplingOptions(TypedDict, total=False):
         Option(
             "Opacity in (0, 1] at which a pixel is finished; 1: never.",
             default=0.98,
+            chosen="0.98, or nearer to 1 as {quality} says",
             modes=COLORED,
             check=number,
             value=Real(above=0.0, most=1.0),
@@ -214,12 +223,22 @@ class SamplingOptions(TypedDict, total=False):
         ),
     ]
     filter: Annotated[
-        Filter | None,
+        Filter | Literal["auto"] | None,
         Option(
             '"ewa": widen kernels by a pixel across and by a slice distance along the view, so that kernels smaller '
-            "than that do not vanish between pixels or slices. Their mass stays the same.",
+            'than that do not vanish between pixels or slices. Their mass stays the same. "off", or None: no filter. '
+            '"auto": where scattered kernels in the picture are that small; it needs `render` or the command line, '
+            "which know the camera.",
+            chosen='"auto", and "off" at {quality} draft',
             effect="ewa_filter",
-            check=optional(one_of(Filter)),
+            check=_filter,
+            cli=(
+                CommandLine(
+                    help="ewa: widen kernels by a pixel across and by a slice distance along the view, so that kernels "
+                    "smaller than that do not vanish between pixels or slices; their mass stays the same. auto: where "
+                    "scattered kernels in the picture are that small.",
+                ),
+            ),
         ),
     ]
 

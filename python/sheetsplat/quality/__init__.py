@@ -1,0 +1,1 @@
+"""What `quality` sets: kernels and their coefficients (`samples`), slices and the filter (`choose`)."""

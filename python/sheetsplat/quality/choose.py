@@ -1,0 +1,208 @@
+"""What a quality sets of the options that nobody gave: `Choice` follows a picture from its fields to its scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+from sheetsplat._checks import choice
+from sheetsplat.camera import Camera
+from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.options.quality import QUALITIES
+from sheetsplat.plan import PictureQuality, QualitySetting
+from sheetsplat.quality.samples import through_samples
+from sheetsplat.quality.thin import may_be_thin, thin_kernels
+from sheetsplat.scene import Scene
+
+Made = TypeVar("Made", bound=Field)
+#: Radius and falloff of kernels whose sums are the samples, smoothed a little.
+PLAIN_KERNEL = (2.0, 5.0)
+_AS_GIVEN = "as given"
+# Options that say how a lattice's sums become values: with one of them nothing is left to a prefilter.
+_OWN_SUMS = ("normalization", "w0")
+# The filter is taken where kernels that are smaller than a pixel, or a slice distance, are this share of what shows:
+# there a picture with it is nearer to one of many samples a pixel than a picture without.
+_LEAST_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class _Level:
+    """What a quality sets.
+
+    Attributes
+    ----------
+    kernel
+        Radius and falloff of volumes whose values pass through their samples; None: plain sums.
+    volumes, scattered
+        How many slices there are to one of the default distance, by the mode; 1 in modes that are not named.
+    stop
+        Opacity at which a pixel is finished; None: the default.
+    filters
+        Whether small scattered kernels call for the filter.
+    """
+
+    kernel: tuple[float, float] | None
+    volumes: Mapping[str, int]
+    scattered: Mapping[str, int]
+    stop: float | None
+    filters: bool
+
+
+# Found by measurement: docs/quality.md, "What a picture is worth", and ./run bench quality.
+_LEVELS = {
+    "draft": _Level(None, {}, {}, None, False),
+    "good": _Level(
+        (2.0, 5.0), {"composite": 2, "isosurface": 2, "mip": 2, "minimum": 2}, {"composite": 2}, 0.995, True
+    ),
+    "best": _Level(
+        (2.5, 7.0),
+        {"composite": 4, "isosurface": 4, "mip": 4, "minimum": 4, "average": 2},
+        {"composite": 4, "isosurface": 2, "mip": 2, "minimum": 2},
+        0.999,
+        True,
+    ),
+}
+
+
+class Choice:
+    """What one call sets by its quality, step by step: kernels, then slices, then the filter.
+
+    Parameters
+    ----------
+    owner
+        The function, for messages.
+    options
+        The keyword arguments that were given. None stands for an option that was left open, but for `filter`, where it
+        means none.
+    """
+
+    def __init__(self, owner: str, options: Mapping[str, Any]) -> None:
+        given = {name: value for name, value in options.items() if value is not None}
+        if "filter" in options:
+            given["filter"] = choice(f"{owner}: filter", options["filter"] or "off", ("ewa", "off", "auto"))
+        self.name = choice(f"{owner}: quality", given.get("quality", "good"), QUALITIES)
+        self._kept = False
+        self._level = _LEVELS[self.name]
+        self._given = given
+        self._settings: list[QualitySetting] = []
+
+    @property
+    def quality(self) -> PictureQuality:
+        """What was set so far."""
+        return PictureQuality(self.name, tuple(dict.fromkeys(self._settings)))
+
+    def _set(self, option: str, value: float | bool | str | None, reason: str, *, given: bool = False) -> None:
+        self._settings.append(QualitySetting(option, value, reason, given))
+
+    def kept(self, scene: Scene) -> Scene:
+        """Return a scene that the caller made: all of it was given."""
+        volumes = [one for one in scene.fields if isinstance(one, RegularField)]
+        values: dict[str, float | bool | str] = {"slice_spacing": scene.slice_spacing, "filter": scene.filter or "off"}
+        if volumes:
+            values["prefilter"] = any(one.prefilter for one in volumes)
+        if scene.mode == "composite":
+            values["opacity_stop"] = scene.options["opacity_stop"]
+        for option, value in values.items():
+            self._set(option, value, "as the scene has it", given=True)
+        self._kept = True
+        return scene
+
+    def kernels(self, fields: Sequence[Field], *, made: bool) -> list[Field]:
+        """Return fields with the kernels of the quality; `made`: the caller made them, and they stay."""
+        if not made:
+            return [self.kernel(one) for one in fields]
+        for one in fields:
+            if isinstance(one, RegularField):
+                self._set("prefilter", one.prefilter, "as the field has it", given=True)
+        return list(fields)
+
+    def kernel(self, field: Made) -> Made:
+        """Return a field with the kernels of the quality."""
+        return cast(Made, self._lattice(field)) if isinstance(field, RegularField) else field
+
+    def _lattice(self, field: RegularField) -> RegularField:
+        wanted = self._level.kernel
+        own_kernel = "radius" in self._given or "falloff" in self._given
+        radius, falloff = (field.radius, field.falloff) if own_kernel or wanted is None else wanted
+        if "prefilter" in self._given:
+            shown = field
+            if field.prefilter and (radius, falloff) != (field.radius, field.falloff):
+                shown = field.replace(radius=radius, falloff=falloff)
+            self._set("prefilter", shown.prefilter, _AS_GIVEN, given=True)
+        elif own := [name for name in _OWN_SUMS if name in self._given]:
+            shown = field
+            self._set("prefilter", False, f"{' and '.join(own)} as given: sums are divided in another way", given=True)
+        elif wanted is None:
+            shown = field
+            self._set("prefilter", False, "plain sums of the samples, which smooth a little")
+        else:
+            found = through_samples(field, radius, falloff)
+            shown = found.field
+            self._set("prefilter", shown.prefilter, found.reason)
+        wide = (shown.radius, shown.falloff) != PLAIN_KERNEL
+        why = _AS_GIVEN if own_kernel else "exact between samples too; frames take twice as long" if wide else "plain"
+        self._set("radius", shown.radius, why, given=own_kernel)
+        self._set("falloff", shown.falloff, why, given=own_kernel)
+        return shown
+
+    def slices(self, scene: Scene, *, free: bool) -> Scene:
+        """Return a scene with the slices of the quality; `free`: an error or a time to keep decides on them."""
+        found = {"slice_spacing": self._spacing(scene)}
+        if scene.mode == "composite":
+            found["opacity_stop"] = self._stop(scene)
+        changes: dict[str, float] = {}
+        for option, (value, reason) in found.items():
+            now = scene.slice_spacing if option == "slice_spacing" else scene.options[option]
+            if option in self._given:
+                self._set(option, now, _AS_GIVEN, given=True)
+            elif free:
+                self._set(option, now, "chosen anew by max_error or max_seconds", given=True)
+            else:
+                self._set(option, value, reason)
+                if value != now:
+                    changes[option] = value
+        return scene.replace(**changes) if changes else scene
+
+    def _spacing(self, scene: Scene) -> tuple[float, str]:
+        """Return the distance of slices, and why."""
+        scattered = all(isinstance(one, EllipsoidField) for one in scene.fields)
+        more = (self._level.scattered if scattered else self._level.volumes).get(scene.mode, 1)
+        if more == 1:
+            return scene.slice_spacing, "the default"
+        return scene.slice_spacing / more, f"1/{more} of the default, so that slices do not show"
+
+    def _stop(self, scene: Scene) -> tuple[float, str]:
+        """Return the opacity at which pixels are finished, and why."""
+        if self._level.stop is None:
+            return scene.options["opacity_stop"], "the default"
+        return self._level.stop, "what lies behind a nearly opaque pixel counts as well"
+
+    def finished(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
+        """Return the scene with its filter, and with what was set, for the plan."""
+        if not self._kept:
+            scene = self._filtered(scene, camera, size)
+        return scene.with_quality(self.quality)
+
+    def _filtered(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
+        given = self._given.get("filter")
+        if given in ("ewa", "off"):
+            self._set("filter", given, _AS_GIVEN, given=True)
+            return scene.replace(filter=given)
+        if given is None and not self._level.filters:
+            self._set("filter", "off", "kernels as they are")
+            return scene
+        on, reason = _calls_for_filter(scene, camera, size)
+        self._set("filter", "ewa" if on else "off", reason)
+        return scene.replace(filter="ewa") if on else scene
+
+
+def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tuple[bool, str]:
+    """Return whether small kernels call for the filter, and why."""
+    if any(isinstance(one, RegularField) for one in scene.fields):
+        return False, "volumes would be drawn kernel by kernel, which takes up to 37 times as long"
+    if not may_be_thin(scene, camera, size):
+        return False, "no kernel is smaller than a pixel or thinner than a slice distance"
+    thin = thin_kernels(scene, camera, size)
+    what = "stands alone and is smaller than a pixel or a slice distance"
+    return thin.small >= _LEAST_SHARE, f"{100.0 * thin.small:.2g} % of what shows {what}"

@@ -1,0 +1,201 @@
+"""Scattered kernels that are smaller than a pixel or thinner than a slice distance, and those that no slice meets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat.camera import Camera
+from sheetsplat.fields import EllipsoidField
+from sheetsplat.look.visible import camera_axes
+from sheetsplat.scene import Scene
+from sheetsplat.transfer import TransferFunction
+
+Floats = NDArray[np.float64]
+
+# Kernels of a field that are looked at; of more, every n-th.
+_MOST = 50_000
+# Kernels whose neighbours are looked at; one with less than this times its own weight at its centre stands alone.
+_ENOUGH = 256
+_ALONE = 2.0
+
+
+@dataclass(frozen=True)
+class Thin:
+    """The small ones among the scattered kernels that show and lie in the picture.
+
+    Shares are parts of what all of these kernels cover in the picture, each its area times its opacity.
+
+    Attributes
+    ----------
+    small
+        Share of those that are narrower than a pixel, or thinner than a slice distance along the view, and stand alone:
+        sums of many that overlap are as smooth as those of larger ones.
+    unseen
+        Share of those that no slice meets.
+    count
+        How many no slice meets; an estimate where a field has more than 50,000 kernels.
+    thinnest
+        The shortest semi-axis of one of them, world units; infinite without any.
+    """
+
+    small: float = 0.0
+    unseen: float = 0.0
+    count: int = 0
+    thinnest: float = math.inf
+
+
+def thin_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Thin:
+    """Return what a scene has of small kernels, as a camera sees it without a filter."""
+    low, high = _centres(scene)
+    middle = float(_depths(np.asarray([0.5 * (low + high)]), camera)[0])
+    found = [
+        _of_field(field, scene, function, camera, size, middle)
+        for group, function in zip(scene.groups, scene.transfer_functions, strict=True)
+        for field in group
+        if isinstance(field, EllipsoidField) and field.size > field.ghosts
+    ]
+    covered = sum(one.covered for one in found)
+    if not covered > 0.0:
+        return Thin()
+    small, unseen = sum(one.small for one in found) / covered, sum(one.unseen for one in found) / covered
+    return Thin(small, unseen, sum(one.count for one in found), min(one.thinnest for one in found))
+
+
+def may_be_thin(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
+    """Return whether some scattered kernel, shown or not, is smaller than a pixel or thinner than a slice distance."""
+    if may_be_flat(scene):
+        return True
+    thinnest = min((one.scale_range[0] for one in _scattered(scene)), default=math.inf)
+    pixel = _pixel(camera, size)
+    if camera.kind == "perspective" and math.isfinite(thinnest):
+        corners = np.array(np.meshgrid(*zip(*_centres(scene), strict=True))).reshape(3, -1).T
+        pixel *= max(float(_depths(corners, camera).max()), camera.near)
+    return 2.0 * thinnest < pixel
+
+
+def may_be_flat(scene: Scene) -> bool:
+    """Return whether some scattered kernel, shown or not, is thinner than a slice distance."""
+    return any(2.0 * one.scale_range[0] < scene.slice_spacing for one in _scattered(scene))
+
+
+def _scattered(scene: Scene) -> list[EllipsoidField]:
+    return [one for one in scene.fields if isinstance(one, EllipsoidField) and one.size > one.ghosts]
+
+
+@dataclass(frozen=True)
+class _Found(Thin):
+    """The same of one field, not divided by what all kernels cover, which is `covered`."""
+
+    covered: float = 0.0
+
+
+def _of_field(
+    field: EllipsoidField,
+    scene: Scene,
+    function: TransferFunction,
+    camera: Camera,
+    size: tuple[int, int],
+    middle: float,
+) -> _Found:
+    known = field.size - field.ghosts
+    step = max(1, math.ceil(known / _MOST))
+    picked = np.arange(0, known, step)
+    if field.weights is not None:
+        picked = picked[field.weights[picked] > 0]
+    pixel = _pixel(camera, size)
+    depth, inside = _in_picture(field.centers[picked], camera, size, pixel)
+    optical = optical_depths(_values(field, picked), scene, function)
+    across = pixel * depth if camera.kind == "perspective" else np.full(len(depth), pixel)
+    kept = inside & (optical > 0)
+    picked, depth, opacity = picked[kept], depth[kept], -np.expm1(-optical[kept])
+    if not len(picked):
+        return _Found()
+    axes = np.einsum("ai,nij->naj", camera_axes(camera), field.native.shapes(picked))
+    half = np.linalg.norm(axes[:, 2], axis=1)
+    # The projection's semi-axes are the singular values of the first two rows.
+    a, b = np.sum(axes[:, 0] ** 2, axis=1), np.sum(axes[:, 1] ** 2, axis=1)
+    c = np.sum(axes[:, 0] * axes[:, 1], axis=1)
+    area = np.sqrt(np.maximum(a * b - c * c, 0.0))
+    width = area / np.sqrt(0.5 * (a + b + np.hypot(a - b, 2.0 * c)))
+    covers = opacity * area
+    spacing = scene.slice_spacing
+    # Slices lie at middle + (n + 1/2) spacing.
+    place = (depth - middle) / spacing - 0.5
+    missed = np.abs(place - np.round(place)) * spacing >= half
+    small = (2.0 * width < across[kept]) | (2.0 * half < spacing)
+    return _Found(
+        small=float(covers[small].sum()) * step * _share_alone(field, picked[small]),
+        unseen=float(covers[missed].sum()) * step,
+        count=int(missed.sum()) * step,
+        thinnest=float(np.min(half[missed], initial=math.inf)),
+        covered=float(covers.sum()) * step,
+    )
+
+
+def _share_alone(field: EllipsoidField, picked: NDArray[np.int64]) -> float:
+    """Return the share of kernels that stand alone."""
+    if not len(picked):
+        return 0.0
+    some = picked[:: math.ceil(len(picked) / _ENOUGH)]
+    own = 1.0 if field.weights is None else field.weights[some]
+    return float(np.mean(field.weight_at(field.centers[some]) < _ALONE * own))
+
+
+def _values(field: EllipsoidField, picked: NDArray[np.int64]) -> Floats:
+    """Return the scalar that a kernel alone would have at its centre."""
+    values = field.values[picked]
+    if field.weights is not None:
+        values = values * field.weights[picked]
+    if field.normalization == "threshold":
+        return np.asarray(field.values[picked])
+    return np.asarray(values / field.native.lattice_constant if field.normalization == "lattice" else values)
+
+
+def optical_depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
+    """Return the optical depth over the reference length of values; in modes without opacity 1 where they count."""
+    if scene.mode == "isosurface":
+        lowest = min((value for value, opacity in scene.surfaces if opacity > 0), default=math.inf)
+        return np.where(values >= lowest, 1.0, 0.0)
+    if scene.mode != "composite":
+        return np.where(values != 0.0, 1.0, 0.0)
+    found: Floats = -np.log1p(-np.minimum(function.at(values)[..., 3], 1.0 - 1e-9))
+    return found
+
+
+def _pixel(camera: Camera, size: tuple[int, int]) -> float:
+    """Return the width of a pixel, world units; in perspective at a depth of 1."""
+    if camera.kind == "orthographic":
+        return camera.height / size[1]
+    return 2.0 * math.tan(0.5 * math.radians(camera.fov_y)) / size[1]
+
+
+def _depths(points: Floats, camera: Camera) -> Floats:
+    """Return depths of points (N, 3) before the camera."""
+    back = camera_axes(camera)[2]
+    found: Floats = -((points - np.asarray(camera.eye)) @ back)
+    return found
+
+
+def _in_picture(
+    points: Floats, camera: Camera, size: tuple[int, int], pixel: float
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the depths of points, and which of them lie in the picture."""
+    right, up, back = camera_axes(camera)
+    away = points - np.asarray(camera.eye)
+    depth = -(away @ back)
+    width = pixel * np.maximum(depth, 0.0) if camera.kind == "perspective" else pixel
+    inside = (np.abs(away @ right) <= 0.5 * size[0] * width) & (np.abs(away @ up) <= 0.5 * size[1] * width)
+    if camera.kind == "perspective":
+        inside &= depth > camera.near
+    return depth, inside
+
+
+def _centres(scene: Scene) -> tuple[Floats, Floats]:
+    """Return the corners of the box around the centres of all kernels, which anchors the slices."""
+    boxes = [one.centre_bounds for one in scene.fields if one.size]
+    corners = np.asarray(boxes, dtype=np.float64)
+    return corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)

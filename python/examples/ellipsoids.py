@@ -1,5 +1,7 @@
 """Scattered ellipsoids from arrays: places, sizes, directions and values, one a kernel."""
 
+import warnings
+
 import numpy as np
 
 import sheetsplat as ss
@@ -44,6 +46,8 @@ dust = ss.EllipsoidField(
 )
 camera = ss.Camera.orthographic(eye=(0.5, 0.5, 5), target=(0.5, 0.5, 0), height=1.1)
 sums = {}
+# Without the filter a PictureWarning says how many kernels no slice meets; here that is meant.
+warnings.simplefilter("ignore", ss.PictureWarning)
 for filter in (None, "ewa"):
     scene = ss.Scene(dust, [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)], mode="xray", slice_spacing=0.05, filter=filter)
     small = ss.Renderer().render(scene, camera, size=(32, 32))

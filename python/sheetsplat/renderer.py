@@ -382,7 +382,7 @@ class Renderer:
         if thin.unseen < _LEAST_UNSEEN:
             return
         warn(
-            f"{thin.count} kernels, {100.0 * thin.unseen:.2g} % of what shows, lie between slices and are not seen: "
+            f"{thin.count} kernels, {100.0 * thin.unseen:.3g} % of what shows, lie between slices and are not seen: "
             f"they reach {thin.thinnest:.3g} along the view, and slices are {shown.slice_spacing:.3g} apart; "
             + option_ref("filter", "ewa")
             + " spreads them, "

@@ -21,9 +21,9 @@ PLAIN_KERNEL = (2.0, 5.0)
 _AS_GIVEN = "as given"
 # Options that say how a lattice's sums become values: with one of them nothing is left to a prefilter.
 _OWN_SUMS = ("normalization", "w0")
-# The filter is taken where kernels that are smaller than a pixel, or a slice distance, are this share of what shows:
+# The filter is taken where kernels that are smaller than two pixels, or a slice distance, are this share of what shows:
 # there a picture with it is nearer to one of many samples a pixel than a picture without.
-_LEAST_SHARE = 0.05
+_LEAST_SHARE = 0.2
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tu
     if any(isinstance(one, RegularField) for one in scene.fields):
         return False, "volumes would be drawn kernel by kernel, which takes up to 37 times as long"
     if not may_be_thin(scene, camera, size):
-        return False, "no kernel is smaller than a pixel or thinner than a slice distance"
+        return False, "no kernel is smaller than two pixels or a slice distance"
     thin = thin_kernels(scene, camera, size)
-    what = "stands alone and is smaller than a pixel or a slice distance"
-    return thin.small >= _LEAST_SHARE, f"{100.0 * thin.small:.2g} % of what shows {what}"
+    what = "stands alone and is smaller than two pixels or a slice distance"
+    return thin.small >= _LEAST_SHARE, f"{100.0 * thin.small:.3g} % of what shows {what}"

@@ -70,7 +70,7 @@ def _refusal(field: RegularField) -> str:
         return f"plain sums: up to {_FEWEST_VALUES} different values are classes, between which there is nothing"
     noise = noise_of(field)
     if noise > LARGEST_NOISE:
-        return f"plain sums: {100.0 * noise:.2g} % of what the samples vary is noise, which coefficients would amplify"
+        return f"plain sums: {100.0 * noise:.3g} % of what the samples vary is noise, which coefficients would amplify"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""Scattered kernels that are smaller than a pixel or thinner than a slice distance, and those that no slice meets."""
+"""Scattered kernels that are smaller than two pixels or a slice distance, and those that no slice meets."""
 
 from __future__ import annotations
 
@@ -32,8 +32,9 @@ class Thin:
     Attributes
     ----------
     small
-        Share of those that are narrower than a pixel, or thinner than a slice distance along the view, and stand alone:
-        sums of many that overlap are as smooth as those of larger ones.
+        Share of those that are narrower than two pixels, half a pixel for the standard deviation of a Gaussian, or
+        thinner than a slice distance along the view, and stand alone: sums of many that overlap are as smooth as those
+        of larger ones.
     unseen
         Share of those that no slice meets.
     count
@@ -66,7 +67,7 @@ def thin_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Thin:
 
 
 def may_be_thin(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
-    """Return whether some scattered kernel, shown or not, is smaller than a pixel or thinner than a slice distance."""
+    """Return whether some scattered kernel, shown or not, is smaller than two pixels or a slice distance."""
     if may_be_flat(scene):
         return True
     thinnest = min((one.scale_range[0] for one in _scattered(scene)), default=math.inf)
@@ -74,7 +75,7 @@ def may_be_thin(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
     if camera.kind == "perspective" and math.isfinite(thinnest):
         corners = np.array(np.meshgrid(*zip(*_centres(scene), strict=True))).reshape(3, -1).T
         pixel *= max(float(_depths(corners, camera).max()), camera.near)
-    return 2.0 * thinnest < pixel
+    return thinnest < pixel
 
 
 def may_be_flat(scene: Scene) -> bool:
@@ -126,7 +127,7 @@ def _of_field(
     # Slices lie at middle + (n + 1/2) spacing.
     place = (depth - middle) / spacing - 0.5
     missed = np.abs(place - np.round(place)) * spacing >= half
-    small = (2.0 * width < across[kept]) | (2.0 * half < spacing)
+    small = (width < across[kept]) | (2.0 * half < spacing)
     return _Found(
         small=float(covers[small].sum()) * step * _share_alone(field, picked[small]),
         unseen=float(covers[missed].sum()) * step,

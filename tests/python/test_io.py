@@ -498,3 +498,10 @@ def test_open_lists_all_formats():
     text = " ".join(str(ss.open.__doc__).split())
     assert formats.LISTED_REGULAR in text and formats.LISTED_SCATTERED in text
     assert all(one.shown for one in formats.FORMATS)
+
+
+@pytest.mark.parametrize("dtype", ["1:2:3", ",,,", "f4,f4", "(2,2)f4", "O", "U3", "M8[s]", "{'names': 1}", 3])
+def test_wrong_types_of_raw_samples(tmp_path, dtype):
+    (tmp_path / "v.raw").write_bytes(bytes(64))
+    with pytest.raises(ss.InvalidInput, match="the type of the samples cannot be used"):
+        ss.open(tmp_path / "v.raw", shape=(4, 4, 4), dtype=dtype)

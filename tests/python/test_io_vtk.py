@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import tracemalloc
 import zlib
 
@@ -197,3 +198,14 @@ def test_vtu_packed_blocks_yield_no_more_than_they_say(tmp_path):
         read_scattered(path)
     assert tracemalloc.get_traced_memory()[1] < 1 << 24
     tracemalloc.stop()
+
+
+def test_a_tag_without_an_end_is_given_up(tmp_path):
+    """The parser starts again at the beginning of the tag with every chunk, so that its time would grow as a square."""
+    path = tmp_path / "v.vti.gz"
+    with gzip.open(path, "wb", 1) as file:
+        file.write(b'<VTKFile type="ImageData" ')
+        for _ in range(40):
+            file.write(b" " * (1 << 20))
+    with pytest.raises(ss.InvalidInput, match="a tag of more than 16 MiB"):
+        read_volume(path)

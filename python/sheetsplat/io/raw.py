@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
+from sheetsplat._checks import shown
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.io.checks import checked_shape, sides, unreadable
 from sheetsplat.io.records import Volume
@@ -18,8 +19,9 @@ def _dtype(value: DTypeLike) -> np.dtype[Any]:
     wanted = 'the name of a real type of NumPy: "uint8", "int16", ">i2", "float32" …'
     try:
         dtype = np.dtype(value)
-    except TypeError:
-        raise complain("the type of the samples cannot be used", repr(value), wanted) from None
+    except (TypeError, ValueError, SyntaxError):
+        # NumPy evaluates lists of fields such as ",,,".
+        raise complain("the type of the samples cannot be used", shown(value), wanted) from None
     if dtype.kind not in "biuf":
         raise complain("the type of the samples cannot be used", str(dtype), wanted)
     return dtype

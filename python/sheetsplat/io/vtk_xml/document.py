@@ -21,6 +21,8 @@ KINDS = {"UnstructuredGrid": "vtu", "PolyData": "vtp", "ImageData": "vti"}
 _CHUNK = 1 << 20
 _APPENDED = b"<AppendedData"
 _MOST_ELEMENTS = 100_000
+# Bytes of one tag or comment: the parser starts again at its beginning with every chunk.
+_LONGEST_TAG = 16 * _CHUNK
 # Elements that contain a DataArray: VTKFile, the kind, Piece, and PointData, CellData, Points or Cells.
 _ARRAY_DEPTH = 4
 
@@ -72,12 +74,20 @@ class _Parser:
         parser.EndElementHandler = self._end
         parser.CharacterDataHandler = self._text
         parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = self._refuse
-        self.feed = parser.Parse
+        self._parser = parser
+        self._fed = 0
         self._stack: list[str] = []
         self._elements = 0
         self._array: DataArray | None = None
         self._taken = 0
         self.document: Document | None = None
+
+    def feed(self, data: bytes, last: bool = False) -> None:
+        """Parse the next bytes of the file."""
+        self._parser.Parse(data, last)
+        self._fed += len(data)
+        if self._fed - self._parser.CurrentByteIndex > _LONGEST_TAG:
+            raise unreadable(self._path, f"a tag of more than {_LONGEST_TAG >> 20} MiB", "the tags of VTK's files")
 
     def _refuse(self, *_: Any) -> None:
         raise unreadable(self._path, "a document type or an entity of its own", "the plain XML of VTK's files")

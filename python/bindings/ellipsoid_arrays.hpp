@@ -14,6 +14,7 @@
 #include <pybind11/numpy.h>
 
 #include "convert.hpp"
+#include "released.hpp"
 #include "sheetsplat/field.hpp"
 
 namespace sheetsplat::bindings {
@@ -43,7 +44,7 @@ void each_row(const pybind11::array& array, const char* name, Take&& take) {
     const auto* const first = static_cast<const char*>(array.data());
     const auto read = [&](auto zero) {
         using Value = decltype(zero);
-        const py::gil_scoped_release release;
+        const Released release;
         std::array<double, Columns> numbers{};
         for (std::size_t n = 0; n < count; ++n) {
             const char* const at = first + static_cast<py::ssize_t>(n) * step;

@@ -1,5 +1,6 @@
 // The native half of the Python package. The public classes are in python/sheetsplat and hold what is registered here.
 #include "registrars.hpp"
+#include "released.hpp"
 
 PYBIND11_MODULE(_sheetsplat, module) {
     module.doc() = "Native half of sheetsplat; use the names of the package itself.";
@@ -14,4 +15,5 @@ PYBIND11_MODULE(_sheetsplat, module) {
     register_image(module);
     register_renderer(module);
     register_device(module);
+    Released::prepare_for_the_end();
 }

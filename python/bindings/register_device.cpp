@@ -1,5 +1,6 @@
 #include "convert.hpp"
 #include "registrars.hpp"
+#include "released.hpp"
 #include "sheetsplat/device.hpp"
 
 namespace py = pybind11;
@@ -14,7 +15,7 @@ void register_device(py::module_& module) {
         .def_readonly("description", &DeviceReport::description)
         .def_readonly("extensions", &DeviceReport::extensions)
         .def_readonly("workarounds", &DeviceReport::workarounds);
-    module.def("devices", &devices, py::call_guard<py::gil_scoped_release>());
+    module.def("devices", &devices, py::call_guard<Released>());
 }
 
 } // namespace sheetsplat::bindings

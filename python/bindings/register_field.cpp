@@ -14,6 +14,7 @@
 #include "field_points.hpp"
 #include "ghost_points.hpp"
 #include "registrars.hpp"
+#include "released.hpp"
 #include "sheetsplat/field.hpp"
 
 namespace py = pybind11;
@@ -30,7 +31,7 @@ template <typename Value>
 SampleArray copy_samples(const py::array& values) {
     const auto* first = static_cast<const Value*>(values.data());
     const auto count = static_cast<std::size_t>(values.size());
-    const py::gil_scoped_release release;
+    const Released release;
     return std::vector<Value>(first, first + count);
 }
 
@@ -88,7 +89,7 @@ std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& 
         PrefilteredSamples found{
             to_samples(*coefficients),
             {figures->at("residual"), figures->at("condition"), static_cast<int>(figures->at("steps"))}};
-        const py::gil_scoped_release release;
+        const Released release;
         return std::make_shared<RegularField>(std::move(samples), std::move(found), shape, options);
     }
     const auto progress = [](double) {
@@ -98,7 +99,7 @@ std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& 
         }
         return true;
     };
-    const py::gil_scoped_release release;
+    const Released release;
     return std::make_shared<RegularField>(std::move(samples), shape, options, progress);
 }
 
@@ -153,7 +154,7 @@ std::shared_ptr<EllipsoidField> make_ellipsoids(const py::array& centers, const 
     if (weights) {
         arrays.weights = to_numbers(*weights, "weights");
     }
-    const py::gil_scoped_release release;
+    const Released release;
     return std::make_shared<EllipsoidField>(std::move(arrays), options);
 }
 
@@ -176,7 +177,7 @@ template <class Fill>
 py::array_t<double> made_array(std::size_t count, std::size_t columns, Fill&& fill) {
     py::array_t<double> made({static_cast<py::ssize_t>(count), static_cast<py::ssize_t>(columns)});
     double* const first = made.mutable_data();
-    const py::gil_scoped_release release;
+    const Released release;
     fill(first);
     return made;
 }
@@ -251,7 +252,7 @@ py::tuple arrays_of_sums(const Field& field, const py::array& points) {
 py::tuple arrays_of_ghosts(const EllipsoidField& field, double distance, std::size_t most) {
     GhostPoints ghosts;
     {
-        const py::gil_scoped_release release;
+        const Released release;
         ghosts = ghost_points(field, distance, most);
     }
     py::array_t<std::int64_t> owners(static_cast<py::ssize_t>(ghosts.owners.size()));

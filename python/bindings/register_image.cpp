@@ -5,6 +5,7 @@
 
 #include "convert.hpp"
 #include "registrars.hpp"
+#include "released.hpp"
 #include "sheetsplat/image.hpp"
 
 namespace py = pybind11;
@@ -55,7 +56,7 @@ py::dict compare_arrays(const Floats& picture, const Floats& reference, int chan
     const std::vector<float> b(reference.data(), reference.data() + reference.size());
     Difference difference;
     {
-        const py::gil_scoped_release release;
+        const Released release;
         difference = compare(a, b, channels);
     }
     py::dict result;
@@ -79,8 +80,8 @@ void register_image(py::module_& module) {
                                [](const Image& image) { return std::const_pointer_cast<RenderPlan>(image.plan); })
         .def_property_readonly("stats", [](const Image& image) { return image.stats; })
         .def_property_readonly("settings", &settings_of)
-        .def("save_png", &save_png, py::arg("path"), py::call_guard<py::gil_scoped_release>())
-        .def("save_pfm", &save_pfm, py::arg("path"), py::call_guard<py::gil_scoped_release>());
+        .def("save_png", &save_png, py::arg("path"), py::call_guard<Released>())
+        .def("save_pfm", &save_pfm, py::arg("path"), py::call_guard<Released>());
     py::class_<ErrorEstimate, std::shared_ptr<ErrorEstimate>>(module, "ErrorEstimate")
         .def_property_readonly("rmse", [](const ErrorEstimate& estimate) { return estimate.rmse; })
         .def_property_readonly("budget",

@@ -5,8 +5,13 @@
 #include <optional>
 #include <thread>
 
+#if defined(__unix__) || defined(__APPLE__)
+#include <unistd.h>
+#endif
+
 #include "convert.hpp"
 #include "registrars.hpp"
+#include "released.hpp"
 #include "sheetsplat/renderer.hpp"
 
 namespace py = pybind11;
@@ -29,33 +34,13 @@ const std::map<std::string, Tagging> taggings{{"auto", Tagging::automatic},
 const std::map<std::string, Packing> packings{
     {"auto", Packing::automatic}, {"paper", Packing::paper}, {"wide", Packing::wide}};
 
-/// True where the interpreter is being torn down.
-bool is_finalizing() {
-#if PY_VERSION_HEX >= 0x030D0000
-    return Py_IsFinalizing() != 0;
+long this_process() {
+#if defined(__unix__) || defined(__APPLE__)
+    return static_cast<long>(getpid());
 #else
-    return _Py_IsFinalizing() != 0;
+    return 0;
 #endif
 }
-
-/// Lets go of the GIL for a scope. Whoever asks for it again while the interpreter is torn down would be ended in the
-/// middle of a destructor, and the process with it; such a thread waits for the end of the process here instead, with
-/// all locks given back.
-class Released {
-  public:
-    Released() : state_(PyEval_SaveThread()) {}
-    ~Released() {
-        while (is_finalizing()) {
-            std::this_thread::sleep_for(std::chrono::hours(1));
-        }
-        PyEval_RestoreThread(state_);
-    }
-    Released(const Released&) = delete;
-    Released& operator=(const Released&) = delete;
-
-  private:
-    PyThreadState* state_;
-};
 
 /// Between slices: signals and the caller's callback. Taking the GIL after every slice would make threads of Python
 /// stutter, so that calls in quick succession are let through unseen.
@@ -77,8 +62,7 @@ class Watch {
         }
         seen_ = true;
         last_ = now;
-        // At the end of the process other threads may not ask for the GIL any more: they would be stopped within it.
-        if (is_finalizing()) {
+        if (Released::ending_elsewhere()) {
             return false;
         }
         const py::gil_scoped_acquire acquire;
@@ -121,7 +105,7 @@ class LockedRenderer {
 
     std::shared_ptr<RenderPlan> plan(const Scene& scene, const Camera& camera, std::array<int, 2> size, bool coverage,
                                      bool depth) {
-        refuse_reentry();
+        refuse_held();
         const Released release;
         const Hold hold(*this);
         return std::make_shared<RenderPlan>(renderer_.plan(scene, camera, {size[0], size[1]}, {coverage, depth}));
@@ -136,7 +120,7 @@ class LockedRenderer {
 
     std::unique_ptr<Stages> begin_stages(const Scene& scene, const Camera& camera, std::array<int, 2> size,
                                          bool coverage, bool depth, double first_seconds) {
-        refuse_reentry();
+        refuse_held();
         const Released release;
         const Hold hold(*this);
         return std::make_unique<Stages>(renderer_, scene, camera, Size{size[0], size[1]}, Outputs{coverage, depth},
@@ -156,7 +140,7 @@ class LockedRenderer {
   private:
     template <class Made, class Make>
     std::shared_ptr<Made> draw(const py::object& progress, Make&& make) {
-        refuse_reentry();
+        refuse_held();
         Watch watch(progress);
         try {
             const Released release;
@@ -171,6 +155,7 @@ class LockedRenderer {
     class Hold {
       public:
         explicit Hold(LockedRenderer& owner) : owner_(owner), lock_(owner.mutex_) {
+            owner_.holding_process_ = this_process();
             owner_.holder_ = std::this_thread::get_id();
         }
         ~Hold() { owner_.holder_ = std::thread::id(); }
@@ -182,8 +167,19 @@ class LockedRenderer {
         std::lock_guard<std::mutex> lock_;
     };
 
-    void refuse_reentry() const {
-        if (holder_.load() == std::this_thread::get_id()) {
+    /// Refuses what would wait for ever: for this thread itself, or for one that this process does not have.
+    void refuse_held() const {
+        const std::thread::id holder = holder_.load();
+        if (holder == std::thread::id()) {
+            return;
+        }
+        if (holding_process_ != this_process()) {
+            throw Unsupported(Complaint{"Renderer: this renderer cannot be used here",
+                                        "a process that was forked while another thread drew with it",
+                                        "a process that is forked between pictures",
+                                        "make a new Renderer after the fork, or start processes by spawn"});
+        }
+        if (holder == std::this_thread::get_id()) {
             throw Unsupported(Complaint{"Renderer: another picture cannot be started",
                                         "a call from its own progress callback", "one picture at a time",
                                         "use a second Renderer inside the callback"});
@@ -192,6 +188,7 @@ class LockedRenderer {
 
     std::mutex mutex_;
     std::atomic<std::thread::id> holder_{};
+    std::atomic<long> holding_process_{0};
     Renderer renderer_;
 };
 

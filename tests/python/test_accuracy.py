@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from PIL import Image as PillowImage
+from scipy import ndimage  # type: ignore[import-untyped]
 
 import sheetsplat as ss
 from sheetsplat.accuracy import KNOBS, AccuracyReport, AccuracyRow, accuracy
@@ -139,7 +140,7 @@ def test_lattices_are_measured_against_the_field_through_the_samples(report: Acc
     assert sharp.measured
     # Which is the field through the samples itself, but for float32; plain kernels smooth the hill.
     assert sharp.rmse < 1e-5 < 1e-3 < plain.rmse
-    assert {truth.name for truth in report.truths} == {"converged", "slices", INTERPOLATED}
+    assert {truth.name for truth in report.truths} == {"best", "converged", "slices", INTERPOLATED}
     assert 0.007 < plain.ripple_maximum < 0.008
     assert next(row for row in report.of("kernel") if "weights" in row.setting).ripple_maximum == 0.0
     assert any(row.setting.startswith("BCC") and row.measured for row in report.of("lattice"))
@@ -434,3 +435,27 @@ def test_wrong_usage_of_the_command(volume: Path, tmp_path: Path, monkeypatch: p
     # Before anything takes its time: there is no such file.
     found = run(tmp_path / "none.npy", "-o", tmp_path / "plot.png")
     assert found.exit_code == 1 and "matplotlib" in found.stderr
+
+
+def test_the_three_qualities(scene: ss.Scene, camera: ss.Camera) -> None:
+    """Errors fall from draft to best, and each is drawn as `render` draws it; a scene of one of them says so."""
+    (field,) = scene.fields
+    assert isinstance(field, ss.RegularField)
+    given = {"clim": (0.1, 1.0), "opacity": 0.3, "camera": camera, "size": SIZE, "backend": "cpu"}
+    values = ndimage.gaussian_filter(field.values.astype(np.float32), 1.0)
+    image = ss.render(values, spacing=field.spacing, origin=field.origin, **given)  # type: ignore[arg-type]
+    assert image.plan.quality is not None and image.plan.quality.of("prefilter").value is True
+    shown = image.recipe.scene([ss.RegularField(values, spacing=field.spacing, origin=field.origin, prefilter=True)])
+    found = accuracy(
+        shown.with_quality(image.plan.quality), camera, size=SIZE, backend="cpu", knobs="quality", repeats=1
+    )
+    draft, good, best = found.of("quality")
+    assert draft.rmse > good.rmse > best.rmse > 0 and 1.5 * draft.slices < good.slices < best.slices
+    assert (draft.current, good.current, best.current) == (False, True, False) and found.current == good
+    assert {row.truth for row in found.rows} == {"best"} and "the field of quality best" in str(found)
+    assert found.pareto == () and best.how == "render(quality='best')"
+    # A scene that was made by hand is none of them.
+    assert not any(
+        row.current
+        for row in accuracy(shown, camera, size=SIZE, backend="cpu", knobs="quality", repeats=1).of("quality")
+    )

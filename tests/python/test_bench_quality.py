@@ -13,6 +13,7 @@ import sheetsplat as ss
 from bench import Options
 from bench import claims as claims_bench
 from bench import prefilter as prefilter_bench
+from bench import quality as quality_bench
 from bench import ripple as ripple_bench
 from bench.claims import rings, rms_change, sharpness
 from bench.claims_axis import axis_aligned, dominant_axis
@@ -184,3 +185,58 @@ def test_bits_and_shading(tmp_path: Path) -> None:
     for zoom in ("zoom 1", "zoom 4", "zoom 8"):
         after, before = shading["after the sum", zoom], shading["before the sum", zoom]
         assert after["rmse"] < before["rmse"] and after["score"] > before["score"] + 0.05
+
+
+def test_weave_counts_what_is_fine() -> None:
+    j, i = np.mgrid[0:64, 0:64]
+    picture = np.ones((64, 64, 4))
+    every = np.ones((64, 64), bool)
+    assert quality_bench.weave(picture, every) == pytest.approx(0, abs=1e-12)
+    picture[..., :3] += 0.1 * (1 - 2 * ((i + j) % 2))[..., None]
+    assert quality_bench.weave(picture, every) == pytest.approx(0.1, rel=0.02)
+    slow = np.ones((64, 64, 4)) + 0.1 * np.sin(2 * np.pi * i / 64)[..., None]
+    assert quality_bench.weave(slow, every) < 0.005
+    # A face on the left, a slope on the right, nothing at the top.
+    body = np.ones((64, 64, 4))
+    body[..., :3] = np.where(i > 32, (i - 32) / 32, 0.0)[..., None]
+    body[:16] = 0
+    flat = quality_bench.flat_faces(body)
+    assert flat[25:60, 5:15].all() and not flat[:20].any() and not flat[:, 40:].any()
+    assert not quality_bench.flat_faces(np.zeros((20, 20, 4))).any()
+
+
+def test_tiles_are_parts_of_the_picture(rng: np.random.Generator) -> None:
+    field = ss.RegularField(rng.random((12, 12, 12)))
+    camera = ss.Camera.orthographic((20, 18, 25), (6, 6, 6), (0, 1, 0.1), height=16)
+    scene = ss.Scene(field, [(0.3, 1, 1, 1, 0), (1, 1, 0.5, 0, 0.4)])
+    renderer = ss.Renderer("cpu")
+    whole = renderer.render(scene, camera, size=(40, 40)).rgba
+    # A quarter of the width, six pixels to the right of the middle and five up.
+    part = quality_bench.tile_of(camera, 0.25, 6 / 40, 5 / 40)
+    found = renderer.render(scene, part, size=(10, 10)).rgba
+    assert np.abs(found - whole[10:20, 21:31]).max() < 1e-4
+
+
+def test_qualities_are_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Missing:
+        def __init__(self) -> None:
+            raise quality_bench.VtkMissing("not here")
+
+    monkeypatch.setattr(quality_bench, "Vtk", Missing)
+    volume = np.zeros((24, 24, 24), np.float32)
+    j, i = np.mgrid[0:24, 0:24]
+    volume[6:18] = (np.exp(-((i - 12) ** 2 + (j - 12) ** 2) / 60) * 200)[None]
+    volume = (volume + np.roll(volume, 1, axis=0) + np.roll(volume, -1, axis=0)) / 3
+    lines = ["NRRD0004", "type: float", "dimension: 3", "sizes: 24 24 24", "encoding: raw", "endian: little"]
+    (tmp_path / "engine_24.nrrd").write_bytes("\n".join([*lines, "", ""]).encode() + volume.astype("<f4").tobytes())
+    options = Options(size=(48, 48), views=1, data=tmp_path, scale=0.25, backend="cpu")
+    report = quality_bench.run(options)
+    rows = {(row["row"], row.get("quality")): row for row in report.rows}
+    levels = [rows["signal", name]["db"] for name in ("draft", "good", "best")]
+    assert levels[0] < levels[1] < levels[2] and "not here" in rows["signal", "VTK"]["remark"]
+    assert rows["signal, flat", "draft"]["times"] == 1.0 and rows["engine, lit", "best"]["ms"] > 0
+    assert rows["engine, flat faces", "good"]["ratio"] > 0
+    errors = [rows["engine", name]["error"] for name in ("draft", "good", "best")]
+    assert errors[0] > errors[1] > errors[2] and rows["engine", "good"]["through"]
+    assert "SHEETSPLAT_DATA" in rows["bonsai", None]["remark"]
+    assert {goal.name for goal in report.goals} == {"error, engine, good", "error, engine, best"}

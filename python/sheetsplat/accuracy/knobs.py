@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
@@ -17,10 +17,12 @@ CLOCKS: tuple[str, ...] = get_args(Clock)
 CONVERGED = "converged"
 SLICES = "slices"
 INTERPOLATED = "interpolated"
+BEST = "best"
 GIVEN = "given"
 
 #: Every knob and what it trades for time, in the order of the report.
 KNOBS: dict[str, str] = {
+    "quality": "what the option quality of render sets",
     "slice_spacing": "distance of slices",
     "classification": "points, slabs, or the intervals between slices, at several distances of slices",
     "gradient": "differences of sheets, or the kernels' own derivatives",
@@ -72,6 +74,8 @@ class Setting:
         Options of the renderer, in addition to those of the base.
     scale
         Factor by which the drawn picture is smaller than the shown one.
+    whole
+        Returns the scene that is drawn, where it is not the given one with some changes.
     ripple
         Of a constant field: root mean square and maximum, relative.
     is_truth
@@ -89,6 +93,7 @@ class Setting:
     judged_as_given: bool = False
     renderer: Mapping[str, Any] = field(default_factory=dict)
     scale: int = 1
+    whole: Callable[[], Scene] | None = None
     ripple: tuple[float, float] | None = None
     is_truth: bool = False
     knob: str = ""
@@ -101,6 +106,8 @@ class Setting:
 
     def scene(self, base: Base) -> Scene:
         """Return the scene that is drawn: the given one itself where nothing differs."""
+        if self.whole is not None and not self.current:
+            return self.whole()
         if self.current or not self.changes:
             return base.scene
         return base.scene.replace(**{name: one() if callable(one) else one for name, one in self.changes.items()})

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from sheetsplat._checks import choice, image_size, instance, names, number, shown, whole
 from sheetsplat.accuracy import measure
 from sheetsplat.accuracy.knobs import (
+    BEST,
     CLOCKS,
     CONVERGED,
     GIVEN,
@@ -36,6 +37,7 @@ from sheetsplat.image import Image, pixels_of
 from sheetsplat.notices import muted
 from sheetsplat.options.core import COLORED
 from sheetsplat.options.renderer import Backend, Progress
+from sheetsplat.quality.choose import scene_of_quality
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
@@ -45,7 +47,7 @@ _MOST_REPEATS = 1000
 _CLEARLY = 0.95
 _THROUGH = f"the field through the samples (prefiltered, radius {BEST_KERNEL[0]:g}, falloff {BEST_KERNEL[1]:g})"
 # Shares of the progress: converged pictures count as so many settings.
-_WEIGHT = {CONVERGED: 6.0, SLICES: 6.0, INTERPOLATED: 0.5}
+_WEIGHT = {CONVERGED: 6.0, SLICES: 6.0, INTERPOLATED: 0.5, BEST: 6.0}
 
 
 def measure_accuracy(
@@ -97,7 +99,7 @@ def _base(scene: Scene, camera: Camera, size: tuple[int, int], backend: Backend,
     plan = Renderer(backend, **given).plan(scene, camera, size=size)
     # Given explicitly: their defaults would change with the field.
     pinned = scene.replace(slice_spacing=scene.slice_spacing, reference_length=scene.reference_length)
-    return Base(pinned, camera, size, plan.backend, plan.precision, given)
+    return Base(pinned.with_quality(scene.quality), camera, size, plan.backend, plan.precision, given)
 
 
 def _given_truth(truth: Image | ArrayLike | None, base: Base) -> measure.Truth | None:
@@ -207,9 +209,10 @@ class _Session:
                     scene, what = base.scene, "the same field"
                     if name == SLICES:
                         scene = base.scene.replace(gradient="sheets")
-                    found = measure.limit(
-                        scene, base.camera, base.size, base.settings, watch, analytic=name == CONVERGED
-                    )
+                    elif name == BEST:
+                        best = scene_of_quality(base.scene, "best", base.camera, base.size)
+                        scene, what = base.scene.replace(field=_fields_of(best)), "the field of quality best"
+                    found = measure.limit(scene, base.camera, base.size, base.settings, watch, analytic=name != SLICES)
             except Error as error:
                 self._refused[name] = f"nothing to measure against: {_reason(error)}"
                 raise complain(self._refused[name], kind=Error) from None
@@ -297,6 +300,11 @@ class _Session:
         return drawn, arithmetic
 
 
+def _fields_of(scene: Scene) -> Any:
+    """Return the fields of a scene as `Scene` takes them beside its transfer functions."""
+    return scene.groups if len(scene.groups) > 1 else scene.fields
+
+
 def _times(drawn: measure.Drawn) -> dict[str, Any]:
     return {
         "seconds": statistics.median(drawn.walls),
@@ -332,7 +340,7 @@ def _notes(rows: tuple[AccuracyRow, ...], clock: str) -> tuple[str, ...]:
                 f"BCC at the Cartesian field's error ({here.rmse:.1e}): {seconds / here.time(clock):.2f} times its "
                 f"time with {kernels / max(1, here.kernels_drawn):.2f} times its kernels (interpolated)"
             )
-    same = [row for row in rows if row.measured and row.truth != INTERPOLATED]
+    same = [row for row in rows if row.measured and row.truth not in (INTERPOLATED, BEST)]
     now = next((row for row in same if row.current), None)
     better = [] if now is None else [row for row in same if _is_better(row, now, clock)]
     if now is not None and better:

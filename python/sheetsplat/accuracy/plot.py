@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".png", ".svg", ".pdf")
 # Colours that most colour-blind readers can tell apart (after Okabe and Ito), with one marker each.
 _STYLES = {
+    "quality": ("#B22222", "p"),
     "slice_spacing": ("#0072B2", "o"),
     "classification": ("#D55E00", "s"),
     "gradient": ("#009E73", "^"),
@@ -62,7 +63,7 @@ def draw(report: AccuracyReport, path: Path) -> None:
     panels = [
         (title, there)
         for title, lattices in (
-            ("the same field: RMSE from its converged picture", False),
+            ("RMSE from the converged picture", False),
             ("lattices: RMSE from the field through the samples", True),
         )
         if (there := [row for row in rows if (row.truth == INTERPOLATED) == lattices])
@@ -117,7 +118,8 @@ class _Point(NamedTuple):
 def _panel(
     axes: Any, canvas: Any, rows: Sequence[AccuracyRow], report: AccuracyReport, title: str, *, first: bool
 ) -> None:
-    truth = next((one for one in report.truths if one.name == rows[0].truth), None)
+    # Qualities, which come first, have a truth of their own.
+    truth = next((one for one in report.truths if one.name == rows[-1].truth), None)
     floor = truth.uncertainty if truth is not None and math.isfinite(truth.uncertainty) else 0.0
     # An error of 0 is drawn at the end of the logarithmic axis.
     least = max(min((row.rmse for row in rows if row.rmse > 0.0), default=1e-8), 1e-9)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from sheetsplat._checks import shown
 from sheetsplat._json import plain
-from sheetsplat.accuracy.knobs import GIVEN, INTERPOLATED, KNOBS, SLICES
+from sheetsplat.accuracy.knobs import BEST, GIVEN, INTERPOLATED, KNOBS, SLICES
 from sheetsplat.errors import complain
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class AccuracyRow:
         What to write in Python to use it; empty for the unchanged scene.
     truth
         The picture from which the error was measured: "converged", "interpolated" (for knobs that change the field of
-        a lattice) or "given".
+        a lattice), "best" (for qualities, which change it too) or "given".
     current
         The scene has this setting already.
     reason
@@ -190,14 +190,15 @@ class AccuracyReport:
     def current(self) -> AccuracyRow | None:
         """The unchanged scene, measured from the converged picture; None where only lattices were measured."""
         there = [row for row in self.rows if row.current and row.measured]
-        return next((row for row in there if row.truth != INTERPOLATED), there[0] if there else None)
+        same = (row for row in there if row.truth not in (INTERPOLATED, BEST))
+        return next(same, there[0] if there else None)
 
     @property
     def pareto(self) -> tuple[AccuracyRow, ...]:
         """Pareto-optimal rows of the same field in time and error, the fastest first; each picture once."""
         found: dict[tuple[float, float], AccuracyRow] = {}
         for row in self.rows:
-            if row.pareto and row.truth != INTERPOLATED:
+            if row.pareto and row.truth not in (INTERPOLATED, BEST):
                 found.setdefault((row.time(self.clock), row.rmse), row)
         return tuple(sorted(found.values(), key=lambda row: row.time(self.clock)))
 
@@ -286,6 +287,7 @@ class AccuracyReport:
             "converged": "error",
             SLICES: "slicing of pictures with gradients by differences",
             INTERPOLATED: "error of lattice, kernel and prefilter",
+            BEST: "error of quality",
             GIVEN: "error",
         }
         lines = [

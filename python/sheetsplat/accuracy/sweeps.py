@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.accuracy import lattice_sweeps
-from sheetsplat.accuracy.knobs import CONVERGED, INTERPOLATED, Base, Setting, call_text, calls_for_gradients
+from sheetsplat.accuracy.knobs import BEST, CONVERGED, INTERPOLATED, Base, Setting, call_text, calls_for_gradients
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.options.picture import unused
+from sheetsplat.options.quality import QUALITIES
+from sheetsplat.quality.choose import scene_of_quality
 from sheetsplat.transfer import TransferFunction
 
 _SPACINGS = (4.0, 2.0, 1.0, 0.5, 0.25)
@@ -33,7 +35,7 @@ def sweep(base: Base, knob: str) -> list[Setting]:
     title, excluded = _CONDITIONS.get(knob, ("", None))
     reason = "" if excluded is None else excluded(base)
     settings = [Setting(title, reason=reason)] if reason else _SWEEPS[knob](base)
-    truth = INTERPOLATED if knob in lattice_sweeps.SWEEPS else CONVERGED
+    truth = BEST if knob == "quality" else INTERPOLATED if knob in lattice_sweeps.SWEEPS else CONVERGED
     return [replace(setting, knob=knob, truth=truth) for setting in settings]
 
 
@@ -72,6 +74,18 @@ def _at_spacings(base: Base, name: str, changes: dict[str, Any], factors: Sequen
             yield Setting(name, changes, series=name)
         else:
             yield Setting(f"{name}, {_times(factor)}", {**changes, **_spaced(base, factor)}, series=name)
+
+
+def _quality(base: Base) -> Iterator[Setting]:
+    now = base.scene.quality
+    for name in QUALITIES:
+        yield Setting(
+            name,
+            how=call_text("render", {"quality": name}),
+            whole=partial(scene_of_quality, base.scene, name, base.camera, base.size),
+            series="quality",
+            current=now is not None and now.name == name and not any(one.given for one in now.settings),
+        )
 
 
 def _slice_spacing(base: Base) -> Iterator[Setting]:
@@ -219,6 +233,7 @@ def enlarge(picture: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.f
 
 
 _SWEEPS: dict[str, Callable[[Base], Iterator[Setting]]] = {
+    "quality": _quality,
     "slice_spacing": _slice_spacing,
     "classification": _classification,
     "gradient": _gradient,

@@ -9,7 +9,9 @@ from typing import Any, TypeVar, cast
 from sheetsplat._checks import choice
 from sheetsplat.camera import Camera
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.options.core import definitions
 from sheetsplat.options.quality import QUALITIES
+from sheetsplat.options.scene import SceneOptions
 from sheetsplat.plan import PictureQuality, QualitySetting
 from sheetsplat.quality.samples import through_samples
 from sheetsplat.quality.thin import may_be_thin, thin_kernels
@@ -19,6 +21,7 @@ Made = TypeVar("Made", bound=Field)
 #: Radius and falloff of kernels whose sums are the samples, smoothed a little.
 PLAIN_KERNEL = (2.0, 5.0)
 _AS_GIVEN = "as given"
+_DEFAULT_STOP: Any = definitions(SceneOptions)["opacity_stop"].default
 # Options that say how a lattice's sums become values: with one of them nothing is left to a prefilter.
 _OWN_SUMS = ("normalization", "w0")
 # The filter is taken where kernels that are smaller than two pixels, or a slice distance, are this share of what shows:
@@ -166,8 +169,7 @@ class Choice:
 
     def _spacing(self, scene: Scene) -> tuple[float, str]:
         """Return the distance of slices, and why."""
-        scattered = all(isinstance(one, EllipsoidField) for one in scene.fields)
-        more = (self._level.scattered if scattered else self._level.volumes).get(scene.mode, 1)
+        more = _slices_more(self._level, scene)
         if more == 1:
             return scene.slice_spacing, "the default"
         return scene.slice_spacing / more, f"1/{more} of the default, so that slices do not show"
@@ -195,6 +197,38 @@ class Choice:
         on, reason = _calls_for_filter(scene, camera, size)
         self._set("filter", "ewa" if on else "off", reason)
         return scene.replace(filter="ewa") if on else scene
+
+
+def scene_of_quality(scene: Scene, name: str, camera: Camera, size: tuple[int, int]) -> Scene:
+    """Return what a scene would be at a quality: kernels of volumes, slices, opacity stop and filter anew."""
+    chosen = Choice("quality", {"quality": name})
+    groups = [chosen.kernels([_plain(one) for one in fields], made=False) for fields in scene.groups]
+    changes: dict[str, Any] = {"slice_spacing": _draft_spacing(scene), "reference_length": scene.reference_length}
+    changes |= {"field": groups if len(groups) > 1 else groups[0], "opacity_stop": _DEFAULT_STOP, "filter": None}
+    return chosen.finished(chosen.slices(scene.replace(**changes), free=False), camera, size)
+
+
+def _plain(field: Field) -> Field:
+    """Return a volume with plain kernels; one that is divided in a way of its own, and any other field, as it is."""
+    if not isinstance(field, RegularField) or not (field.prefilter or field.normalization == "lattice"):
+        return field
+    return field.replace(radius=PLAIN_KERNEL[0], falloff=PLAIN_KERNEL[1], normalization="lattice", prefilter=False)
+
+
+def _draft_spacing(scene: Scene) -> float | None:
+    """Return the distance of slices of a draft; None: that of the fields."""
+    set_by = next(
+        (one for one in (scene.quality.settings if scene.quality else ()) if one.option == "slice_spacing"), None
+    )
+    if set_by is None or set_by.given or scene.quality is None:
+        return None
+    return scene.slice_spacing * _slices_more(_LEVELS[scene.quality.name], scene)
+
+
+def _slices_more(level: _Level, scene: Scene) -> int:
+    """Return how many slices a quality takes in place of one of the default distance."""
+    scattered = all(isinstance(one, EllipsoidField) for one in scene.fields)
+    return (level.scattered if scattered else level.volumes).get(scene.mode, 1)
 
 
 def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tuple[bool, str]:

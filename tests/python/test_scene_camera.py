@@ -182,26 +182,39 @@ def test_groups_need_fields(field):
 @pytest.mark.parametrize(
     ("options", "found"),
     [
-        ({"transfer_function": [GRAY, RED]}, "2 transfer functions"),
-        ({"mode": "isosurface", "iso_value": [(0.2, 1), (0.4, 1)]}, "2 iso values"),
-        ({"mode": "isosurface", "iso_value": [(0.2, 0.5)]}, "a surface of opacity 0.5"),
-        ({"mode": "isosurface", "iso_value": 0.3, "shadows": True, "lights": ss.Light()}, "shadows of surfaces"),
-        (
-            {"mode": "isosurface", "iso_value": 0.3, "ambient_occlusion": ss.AmbientOcclusion(1)},
-            "ambient occlusion by surfaces",
-        ),
-        ({"mode": "minimum"}, "mode minimum"),
-        ({"mode": "average"}, "mode average"),
+        ({"iso_value": 0.3, "shadows": True, "lights": ss.Light()}, "shadows of surfaces"),
+        ({"iso_value": 0.3, "ambient_occlusion": ss.AmbientOcclusion(1)}, "ambient occlusion by surfaces"),
     ],
 )
 @pytest.mark.parametrize("backend", ["cpu", "auto"])
 def test_what_only_the_reference_draws_names_it(field, options, found, backend):
-    scene = ss.Scene([field, field], GRAY).replace(**options)
+    scene = ss.Scene([field, field], GRAY, mode="isosurface", **options)
     camera = ss.Camera.fit(field)
     with pytest.raises(ss.Unsupported) as error:
         ss.Renderer(backend).render(scene, camera, size=(8, 8))
     assert found in str(error.value) and 'backend="reference"' in str(error.value)
     assert ss.Renderer("reference").plan(scene, camera, size=(8, 8)).backend == "reference"
+
+
+@pytest.mark.parametrize(
+    ("options", "found"),
+    [
+        ({"transfer_function": [GRAY, RED]}, "2 transfer functions"),
+        ({"mode": "isosurface", "iso_value": [(0.2, 1), (0.4, 1)]}, "2 iso values"),
+        ({"mode": "isosurface", "iso_value": [(0.2, 0.5)]}, "a surface of opacity 0.5"),
+        ({"mode": "minimum"}, "mode minimum"),
+        ({"mode": "average"}, "mode average"),
+    ],
+)
+@pytest.mark.gl
+def test_what_gl_does_not_draw_names_another_backend(field, options, found):
+    scene = ss.Scene([field, field], GRAY).replace(**options)
+    camera = ss.Camera.fit(field)
+    with pytest.raises(ss.Unsupported) as error:
+        ss.Renderer("gl").render(scene, camera, size=(8, 8))
+    assert found in str(error.value) and 'backend="cpu"' in str(error.value)
+    for backend in ("auto", "cpu"):
+        assert ss.Renderer(backend).plan(scene, camera, size=(8, 8)).backend == "cpu"
 
 
 def test_scalars_of_groups_add_up(field):

@@ -42,7 +42,9 @@ template <class T>
 void clear_picture(const DrawPlan& plan, const TileShape& shape, TileScratch<T>& scratch) {
     const bool scalar = is_scalar(plan.mode);
     const std::size_t elements = shape.picture_elements();
-    const std::size_t planes = (scalar ? 1U : 4U) + (plan.depth ? 1U : 0U) + (plan.coverage ? 1U : 0U);
+    const bool counts = plan.mode == Mode::average;
+    const std::size_t planes =
+        (scalar ? 1U : 4U) + (counts ? 1U : 0U) + (plan.depth ? 1U : 0U) + (plan.coverage ? 1U : 0U);
     scratch.picture.assign(planes * elements, T(0));
     T* next = scratch.picture.data();
     const auto take = [&](bool wanted) {
@@ -56,14 +58,33 @@ void clear_picture(const DrawPlan& plan, const TileShape& shape, TileScratch<T>&
     picture.blue = take(!scalar);
     picture.alpha = take(!scalar);
     picture.scalar = take(scalar);
+    picture.counted = take(counts);
     picture.coverage = take(plan.coverage);
     picture.depth = take(plan.depth);
+    const auto fill_infinite = [elements](T* plane) {
+        std::fill(plane, plane + elements, std::numeric_limits<T>::infinity());
+    };
     if (picture.depth != nullptr) {
-        std::fill(picture.depth, picture.depth + elements, std::numeric_limits<T>::infinity());
+        fill_infinite(picture.depth);
+    }
+    if (plan.mode == Mode::minimum) {
+        fill_infinite(picture.scalar);
     }
     scratch.row_alive.assign(static_cast<std::size_t>(shape.height), shape.width);
     picture.row_alive = scratch.row_alive.data();
     picture.alive = shape.width * shape.height;
+}
+
+/// Of pixels where no slice counted the scalar is 0.
+template <class T>
+void finish_scalars(const DrawPlan& plan, const TileShape& shape, TilePicture<T>& picture) {
+    const std::size_t elements = shape.picture_elements();
+    if (plan.mode == Mode::minimum) {
+        std::replace(picture.scalar, picture.scalar + elements, std::numeric_limits<T>::infinity(), T(0));
+    }
+    for (std::size_t at = 0; at < elements && picture.counted != nullptr; ++at) {
+        picture.scalar[at] /= std::max(picture.counted[at], T(1));
+    }
 }
 
 template <class T>
@@ -248,6 +269,7 @@ struct CpuRenderer::State {
             functions.run(setup, shape, room, between);
         }
         if (setup.record == nullptr) {
+            finish_scalars(*job.plan, shape, room.planes);
             copy_picture(shape, room.planes, image, size);
         }
     }

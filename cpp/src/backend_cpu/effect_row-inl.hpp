@@ -38,6 +38,7 @@ struct EffectRow {
     HWY_ALIGN T red[room];
     HWY_ALIGN T green[room];
     HWY_ALIGN T blue[room];
+    HWY_ALIGN T weight[room]; ///< what the colours count among those of other groups
 
     [[nodiscard]] HWY_INLINE Normal<D> against(D d, int number) const {
         return {hn::Load(d, against_x + number), hn::Load(d, against_y + number), hn::Load(d, against_z + number)};
@@ -107,6 +108,10 @@ struct EffectRow {
     }
 };
 
+/// More than any -ln(1 - alpha) that differs from infinity in 1 - alpha.
+template <class T>
+constexpr T all_absorbed = T(2) * MathOf<T>::all_gone;
+
 /// Reference lengths between two slices along the rays of a vector of pixels.
 template <bool perspective, class T, class D, class V = hn::Vec<D>>
 HWY_INLINE V exponent_at(D d, const Slab<T>& slab, int x, int y) {
@@ -121,8 +126,8 @@ HWY_INLINE V exponent_at(D d, const Slab<T>& slab, int x, int y) {
 /// Lanes between whose least and greatest value the transfer function shows something.
 template <class T, class D, class V = hn::Vec<D>>
 HWY_INLINE hn::Mask<D> may_show(D d, const Slab<T>& slab, V least, V greatest) {
-    return hn::And(hn::Gt(greatest, hn::Set(d, slab.shading.transfer.below)),
-                   hn::Lt(least, hn::Set(d, slab.shading.transfer.above)));
+    return hn::And(hn::Gt(greatest, hn::Set(d, slab.group.transfer.below)),
+                   hn::Lt(least, hn::Set(d, slab.group.transfer.above)));
 }
 
 /// Lanes of `mask` with a point of slice n + ahead that is kept and that some kernel reaches.
@@ -161,7 +166,7 @@ struct Slices {
     static HWY_NOINLINE bool classify(const Slab<T>& slab, EffectRow<T>& row) {
         using V = typename Slab<T>::V;
         const typename Slab<T>::D d;
-        const Table table(slab.shading.transfer);
+        const Table table(slab.group.transfer);
         return row.classify_by([&](int x, int number, auto seen, auto& color) {
             typename Table::Place place;
             V alpha = hn::IfThenElseZero(seen, table.opacity(d, slab.rho(d, 1, row.y, x), place));
@@ -171,6 +176,26 @@ struct Slices {
             }
             color = table.color(d, place);
             return alpha;
+        });
+    }
+
+    /// Of several groups: fills `alpha` with -ln(1 - opacity) instead, and `weight` with tau (conventions, section 4).
+    template <bool perspective, class T>
+    static HWY_NOINLINE bool absorb(const Slab<T>& slab, EffectRow<T>& row) {
+        using V = typename Slab<T>::V;
+        const typename Slab<T>::D d;
+        const Table table(slab.group.transfer);
+        const V one = hn::Set(d, T(1)), most = hn::Set(d, T(1) - T(0x1p-24));
+        return row.classify_by([&](int x, int number, auto seen, auto& color) {
+            typename Table::Place place;
+            V a = hn::IfThenElseZero(seen, table.opacity(d, slab.rho(d, 1, row.y, x), place));
+            a = hn::Mul(a, hn::IfThenElseZero(seen, hn::Load(d, row.faded + number)));
+            color = table.color(d, place);
+            hn::Store(absorption(d, hn::Min(a, most)), d, row.weight + number);
+            const auto clear = hn::Lt(a, one);
+            const V thin =
+                hn::Mul(exponent_at<perspective>(d, slab, x, row.y), absorption(d, hn::IfThenElseZero(clear, a)));
+            return hn::IfThenElse(clear, thin, hn::Set(d, all_absorbed<T>));
         });
     }
 };
@@ -197,8 +222,22 @@ struct Intervals {
         return row.classify_by([&](int x, int number, auto seen, auto& color) {
             const V front = slab.rho(d, 1, row.y, x), back = slab.rho(d, 2, row.y, x);
             const V faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
-            const V mean = hn::Mul(ramp_absorption(d, slab.shading.ramps, front, back, seen, color), faded);
+            const V mean = hn::Mul(ramp_absorption(d, slab.group.ramps, front, back, seen, color), faded);
             return opacity_of_absorption(d, hn::Mul(exponent_at<perspective>(d, slab, x, row.y), mean));
+        });
+    }
+
+    /// As Slices::absorb.
+    template <bool perspective, class T>
+    static HWY_NOINLINE bool absorb(const Slab<T>& slab, EffectRow<T>& row) {
+        using V = typename Slab<T>::V;
+        const typename Slab<T>::D d;
+        return row.classify_by([&](int x, int number, auto seen, auto& color) {
+            const V front = slab.rho(d, 1, row.y, x), back = slab.rho(d, 2, row.y, x);
+            const V faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
+            const V mean = hn::Mul(ramp_absorption(d, slab.group.ramps, front, back, seen, color), faded);
+            hn::Store(mean, d, row.weight + number);
+            return hn::Mul(exponent_at<perspective>(d, slab, x, row.y), mean);
         });
     }
 };
@@ -236,7 +275,7 @@ struct SecondOrder {
             C whole, first, second;
             const auto opacity = [&](V from, V to, V over, C& looks) {
                 return opacity_of_absorption(
-                    d, hn::Mul(over, ramp_absorption(d, slab.shading.ramps, from, to, seen, looks)));
+                    d, hn::Mul(over, ramp_absorption(d, slab.group.ramps, from, to, seen, looks)));
             };
             const V whole_alpha = opacity(front, back, over_all, whole);
             const V first_alpha = opacity(front, between_them, over_half, first);
@@ -266,7 +305,7 @@ struct SecondOrder {
     }
 };
 
-/// Crossings of an isosurface between slices n and n + 1.
+/// Crossings of the one isosurface, an opaque one, between slices n and n + 1.
 struct Crossings {
     static constexpr bool between = true;
     static constexpr bool has_opacity = false;
@@ -274,7 +313,7 @@ struct Crossings {
     template <class T>
     static HWY_NOINLINE bool see(const Slab<T>& slab, EffectRow<T>& row, const Columns& here, const Columns& after) {
         const typename Slab<T>::D d;
-        const auto iso = hn::Set(d, slab.shading.iso_value);
+        const auto iso = hn::Set(d, slab.group.surfaces.front().value);
         const bool any = row.see_if(slab, T(0), [&](int x) {
             const auto crossed = hn::Xor(hn::Lt(slab.rho(d, 1, row.y, x), iso), hn::Lt(slab.rho(d, 2, row.y, x), iso));
             return slab.within(d, slab.within(d, crossed, x, here), x, after);
@@ -290,7 +329,7 @@ struct Crossings {
     static HWY_NOINLINE bool classify(const Slab<T>& slab, EffectRow<T>& row) {
         const typename Slab<T>::D d;
         return row.classify_by([&](int, int, auto seen, auto& color) {
-            color = iso_color(d, slab.shading);
+            color = iso_color(d, slab.group.surfaces.front());
             return hn::IfThenElseZero(seen, hn::Set(d, T(1)));
         });
     }

@@ -29,7 +29,7 @@ HWY_NOINLINE void find_gradients(const Slab<T>& slab, EffectRow<T>& row, const G
         const std::ptrdiff_t at = slab.in_sheet(row.y) + x;
         const auto of = [&](int ahead) {
             if constexpr (analytic) {
-                return against_slope<perspective>(d, slab.window.slope[ahead], at, scale.across[ahead], scale.along,
+                return against_slope<perspective>(d, slab.sheets.slope[ahead], at, scale.across[ahead], scale.along,
                                                   ray);
             } else {
                 return slab.template difference<perspective>(d, ahead, at, scale, ray);
@@ -139,46 +139,67 @@ HWY_NOINLINE void put(const Slab<T>& slab, const EffectRow<T>& row) {
     });
 }
 
-/// Kind: Slices, Intervals, SecondOrder or Crossings.
-template <class Kind, bool perspective, class T>
-HWY_NOINLINE void go_through_effects(const Slab<T>& slab) {
+/// Gradients of what is seen, where there are any.
+template <bool perspective, bool between, class T>
+HWY_INLINE void find_gradients_of(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
+    if (slab.shading.gradient) {
+        slab.shading.analytic_gradient ? find_gradients<perspective, true, between>(slab, row, scale)
+                                       : find_gradients<perspective, false, between>(slab, row, scale);
+    }
+}
+
+/// From the transfer function's colours to those that are composited.
+template <bool perspective, class T>
+HWY_INLINE void shade_colors(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
     const Shading<T>& shading = slab.shading;
-    const GradientScale<T> scale(shading, slab.window.n);
+    if (shading.shadows || shading.occlusion) {
+        light_dimmed<perspective>(slab, row, scale);
+    } else if (shading.lit) {
+        light<perspective>(slab, row, scale);
+    }
+    if (shading.depth_cue) {
+        cue(slab, row);
+    }
+}
+
+/// Calls draw(row, here, after) for each row that still changes, of at most EffectRow::room pixels; here, after: the
+/// columns that clipping keeps of slices n and n + 1. between: slice n + 1 is looked at.
+template <bool between, class T, class Draw>
+HWY_INLINE void for_each_row(const Slab<T>& slab, EffectRow<T>& row, const Draw& draw) {
     const Rect& rect = slab.window.rect;
-    EffectRow<T> row;
     for (row.y = rect.y0; row.y < rect.y1; ++row.y) {
         if (slab.picture.row_alive[row.y] == 0) {
             continue;
         }
         const Columns whole{rect.x0, rect.x1};
-        const Columns here = shading.clip ? slab.columns_kept(row.y, 0) : whole;
-        const Columns after = shading.clip && Kind::between ? slab.columns_kept(row.y, 1) : whole;
+        const Columns here = slab.shading.clip ? slab.columns_kept(row.y, 0) : whole;
+        const Columns after = slab.shading.clip && between ? slab.columns_kept(row.y, 1) : whole;
         for (row.begin = slab.first_column(); row.begin < rect.x1; row.begin += EffectRow<T>::room) {
             row.past = std::min(row.begin + EffectRow<T>::room, rect.x1);
-            if (!Kind::see(slab, row, here, after)) {
-                continue;
-            }
-            if (shading.gradient) {
-                shading.analytic_gradient ? find_gradients<perspective, true, Kind::between>(slab, row, scale)
-                                          : find_gradients<perspective, false, Kind::between>(slab, row, scale);
-            }
-            if constexpr (Kind::has_opacity) {
-                fade(slab, row, scale);
-            }
-            if (!Kind::template classify<perspective>(slab, row)) {
-                continue;
-            }
-            if (shading.shadows || shading.occlusion) {
-                light_dimmed<perspective>(slab, row, scale);
-            } else if (shading.lit) {
-                light<perspective>(slab, row, scale);
-            }
-            if (shading.depth_cue) {
-                cue(slab, row);
-            }
-            put<!Kind::has_opacity>(slab, row);
+            draw(here, after);
         }
     }
+}
+
+/// Kind: Slices, Intervals, SecondOrder or Crossings.
+template <class Kind, bool perspective, class T>
+HWY_NOINLINE void go_through_effects(const Slab<T>& slab) {
+    const GradientScale<T> scale(slab.shading, slab.group, slab.window.n);
+    EffectRow<T> row;
+    for_each_row<Kind::between>(slab, row, [&](const Columns& here, const Columns& after) {
+        if (!Kind::see(slab, row, here, after)) {
+            return;
+        }
+        find_gradients_of<perspective, Kind::between>(slab, row, scale);
+        if constexpr (Kind::has_opacity) {
+            fade(slab, row, scale);
+        }
+        if (!Kind::template classify<perspective>(slab, row)) {
+            return;
+        }
+        shade_colors<perspective>(slab, row, scale);
+        put<!Kind::has_opacity>(slab, row);
+    });
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

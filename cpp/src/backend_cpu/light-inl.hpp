@@ -28,7 +28,7 @@ struct GradientScale {
     T weakest = T(0);
     T full = T(1); ///< gradient opacity is 1 from this gradient on
 
-    GradientScale(const Shading<T>& shading, std::int64_t n) {
+    GradientScale(const Shading<T>& shading, const GroupShading<T>& group, std::int64_t n) {
         double scale[2];
         for (int ahead = 0; ahead < 2; ++ahead) {
             const double depth = shading.first_depth + static_cast<double>(n + ahead) * shading.slice_spacing;
@@ -46,8 +46,8 @@ struct GradientScale {
             return static_cast<T>(
                 std::clamp(gradient * unit, static_cast<double>(std::numeric_limits<T>::min()), 1e30));
         };
-        weakest = positive(shading.weakest_gradient);
-        full = positive(shading.full_gradient);
+        weakest = positive(group.weakest_gradient);
+        full = positive(group.full_gradient);
     }
 };
 
@@ -77,8 +77,8 @@ HWY_INLINE hn::Vec<D> length(D, const Normal<D>& v) {
 
 /// The colour of an isosurface before it is lit.
 template <class D, class T = hn::TFromD<D>>
-HWY_INLINE Color<D> iso_color(D d, const Shading<T>& shading) {
-    return {hn::Set(d, shading.iso_color[0]), hn::Set(d, shading.iso_color[1]), hn::Set(d, shading.iso_color[2])};
+HWY_INLINE Color<D> iso_color(D d, const ShadingSurface<T>& surface) {
+    return {hn::Set(d, surface.color[0]), hn::Set(d, surface.color[1]), hn::Set(d, surface.color[2])};
 }
 
 /// Minus the gradient at pixels of the slice `here`; pointers to the first pixel.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "scene/mode_rules.hpp"
 
@@ -27,55 +28,64 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     const Frame& frame = *job.frame;
     LoopSetup<T> setup;
     setup.shading = &shading;
-    setup.keep_weight = plan.empty_test || plan.coverage;
+    setup.keep_weight = plan.empty_test || plan.coverage || counts_weighted_slices(plan.mode);
     setup.slab = plan.sampling == Sampling::slab;
     setup.perspective = frame.projection == Projection::perspective;
     setup.intervals = uses_intervals(plan.mode, plan.preintegration);
     setup.stops = (plan.stop || plan.mode == Mode::isosurface) && !plan.coverage;
     setup.first_depth = frame.first_depth;
     setup.slice_spacing = frame.slice_spacing;
-    // Channel 0 is rho in the end. Fields that share sheets add to it; each of the others has two of its own.
-    setup.channels = 1;
-    setup.threshold = plan.threshold;
-    const bool shared_weight = plan.threshold || setup.keep_weight;
-    if (shared_weight) {
-        setup.weight_channel = setup.channels++;
-    }
+    setup.slopes = shading.analytic_gradient;
     const auto three = [&setup] {
         const int first = setup.channels;
         setup.channels += 3;
         return first;
     };
-    const bool slopes = shading.analytic_gradient;
-    if (slopes) {
-        setup.slope_channel = three();
-        setup.weight_slope_channel = shared_weight ? three() : -1;
+    const auto is_divided = [&](std::size_t field) {
+        return plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0;
+    };
+    // A field that is all of its group is divided in the group's sheets; each of several has two of its own.
+    const std::vector<Group> groups = groups_drawn(*job.scene);
+    for (const Group& group : groups) {
+        GroupSheets<T> sheets;
+        sheets.rho_channel = setup.channels++;
+        sheets.threshold = group.last - group.first == 1 && is_divided(group.first);
+        const bool shared_weight = sheets.threshold || setup.keep_weight;
+        if (shared_weight) {
+            sheets.weight_channel = setup.channels++;
+        }
+        if (setup.slopes) {
+            sheets.slope_channel = three();
+            sheets.weight_slope_channel = shared_weight ? three() : -1;
+        }
+        if (sheets.threshold) {
+            sheets.w0 = divisor<T>(job.scene->fields[group.first]->w0());
+        }
+        setup.groups.push_back(std::move(sheets));
     }
     const auto add_part = [&](std::size_t field) {
         const Field& source = *job.scene->fields[field];
+        GroupSheets<T>& group = setup.groups[group_drawn_of(*job.scene, field)];
         PartProfile<T> profile;
         const double k = source.kernel().falloff;
         profile.falloff_log2 = static_cast<T>(k * log2_e);
         profile.edge = static_cast<T>(source.kernel().edge());
         profile.root_falloff = static_cast<T>(std::sqrt(k));
-        if (!plan.own_sheets.empty() && plan.own_sheets[field] >= 0) {
+        if (!group.threshold && is_divided(field)) {
             OwnSheets<T> own;
             own.value_channel = profile.value_channel = setup.channels++;
             own.weight_channel = profile.weight_channel = setup.channels++;
-            if (slopes) {
+            if (setup.slopes) {
                 own.slope_channel = profile.slope_channel = three();
                 own.weight_slope_channel = profile.weight_slope_channel = three();
             }
             own.w0 = divisor<T>(source.w0());
-            setup.own.push_back(own);
+            group.own.push_back(own);
         } else {
-            profile.value_channel = 0;
-            profile.weight_channel = setup.weight_channel;
-            profile.slope_channel = setup.slope_channel;
-            profile.weight_slope_channel = setup.weight_slope_channel;
-            if (plan.threshold) {
-                setup.w0 = divisor<T>(source.w0());
-            }
+            profile.value_channel = group.rho_channel;
+            profile.weight_channel = group.weight_channel;
+            profile.slope_channel = group.slope_channel;
+            profile.weight_slope_channel = group.weight_slope_channel;
         }
         setup.parts.push_back(profile);
     };

@@ -23,7 +23,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 /// A row of the derivatives of rho, in the place of those of the sums of the fields that share sheets; while the
 /// sums themselves are still there.
 template <class T>
-void divide_slopes(const LoopSetup<T>& setup, const SheetRing<T>& ring, std::int64_t n, std::ptrdiff_t row,
+void divide_slopes(const GroupSheets<T>& group, const SheetRing<T>& ring, std::int64_t n, std::ptrdiff_t row,
                    const Rect& rect) {
     const hn::CappedTag<T, 16> d;
     const int lanes = static_cast<int>(hn::Lanes(d));
@@ -38,49 +38,57 @@ void divide_slopes(const LoopSetup<T>& setup, const SheetRing<T>& ring, std::int
             return hn::Mul(hn::NegMulAdd(rho, load(weight_slope), load(slope)), per_divisor);
         };
         for (int axis = 0; axis < 3; ++axis) {
-            auto sum = setup.threshold ? quotient(0, setup.weight_channel, setup.slope_channel + axis,
-                                                  setup.weight_slope_channel + axis, setup.w0)
-                                       : load(setup.slope_channel + axis);
-            for (const OwnSheets<T>& own : setup.own) {
+            auto sum = group.threshold ? quotient(group.rho_channel, group.weight_channel, group.slope_channel + axis,
+                                                  group.weight_slope_channel + axis, group.w0)
+                                       : load(group.slope_channel + axis);
+            for (const OwnSheets<T>& own : group.own) {
                 sum = hn::Add(sum, quotient(own.value_channel, own.weight_channel, own.slope_channel + axis,
                                             own.weight_slope_channel + axis, own.w0));
             }
-            hn::StoreU(sum, d, ring.plane(n, setup.slope_channel + axis) + at);
+            hn::StoreU(sum, d, ring.plane(n, group.slope_channel + axis) + at);
         }
     }
 }
 
-/// rho of a slice, in the place of the sums of the fields that share sheets; W of all in its own channel.
+/// rho of a group in a slice, in the place of the sums of the fields that share sheets; W of all in its own channel.
 template <class T>
-void divide(const LoopSetup<T>& setup, const SheetRing<T>& ring, const TileShape& shape, std::int64_t n,
-            const Rect& rect) {
+void divide_group(const GroupSheets<T>& group, bool keep_weight, const SheetRing<T>& ring, const TileShape& shape,
+                  std::int64_t n, const Rect& rect) {
     const hn::CappedTag<T, 16> d;
     const int lanes = static_cast<int>(hn::Lanes(d));
-    if (!setup.threshold && setup.own.empty()) {
+    if (!group.threshold && group.own.empty()) {
         return;
     }
     for (int y = rect.y0; y < rect.y1; ++y) {
         const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * shape.stride;
-        T* rho = ring.plane(n, 0) + at;
-        T* weight = setup.weight_channel >= 0 ? ring.plane(n, setup.weight_channel) + at : nullptr;
-        if (setup.slope_channel >= 0) {
-            divide_slopes(setup, ring, n, at, rect);
+        T* rho = ring.plane(n, group.rho_channel) + at;
+        T* weight = group.weight_channel >= 0 ? ring.plane(n, group.weight_channel) + at : nullptr;
+        if (group.slope_channel >= 0) {
+            divide_slopes(group, ring, n, at, rect);
         }
         for (int x = rect.x0; x < rect.x1; x += lanes) {
             auto sum = hn::LoadU(d, rho + x);
-            if (setup.threshold) {
-                sum = hn::Div(sum, hn::Max(hn::Set(d, setup.w0), hn::LoadU(d, weight + x)));
+            if (group.threshold) {
+                sum = hn::Div(sum, hn::Max(hn::Set(d, group.w0), hn::LoadU(d, weight + x)));
             }
-            for (const OwnSheets<T>& own : setup.own) {
+            for (const OwnSheets<T>& own : group.own) {
                 const auto own_weight = hn::LoadU(d, ring.plane(n, own.weight_channel) + at + x);
                 sum = hn::Add(sum, hn::Div(hn::LoadU(d, ring.plane(n, own.value_channel) + at + x),
                                            hn::Max(hn::Set(d, own.w0), own_weight)));
-                if (setup.keep_weight) {
+                if (keep_weight) {
                     hn::StoreU(hn::Add(hn::LoadU(d, weight + x), own_weight), d, weight + x);
                 }
             }
             hn::StoreU(sum, d, rho + x);
         }
+    }
+}
+
+template <class T>
+void divide(const LoopSetup<T>& setup, const SheetRing<T>& ring, const TileShape& shape, std::int64_t n,
+            const Rect& rect) {
+    for (const GroupSheets<T>& group : setup.groups) {
+        divide_group(group, setup.keep_weight, ring, shape, n, rect);
     }
 }
 

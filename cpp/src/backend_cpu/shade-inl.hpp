@@ -8,32 +8,18 @@
 #define SHEETSPLAT_CPU_SHADE_INL
 #endif
 
+#include <cstddef>
 #include <type_traits>
 
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/tile.hpp"
 #include "effects-inl.hpp"
+#include "groups-inl.hpp"
 #include "hwy/highway.h"
 #include "slab_passes-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
-
-template <class T>
-struct Type {
-    using type = T;
-};
-
-/// Calls pass(Type<...>()) with the table that the transfer function fits.
-template <class T, class Pass>
-HWY_INLINE void by_table(const Shading<T>& shading, const Pass& pass) {
-    using D = typename Slab<T>::D;
-    if (shading.transfer.stretches <= Slab<T>::lanes) {
-        pass(Type<TableInLanes<D>>());
-    } else {
-        pass(Type<TableInMemory<D>>());
-    }
-}
 
 template <class T, class Pass>
 HWY_INLINE void by_projection(const Shading<T>& shading, const Pass& pass) {
@@ -42,6 +28,19 @@ HWY_INLINE void by_projection(const Shading<T>& shading, const Pass& pass) {
     } else {
         pass(std::false_type());
     }
+}
+
+/// Modes composite and isosurface, of several groups or surfaces.
+template <class T>
+HWY_NOINLINE void shade_groups(const Slab<T>& slab) {
+    by_projection(slab.shading, [&](auto perspective) {
+        constexpr bool in_perspective = decltype(perspective)::value;
+        if (slab.shading.mode == Mode::isosurface) {
+            find_all_crossings<in_perspective>(slab);
+        } else {
+            mix_groups<in_perspective>(slab);
+        }
+    });
 }
 
 /// Modes composite and isosurface, in scenes with effects of the kind of effects-inl.hpp.
@@ -57,7 +56,7 @@ HWY_NOINLINE void shade_with_effects(const Slab<T>& slab) {
         } else if (shading.preintegration) {
             go_through_effects<Intervals, in_perspective>(slab);
         } else {
-            by_table(shading, [&](auto table) {
+            by_table(slab.group, [&](auto table) {
                 go_through_effects<Slices<typename decltype(table)::type>, in_perspective>(slab);
             });
         }
@@ -74,7 +73,7 @@ HWY_INLINE void shade_without_effects(const Slab<T>& slab) {
         } else if (shading.preintegration) {
             add_intervals<in_perspective>(slab);
         } else {
-            by_table(shading, [&](auto table) {
+            by_table(slab.group, [&](auto table) {
                 using Table = typename decltype(table)::type;
                 shading.lit ? add_slices<Table, true, in_perspective>(slab)
                             : add_slices<Table, false, in_perspective>(slab);
@@ -92,12 +91,13 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
     if (window.rect.empty()) {
         return;
     }
-    const Slab<T> slab{shading, shape, window, picture};
+    const Slab<T> slab(shading, shape, window, picture);
     const auto add = [&](const T* sheet, T step, T* plane) {
         shading.clip ? add_sheet<true>(slab, sheet, step, plane) : add_sheet<false>(slab, sheet, step, plane);
     };
-    if (picture.coverage != nullptr && window.n >= 0) {
-        add(window.weight[0], shading.coverage_step, picture.coverage);
+    const std::size_t groups = shading.groups.size();
+    for (std::size_t group = 0; group < groups && picture.coverage != nullptr && window.n >= 0; ++group) {
+        add(Slab<T>(shading, shape, window, picture, group).sheets.weight[0], shading.coverage_step, picture.coverage);
     }
     if (shading.open_front && window.n < 0) {
         return;
@@ -106,6 +106,12 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
         add(window.rho[1], shading.scalar_step, picture.scalar);
     } else if (shading.mode == Mode::mip) {
         shading.clip ? raise_scalar<true>(slab) : raise_scalar<false>(slab);
+    } else if (shading.mode == Mode::minimum) {
+        shading.clip ? lower_scalar<true>(slab) : lower_scalar<false>(slab);
+    } else if (shading.mode == Mode::average) {
+        shading.clip ? add_counted<true>(slab) : add_counted<false>(slab);
+    } else if (groups > 1 || shading.several_surfaces) {
+        shade_groups(slab);
     } else if (shading.by_effects) {
         shade_with_effects(slab);
     } else {
@@ -117,8 +123,10 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
 template <class T>
 HWY_INLINE void absorb_slab(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
                             TilePicture<T>& picture) {
-    const Slab<T> slab{shading, shape, window, picture};
-    by_table(shading, [&](auto table) { absorb<typename decltype(table)::type>(slab); });
+    for (std::size_t group = 0; group < shading.groups.size(); ++group) {
+        const Slab<T> slab(shading, shape, window, picture, group);
+        by_table(slab.group, [&](auto table) { absorb<typename decltype(table)::type>(slab); });
+    }
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

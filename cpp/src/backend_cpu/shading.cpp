@@ -7,11 +7,44 @@
 
 #include "backend_cpu/number.hpp"
 #include "plan/make_plan.hpp"
+#include "scene/mode_rules.hpp"
 #include "view/shading_inputs.hpp"
 
 namespace sheetsplat::backend_cpu {
 
 namespace {
+
+template <class T>
+GroupShading<T> group_of(const TransferFunction& function, const ShadingInputs::OfGroup& inputs, const DrawPlan& plan,
+                         double value_unit) {
+    GroupShading<T> group;
+    if (plan.mode == Mode::composite) {
+        group.transfer = make_transfer_table<T>(function, value_unit);
+        if (plan.preintegration) {
+            group.ramps = make_ramp_table<T>(function, value_unit);
+        }
+    }
+    for (const ShadingInputs::Surface& surface : inputs.surfaces) {
+        if (surface.opacity > 0.0) {
+            ShadingSurface<T> made;
+            made.value = number<T>(surface.value);
+            for (int c = 0; c < 3; ++c) {
+                made.color[c] = number<T>(surface.color[c]);
+            }
+            made.opacity = static_cast<T>(surface.opacity);
+            group.surfaces.push_back(made);
+        }
+    }
+    group.weakest_gradient = inputs.weakest_gradient;
+    group.full_gradient = inputs.full_gradient;
+    return group;
+}
+
+template <class T>
+bool all_opaque(const std::vector<ShadingSurface<T>>& surfaces) {
+    return std::all_of(surfaces.begin(), surfaces.end(),
+                       [](const ShadingSurface<T>& surface) { return surface.opacity == T(1); });
+}
 
 template <class T>
 void add_lights(const ShadingInputs& inputs, const DrawPlan& plan, Shading<T>& shading) {
@@ -79,7 +112,6 @@ void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, c
     shading.second_order = plan.second_order && plan.preintegration;
     shading.analytic_gradient = plan.analytic_gradient && plan.gradient;
     shading.gradient_opacity = plan.gradient_opacity;
-    shading.full_gradient = inputs.full_gradient;
     shading.depth_cue = plan.depth_cue;
     shading.cue_start = inputs.cue_start;
     shading.cue_per_depth = inputs.cue_per_depth;
@@ -117,20 +149,19 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.open_front = plan.open_front;
     shading.correct = plan.opacity_correction;
     shading.exponent = static_cast<T>(inputs.exponent);
-    // Of isosurfaces every pixel that has one is opaque.
-    shading.stop = plan.mode == Mode::isosurface ? T(0.5) : static_cast<T>(inputs.opacity_stop);
+    const std::vector<Group> groups = groups_drawn(scene);
+    for (std::size_t n = 0; n < groups.size(); ++n) {
+        shading.groups.push_back(
+            group_of<T>(*groups[n].transfer_function, inputs.groups[n], plan, plan.unit_of(groups[n].first)));
+    }
+    // (All groups have the same surfaces, in colours of their own.)
+    const std::vector<ShadingSurface<T>>& surfaces = shading.groups.front().surfaces;
+    const bool surface = plan.mode == Mode::isosurface;
+    shading.several_surfaces = surface && (groups.size() > 1 || surfaces.size() != 1 || !all_opaque(surfaces));
+    // Of opaque isosurfaces every pixel that has one is opaque.
+    shading.stop = surface && all_opaque(surfaces) ? T(0.5) : static_cast<T>(inputs.opacity_stop);
     shading.scalar_step = number<T>(inputs.scalar_step);
     shading.coverage_step = number<T>(frame.slice_spacing);
-    if (plan.mode == Mode::composite) {
-        shading.transfer = make_transfer_table<T>(scene.transfer_function, plan.value_unit);
-        if (plan.preintegration) {
-            shading.ramps = make_ramp_table<T>(scene.transfer_function, plan.value_unit);
-        }
-    }
-    shading.iso_value = number<T>(inputs.iso_value);
-    for (int c = 0; c < 3; ++c) {
-        shading.iso_color[c] = number<T>(inputs.iso_point.color[c]);
-    }
     shading.gradient = plan.gradient;
     shading.lit = plan.lit && plan.gradient;
     if (shading.lit) {
@@ -138,7 +169,6 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     }
     shading.gradient_across = inputs.gradient_across;
     shading.gradient_along = inputs.gradient_along;
-    shading.weakest_gradient = inputs.weakest_gradient;
 
     shading.first_depth = frame.first_depth;
     shading.nearest_depth = frame.depth_of(frame.first_met);

@@ -31,8 +31,8 @@ struct Columns {
     int x0 = 0, x1 = 0;
 };
 
-/// The slab that is shaded. Pixels are those of the tile, without its border; passes go over them in vectors of `lanes`
-/// columns.
+/// The slab that is shaded, of one group of fields. Pixels are those of the tile, without its border; passes go over
+/// them in vectors of `lanes` columns.
 template <class T>
 struct Slab {
     using D = hn::CappedTag<T, TileShape::padding>;
@@ -41,15 +41,22 @@ struct Slab {
     static constexpr int lanes = static_cast<int>(hn::MaxLanes(D()));
 
     const Shading<T>& shading;
+    const GroupShading<T>& group;
     const TileShape& shape;
     const SlabWindow<T>& window;
+    const SheetWindow<T>& sheets; ///< of the group
     TilePicture<T>& picture;
+
+    Slab(const Shading<T>& shading_in, const TileShape& shape_in, const SlabWindow<T>& window_in,
+         TilePicture<T>& picture_in, std::size_t number = 0)
+        : shading(shading_in), group(shading_in.groups[number]), shape(shape_in), window(window_in),
+          sheets(number == 0 ? window_in : window_in.later_groups[number - 1]), picture(picture_in) {}
 
     /// Element of a sheet and of a plane at the start of a row.
     [[nodiscard]] std::ptrdiff_t in_sheet(int y) const { return static_cast<std::ptrdiff_t>(y + 1) * shape.stride + 1; }
     [[nodiscard]] std::ptrdiff_t in_plane(int y) const { return static_cast<std::ptrdiff_t>(y) * shape.stride; }
     /// rho of slice n - 1 + number, from a row and column on.
-    HWY_INLINE V rho(D d, int number, int y, int x) const { return hn::LoadU(d, window.rho[number] + in_sheet(y) + x); }
+    HWY_INLINE V rho(D d, int number, int y, int x) const { return hn::LoadU(d, sheets.rho[number] + in_sheet(y) + x); }
     [[nodiscard]] double depth() const {
         return shading.first_depth + static_cast<double>(window.n) * shading.slice_spacing;
     }
@@ -76,7 +83,7 @@ struct Slab {
     /// Lanes whose point of slice n (ahead 1: n + 1) some kernel reaches, where that is looked at.
     HWY_INLINE M reached(D d, M mask, int ahead, int y, int x) const {
         return shading.empty_test
-                   ? hn::And(mask, hn::Ne(hn::LoadU(d, window.weight[ahead] + in_sheet(y) + x), hn::Zero(d)))
+                   ? hn::And(mask, hn::Ne(hn::LoadU(d, sheets.weight[ahead] + in_sheet(y) + x), hn::Zero(d)))
                    : mask;
     }
 
@@ -100,14 +107,16 @@ struct Slab {
     template <bool perspective>
     HWY_INLINE Normal<D> difference(D d, int ahead, std::ptrdiff_t at, const GradientScale<T>& scale,
                                     const Ray<D>& ray) const {
-        return against_gradient<perspective>(d, window.rho[ahead] + at, window.rho[ahead + 1] + at,
-                                             window.rho[ahead + 2] + at, shape.stride, scale.across[ahead], scale.along,
+        return against_gradient<perspective>(d, sheets.rho[ahead] + at, sheets.rho[ahead + 1] + at,
+                                             sheets.rho[ahead + 2] + at, shape.stride, scale.across[ahead], scale.along,
                                              ray);
     }
 
-    /// Composites alpha > 0, 0 outside of `visible`, behind what a plane holds; counts the pixels that end.
-    HWY_INLINE void put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha,
-                               const Color<D>& color) const {
+    /// Composites alpha > 0, 0 outside of `visible`, behind what a plane holds; counts the pixels that end. depths():
+    /// what the picture reports.
+    template <class Depths>
+    HWY_INLINE void put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha, const Color<D>& color,
+                               const Depths& depths) const {
         const V share = hn::Mul(hn::Sub(hn::Set(d, T(1)), so_far), alpha);
         const V opacity = hn::Add(so_far, share);
         const auto add = [&](T* plane, V channel) {
@@ -120,11 +129,20 @@ struct Slab {
         if (picture.depth != nullptr) {
             const V half = hn::Set(d, T(0.5));
             const auto reached_half = hn::And(visible, hn::And(hn::Lt(so_far, half), hn::Ge(opacity, half)));
-            hn::StoreU(hn::IfThenElse(reached_half, hn::Set(d, static_cast<T>(reported_depth())),
-                                      hn::LoadU(d, picture.depth + at)),
-                       d, picture.depth + at);
+            hn::StoreU(hn::IfThenElse(reached_half, depths(), hn::LoadU(d, picture.depth + at)), d, picture.depth + at);
         }
         end_pixels(d, y, hn::And(visible, hn::Ge(opacity, hn::Set(d, shading.stop))));
+    }
+    /// At the depth of the slice or interval.
+    HWY_INLINE void put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha,
+                               const Color<D>& color) const {
+        put_behind(d, at, y, visible, so_far, alpha, color,
+                   [&]() SHEETSPLAT_CPU_INLINE { return hn::Set(d, static_cast<T>(reported_depth())); });
+    }
+    /// Depths `share` slice distances behind slice n.
+    HWY_INLINE V depth_behind(D d, V share) const {
+        return hn::MulAdd(share, hn::Set(d, static_cast<T>(shading.slice_spacing)),
+                          hn::Set(d, static_cast<T>(depth())));
     }
 
     /// Writes an opaque surface, in front of everything, `share` slice distances behind slice n.
@@ -137,8 +155,7 @@ struct Slab {
         store(picture.blue, color.blue);
         store(picture.alpha, hn::Set(d, T(1)));
         if (picture.depth != nullptr) {
-            store(picture.depth, hn::MulAdd(share, hn::Set(d, static_cast<T>(shading.slice_spacing)),
-                                            hn::Set(d, static_cast<T>(depth()))));
+            store(picture.depth, depth_behind(d, share));
         }
         end_pixels(d, y, found);
     }

@@ -52,10 +52,10 @@ HWY_NOINLINE void add_slices(const Slab<T>& slab) {
     using M = typename Slab<T>::M;
     const typename Slab<T>::D d;
     const Shading<T>& shading = slab.shading;
-    const Table table(shading.transfer);
-    const GradientScale<T> scale(shading, slab.window.n);
+    const Table table(slab.group.transfer);
+    const GradientScale<T> scale(shading, slab.group, slab.window.n);
     const V zero = hn::Zero(d);
-    const V below = hn::Set(d, shading.transfer.below), above = hn::Set(d, shading.transfer.above);
+    const V below = hn::Set(d, slab.group.transfer.below), above = hn::Set(d, slab.group.transfer.above);
     const V exponent = hn::Set(d, shading.exponent);
     for_each_vector(
         slab,
@@ -99,9 +99,9 @@ HWY_NOINLINE void add_intervals(const Slab<T>& slab) {
     using M = typename Slab<T>::M;
     const typename Slab<T>::D d;
     const Shading<T>& shading = slab.shading;
-    const GradientScale<T> scale(shading, slab.window.n);
+    const GradientScale<T> scale(shading, slab.group, slab.window.n);
     const V zero = hn::Zero(d);
-    const V below = hn::Set(d, shading.transfer.below), above = hn::Set(d, shading.transfer.above);
+    const V below = hn::Set(d, slab.group.transfer.below), above = hn::Set(d, slab.group.transfer.above);
     const V exponent = hn::Set(d, shading.exponent);
     for_each_vector(
         slab,
@@ -114,7 +114,7 @@ HWY_NOINLINE void add_intervals(const Slab<T>& slab) {
             const auto ray = slab.template ray_if<perspective>(d, x, y);
             Color<typename Slab<T>::D> color;
             const V mean =
-                ramp_absorption(d, shading.ramps, slab.rho(d, 1, y, x), slab.rho(d, 2, y, x), visible, color);
+                ramp_absorption(d, slab.group.ramps, slab.rho(d, 1, y, x), slab.rho(d, 2, y, x), visible, color);
             const V alpha =
                 opacity_of_absorption(d, hn::Mul(perspective ? hn::Mul(exponent, ray.slant) : exponent, mean));
             visible = hn::Gt(alpha, zero);
@@ -130,15 +130,16 @@ HWY_NOINLINE void add_intervals(const Slab<T>& slab) {
         });
 }
 
-/// The first crossing of an isosurface on each ray.
+/// The first crossing of the one isosurface, an opaque one, on each ray.
 template <bool perspective, class T>
 HWY_NOINLINE void find_crossings(const Slab<T>& slab) {
     using V = typename Slab<T>::V;
     using M = typename Slab<T>::M;
     const typename Slab<T>::D d;
     const Shading<T>& shading = slab.shading;
-    const GradientScale<T> scale(shading, slab.window.n);
-    const V iso = hn::Set(d, shading.iso_value);
+    const GradientScale<T> scale(shading, slab.group, slab.window.n);
+    const ShadingSurface<T>& surface = slab.group.surfaces.front();
+    const V iso = hn::Set(d, surface.value);
     for_each_vector(
         slab,
         [&](int x, int y) SHEETSPLAT_CPU_INLINE {
@@ -146,7 +147,7 @@ HWY_NOINLINE void find_crossings(const Slab<T>& slab) {
         },
         [&](int x, int y, M found, V) SHEETSPLAT_CPU_INLINE {
             const V share = crossing(d, slab.rho(d, 1, y, x), slab.rho(d, 2, y, x), iso, found);
-            auto color = iso_color(d, shading);
+            auto color = iso_color(d, surface);
             if (shading.lit) {
                 const auto ray = slab.template ray_if<perspective>(d, x, y);
                 const auto against = between_slices<perspective>(d, slab, slab.in_sheet(y) + x, scale, ray, share);
@@ -198,9 +199,61 @@ HWY_NOINLINE void raise_scalar(const Slab<T>& slab) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
     const V step = hn::Set(d, slab.shading.scalar_step);
-    for_each_in_sheet<clip>(slab, slab.window.rho[1], [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
+    for_each_in_sheet<clip>(slab, slab.sheets.rho[1], [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
         T* to = slab.picture.scalar + slab.in_plane(y) + x;
         hn::StoreU(hn::Max(hn::LoadU(d, to), hn::Mul(value, step)), d, to);
+    });
+}
+
+/// Calls visit(x, y, lanes) for vectors with points of the slice that some kernel reaches and that are kept.
+template <bool clip, class T, class Visit>
+HWY_INLINE void for_each_reached(const Slab<T>& slab, const Visit& visit) {
+    const typename Slab<T>::D d;
+    constexpr int lanes = Slab<T>::lanes;
+    const Rect& rect = slab.window.rect;
+    for (int y = rect.y0; y < rect.y1; ++y) {
+        const Columns kept = clip ? slab.columns_kept(y, 0) : Columns{rect.x0, rect.x1};
+        for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
+            auto reached = hn::Ne(hn::LoadU(d, slab.sheets.weight[0] + slab.in_sheet(y) + x), hn::Zero(d));
+            if constexpr (clip) {
+                reached = slab.within(d, reached, x, kept);
+            }
+            if (!hn::AllFalse(d, reached)) {
+                visit(x, y, reached);
+            }
+        }
+    }
+}
+
+/// The least scalar.
+template <bool clip, class T>
+HWY_NOINLINE void lower_scalar(const Slab<T>& slab) {
+    using V = typename Slab<T>::V;
+    using M = typename Slab<T>::M;
+    const typename Slab<T>::D d;
+    const V step = hn::Set(d, slab.shading.scalar_step);
+    for_each_reached<clip>(slab, [&](int x, int y, M reached) SHEETSPLAT_CPU_INLINE {
+        T* to = slab.picture.scalar + slab.in_plane(y) + x;
+        const V least = hn::LoadU(d, to);
+        const V value = hn::Mul(slab.rho(d, 1, y, x), step);
+        hn::StoreU(hn::IfThenElse(reached, hn::Min(least, value), least), d, to);
+    });
+}
+
+/// Adds scalars up, and counts them.
+template <bool clip, class T>
+HWY_NOINLINE void add_counted(const Slab<T>& slab) {
+    using V = typename Slab<T>::V;
+    using M = typename Slab<T>::M;
+    const typename Slab<T>::D d;
+    const V step = hn::Set(d, slab.shading.scalar_step), one = hn::Set(d, T(1));
+    for_each_reached<clip>(slab, [&](int x, int y, M reached) SHEETSPLAT_CPU_INLINE {
+        const std::ptrdiff_t at = slab.in_plane(y) + x;
+        const auto add = [&](T* plane, V value) SHEETSPLAT_CPU_INLINE {
+            hn::StoreU(hn::Add(hn::LoadU(d, plane + at), hn::IfThenElseZero(reached, value)), d, plane + at);
+        };
+        add(slab.picture.scalar, hn::Mul(slab.rho(d, 1, y, x), step));
+        add(slab.picture.counted, one);
     });
 }
 
@@ -213,9 +266,9 @@ HWY_NOINLINE void absorb(const Slab<T>& slab) {
     constexpr T densest_slice = T(20);
     const typename Slab<T>::D d;
     const Shading<T>& shading = slab.shading;
-    const Table table(shading.transfer);
+    const Table table(slab.group.transfer);
     const V one = hn::Set(d, T(1)), densest = hn::Set(d, densest_slice);
-    const V below = hn::Set(d, shading.transfer.below), above = hn::Set(d, shading.transfer.above);
+    const V below = hn::Set(d, slab.group.transfer.below), above = hn::Set(d, slab.group.transfer.above);
     const V exponent = hn::Set(d, shading.exponent);
     for (int y = slab.window.rect.y0; y < slab.window.rect.y1; ++y) {
         const Columns kept = slab.columns_kept(y, 0);

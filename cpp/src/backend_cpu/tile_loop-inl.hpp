@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <limits>
 #include <type_traits>
+#include <vector>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
@@ -89,7 +90,7 @@ class TileLoop {
 
     /// Adds what starts at slice n, or is drawn again from there on; false where `between` said so.
     bool splat(std::int64_t n, const std::function<bool()>& between) {
-        return setup_.slope_channel >= 0 ? splat_with<true>(n, between) : splat_with<false>(n, between);
+        return setup_.slopes ? splat_with<true>(n, between) : splat_with<false>(n, between);
     }
     /// slopes: derivatives too.
     template <bool slopes>
@@ -245,21 +246,11 @@ class TileLoop {
         if (window.rect.empty()) {
             return;
         }
-        for (int around = 0; around < (setup_.intervals ? 4 : 3); ++around) {
-            const std::int64_t slice = n - 1 + around;
-            window.rho[around] = ring_.find(slice) != nullptr ? ring_.plane(slice, 0) : scratch_.zeros.data();
+        find_sheets(setup_.groups.front(), n, window);
+        for (std::size_t later = 0; later < later_.size(); ++later) {
+            find_sheets(setup_.groups[later + 1], n, later_[later]);
         }
-        if (setup_.keep_weight) {
-            window.weight[0] = here != nullptr ? ring_.plane(n, setup_.weight_channel) : scratch_.zeros.data();
-            window.weight[1] = after != nullptr ? ring_.plane(n + 1, setup_.weight_channel) : scratch_.zeros.data();
-        }
-        if (setup_.slope_channel >= 0) {
-            for (int axis = 0; axis < 3; ++axis) {
-                const int channel = setup_.slope_channel + axis;
-                window.slope[0][axis] = here != nullptr ? ring_.plane(n, channel) : scratch_.zeros.data();
-                window.slope[1][axis] = after != nullptr ? ring_.plane(n + 1, channel) : scratch_.zeros.data();
-            }
-        }
+        window.later_groups = later_.data();
         if (setup_.record != nullptr) {
             absorb_slab(*setup_.shading, shape_, window, scratch_.planes);
             return;
@@ -271,11 +262,30 @@ class TileLoop {
         }
     }
 
+    /// The sheets of a group around slice n.
+    void find_sheets(const GroupSheets<T>& group, std::int64_t n, SheetWindow<T>& window) const {
+        const auto sheet = [&](std::int64_t slice, int channel) -> const T* {
+            return ring_.find(slice) != nullptr ? ring_.plane(slice, channel) : scratch_.zeros.data();
+        };
+        for (int around = 0; around < (setup_.intervals ? 4 : 3); ++around) {
+            window.rho[around] = sheet(n - 1 + around, group.rho_channel);
+        }
+        for (int ahead = 0; ahead < (setup_.intervals ? 2 : 1); ++ahead) {
+            if (setup_.keep_weight) {
+                window.weight[ahead] = sheet(n + ahead, group.weight_channel);
+            }
+            for (int axis = 0; axis < 3 && setup_.slopes; ++axis) {
+                window.slope[ahead][axis] = sheet(n + ahead, group.slope_channel + axis);
+            }
+        }
+    }
+
     const LoopSetup<T>& setup_;
     const TileShape& shape_;
     TileScratch<T>& scratch_;
     SheetRing<T> ring_;
     Live live_;
+    std::vector<SheetWindow<T>> later_ = std::vector<SheetWindow<T>>(setup_.groups.size() - 1);
     unsigned asked_ = 0;
     unsigned changes_ = 0;
     std::vector<std::size_t> next_ = std::vector<std::size_t>(scratch_.kernels.size(), 0);

@@ -32,9 +32,9 @@ void set_depth_cue(const gl::Program& program, const ShadingInputs& inputs, cons
 }
 
 void set_isosurface(const gl::Program& program, const ShadingInputs& inputs) {
-    const TransferPoint& at = inputs.iso_point;
-    program.set("iso_value", f(inputs.iso_value));
-    program.set("iso_color", f(at.color.x), f(at.color.y), f(at.color.z), f(at.opacity));
+    const ShadingInputs::Surface& at = inputs.groups.front().surfaces.front();
+    program.set("iso_value", f(at.value));
+    program.set("iso_color", f(at.color.x), f(at.color.y), f(at.color.z), 1.0F);
 }
 
 void set_lights(const gl::Program& program, const ShadingInputs& inputs) {
@@ -51,9 +51,9 @@ void set_lights(const gl::Program& program, const ShadingInputs& inputs) {
 
 void set_gradients(const gl::Program& program, const ShadingInputs& inputs, const DrawPlan& plan) {
     program.set("gradient_scale", f(inputs.gradient_across), f(inputs.gradient_along));
-    program.set("weakest_gradient", f(inputs.weakest_gradient));
+    program.set("weakest_gradient", f(inputs.groups.front().weakest_gradient));
     if (plan.gradient_opacity) {
-        program.set("full_gradient", f(inputs.full_gradient));
+        program.set("full_gradient", f(inputs.groups.front().full_gradient));
     }
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scene/mode_rules.hpp"
+
 namespace sheetsplat {
 
 namespace {
@@ -73,6 +75,7 @@ void set_prices(Work& work, const Scene& scene, Projection projection, bool floa
     work.splat_price = scene.sampling == Sampling::point ? 1.0 : product ? slab_of_product : slab_of_others;
     work.shade_price = scene.second_order ? second_order_price : scene.preintegration ? first_order_price : 1.0;
     work.shade_price *= scene.lights.empty() ? 1.0 : lit_price;
+    work.shade_price *= static_cast<double>(groups_drawn(scene).size());
     work.number_price = float64 ? float64_price : 1.0;
 }
 

@@ -17,9 +17,9 @@ std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan
                                     const Frame& frame, Sampling sampling) {
     std::vector<EllipsoidView> views;
     views.reserve(indexed.grids.size());
-    for (const GridEntry* entry : indexed.grids) {
-        views.emplace_back(*entry->kernels, camera, frame, sampling, plan.filter ? Filter::ewa : Filter::none,
-                           plan.value_unit, 1.0);
+    for (std::size_t part = 0; part < indexed.grids.size(); ++part) {
+        views.emplace_back(*indexed.grids[part]->kernels, camera, frame, sampling,
+                           plan.filter ? Filter::ewa : Filter::none, plan.unit_of(indexed.grid_fields[part]), 1.0);
     }
     return views;
 }

@@ -50,6 +50,7 @@ struct Prepared {
 struct Indexed {
     std::vector<const RunsEntry*> runs;
     std::vector<const GridEntry*> grids;
+    std::vector<std::size_t> grid_fields; ///< whose grids they are, in the scene
     std::size_t visible = 0, all = 0, bytes = 0;
     LightVolumes volumes; ///< where the plan has shadows or ambient occlusion
 };

@@ -88,15 +88,22 @@ bool may_cull(const DrawPlan& plan) {
            !(plan.mode == Mode::isosurface && (plan.shadows || plan.ambient_occlusion));
 }
 
-VisibilityQuery query_of(const Field& field, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
+VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
+    const Field& field = *scene.fields[number];
+    const Group group = groups_drawn(scene)[group_drawn_of(scene, number)];
     const double slant = frame.largest_slant();
     VisibilityQuery query;
-    query.transfer_function = is_scalar(plan.mode) ? nullptr : &scene.transfer_function;
+    query.transfer_function = is_scalar(plan.mode) ? nullptr : group.transfer_function;
     query.weights_matter = plan.weight || !plan.culling;
-    query.cull = may_cull(plan);
+    // Where W > 0 decides, kernels without weight may not be drawn at all.
+    query.cull = may_cull(plan) || counts_weighted_slices(plan.mode);
     query.isosurface = plan.mode == Mode::isosurface;
-    query.iso_value = scene.iso_values.empty() ? 0.0 : scene.iso_values.front().value;
-    query.alone = scene.fields.size() == 1;
+    for (const IsoValue& iso : scene.iso_values) {
+        if (iso.opacity > 0.0) {
+            query.iso_values.push_back(iso.value);
+        }
+    }
+    query.alone = group.last - group.first == 1;
     query.reach_world = slices_beyond(plan) * frame.slice_spacing * slant;
     if (plan.gradient) {
         query.reach_world += std::max(frame.largest_pixel(), frame.slice_spacing * slant);
@@ -108,6 +115,13 @@ VisibilityQuery query_of(const Field& field, const Scene& scene, const DrawPlan&
         query.reach_world += 4.0 * (2.0 * width.across + width.along);
     }
     return query;
+}
+
+/// How often the scene holds the same field before: in each place it may be drawn for another transfer function.
+std::size_t copies_before(const Scene& scene, std::size_t number) {
+    const auto begin = scene.fields.begin();
+    return static_cast<std::size_t>(
+        std::count(begin, begin + static_cast<std::ptrdiff_t>(number), scene.fields[number]));
 }
 
 Decision decision_of(VisibilityQuery query) {
@@ -126,15 +140,17 @@ bool Decision::answers(const VisibilityQuery& other) const {
     const TransferFunction* function = other.transfer_function;
     return (function == nullptr ? points.empty() : same(points, function->points())) &&
            query.weights_matter == other.weights_matter && query.cull == other.cull &&
-           query.isosurface == other.isosurface && query.iso_value == other.iso_value && query.alone == other.alone &&
+           query.isosurface == other.isosurface && query.iso_values == other.iso_values && query.alone == other.alone &&
            reaches(query.reach_world, other.reach_world);
 }
 
-const RunsEntry& FieldIndex::runs_of(const std::shared_ptr<const Field>& field, const Scene& scene,
-                                     const DrawPlan& plan, const Frame& frame) {
-    VisibilityQuery query = query_of(*field, scene, plan, frame);
-    const auto found = std::find_if(runs_.begin(), runs_.end(),
-                                    [&](const std::unique_ptr<RunsEntry>& entry) { return entry->field == field; });
+const RunsEntry& FieldIndex::runs_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
+    const std::shared_ptr<const Field>& field = scene.fields[number];
+    VisibilityQuery query = query_of(number, scene, plan, frame);
+    const std::size_t copy = copies_before(scene, number);
+    const auto found = std::find_if(runs_.begin(), runs_.end(), [&](const std::unique_ptr<RunsEntry>& entry) {
+        return entry->field == field && entry->copy == copy;
+    });
     if (found != runs_.end()) {
         if ((*found)->decided.answers(query)) {
             return **found;
@@ -143,10 +159,11 @@ const RunsEntry& FieldIndex::runs_of(const std::shared_ptr<const Field>& field, 
     }
     auto made = std::make_unique<RunsEntry>();
     made->field = field;
+    made->copy = copy;
     made->runs = VisibleRuns::of(*as_regular(field.get()), query);
     made->decided = decision_of(query);
     made->version = ++versions_;
-    // One index a field is kept: that of the last scene.
+    // One index is kept of each field that a scene holds: that of the last scene.
     if (found == runs_.end()) {
         runs_.push_back(std::move(made));
         return *runs_.back();
@@ -159,21 +176,23 @@ const RunsEntry& FieldIndex::runs_of(const std::shared_ptr<const Field>& field, 
     return **found;
 }
 
-GridEntry* FieldIndex::find_grid(const Field* field) const {
+GridEntry* FieldIndex::find_grid(const Field* field, std::size_t copy) const {
     for (const auto& entry : grids_) {
-        if (entry->field.get() == field) {
+        if (entry->field.get() == field && entry->copy == copy) {
             return entry.get();
         }
     }
     return nullptr;
 }
 
-const GridEntry& FieldIndex::grid_of(const std::shared_ptr<const Field>& field, const Scene& scene,
-                                     const DrawPlan& plan, const Frame& frame) {
-    GridEntry* entry = find_grid(field.get());
+const GridEntry& FieldIndex::grid_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
+    const std::shared_ptr<const Field>& field = scene.fields[number];
+    const std::size_t copy = copies_before(scene, number);
+    GridEntry* entry = find_grid(field.get(), copy);
     if (entry == nullptr) {
         auto made = std::make_unique<GridEntry>();
         made->field = field;
+        made->copy = copy;
         made->kernels = field->kind() == FieldKind::ellipsoid ? std::static_pointer_cast<const EllipsoidField>(field)
                                                               : scattered(*as_regular(field.get()));
         made->grid = SpatialGrid::of(*made->kernels);
@@ -183,7 +202,7 @@ const GridEntry& FieldIndex::grid_of(const std::shared_ptr<const Field>& field, 
     if (plan.summary.backend == Backend::gl && !entry->starts && entry->kernels->size() <= most_start_cells) {
         entry->starts = std::make_unique<StartCells>(StartCells::of(*entry->kernels, entry->grid));
     }
-    VisibilityQuery query = query_of(*field, scene, plan, frame);
+    VisibilityQuery query = query_of(number, scene, plan, frame);
     if (entry->decided) {
         if (entry->decided->answers(query)) {
             return *entry;
@@ -202,7 +221,7 @@ const GridEntry& FieldIndex::grid_of(const std::shared_ptr<const Field>& field, 
 }
 
 std::array<double, 2> FieldIndex::reach_along(const Field& field, const Vec3& from, const Vec3& direction) const {
-    const GridEntry* entry = find_grid(&field);
+    const GridEntry* entry = find_grid(&field, 0);
     const EllipsoidField* kernels = as_ellipsoids(&field);
     if (entry == nullptr || kernels == nullptr) {
         return field.reach_along(from, direction);

@@ -29,6 +29,7 @@ struct Decision {
 /// Which samples of a lattice are drawn.
 struct RunsEntry {
     std::shared_ptr<const Field> field;
+    std::size_t copy = 0; ///< how often the scene holds the field before
     Decision decided;
     VisibleRuns runs;
     std::uint64_t version = 0; ///< another one for other runs
@@ -37,6 +38,7 @@ struct RunsEntry {
 /// Scattered kernels with their grid, and which of them are drawn.
 struct GridEntry {
     std::shared_ptr<const Field> field;            ///< of the scene
+    std::size_t copy = 0;                          ///< how often the scene holds the field before
     std::shared_ptr<const EllipsoidField> kernels; ///< the field itself, or a lattice's kernels one by one
     SpatialGrid grid;
     std::unique_ptr<StartCells> starts; ///< for OpenGL alone; null too where kernels start in their homes
@@ -53,17 +55,16 @@ struct GridEntry {
 class FieldIndex {
   public:
     /// Throw OutOfMemory, Unsupported.
-    const RunsEntry& runs_of(const std::shared_ptr<const Field>& field, const Scene& scene, const DrawPlan& plan,
-                             const Frame& frame);
-    const GridEntry& grid_of(const std::shared_ptr<const Field>& field, const Scene& scene, const DrawPlan& plan,
-                             const Frame& frame);
+    /// number: of a field of the scene.
+    const RunsEntry& runs_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame);
+    const GridEntry& grid_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame);
     /// Field::reach_along, by way of the field's grid where there is one.
     [[nodiscard]] std::array<double, 2> reach_along(const Field& field, const Vec3& from, const Vec3& direction) const;
     /// Drops what belongs to fields that the scene does not hold.
     void forget_others(const Scene& scene);
 
   private:
-    [[nodiscard]] GridEntry* find_grid(const Field* field) const;
+    [[nodiscard]] GridEntry* find_grid(const Field* field, std::size_t copy) const;
 
     std::vector<std::unique_ptr<RunsEntry>> runs_;
     std::vector<std::unique_ptr<GridEntry>> grids_;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <new>
+#include <utility>
 
 #include <glm/geometric.hpp>
 
@@ -31,7 +32,10 @@ DrawPlan through(const DrawPlan& plan, const Scene& scene) {
     made.gradient = made.lit = made.analytic_gradient = made.gradient_opacity = false;
     made.specular = made.two_sided = made.depth_cue = made.shadows = made.ambient_occlusion = false;
     made.stop = made.coverage = made.depth = false;
-    made.empty_test = !scene.transfer_function.transparent_over(0.0, 0.0);
+    const std::vector<Group> groups = scene.groups();
+    made.empty_test = std::any_of(groups.begin(), groups.end(), [](const Group& group) {
+        return !group.transfer_function->transparent_over(0.0, 0.0);
+    });
     made.weight = made.threshold || made.empty_test;
     return made;
 }
@@ -102,7 +106,7 @@ LightVolume absorption(const Request& request, const DrawPlan& plan, const Index
     std::vector<FieldView> lattices;
     for (const std::size_t field : prepared.view_fields) {
         lattices.push_back(make_field_view(*as_regular(scene.fields[field].get()), view.camera, frame, Sampling::point,
-                                           plan.value_unit));
+                                           plan.unit_of(field)));
     }
     const std::vector<EllipsoidView> scattered = views_of(indexed, plan, view.camera, frame, Sampling::point);
     backend_cpu::Job job = cpu_job(request, prepared, indexed, lattices, scattered, view.camera, frame, plan);
@@ -212,8 +216,8 @@ Vec3 world_direction(const Light& light, const Camera& camera) {
 } // namespace
 
 bool LightVolumeCache::Origin::operator==(const Origin& other) const {
-    return fields == other.fields && versions == other.versions && same_opacities(points, other.points) &&
-           same(clip, other.clip) && slice_spacing == other.slice_spacing &&
+    return fields == other.fields && groups == other.groups && versions == other.versions &&
+           same_opacities(points, other.points) && same(clip, other.clip) && slice_spacing == other.slice_spacing &&
            reference_length == other.reference_length && filter == other.filter && precision == other.precision;
 }
 
@@ -247,9 +251,17 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
     const auto start = Clock::now();
     const Scene& scene = request.scene;
     const DrawPlan plan = through(prepared.plan, scene);
+    std::vector<TransferPoint> points;
+    std::vector<std::size_t> groups;
+    for (const Group& group : scene.groups()) {
+        const std::vector<TransferPoint>& own = group.transfer_function->points();
+        points.insert(points.end(), own.begin(), own.end());
+        groups.insert(groups.end(), {group.first, own.size()});
+    }
     Origin origin{scene.fields,
+                  std::move(groups),
                   {},
-                  scene.transfer_function.points(),
+                  std::move(points),
                   plan.clip ? scene.clip : Clip{},
                   prepared.frame.slice_spacing,
                   prepared.frame.reference_length,

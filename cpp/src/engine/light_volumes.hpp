@@ -25,8 +25,9 @@ class LightVolumeCache {
     /// What a volume was made from; the fields are kept so that no other one gets their address.
     struct Origin {
         std::vector<std::shared_ptr<const Field>> fields;
+        std::vector<std::size_t> groups;     ///< of each its first field and how many of the points are its own
         std::vector<std::uint64_t> versions; ///< of what is drawn
-        std::vector<TransferPoint> points;
+        std::vector<TransferPoint> points;   ///< of all groups
         Clip clip;
         double slice_spacing = 0.0, reference_length = 0.0;
         bool filter = false;

@@ -118,8 +118,8 @@ Prepared Renderer::State::prepare(const Request& request) {
     for (std::size_t field = 0; field < scene.fields.size(); ++field) {
         const RegularField* regular = as_regular(scene.fields[field].get());
         if (regular != nullptr && !prepared.plan.filter) {
-            prepared.views.push_back(
-                make_field_view(*regular, request.camera, prepared.frame, scene.sampling, prepared.plan.value_unit));
+            prepared.views.push_back(make_field_view(*regular, request.camera, prepared.frame, scene.sampling,
+                                                     prepared.plan.unit_of(field)));
             prepared.view_fields.push_back(field);
         } else {
             prepared.ellipsoid_fields.push_back(field);
@@ -133,14 +133,15 @@ Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prep
     index_.forget_others(scene);
     Indexed indexed;
     for (const std::size_t field : prepared.view_fields) {
-        const RunsEntry& entry = index_.runs_of(scene.fields[field], scene, prepared.plan, frame);
+        const RunsEntry& entry = index_.runs_of(field, scene, prepared.plan, frame);
         indexed.runs.push_back(&entry);
         indexed.visible += entry.runs.samples();
         indexed.bytes += entry.runs.bytes();
     }
     for (const std::size_t field : prepared.ellipsoid_fields) {
-        const GridEntry& entry = index_.grid_of(scene.fields[field], scene, prepared.plan, frame);
+        const GridEntry& entry = index_.grid_of(field, scene, prepared.plan, frame);
         indexed.grids.push_back(&entry);
+        indexed.grid_fields.push_back(field);
         indexed.visible += entry.visible_count;
         indexed.bytes += entry.bytes();
     }

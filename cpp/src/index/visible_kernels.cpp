@@ -187,10 +187,13 @@ Box widened(const Box& box, double reach_world) {
 
 VisibleFrom visible_from(const VisibilityQuery& visibility) {
     if (visibility.isosurface) {
-        const double iso = visibility.iso_value;
-        // A crossing has one end below the iso value and one not; 0, beyond the field, is an end too.
-        return iso > 0.0 ? VisibleFrom{iso, infinity}
-                         : VisibleFrom{infinity, std::max(-iso, std::numeric_limits<double>::denorm_min())};
+        VisibleFrom from{infinity, infinity};
+        for (const double iso : visibility.iso_values) {
+            // A crossing has one end below the iso value and one not; 0, beyond the field, is an end too.
+            double& side = iso > 0.0 ? from.above : from.below;
+            side = std::min(side, std::max(std::abs(iso), std::numeric_limits<double>::denorm_min()));
+        }
+        return from;
     }
     const TransferFunction& transfer_function = *visibility.transfer_function;
     // Of a step at 0 only the side counts on which the values are.

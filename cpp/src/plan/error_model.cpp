@@ -68,6 +68,14 @@ Amounts amounts_of(const Field& field, const ViewFacts& view) {
     return weighted;
 }
 
+double largest_of(const Scene& scene, const ViewFacts& view, const Group& group) {
+    double largest = 0.0;
+    for (std::size_t field = group.first; field < group.last; ++field) {
+        largest = std::max(largest, amounts_of(*scene.fields[field], view).largest);
+    }
+    return largest;
+}
+
 /// Kernels that overlap at a point. A lattice's supports over its cells; of scattered kernels where they are densest.
 double crowd_of(const Scene& scene, const ViewFacts& view) {
     double crowd = 0.0;
@@ -104,32 +112,15 @@ double mean_slope(const TransferFunction& function, const Range& values, double 
     return length > 0.0 ? std::sqrt(squares / length) : 0.0;
 }
 
-} // namespace
-
-double unit_of_values(const Scene& scene, const ViewFacts& view) {
-    double largest = 0.0;
-    for (const auto& field : scene.fields) {
-        largest = std::max(largest, amounts_of(*field, view).largest);
-    }
-    if (largest == 0.0) {
-        largest = 1.0;
-    }
-    if (scene.mode == Mode::composite) {
-        const double window = scene.transfer_function.v_max() - scene.transfer_function.v_min();
-        // A window wider than the values would push them towards 0 of the sheets' range; nothing is gained by that.
-        largest = window > 0.0 ? window : largest;
-    }
-    // What is below has no inverse.
-    return std::max(largest, least_unit);
-}
-
-SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& plan) {
-    const double unit = plan.value_unit;
+/// What the sums of a group come to, but for what does not depend on the group.
+SumFacts facts_of(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const Group& group) {
+    const double unit = plan.unit_of(group.first);
     SumFacts facts;
     facts.overlap = overlap_of(view);
     facts.least_scale = std::numeric_limits<double>::infinity();
     double spread = 0.0;
-    for (const auto& field : scene.fields) {
+    for (std::size_t number = group.first; number < group.last; ++number) {
+        const auto& field = scene.fields[number];
         const Amounts amounts = amounts_of(*field, view);
         facts.largest = std::max(facts.largest, amounts.largest);
         spread = std::max(spread, amounts.high - amounts.low);
@@ -142,16 +133,56 @@ SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& pl
     }
     facts.resolved = plan.mode == Mode::isosurface && spread > 0.0 ? spread : unit;
     facts.ratio = facts.largest / facts.resolved;
-    const bool scalar = is_scalar(plan.mode);
-    const double per_length = view.frame.slice_spacing * view.frame.largest_slant / view.frame.reference_length;
-    facts.steepness = scalar || plan.mode == Mode::isosurface
-                          ? 1.0
-                          : std::max(1.0, scene.transfer_function.steepest() * unit * per_length);
+    if (is_composited(plan.mode)) {
+        const double per_length = view.frame.slice_spacing * view.frame.largest_slant / view.frame.reference_length;
+        facts.steepness = std::max(1.0, group.transfer_function->steepest() * unit * per_length);
+        facts.bend = std::max(1.0, unit * mean_slope(*group.transfer_function, occurring_values(scene, view, group),
+                                                     std::max(1.0, per_length)));
+    }
+    return facts;
+}
+
+} // namespace
+
+double largest_rho(const Scene& scene, const ViewFacts& view) {
+    double largest = 0.0;
+    for (const Group& group : groups_drawn(scene)) {
+        largest = std::max(largest, largest_of(scene, view, group));
+    }
+    return largest;
+}
+
+double unit_of_values(const Scene& scene, const ViewFacts& view, const Group& group) {
+    double largest = largest_of(scene, view, group);
+    if (largest == 0.0) {
+        largest = 1.0;
+    }
+    if (scene.mode == Mode::composite) {
+        const double window = group.transfer_function->v_max() - group.transfer_function->v_min();
+        // A window wider than the values would push them towards 0 of the sheets' range; nothing is gained by that.
+        largest = window > 0.0 ? window : largest;
+    }
+    // What is below has no inverse.
+    return std::max(largest, least_unit);
+}
+
+SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& plan) {
+    const std::vector<Group> groups = groups_drawn(scene);
+    SumFacts facts = facts_of(scene, view, plan, groups.front());
+    for (std::size_t number = 1; number < groups.size(); ++number) {
+        const SumFacts other = facts_of(scene, view, plan, groups[number]);
+        if (other.ratio > facts.ratio) {
+            facts.largest = other.largest;
+            facts.resolved = other.resolved;
+            facts.ratio = other.ratio;
+        }
+        facts.sum = std::max(facts.sum, other.sum);
+        facts.steepness = std::max(facts.steepness, other.steepness);
+        facts.least_scale = std::min(facts.least_scale, other.least_scale);
+        facts.weight_range = std::max(facts.weight_range, other.weight_range);
+        facts.bend = std::max(facts.bend, other.bend);
+    }
     facts.crowd = crowd_of(scene, view);
-    facts.bend = scalar || plan.mode == Mode::isosurface
-                     ? 1.0
-                     : std::max(1.0, unit * mean_slope(scene.transfer_function, occurring_values(scene, view),
-                                                       std::max(1.0, per_length)));
     return facts;
 }
 
@@ -166,7 +197,8 @@ bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const Draw
     for (const auto& field : scene.fields) {
         negative = negative || (field->size() > 0 && field->value_range()[0] < 0.0);
     }
-    // Between ends of 0 the cubic is an eighth of the largest value at most, and has the other sign.
+    // (Of a single group.) Between ends of 0 the cubic is an eighth of the largest value at most, and has the other
+    // sign.
     const double overshoot = 0.125 * sums.largest;
     return plan.second_order && !scene.transfer_function.transparent_over(-overshoot, negative ? overshoot : 0.0);
 }
@@ -214,22 +246,27 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
     const double taken =
         -std::expm1(std::log1p(-std::min(opacity, largest_absorbed)) * length / view.frame.reference_length);
     double brightest = 0.0;
-    const bool surface = scene.mode == Mode::isosurface;
-    std::vector<TransferPoint> shown = surface ? std::vector<TransferPoint>{} : scene.transfer_function.points();
-    for (const IsoValue& iso : surface ? scene.iso_values : std::vector<IsoValue>{}) {
-        shown.push_back(scene.transfer_function.at(iso.value));
-    }
-    for (const TransferPoint& point : shown) {
-        brightest = std::max({brightest, std::abs(point.color.x), std::abs(point.color.y), std::abs(point.color.z)});
-    }
     // Grids follow what changes over several steps.
+    double steepness = 0.0;
+    const bool surface = scene.mode == Mode::isosurface;
+    for (const Group& group : scene.groups()) {
+        const TransferFunction& function = *group.transfer_function;
+        std::vector<TransferPoint> shown = surface ? std::vector<TransferPoint>{} : function.points();
+        for (const IsoValue& iso : surface ? scene.iso_values : std::vector<IsoValue>{}) {
+            shown.push_back(function.at(iso.value));
+        }
+        for (const TransferPoint& point : shown) {
+            brightest =
+                std::max({brightest, std::abs(point.color.x), std::abs(point.color.y), std::abs(point.color.z)});
+        }
+        const double steps =
+            function.steepest() * plan.unit_of(group.first) * view.frame.slice_spacing / view.frame.reference_length;
+        const double own = function.has_steps() ? most_of_steps : std::clamp(steps / gentle_steps, 1.0, most_of_steps);
+        steepness = std::max(steepness, own * (function.transparent_over(0.0, 0.0) ? 1.0 : hardness_of_borders));
+    }
     const double radius = view.screen_px.smallest * view.frame.largest_pixel;
     double hardness = std::max(1.0, std::pow(resolved_radius * length / radius, hardness_of_thin));
-    const double steps =
-        scene.transfer_function.steepest() * plan.value_unit * view.frame.slice_spacing / view.frame.reference_length;
-    hardness *=
-        scene.transfer_function.has_steps() ? most_of_steps : std::clamp(steps / gentle_steps, 1.0, most_of_steps);
-    hardness *= scene.transfer_function.transparent_over(0.0, 0.0) ? 1.0 : hardness_of_borders;
+    hardness *= steepness;
     // Their volumes widen kernels across and along the light.
     hardness *= plan.filter ? hardness_of_filter : 1.0;
     auto& budget = plan.summary.error_budget;

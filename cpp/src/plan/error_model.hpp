@@ -6,7 +6,8 @@
 
 namespace sheetsplat {
 
-/// What the sums of a scene come to, against what its picture resolves.
+/// What the sums of a scene come to, against what its picture resolves; of several groups the worst of each, but
+/// largest and resolved those whose ratio is.
 struct SumFacts {
     double overlap = 0.0;      ///< kernels at a point
     double largest = 0.0;      ///< bound on |rho|
@@ -35,8 +36,11 @@ double sum_noise(Precision precision, bool truncates, double crowd);
 /// The shares of sums, of the gradients made of them, and of the picture. noise: of sum_noise.
 void expect_errors(const ViewFacts& view, const SumFacts& sums, double noise, DrawPlan& plan);
 
-/// The amount of rho that sheets call 1.
-double unit_of_values(const Scene& scene, const ViewFacts& view);
+/// The amount of rho that the sheets of a group call 1.
+double unit_of_values(const Scene& scene, const ViewFacts& view, const Group& group);
+
+/// Bound on |rho| of any group.
+double largest_rho(const Scene& scene, const ViewFacts& view);
 
 /// The shares of light that is left, looked up in volumes. What their numbers differ by from sums along each ray grows
 /// with what a step takes away. opacity: largest that occurs.

@@ -77,30 +77,33 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
     return shows;
 }
 
-/// What only the reference draws.
-void refuse_what_only_the_reference_draws(const Scene& scene, Backend backend) {
-    const auto refuse = [&](const std::string& found, const Words& wanted) {
+/// What a backend leaves to others.
+void refuse_what_others_draw(const Scene& scene, Backend backend) {
+    const auto refuse = [&](const std::string& found, const Words& wanted, const char* other) {
         throw Unsupported(Complaint{std::string("the scene cannot be drawn with backend ") + to_string(backend), found,
-                                    wanted, "use " + option_ref("backend", "reference")});
+                                    wanted, "use " + option_ref("backend", other)});
     };
-    if (!is_scalar(scene.mode) && !scene.later_groups.empty()) {
-        refuse(text_of_count(scene.later_groups.size() + 1) + " transfer functions",
-               "one transfer function for all fields");
-    }
-    if (scene.mode == Mode::isosurface && scene.iso_values.size() > 1) {
-        refuse(text_of_count(scene.iso_values.size()) + " iso values", "one iso value");
-    }
-    if (scene.mode == Mode::isosurface && scene.iso_values.front().opacity != 1.0) {
-        refuse("a surface of opacity " + number(scene.iso_values.front().opacity), "an opaque surface");
+    const bool surface = scene.mode == Mode::isosurface;
+    if (backend == Backend::gl) {
+        if (!is_scalar(scene.mode) && !scene.later_groups.empty()) {
+            refuse(text_of_count(scene.later_groups.size() + 1) + " transfer functions",
+                   "one transfer function for all fields", "cpu");
+        }
+        if (surface && scene.iso_values.size() > 1) {
+            refuse(text_of_count(scene.iso_values.size()) + " iso values", "one iso value", "cpu");
+        }
+        if (surface && scene.iso_values.front().opacity != 1.0) {
+            refuse("a surface of opacity " + number(scene.iso_values.front().opacity), "an opaque surface", "cpu");
+        }
+        if (counts_weighted_slices(scene.mode)) {
+            refuse(std::string("mode ") + name_of(scene.mode),
+                   option_ref("mode", "xray") + " or " + option_ref("mode", "mip"), "cpu");
+        }
     }
     const bool shadowed = scene.shadows && !scene.lights.empty();
-    if (scene.mode == Mode::isosurface && (shadowed || scene.ambient_occlusion)) {
+    if (surface && (shadowed || scene.ambient_occlusion)) {
         refuse(shadowed ? "shadows of surfaces" : "ambient occlusion by surfaces",
-               option_ref("mode", "composite") + ", or neither");
-    }
-    if (counts_weighted_slices(scene.mode)) {
-        refuse(std::string("mode ") + name_of(scene.mode),
-               option_ref("mode", "xray") + " or " + option_ref("mode", "mip"));
+               option_ref("mode", "composite") + ", or neither", "reference");
     }
 }
 
@@ -275,14 +278,21 @@ void plan_depth_cue(const Scene& scene, const ViewFacts& view, const SceneShows&
 DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                    Projection projection, Backend backend, const Capabilities* capabilities) {
     if (backend != Backend::reference) {
-        refuse_what_only_the_reference_draws(scene, backend);
+        refuse_what_others_draw(scene, backend);
     }
     DrawPlan plan;
     RenderPlan& summary = plan.summary;
     plan.projection = projection;
     plan.sampling = scene.sampling;
     plan.mode = scene.mode;
-    plan.value_unit = unit_of_values(scene, view);
+    const std::vector<Group> groups = groups_drawn(scene);
+    plan.value_unit = unit_of_values(scene, view, groups.front());
+    if (groups.size() > 1) {
+        for (const Group& group : groups) {
+            plan.field_units.insert(plan.field_units.end(), group.last - group.first,
+                                    unit_of_values(scene, view, group));
+        }
+    }
     summary.backend = backend;
     summary.size = view.frame.size;
     summary.slice_spacing = view.frame.slice_spacing;
@@ -303,7 +313,6 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     effects.state(EffectId::isosurface, scene.mode == Mode::isosurface, "the mode shows crossings of iso values",
                   "the mode is not isosurface");
     state_fields(scene, effects);
-    const std::vector<Group> groups = scene.groups();
     const bool visible_at_zero =
         scene.mode == Mode::composite && std::any_of(groups.begin(), groups.end(), [](const Group& group) {
             return !group.transfer_function->transparent_over(0.0, 0.0);

@@ -51,10 +51,6 @@ Range along(const Box& box, const Vec3& normal) {
 
 } // namespace
 
-Range occurring_values(const Scene& scene, const ViewFacts& view) {
-    return occurring_values(scene, view, {0, scene.fields.size(), &scene.transfer_function});
-}
-
 Range occurring_values(const Scene& scene, const ViewFacts& view, const Group& group) {
     Range sum;
     for (std::size_t field = group.first; field < group.last; ++field) {

@@ -11,9 +11,7 @@ struct Range {
     double lower = 0.0, upper = 0.0;
 };
 
-/// Values of the rho of all fields, or of a group's, that slices and intervals between them can have, 0 beyond the
-/// supports included.
-Range occurring_values(const Scene& scene, const ViewFacts& view);
+/// Values of a group's rho that slices and intervals between them can have, 0 beyond the supports included.
 Range occurring_values(const Scene& scene, const ViewFacts& view, const Group& group);
 
 /// Largest opacity of a transfer function over a range.

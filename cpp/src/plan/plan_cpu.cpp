@@ -53,10 +53,15 @@ double steepest_falloff(const Scene& scene) {
 /// seen.
 double least_faded(const Scene& scene, const ViewFacts& view, const SumFacts& sums, double epsilon) {
     const double shortest = view.frame.smallest_step();
-    const double window = scene.transfer_function.v_max() - scene.transfer_function.v_min();
-    const double rho = std::max(sums.largest, window);
+    double rho = largest_rho(scene, view);
+    for (const Group& group : scene.groups()) {
+        rho = std::max(rho, group.transfer_function->v_max() - group.transfer_function->v_min());
+    }
     return epsilon * std::sqrt(std::max(1.0, sums.overlap)) * rho / shortest / limits::least_seen;
 }
+
+/// Where kernels end shows.
+bool tells_empty(const DrawPlan& plan) { return plan.empty_test || counts_weighted_slices(plan.mode); }
 
 /// Why float32 would not keep its bound; empty where it does.
 std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
@@ -130,7 +135,7 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     if (is_scalar(plan.mode) && shown > limits::largest_sum) {
         return "numbers of " + number(shown) + " leave float32";
     }
-    if (plan.empty_test && steepest_falloff(scene) > limits::steepest_falloff) {
+    if (tells_empty(plan) && steepest_falloff(scene) > limits::steepest_falloff) {
         return "float32 would not resolve the ends of kernels of a falloff of " + number(steepest_falloff(scene));
     }
     return "";
@@ -154,10 +159,11 @@ void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const Draw
         refuse("a falloff of " + number(view.shapes.smallest_falloff) + ", whose differences float64 cannot resolve",
                "at least " + number(limits::least_falloff_float64), "use a larger " + option_ref("falloff"));
     }
-    if (plan.empty_test && steepest_falloff(scene) > limits::steepest_falloff_float64) {
+    if (tells_empty(plan) && steepest_falloff(scene) > limits::steepest_falloff_float64) {
         refuse("a falloff of " + number(steepest_falloff(scene)) + " where empty points differ from those of 0",
-               "at most " + number(limits::steepest_falloff_float64) + " where opacity at 0 is above 0",
-               "use a smaller " + option_ref("falloff") + ", or an opacity of 0 at 0");
+               "at most " + number(limits::steepest_falloff_float64) +
+                   (plan.empty_test ? " where opacity at 0 is above 0" : " in this mode"),
+               "use a smaller " + option_ref("falloff") + (plan.empty_test ? ", or an opacity of 0 at 0" : ""));
     }
     const double nearest = view.frame.smallest_step();
     if (plan.gradient && !plan.analytic_gradient &&

@@ -16,11 +16,6 @@ constexpr double never = std::numeric_limits<double>::infinity();
 
 } // namespace
 
-std::vector<Group> groups_drawn(const Scene& scene) {
-    return is_scalar(scene.mode) ? std::vector<Group>{{0, scene.fields.size(), &scene.transfer_function}}
-                                 : scene.groups();
-}
-
 bool calls_for_gradients(const Scene& scene) {
     return !is_scalar(scene.mode) && (!scene.lights.empty() || scene.gradient_opacity.has_value());
 }

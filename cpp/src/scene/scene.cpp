@@ -174,6 +174,20 @@ std::vector<Group> Scene::groups() const {
     return all;
 }
 
+std::vector<Group> groups_drawn(const Scene& scene) {
+    return is_scalar(scene.mode) ? std::vector<Group>{{0, scene.fields.size(), &scene.transfer_function}}
+                                 : scene.groups();
+}
+
+std::size_t group_drawn_of(const Scene& scene, std::size_t field) {
+    if (is_scalar(scene.mode)) {
+        return 0;
+    }
+    const auto begins_behind = [field](const Scene::LaterGroup& group) { return group.first_field > field; };
+    return static_cast<std::size_t>(std::find_if(scene.later_groups.begin(), scene.later_groups.end(), begins_behind) -
+                                    scene.later_groups.begin());
+}
+
 double Scene::default_slice_spacing() const {
     require_fields(fields);
     std::optional<double> smallest;

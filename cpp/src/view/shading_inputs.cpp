@@ -28,6 +28,25 @@ ShadingInputs::EyeLight in_eye_space(const Light& light, const Camera& camera) {
     return {light.space == LightSpace::world ? glm::normalize(camera.direction_to_eye(unit)) : unit, light.color};
 }
 
+ShadingInputs::OfGroup inputs_of(const Scene& scene, const Group& group, const Frame& frame, const DrawPlan& plan,
+                                 double pivot) {
+    const TransferFunction& function = *group.transfer_function;
+    const double unit = plan.unit_of(group.first);
+    ShadingInputs::OfGroup inputs;
+    if (plan.mode == Mode::isosurface) {
+        for (const IsoValue& iso : scene.iso_values) {
+            inputs.surfaces.push_back({(iso.value - pivot) / unit, function.at(iso.value).color, iso.opacity});
+        }
+    }
+    if (plan.gradient) {
+        inputs.weakest_gradient = weakest_share * (function.v_max() - function.v_min()) / unit;
+    }
+    if (plan.gradient_opacity) {
+        inputs.full_gradient = *scene.gradient_opacity / unit * frame.reference_length;
+    }
+    return inputs;
+}
+
 } // namespace
 
 ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
@@ -39,11 +58,8 @@ ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, cons
     }
     inputs.scalar_step = scalar_unit(plan.mode, plan.value_unit, frame.slice_spacing);
 
-    const TransferFunction& function = scene.transfer_function;
-    if (plan.mode == Mode::isosurface) {
-        const double iso = scene.iso_values.front().value;
-        inputs.iso_value = (iso - pivot) / plan.value_unit;
-        inputs.iso_point = function.at(iso);
+    for (const Group& group : groups_drawn(scene)) {
+        inputs.groups.push_back(inputs_of(scene, group, frame, plan, pivot));
     }
     inputs.material = scene.material;
     inputs.material.shininess = std::min(inputs.material.shininess, largest_factor);
@@ -53,10 +69,6 @@ ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, cons
         }
         inputs.gradient_across = 0.5 * frame.reference_length / frame.pixel;
         inputs.gradient_along = 0.5 * frame.reference_length / frame.slice_spacing;
-        inputs.weakest_gradient = weakest_share * (function.v_max() - function.v_min()) / plan.value_unit;
-    }
-    if (plan.gradient_opacity) {
-        inputs.full_gradient = *scene.gradient_opacity / plan.value_unit * frame.reference_length;
     }
     if (plan.depth_cue) {
         const DepthCue& cue = *scene.depth_cue;

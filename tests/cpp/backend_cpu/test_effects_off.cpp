@@ -97,7 +97,7 @@ TEST(EffectsOff, AnUnlitSceneHandsNothingToGradients) {
     EXPECT_TRUE(dark.lights.empty());
     EXPECT_EQ(dark.gradient_across, 0.0);
     EXPECT_EQ(dark.gradient_along, 0.0);
-    EXPECT_EQ(dark.weakest_gradient, 0.0);
+    EXPECT_EQ(dark.groups.front().weakest_gradient, 0.0);
 }
 
 TEST(EffectsOff, AnUnlitSceneReadsNoNeighbours) {
@@ -107,8 +107,8 @@ TEST(EffectsOff, AnUnlitSceneReadsNoNeighbours) {
     plain.shade(dark, empty.data(), empty.data());
 
     // Neither the slices before and after, which are not even there, nor the pixels around, nor any number of light.
-    dark.gradient_across = dark.gradient_along = dark.weakest_gradient = dark.full_gradient =
-        std::numeric_limits<double>::quiet_NaN();
+    dark.gradient_across = dark.gradient_along = dark.groups.front().weakest_gradient =
+        dark.groups.front().full_gradient = std::numeric_limits<double>::quiet_NaN();
     dark.ambient = dark.shininess = nan;
     Tile poisoned(nan);
     poisoned.shade(dark, nullptr, nullptr);

@@ -420,8 +420,10 @@ TEST(TileLoop, AsksAfterEverySliceAndEndsWhereItIsTold) {
     profile.weight_channel = 1;
     setup.parts = {profile};
     setup.channels = 2;
-    setup.weight_channel = 1;
-    setup.threshold = true;
+    GroupSheets<float> sheets;
+    sheets.weight_channel = 1;
+    sheets.threshold = true;
+    setup.groups = {sheets};
     setup.first_depth = drawing.frame().first_depth;
     setup.slice_spacing = drawing.frame().slice_spacing;
     const TileLayout layout(shot.size, 60);

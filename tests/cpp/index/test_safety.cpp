@@ -32,7 +32,7 @@ struct Trial {
             transfer_function.at(0.0).opacity > 0.0 || field.normalization() == Normalization::threshold;
         query.reach_world = stencil + (look == Look::slab_interval ? 2.0 * step : step);
         query.isosurface = look == Look::crossing;
-        query.iso_value = iso_value;
+        query.iso_values = {iso_value};
         return query;
     }
 };
@@ -272,7 +272,7 @@ TEST_P(Safety, ControlHigherSeedsAreFound) {
         const TransferFunction later(points);
         VisibilityQuery query = trial.query();
         query.transfer_function = &later;
-        query.iso_value *= 1.25;
+        query.iso_values.front() *= 1.25;
         return mask_of(VisibleRuns::of(trial.field, query), trial.field);
     });
     EXPECT_GT(outcome.wrong, 0U);

@@ -147,7 +147,7 @@ struct Trial {
     [[nodiscard]] VisibilityQuery query() const {
         VisibilityQuery query = asking(transfer_function, stencil + (look == Look::point ? 0.0 : step));
         query.isosurface = look == Look::crossing;
-        query.iso_value = iso_value;
+        query.iso_values = {iso_value};
         return query;
     }
 };
@@ -276,7 +276,7 @@ TEST_P(EllipsoidSafety, ControlLaterLimitsAreFound) {
         const TransferFunction later(points);
         VisibilityQuery query = trial.query();
         query.transfer_function = &later;
-        query.iso_value *= 1.5;
+        query.iso_values.front() *= 1.5;
         return visible(trial.field, query);
     });
     EXPECT_GT(outcome.wrong, 0U);
@@ -368,7 +368,7 @@ TEST(VisibleKernels, Isosurfaces) {
     VisibilityQuery visibility;
     visibility.isosurface = true;
     const auto with = [&](double iso, std::vector<double> values) {
-        visibility.iso_value = iso;
+        visibility.iso_values = {iso};
         return visible(three(std::move(values), Normalization::threshold), visibility);
     };
     EXPECT_EQ(with(2.0, {1.0, 2.0, 1.0}), (Mask{1, 1, 0}));
@@ -377,6 +377,12 @@ TEST(VisibleKernels, Isosurfaces) {
     // Where nothing is below it, 0 is not crossed.
     EXPECT_EQ(with(0.0, {1.0, 2.0, 1.0}), (Mask{0, 0, 0}));
     EXPECT_EQ(with(0.0, {1.0, 2.0, -1.0}), (Mask{0, 0, 1}));
+    // Of several values the nearest to 0 on either side decides.
+    visibility.iso_values = {3.0, 1.5, -2.0, -5.0};
+    EXPECT_EQ(visible(three({0.1, 1.6, -1.9}, Normalization::threshold), visibility), (Mask{1, 1, 0}));
+    EXPECT_EQ(visible(three({0.1, 1.4, -2.1}, Normalization::threshold), visibility), (Mask{0, 0, 1}));
+    visibility.iso_values.clear();
+    EXPECT_EQ(visible(three({9.0, 9.0, -9.0}, Normalization::threshold), visibility), (Mask{0, 0, 0}));
 }
 
 TEST(VisibleKernels, OfNothingAndBadReach) {

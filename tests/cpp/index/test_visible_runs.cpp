@@ -244,9 +244,9 @@ TEST(VisibleRuns, InvisibleIsEmpty) {
     }
     VisibilityQuery query;
     query.isosurface = true;
-    query.iso_value = 260.0;
+    query.iso_values = {260.0};
     EXPECT_EQ(VisibleRuns::of(field, query).samples(), 0U);
-    query.iso_value = 200.0;
+    query.iso_values = {200.0};
     EXPECT_GT(VisibleRuns::of(field, query).samples(), 0U);
 }
 

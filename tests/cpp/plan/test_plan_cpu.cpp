@@ -79,6 +79,35 @@ TEST(PlanOfCpu, FollowsTheSceneAsOnGl) {
     EXPECT_TRUE(plan_of(lit_scene(Normalization::threshold)).weight);
 }
 
+TEST(PlanOfCpu, LooksAtTheTransferFunctionOfEveryGroup) {
+    Scene scene = lit_scene(Normalization::threshold);
+    scene.fields = {small_field(), small_field(Normalization::lattice, 1000.0F)};
+    scene.later_groups = {{1, TransferFunction({{900.0, {1, 1, 1}, 0.0}, {1100.0, {1, 1, 1}, 0.01}})}};
+    EXPECT_EQ(plan_of(scene).precision, Precision::float32);
+    EXPECT_TRUE(plan_of(scene).own_sheets.empty());
+    // Only the second group's window is narrow beside its values.
+    scene.later_groups = {{1, TransferFunction({{1000.0, {1, 1, 1}, 0.0}, {1000.001, {1, 1, 1}, 0.01}})}};
+    EXPECT_EQ(plan_of(scene).precision, Precision::float64);
+    scene.later_groups = {{1, TransferFunction({{1000.0, {1, 1, 1}, 0.0}, {1000.0000000000001, {1, 1, 1}, 0.01}})}};
+    EXPECT_NE(refusal(scene, facts()).find("values up to 1001"), std::string::npos);
+    // Opacity at 0, of the second one alone.
+    scene.later_groups = {{1, TransferFunction({{0.0, {1, 1, 1}, 0.1}, {1100.0, {1, 1, 1}, 0.01}})}};
+    EXPECT_TRUE(plan_of(scene).empty_test);
+}
+
+TEST(PlanOfCpu, WhereKernelsEndShowsWhereSlicesCountByTheirWeights) {
+    Scene scene = lit_scene();
+    scene.fields = {small_field(Normalization::lattice, 0.0F, 25.0)};
+    EXPECT_EQ(plan_of(scene).precision, Precision::float32);
+    for (const Mode mode : {Mode::minimum, Mode::average}) {
+        scene.mode = mode;
+        EXPECT_EQ(plan_of(scene).precision, Precision::float64);
+        EXPECT_TRUE(plan_of(scene).weight);
+    }
+    scene.fields = {small_field(Normalization::lattice, 0.0F, 700.0)};
+    EXPECT_NE(refusal(scene, facts()).find("at most 600 in this mode"), std::string::npos);
+}
+
 TEST(PlanOfCpu, RefusesWaysOfDrawingOnGl) {
     for (const Tagging tagging : {Tagging::depth_bounds, Tagging::depth_equal, Tagging::off}) {
         RendererOptions options;

@@ -273,33 +273,50 @@ TEST(SceneEffects, SurfacesCastShadowsByTheirOwnOpacity) {
     }
 }
 
-TEST(SceneEffects, OnlyTheReferenceHasGroupsAndSeveralSurfaces) {
+TEST(SceneEffects, GlLeavesGroupsAndSeveralSurfacesToOthers) {
+    const auto refused = [&](const Scene& scene) {
+        EXPECT_NO_THROW((void)plan_of(scene, Backend::cpu));
+        return message_of<Unsupported>([&] { (void)plan_of(scene, Backend::gl); });
+    };
     Scene groups = lit_scene();
     groups.fields.push_back(groups.fields.front());
     groups.later_groups = {{1, groups.transfer_function}};
     EXPECT_TRUE(row(plan_of(groups), "own_transfer_functions").on);
+    expect_parts(refused(groups), {"2 transfer functions", "backend = cpu"});
     Scene surfaces = lit_scene();
     surfaces.mode = Mode::isosurface;
+    surfaces.iso_values = {0.5, 0.6};
+    expect_parts(refused(surfaces), {"2 iso values", "backend = cpu"});
+    surfaces.iso_values = {{0.5, 0.25}};
+    expect_parts(refused(surfaces), {"a surface of opacity 0.25", "backend = cpu"});
+    for (const Mode mode : {Mode::minimum, Mode::average}) {
+        Scene scalar = lit_scene();
+        scalar.mode = mode;
+        EXPECT_TRUE(plan_of(scalar).weight);
+        expect_parts(refused(scalar), {std::string("mode ") + name_of(mode), "backend = cpu"});
+    }
+    // In scalar modes all fields add up.
     for (const Backend backend : {Backend::cpu, Backend::gl}) {
-        const auto refused = [&](const Scene& scene) {
-            return message_of<Unsupported>([&] { (void)plan_of(scene, backend); });
-        };
-        expect_parts(refused(groups), {"2 transfer functions", "backend = reference"});
-        surfaces.iso_values = {0.5, 0.6};
-        expect_parts(refused(surfaces), {"2 iso values", "backend = reference"});
-        surfaces.iso_values = {{0.5, 0.25}};
-        expect_parts(refused(surfaces), {"a surface of opacity 0.25", "backend = reference"});
-        for (const Mode mode : {Mode::minimum, Mode::average}) {
-            Scene scalar = lit_scene();
-            scalar.mode = mode;
-            EXPECT_TRUE(plan_of(scalar).weight);
-            expect_parts(refused(scalar), {std::string("mode ") + name_of(mode), "backend = reference"});
-        }
-        // In scalar modes all fields add up.
         Scene xray = groups;
         xray.mode = Mode::xray;
         EXPECT_FALSE(row(plan_of(xray, backend), "own_transfer_functions").on);
+        EXPECT_TRUE(plan_of(xray, backend).field_units.empty());
     }
+}
+
+TEST(SceneEffects, EachGroupHasTheUnitOfItsWindow) {
+    Scene scene = lit_scene();
+    scene.fields = {volume(), volume(), volume()};
+    scene.later_groups = {{2, TransferFunction({{10.0, {1, 1, 1}, 0.0}, {40.0, {1, 1, 1}, 0.5}})}};
+    const DrawPlan plan = plan_of(scene, Backend::cpu);
+    EXPECT_EQ(plan.field_units, (std::vector<double>{1.0, 1.0, 30.0}));
+    EXPECT_EQ(plan.unit_of(1), 1.0);
+    EXPECT_EQ(plan.unit_of(2), 30.0);
+    EXPECT_EQ(plan_of(lit_scene(), Backend::cpu).unit_of(0), 1.0);
+    // Of surfaces the values decide.
+    scene.mode = Mode::isosurface;
+    scene.iso_values = {0.5};
+    EXPECT_EQ(plan_of(scene, Backend::cpu).field_units, (std::vector<double>{1.0, 1.0, 1.0}));
 }
 
 TEST(SceneEffects, TheStopCountsWhereSurfacesAreTranslucent) {

@@ -107,13 +107,14 @@ class CpuDrawing {
             query.cull = false;
             regular_.push_back(number);
             runs_.push_back(VisibleRuns::of(*lattice, query));
-            views_.push_back(make_field_view(*lattice, shot_.camera, frame_, shot_.scene.sampling, plan_.value_unit));
+            views_.push_back(
+                make_field_view(*lattice, shot_.camera, frame_, shot_.scene.sampling, plan_.unit_of(number)));
             return;
         }
         auto kernels = std::static_pointer_cast<const EllipsoidField>(field);
         visible_.emplace_back(kernels->size(), std::uint8_t{1});
         ellipsoid_views_.emplace_back(*kernels, shot_.camera, frame_, shot_.scene.sampling,
-                                      plan_.filter ? Filter::ewa : Filter::none, plan_.value_unit, 1.0);
+                                      plan_.filter ? Filter::ewa : Filter::none, plan_.unit_of(number), 1.0);
         scattered_.emplace_back(number, std::move(kernels));
     }
 

@@ -24,6 +24,24 @@ struct ShadingLight {
     T specular[3] = {};  ///< colour times specular coefficient
 };
 
+/// A surface of mode isosurface.
+template <class T>
+struct ShadingSurface {
+    T value = T(0);
+    T color[3] = {};
+    T opacity = T(1); ///< above 0
+};
+
+/// By what a group of fields is classified.
+template <class T>
+struct GroupShading {
+    TransferTable<T> transfer;
+    RampTable<T> ramps;                      ///< preintegration only
+    std::vector<ShadingSurface<T>> surfaces; ///< mode isosurface only: those that show
+    double weakest_gradient = 0.0;           ///< g0
+    double full_gradient = 1.0;              ///< g1
+};
+
 /// A half space that is kept, in eye space: dot(normal, x) + distance >= 0. World units.
 struct KeptHalfSpace {
     Vec3 normal{0.0};
@@ -64,19 +82,17 @@ struct Shading {
     bool gray = false;    ///< all lights are
     bool correct = false; ///< a slice is not one reference length thick everywhere
 
+    /// Mode isosurface: more than one surface, or a translucent one.
+    bool several_surfaces = false;
+    std::vector<GroupShading<T>> groups; ///< as groups_drawn: at least one
+
     T exponent = T(1); ///< slice spacing over reference length
-    /// Pixels end at this opacity; isosurface: anything between 0 and 1.
+    /// Pixels end at this opacity; isosurfaces that are all opaque: anything between 0 and 1.
     T stop = T(1);
-    /// The picture's scalars in world units: xray: world value times world length that 1 in a sheet adds; mip: world
+    /// The picture's scalars in world units: xray: world value times world length that 1 in a sheet adds; else world
     /// value that 1 in a sheet stands for.
     T scalar_step = T(1);
     T coverage_step = T(1); ///< slice spacing, world units
-
-    TransferTable<T> transfer;
-    RampTable<T> ramps; ///< preintegration only
-
-    T iso_value = T(0);
-    T iso_color[3] = {};
 
     std::vector<ShadingLight<T>> lights;
     T ambient = T(1);
@@ -84,8 +100,6 @@ struct Shading {
     /// Components of the gradient are differences of rho times these; in perspective that across is divided by the
     /// depth. In float64: a slab's own scale is put in before they are rounded.
     double gradient_across = 0.0, gradient_along = 0.0;
-    double weakest_gradient = 0.0; ///< g0
-    double full_gradient = 1.0;    ///< g1
 
     std::vector<KeptHalfSpace> kept;     ///< all of them
     std::vector<VolumeLookup> shadow_of; ///< a light

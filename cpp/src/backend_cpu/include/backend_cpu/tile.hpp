@@ -46,19 +46,25 @@ struct Rect {
     }
 };
 
-/// The finished slices around slice n.
+/// A group's sheets of the finished slices around slice n.
 template <class T>
-struct SlabWindow {
-    std::int64_t n = 0; ///< counted as Frame does; -1: before the first one (intervals only)
-    /// rho of slices n - 1, n, n + 1 and n + 2 in the sheets' unit (DrawPlan::value_unit); never null: a slice that
+struct SheetWindow {
+    /// rho of slices n - 1, n, n + 1 and n + 2 in the sheets' unit (DrawPlan::unit_of); never null: a slice that
     /// nothing reaches, or that does not exist, is a sheet of zeros. n + 2 is there for intervals only.
     const T* rho[4] = {nullptr, nullptr, nullptr, nullptr};
     /// W of slices n and n + 1, in sheets too; 0 where a point is empty. Null unless the plan has empty_test or
-    /// coverage.
+    /// coverage, or the mode counts slices by it.
     const T* weight[2] = {nullptr, nullptr};
     /// Derivatives of rho of slices n and n + 1 over columns, rows and slices (in perspective along the pixel's ray),
     /// one step of each. Null unless the plan has analytic_gradient.
     const T* slope[2][3] = {};
+};
+
+/// The finished slices around slice n; the base: of the first group.
+template <class T>
+struct SlabWindow : SheetWindow<T> {
+    std::int64_t n = 0;                           ///< counted as Frame does; -1: before the first one (intervals only)
+    const SheetWindow<T>* later_groups = nullptr; ///< of all groups after the first one
     /// Pixels of the tile (without border) outside of which slice n (for intervals: n and n + 1 both) is empty.
     Rect rect;
 };
@@ -69,11 +75,12 @@ struct TilePicture {
     T* red = nullptr; ///< premultiplied
     T* green = nullptr;
     T* blue = nullptr;
-    T* alpha = nullptr;       ///< isosurface: 1 once a crossing was found
-    T* scalar = nullptr;      ///< modes xray and mip
+    T* alpha = nullptr;
+    T* scalar = nullptr;      ///< scalar modes; minimum: infinite until a slice counts
+    T* counted = nullptr;     ///< mode average: slices that count
     T* depth = nullptr;       ///< infinite until opacity reaches one half; null unless asked for
     T* coverage = nullptr;    ///< null unless asked for
-    int* row_alive = nullptr; ///< a row: pixels that still change: those with alpha < A_stop (isosurface: no crossing)
+    int* row_alive = nullptr; ///< a row: pixels that still change: those with alpha < A_stop
     int alive = 0;            ///< sum of row_alive
 };
 

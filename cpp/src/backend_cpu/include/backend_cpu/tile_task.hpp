@@ -36,6 +36,18 @@ struct OwnSheets {
     T w0 = 1;
 };
 
+/// The sheets of a group of fields that is classified by itself.
+template <class T>
+struct GroupSheets {
+    int rho_channel = 0;     ///< values of the fields that share sheets; in the end rho of the group
+    int weight_channel = -1; ///< of the fields that share sheets; in the end W of the group where it is kept; -1: none
+    bool threshold = false;  ///< the fields that share sheets are divided by max(w0, W)
+    T w0 = 1;
+    std::vector<OwnSheets<T>> own;
+    /// Derivatives are summed beside values; these channels hold those of rho in the end.
+    int slope_channel = -1, weight_slope_channel = -1;
+};
+
 /// Where a picture writes what light has lost on its way to each slice, as -ln of what is left: an element a pixel, in
 /// rows, and a plane for every few slices, the last one at or behind the end.
 struct AbsorptionRecord {
@@ -50,15 +62,11 @@ template <class T>
 struct LoopSetup {
     const Shading<T>* shading = nullptr;
     std::vector<PartProfile<T>> parts;
-    int channels = 1;
-    int weight_channel = -1; ///< of the fields that share sheets; -1: none
-    bool threshold = false;  ///< these are divided by max(w0, W)
-    T w0 = 1;
-    std::vector<OwnSheets<T>> own;
-    /// Derivatives are summed beside values; these channels hold those of rho in the end.
-    int slope_channel = -1, weight_slope_channel = -1;
+    std::vector<GroupSheets<T>> groups;
+    int channels = 0;
+    bool slopes = false;                      ///< derivatives are summed beside values
     const AbsorptionRecord* record = nullptr; ///< null: a picture is drawn
-    bool keep_weight = false;                 ///< W is read after the division (empty points, coverage)
+    bool keep_weight = false; ///< W is read after the division (empty points, coverage, slices that count)
     bool slab = false;
     bool perspective = false;
     bool intervals = false; ///< pre-integration, isosurface

@@ -2,20 +2,23 @@
 // cannot matter (conventions, section 2).
 #pragma once
 
+#include <vector>
+
 #include "sheetsplat/transfer_function.hpp"
 
 namespace sheetsplat {
 
 struct VisibilityQuery {
-    const TransferFunction* transfer_function = nullptr; ///< null: every value is visible (modes xray and mip)
+    /// Of the field's group. Null: every value is visible (scalar modes).
+    const TransferFunction* transfer_function = nullptr;
     /// The weight sum is needed where something is visible: kernels of value 0 are drawn too. Normalisation threshold
     /// implies it. A coverage output needs the weights everywhere: cull = false.
     bool weights_matter = false;
     bool cull = true; ///< false: every kernel is drawn
-    /// Isosurface: visible is where two points of a pixel's ray lie on different sides of iso_value; then the transfer
-    /// function is not used.
+    /// Isosurface: visible is where two points of a pixel's ray lie on different sides of one of iso_values; then the
+    /// transfer function is not used.
     bool isosurface = false;
-    double iso_value = 0.0;
+    std::vector<double> iso_values;
     bool alone = true; ///< false: other fields add to this one, so that only kernels that add nothing can be dropped
     /// World units, >= 0: how far a visible point may lie from the supports of kernels that matter to it. The sum of
     /// what stencils of gradients, crossings, pre-integrated intervals and slabs reach, and of twice what a filter
@@ -27,7 +30,7 @@ struct VisibilityQuery {
 struct VisibleFrom {
     double above, below;
 };
-/// For a query with a transfer function or an iso value.
+/// For a query with a transfer function or iso values.
 VisibleFrom visible_from(const VisibilityQuery& query);
 
 /// Throws InvalidInput for a reach_world that is negative or no number.

@@ -1,6 +1,7 @@
 // From a scene to what will run: which effects, channels, formats and passes it calls for, each with its reason.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -38,7 +39,12 @@ struct DrawPlan {
     /// Several fields: for each the number of its own sheets, where it is divided before all are added; -1: it adds to
     /// the sheets of all.
     std::vector<int> own_sheets;
-    double value_unit = 1.0; ///< the amount of rho that sheets call 1
+    double value_unit = 1.0; ///< the amount of rho that sheets call 1; of several groups, those of the first one
+    /// Several groups: the same for each field, by its group's transfer function.
+    std::vector<double> field_units;
+    [[nodiscard]] double unit_of(std::size_t field) const {
+        return field_units.empty() ? value_unit : field_units[field];
+    }
     Precision precision = Precision::float32;
 
     // Gradients and light.

@@ -29,9 +29,6 @@ struct Nudge {
     double stop = 0.0; ///< added to A_stop
 };
 
-/// The groups that are drawn: in scalar modes all fields add up.
-std::vector<Group> groups_drawn(const Scene& scene);
-
 /// True where light or opacity depends on gradients.
 bool calls_for_gradients(const Scene& scene);
 

@@ -2,6 +2,9 @@
 // section 7.
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include "sheetsplat/scene.hpp"
 
 namespace sheetsplat {
@@ -39,6 +42,12 @@ constexpr bool is_composited(Mode mode) { return mode == Mode::composite; }
 constexpr bool uses_intervals(Mode mode, bool preintegration) {
     return mode == Mode::isosurface || (is_composited(mode) && preintegration);
 }
+
+/// The groups whose scalars are classified apart: the scene's, in scalar modes one of all fields. Valid while the scene
+/// is.
+std::vector<Group> groups_drawn(const Scene& scene);
+/// Which of groups_drawn a field belongs to.
+std::size_t group_drawn_of(const Scene& scene, std::size_t field);
 
 /// What a scalar mode shows of a sheet's 1. value_unit: the amount of rho that sheets call 1; slice_spacing: world
 /// units, by which an x-ray integrates.

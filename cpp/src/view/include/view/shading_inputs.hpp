@@ -13,7 +13,7 @@ namespace sheetsplat {
 
 struct DrawPlan;
 
-/// Values of rho are in the sheets' unit (DrawPlan::value_unit), lengths of gradients in reference lengths, everything
+/// Values of rho are in the sheets' unit (DrawPlan::unit_of), lengths of gradients in reference lengths, everything
 /// else in world units.
 struct ShadingInputs {
     /// A directional light in eye space: unit length, towards the light.
@@ -30,8 +30,19 @@ struct ShadingInputs {
     /// What 1 in a sheet stands for in the picture's scalars: x-ray: world value times world length; else world value.
     double scalar_step = 1.0;
 
-    double iso_value = 0.0;
-    TransferPoint iso_point{}; ///< the transfer function at the iso value
+    /// A surface of mode isosurface.
+    struct Surface {
+        double value = 0.0;
+        Vec3 color{0.0}; ///< the transfer function's
+        double opacity = 1.0;
+    };
+    /// What each of groups_drawn has for itself.
+    struct OfGroup {
+        std::vector<Surface> surfaces;
+        double weakest_gradient = 0.0; ///< g0
+        double full_gradient = 1.0;    ///< g1
+    };
+    std::vector<OfGroup> groups;
 
     std::vector<EyeLight> lights; ///< as in the scene; none where the plan has no gradient
     Material material{};          ///< shininess at most 1e30
@@ -39,8 +50,6 @@ struct ShadingInputs {
     /// Gradients are differences of rho between neighbours times these; in perspective that across is divided by the
     /// depth.
     double gradient_across = 0.0, gradient_along = 0.0;
-    double weakest_gradient = 0.0; ///< g0
-    double full_gradient = 1.0;    ///< g1
 
     /// Depth cue: the share of its colour at depth t is cue_strength clamp((t - cue_start) cue_per_depth, 0, 1).
     double cue_start = 0.0, cue_per_depth = 0.0, cue_strength = 0.0;

@@ -59,7 +59,8 @@ def open(path: str | os.PathLike[str], **options: Unpack[OpenOptions]) -> Regula
     """Return the field of a file, which may be gzipped.
 
     Regular volumes: .npy, .npz, NRRD, MetaImage (.mhd, .mha), .vti, raw samples. Scattered data: HDF5 with particles,
-    .ply of 3D Gaussian Splatting, .vtu, .vtp, .csv, .npz with an array centers, PLOT3D solutions with a grid.
+    .obj and .ply of closed meshes, .ply of 3D Gaussian Splatting, .vtu, .vtp, .csv, .npz with an array centers, PLOT3D
+    solutions with a grid.
 
     Parameters
     ----------

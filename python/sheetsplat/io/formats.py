@@ -20,8 +20,8 @@ _ZIP = (b"PK\x03\x04", b"PK\x05\x06")
 _XML = (b"<?xml", b"<VTKFile", b"<!--", b"<!DOCTYPE")
 # Bytes by which a format is recognized.
 _HEAD = 256
-# Bytes in which the root element of an XML file is looked for.
-_XML_HEAD = 1 << 14
+# Bytes in which the root element of an XML file, or the elements of a PLY file, are looked for.
+_LONG_HEAD = 1 << 14
 
 
 @dataclass(frozen=True)
@@ -75,12 +75,20 @@ def _is_table(source: Source) -> bool:
 
 def _is_vtk_xml(source: Source) -> bool:
     first = source.head(_HEAD).lstrip(b"\xef\xbb\xbf \t\r\n")
-    return first.startswith(_XML) and b"<VTKFile" in source.head(_XML_HEAD)
+    return first.startswith(_XML) and b"<VTKFile" in source.head(_LONG_HEAD)
 
 
 def _is_vtk_image(source: Source) -> bool:
-    head = source.head(_XML_HEAD) if _is_vtk_xml(source) else b""
+    head = source.head(_LONG_HEAD) if _is_vtk_xml(source) else b""
     return b'"ImageData"' in head or b"'ImageData'" in head
+
+
+def _is_mesh(source: Source) -> bool:
+    head = source.head(_LONG_HEAD)
+    if head.startswith((b"ply\n", b"ply\r")):
+        header = head.partition(b"end_header")[0]
+        return b"element face" in header and b" scale_0" not in header
+    return source.suffix == ".obj" and b"\0" not in head and bool(head.strip())
 
 
 _IO = "sheetsplat.io."
@@ -98,6 +106,7 @@ FORMATS: tuple[Format, ...] = (
         scattered=True,
         shown="HDF5 with particles",
     ),
+    Format("mesh", _IO + "triangle_meshes:read", _is_mesh, scattered=True, shown=".obj and .ply of closed meshes"),
     Format(
         "ply",
         _IO + "gaussian_ply:read",

@@ -227,7 +227,8 @@ def annotated(image: Image, *, colorbar: bool, axes: bool, scale_bar: bool, titl
             beside = _axes_at(figure, left, pad, 1.2 * pixel, height)
             figure.colorbar(_mappable(bar), cax=beside, label=bar.label)
             _mark(beside, bar)
-            left += math.ceil(11 * pixel)
+            # The next one follows the numbers and the label, whose widths depend on the data.
+            left = beside.get_tightbbox(canvas.get_renderer()).x1 + pixel
         over = _axes_at(figure, pad, pad, width, height)
         over.set_axis_off()
         over.set(xlim=(0, width), ylim=(0, height))

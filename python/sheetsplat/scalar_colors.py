@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 from sheetsplat._checks import truth
 from sheetsplat.transfer import Colormap, color_limits, color_rows
 
+# Limits leave out numbers beyond these percentiles of those other than 0 where they widen the range so many times: a
+# few hot samples.
+_OUTLIERS = 0.5
+_APART = 100.0
 # Limits of a logarithmic scale leave out this share of the positive numbers, and go over so many decades at most.
 _FAINT_PERCENTILE = 1.0
 _DECADES = 6.0
@@ -27,7 +31,8 @@ class ScalarColors:
         As for `TransferFunction.from_colormap`; kept as a name, or as a tuple of rows r, g, b, opacity.
     clim
         The two numbers at which the colormap begins and ends; by the picture unless given: from its smallest number or
-        0, whichever is lower, to its largest or 0.
+        0, whichever is lower, to its largest or 0, without outliers: at most 1/200 of the numbers on a side, a hundred
+        times as far away as the others.
     log
         Spread the colours over the logarithm. Numbers of 0 and below have the first colour. Unless given, `clim` then
         goes from the first percentile of the positive numbers to the largest, over six decades at most.
@@ -70,7 +75,14 @@ class ScalarColors:
         known = scalar[np.isfinite(scalar)]
         if not self.log:
             low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
-            return (low, high) if low < high else (0.0, 1.0)
+            if not low < high:
+                return 0.0, 1.0
+            first, last = np.percentile(known[known != 0], (_OUTLIERS, 100.0 - _OUTLIERS)).tolist()
+            width = max(last, 0.0) - min(first, 0.0)
+            if width > 0.0:
+                low = min(first, 0.0) if min(first, 0.0) - low > _APART * width else low
+                high = max(last, 0.0) if high - max(last, 0.0) > _APART * width else high
+            return low, high
         known = known[known > 0]
         if not known.size:
             return 0.1, 1.0

@@ -20,7 +20,7 @@ from sheetsplat.cli import info
 from sheetsplat.compare import compare
 from sheetsplat.framing import compose_camera
 from sheetsplat.io import pictures
-from sheetsplat.look import automatic
+from sheetsplat.look import histogram
 
 SMALL = {"size": (8, 8), "backend": "reference", "quality": "draft"}
 POINTS = [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)]
@@ -106,7 +106,7 @@ def test_info_copes_with_any_finite_range(tmp_path, values):
         warnings.simplefilter("error")
         report = json.loads(run("info", tmp_path / "a.npy", "--json").stdout)
         assert run("info", tmp_path / "a.npy").stderr == ""
-        look = automatic.choose_for(values.reshape(3, 3, 3))
+        look = histogram.choose_for(values.reshape(3, 3, 3))
     assert sum(report["histogram"]["counts"]) == 27
     assert report["minimum"] == values.min() and report["maximum"] == values.max()
     assert all(part is not None for part in (report["mean"], report["deviation"], *report["percentiles"].values()))

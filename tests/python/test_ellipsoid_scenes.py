@@ -12,6 +12,7 @@ from sheetsplat.cli import info
 from sheetsplat.look import automatic
 from sheetsplat.look.compose import compose_scene
 from sheetsplat.look.empty import why_empty
+from sheetsplat.look.transparency import DEPTH, median_depth
 
 SMALL = {"size": (32, 32), "backend": "reference", "quality": "draft"}
 
@@ -84,11 +85,14 @@ def test_thin_slices_get_less_opacity(rng):
     thick = ball_of_kernels(rng)
     thin = ss.EllipsoidField(thick.centers, thick.scales[:, np.newaxis] * (1, 1, 1e-2), values=thick.values)
     looks = [automatic.choose([field]) for field in (thick, thin)]
-    assert looks[0].top_opacity == pytest.approx(automatic.TOP_OPACITY)
-    # The same opacity over the same length.
-    length = thick.default_slice_spacing
-    per_length = 1 - (1 - looks[1].top_opacity) ** (length / thin.default_slice_spacing)
-    assert looks[1].top_opacity < 0.3 and per_length > 0.9
+    # Opacities refer to a length that is shorter, and rays have an optical depth of one, or near it where thin kernels
+    # leave most of the room empty.
+    assert thin.default_slice_spacing < 0.1 * thick.default_slice_spacing
+    depths = [
+        median_depth(look, field, field.default_slice_spacing, 9000)
+        for field, look in zip((thick, thin), looks, strict=True)
+    ]
+    assert depths[0] == pytest.approx(DEPTH, rel=0.05) and 0.1 < depths[1] < DEPTH
     assert looks[1].opacity[-1][1] == pytest.approx(looks[1].top_opacity)
     scene = compose_scene([thin], clim=(1, 2))
     assert scene.transfer_function.max_opacity == pytest.approx(looks[1].top_opacity)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat.look import automatic
+from sheetsplat.look import automatic, histogram
 
 SMALL = {"size": (24, 24), "backend": "reference", "quality": "draft"}
 
@@ -69,7 +69,7 @@ def test_the_threshold_parts_things_from_background(rng):
     values[8:16, 8:16, 8:16] = rng.normal(100, 10, (8, 8, 8))
     look = automatic.choose([ss.RegularField(values)])
     assert 25 < look.surface < 75 and look.clim[0] == look.surface and 100 < look.clim[1] < 130
-    assert look.opacity[0][1] == 0 and look.opacity[-1] == (pytest.approx(look.clim[1]), automatic.TOP_OPACITY)
+    assert look.opacity[0][1] == 0 and look.opacity[-1] == (pytest.approx(look.clim[1]), histogram.TOP_OPACITY)
     # The background is invisible, the thing is not.
     camera = ss.Camera.fit(ss.RegularField(values))
     picture = ss.render(values, size=(48, 48), camera=camera, backend="reference").rgba

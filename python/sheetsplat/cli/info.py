@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,8 @@ from sheetsplat.options.data import FileOptions, PlacementOptions
 
 if TYPE_CHECKING:
     from sheetsplat.fields import EllipsoidField
+    from sheetsplat.look.histogram import Look
+    from sheetsplat.quantity import Quantity
 
 _PERCENTILES = (1, 5, 25, 50, 75, 95, 99)
 _BAR = 40
@@ -114,9 +117,13 @@ def _aspects(field: EllipsoidField) -> NDArray[np.float64]:
     return found
 
 
-def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
-    """Return the properties of a field of ellipsoids: counts, bounds, sizes, ranges, histogram, memory, look."""
+def describe(field: EllipsoidField, bins: int, log: object = None) -> dict[str, Any]:
+    """Return the properties of a field of ellipsoids: counts, bounds, sizes, ranges, histogram, memory, look.
+
+    `log` is the option of this name; None: a picture chooses.
+    """
     from sheetsplat.look import automatic
+    from sheetsplat.look.decades import in_decades
 
     known = slice(0, field.size - field.ghosts)
     report: dict[str, Any] = {
@@ -135,17 +142,28 @@ def describe(field: EllipsoidField, bins: int) -> dict[str, Any]:
     if field.size:
         report["median_scale"] = float(np.median(field.scales[:: _stride(field.size)]))
         report["aspect"] = dict(zip(("median", "99 %", "largest"), _aspects(field).tolist(), strict=True))
-        look = automatic.choose([field])
-        report |= {"clim": list(look.clim), "surface": look.surface}
+        shown = in_decades([field], {}, log)[0]
+        report |= _shown(automatic.choose([shown]), shown.quantity)
     return report
+
+
+def _shown(look: Look, quantity: Quantity) -> dict[str, Any]:
+    """Return the automatic look as a picture shows it; its limits are those of the scalar, also of its logarithm."""
+    limits = [quantity.scalar(value) for value in (*look.clim, look.surface)]
+    found: dict[str, Any] = {"clim": limits[:2], "surface": limits[2]}
+    if quantity.floor is not None:
+        found["log"] = {"floor": quantity.floor, "clim": list(look.clim), "surface": look.surface}
+    return found
 
 
 def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     """Return the properties of a file: sizes, ranges, histogram, memory, and its automatic look."""
     from sheetsplat.fields import Lattice, RegularField, as_samples
     from sheetsplat.io import SCATTERED
+    from sheetsplat.io.kernels import logarithm
     from sheetsplat.io.opening import kind_of, open_scattered, read_regular
-    from sheetsplat.look import automatic
+    from sheetsplat.look.decades import floor_of_samples
+    from sheetsplat.look.histogram import choose_for
 
     given = {name: value for name, value in file_options(options).items() if value or isinstance(value, str)}
     kind = kind_of(path, given)
@@ -153,7 +171,7 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         data, field = open_scattered(path, given)
         told = {"points": len(data.points), "scalar": data.scalar, "scalars": list(data.scalars)}
         what = {"file": str(path), "format": data.format, **told, "details": data.details}
-        return {**what, **describe(field, bins)}
+        return {**what, **describe(field, bins, options["log"])}
     volume = read_regular(path, given)
     samples = as_samples(volume.values)
     spacing = options["spacing"] or volume.spacing
@@ -178,8 +196,12 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         **volume.details,
     }
     if "minimum" in report and not report["infinite"]:
-        look = automatic.choose_for(samples)
-        report |= {"clim": list(look.clim), "surface": look.surface}
+        quantity = volume.quantity
+        floor = floor_of_samples(samples) if options["log"] is None and quantity.floor is None else None
+        if floor is not None:
+            quantity = replace(quantity, floor=floor)
+            samples = logarithm(samples.astype(np.float64), quantity.name or "the samples", floor)
+        report |= _shown(choose_for(samples, decades=quantity.floor is not None), quantity)
     return report
 
 
@@ -239,7 +261,12 @@ def _table(report: dict[str, Any]) -> str:
             ("percentiles", percentiles),
         ]
     if "clim" in report:
-        rows.append(("shown", f"{report['clim'][0]:g} to {report['clim'][1]:g} by default"))
+        low, high = report["clim"]
+        rows.append(("shown", f"{low:g} to {high:g} by default"))
+        if "log" in report:
+            first, last = report["log"]["clim"]
+            text = f"log10({report.get('scalar', 'value')} / {report['log']['floor']:g}) from {first:g} to {last:g}"
+            rows[-1] = ("shown", f"{text}, that is {low:g} to {high:g}, by default")
     lines = [f"{name:<12}{text}" for name, text in rows]
     if "histogram" in report:
         counts, edges = report["histogram"]["counts"], report["histogram"]["edges"]

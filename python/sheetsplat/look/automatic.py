@@ -1,10 +1,10 @@
-"""Automatic transfer functions, chosen by the histogram of the scalar."""
+"""Automatic transfer functions, chosen by the histogram of the scalar and, of scattered data, by optical depths."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,17 +12,11 @@ from numpy.typing import NDArray
 
 from sheetsplat.errors import option_ref
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.look.histogram import Look, beyond_pictures, choose_for, scaled_opacity, without_outliers
+from sheetsplat.look.measure import with_values
+from sheetsplat.look.transparency import see_through
 from sheetsplat.notices import warn
 
-# More samples than this do not change a histogram.
-_ENOUGH = 1_000_000
-_BINS = 512
-TOP_OPACITY = 0.5
-# Few bright samples, metal for instance, must not push everything else to the dark end.
-_TOP_PERCENTILE = 99.0
-# A ramp that starts flat keeps soft material transparent and still shows thin structures.
-_RAMP_POWER = 1.5
-_RAMP_POINTS = 9
 # Number of positions at which a scattered field is sampled.
 _PLACES = 16_384
 # Where thousands of kernels overlap, fewer positions suffice: at least so many, with so many summands in total.
@@ -36,58 +30,8 @@ _WIDEST = 20.0
 _EXTREMES = 256
 # Distance of slices, in radii of the kernels that are shown, where those are far smaller than the others.
 _DENSE_SPACING = 0.4
-
-
-@dataclass(frozen=True)
-class Look:
-    """Limits and opacities that `choose` found.
-
-    Attributes
-    ----------
-    clim
-        Values at which the colormap begins and ends.
-    opacity
-        Pairs (value, opacity per reference length).
-    surface
-        Value that separates objects from background.
-    top_opacity
-        The largest of these opacities, for objects of this thickness.
-    slice_spacing
-        Distance of slices in world units that shows borders without steps; None: the default of the fields.
-    reference_length
-        Length in world units to which these opacities refer; None: the default of the fields.
-    """
-
-    clim: tuple[float, float]
-    opacity: tuple[tuple[float, float], ...]
-    surface: float
-    top_opacity: float = TOP_OPACITY
-    slice_spacing: float | None = None
-    reference_length: float | None = None
-
-
-def _samples(samples: NDArray[Any]) -> NDArray[np.float64]:
-    flat = samples.reshape(-1)
-    # An odd stride does not sample the same columns of every row.
-    stride = max(1, -(-flat.size // _ENOUGH)) | 1
-    picked: NDArray[np.float64] = flat[::stride].astype(np.float64)
-    known: NDArray[np.float64] = picked[~np.isnan(picked)]
-    return known
-
-
-def _between_classes(values: NDArray[np.float64]) -> float:
-    """Return the threshold that splits values best into two classes (Otsu 1979)."""
-    counts, edges = np.histogram(values, bins=_BINS)
-    weights = counts / counts.sum()
-    centres = 0.5 * (edges[1:] + edges[:-1])
-    below = np.cumsum(weights)[:-1]
-    moment = np.cumsum(weights * centres)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        spread = (moment[-1] * below - moment[:-1]) ** 2 / (below * (1 - below))
-    spread = np.nan_to_num(spread, nan=-1.0, posinf=-1.0)
-    # All empty bins between two classes are equally good thresholds: take the middle of them.
-    best = np.flatnonzero(spread >= spread.max() * (1 - 1e-12))
-    return float(0.5 * (edges[1:-1][best[0]] + edges[1:-1][best[-1]]))
+# Least distance of slices in default ones where borders would show steps, hatching of lit layers.
+_BORDER_SPACING = 0.25
 
 
 def choose(fields: Sequence[Field]) -> Look:
@@ -98,28 +42,49 @@ def choose(fields: Sequence[Field]) -> Look:
     """
     field = max(fields, key=lambda one: one.size)
     if isinstance(field, RegularField):
+        _warn_of_extremes(field.values)
         return choose_for(field.values, decades=field.quantity.floor is not None)
     if not isinstance(field, EllipsoidField):
         raise TypeError(f"automatic.choose: {type(field).__name__}")
-    places = places_in(field)
+    _warn_of_extremes(field.values)
+    field = _without_outlying_kernels(field)
+    places, affordable = places_in(field), _affordable(field)
     if field.quantity.floor is not None and places.size:
         # Decades: of particles most count where they are dense, not where they are large.
         known = slice(0, field.size - field.ghosts)
         look = choose_for(field.values[known], decades=True)
         dense = field.values[known] > look.surface
         if np.count_nonzero(dense) > 1:
-            return _of_dense(look, field.centers[known][dense], field.scales[known][dense])
+            dense_look = _of_dense(look, field.centers[known][dense], field.scales[known][dense])
+            return see_through(dense_look, field, field.default_slice_spacing, affordable)
     else:
-        look = _wide_enough(choose_for(field.at(affordable_places_in(field))), field)
+        # Of simulations, which most scattered data are, the extremes are wanted: a flame is small.
+        look = _wide_enough(choose_for(field.at(places_in(field, affordable)), extremes=True), field)
     spacing = min(one.default_slice_spacing for one in fields if one.size) if places.size else 1.0
     usual = _usual_spacing(places, spacing)
     share = min(1.0, spacing / usual)
-    # Opacity of a shorter length: 1 - (1 - a)^share.
-    scaled = tuple((value, -math.expm1(share * math.log1p(-opacity))) for value, opacity in look.opacity)
-    top_opacity = -math.expm1(share * math.log1p(-TOP_OPACITY))
     # A weighted mean ends abruptly at the border of the weights; too few slices leave visible steps there.
-    finer = max(0.5 * spacing, usual) if usual < spacing else None
-    return replace(look, opacity=scaled, top_opacity=top_opacity, slice_spacing=finer)
+    finer = max(_BORDER_SPACING * spacing, usual) if usual < spacing else None
+    return see_through(replace(scaled_opacity(look, share), slice_spacing=finer), field, spacing, affordable)
+
+
+def _warn_of_extremes(values: NDArray[Any]) -> None:
+    if (found := beyond_pictures(values)) is not None:
+        worst, low, high = found
+        warn(
+            f"few values up to {worst:g} lie so far beyond all others, {low:g} to {high:g}, that nothing else can be "
+            "seen; leave them out, in volumes as NaN with " + option_ref("nan", "skip")
+        )
+
+
+def _without_outlying_kernels(field: EllipsoidField) -> EllipsoidField:
+    """Return a field in which outliers have the value of the nearest other kernel, else the field itself.
+
+    Where kernels overlap, a single one of them sets the values of all positions in its support.
+    """
+    known = field.values[: field.size - field.ghosts]
+    values = without_outliers(known, known)
+    return field if values is known else with_values(field, np.concatenate((values, field.values[len(known) :])))
 
 
 def _of_dense(look: Look, centers: NDArray[np.float64], scales: NDArray[np.float64]) -> Look:
@@ -127,8 +92,7 @@ def _of_dense(look: Look, centers: NDArray[np.float64], scales: NDArray[np.float
     thinnest = scales if scales.ndim == 1 else scales.min(axis=1)
     spacing = _DENSE_SPACING * float(np.median(thinnest))
     share = min(1.0, spacing / _usual_spacing(centers, spacing))
-    scaled = tuple((value, -math.expm1(share * math.log1p(-opacity))) for value, opacity in look.opacity)
-    return replace(look, opacity=scaled, top_opacity=scaled[-1][1], slice_spacing=spacing, reference_length=spacing)
+    return replace(scaled_opacity(look, share), slice_spacing=spacing, reference_length=spacing)
 
 
 def _wide_enough(look: Look, field: EllipsoidField) -> Look:
@@ -202,35 +166,3 @@ def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64
     shapes = field.native.shapes(picked.astype(np.int64))
     found: NDArray[np.float64] = field.centers[picked] + np.einsum("nij,nj->ni", shapes, inner)
     return found
-
-
-def choose_for(samples: NDArray[Any], *, decades: bool = False) -> Look:
-    """Return limits and opacities for samples, finite or NaN; `decades`: they are logarithms."""
-    values = _samples(samples)
-    # Differences of the largest numbers must not overflow; scaling by a power of two is exact.
-    scale = 4.0 if values.size and float(np.abs(values).max()) > 1e307 else 1.0
-    look = _choose(values / scale, even=decades)
-    pairs = tuple((value * scale, opacity) for value, opacity in look.opacity)
-    return Look((look.clim[0] * scale, look.clim[1] * scale), pairs, look.surface * scale)
-
-
-def _choose(values: NDArray[np.float64], *, even: bool) -> Look:
-    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
-    if not low < high:
-        # One value everywhere: show it, almost transparent.
-        width = max(abs(low), 1.0) * 1e-3
-        return Look((low - width, high + width), ((low - width, 0.05), (high + width, 0.05)), low)
-    # Low values vary little and high ones much. Square roots make the variation similar, so that thin branches and
-    # faint shells are classified as objects, not as background; logarithms do that already.
-    start = low + (_between_classes(values - low) if even else _between_classes(np.sqrt(values - low)) ** 2)
-    shown = values[values > start]
-    top = float(np.percentile(shown, _TOP_PERCENTILE)) if shown.size else high
-    if not start < top:
-        top = high
-    if not start < top:
-        # Two adjacent floating-point numbers.
-        start = low
-    share = np.linspace(0.0, 1.0, _RAMP_POINTS)
-    opacity = TOP_OPACITY * share**_RAMP_POWER
-    pairs = zip((start + share * (top - start)).tolist(), opacity.tolist(), strict=True)
-    return Look((start, top), tuple(pairs), start)

@@ -11,6 +11,7 @@ from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
+from sheetsplat.look.histogram import Look
 from sheetsplat.look.surface import surface_limits
 from sheetsplat.notices import warn
 from sheetsplat.options.core import COLORED, check_names, pick_given
@@ -104,7 +105,7 @@ def _set_scalar_colors(scene_options: Any, options: Mapping[str, Any]) -> None:
 
 def _transfer_function(
     fields: Sequence[Field], mode: str, iso_value: Any, options: Mapping[str, Any]
-) -> tuple[TransferFunction, automatic.Look | None]:
+) -> tuple[TransferFunction, Look | None]:
     """Return a transfer function, and the automatic look that it was chosen by, or None."""
     given: TransferFunction | str | None = options.get("transfer_function")
     cmap, opacity, clim = (options.get(name) for name in ("cmap", "opacity", "clim"))

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.fields import EllipsoidField, Field, RegularField
-from sheetsplat.look.automatic import choose_for
+from sheetsplat.look.histogram import choose_for
+from sheetsplat.look.measure import with_values
 from sheetsplat.options.core import COLORED
 
 # Decades from the 1st to the 99.9th percentile of the kernels, or of the samples.
@@ -62,17 +63,20 @@ def floor_of(field: Field) -> float | None:
         # Sums of logarithms mean nothing.
         return None
     if isinstance(field, EllipsoidField):
-        if field.ghosts:
-            return None
-        positive = _positive(field.values)
-        wide = positive is not None and _decades(positive) >= _DECADES
-    elif isinstance(field, RegularField) and field.values.dtype.kind == "f":
-        positive = _positive(field.values)
-        wide = positive is not None and _decades(positive) >= _DECADES and _shown(positive) < _LEAST_SEEN
-    else:
+        positive = None if field.ghosts else _positive(field.values)
+        return None if positive is None or _decades(positive) < _DECADES else _floor(positive)
+    return floor_of_samples(field.values) if isinstance(field, RegularField) else None
+
+
+def floor_of_samples(samples: NDArray[Any]) -> float | None:
+    """Return what `floor_of` does for the samples of a volume."""
+    positive = _positive(samples) if samples.dtype.kind == "f" else None
+    if positive is None or _decades(positive) < _DECADES or _shown(positive) >= _LEAST_SEEN:
         return None
-    if not wide or positive is None:
-        return None
+    return _floor(positive)
+
+
+def _floor(positive: NDArray[np.float64]) -> float | None:
     found = float(np.percentile(positive, _FLOOR))
     return found if found > 0 else None
 
@@ -123,9 +127,7 @@ def logarithmic(field: Field, floor: float) -> Field:
     else:
         assert isinstance(field, EllipsoidField)
         values = logarithm(field.values, field.quantity.name or "the values", floor)
-        names = ("weights", "normalization", "w0", "falloff", "min_scale", "cell_volume")
-        options = {name: getattr(field, name) for name in names}
-        shown = EllipsoidField(field.centers, field.scales, field.rotations, values, **options)
+        shown = with_values(field, values)
     told = field.quantity
     shown = shown.with_quantity(told.name, told.unit, told.length_unit, floor).with_orientation(field.orientation)
     return shown.opened_with({**field.opened, "log": floor})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from sheetsplat.options.core import SCALAR
 if TYPE_CHECKING:
     from sheetsplat.image import Image
     from sheetsplat.scene import Scene
+    from sheetsplat.transfer import TransferFunction
 
 
 def is_empty(image: Image, scene: Scene) -> bool:
@@ -68,34 +70,52 @@ def why_empty(scene: Scene) -> str:
     return "perhaps the camera looks past the field"
 
 
-def _bounds_of(field: Field) -> tuple[float, float]:
-    """Return bounds of a field's scalar inside its supports."""
-    low, high = field.value_range
-    # Where few kernels overlap, the mean of scattered data falls to 0.
-    return (min(low, 0.0), max(high, 0.0)) if isinstance(field, EllipsoidField) else (low, high)
-
-
 def why_one_color(image: Image, scene: Scene) -> str:
-    """Return why all values of a picture have one colour, where they lie beyond the range of the colours; else "".
-
-    Scattered fields whose sums are not divided are left out: only sampling would tell their range.
-    """
+    """Return why all values of a picture have one colour, where they lie beyond the range of the colours; else ""."""
     if image.is_scalar:
         colors = scene.scalar_colors
         if colors.clim is None:
             return ""
-        values, limits = (float(image.scalar.min()), float(image.scalar.max())), colors.limits(image.scalar)
-    else:
-        known = [one for one in scene.fields if one.size]
-        bounded = all(one.normalization != "none" or (isinstance(one, RegularField) and one.prefilter) for one in known)
-        if scene.mode != "composite" or not known or not bounded or len(scene.groups) > 1:
-            return ""
-        lows, highs = zip(*map(_bounds_of, known), strict=True)
-        # Where fields overlap their scalars add up; elsewhere there is one alone.
-        below, above = [value for value in lows if value < 0], [value for value in highs if value > 0]
-        values = sum(below) if below else min(lows), sum(above) if above else max(highs)
-        limits = scene.transfer_function.v_min, scene.transfer_function.v_max
-        if limits[0] == limits[1]:
-            return ""
+        return _beyond((float(image.scalar.min()), float(image.scalar.max())), colors.limits(image.scalar))
+    if scene.mode != "composite":
+        return ""
+    for number, (group, function) in enumerate(zip(scene.groups, scene.transfer_functions, strict=True)):
+        limits = function.v_min, function.v_max
+        known = [one for one in group if one.size]
+        if not known or limits[0] == limits[1]:
+            continue
+        values = _bounds_of_group(known, function)
+        if values is not None and (found := _beyond(values, limits)):
+            return found if len(scene.groups) == 1 else f"of group {number}, {found}"
+    return ""
+
+
+def _beyond(values: tuple[float, float], limits: tuple[float, float]) -> str:
+    """Return in words that a range of values lies beyond limits, or ""."""
     side = "above" if values[0] > limits[1] else "below" if values[1] < limits[0] else ""
     return f"{values[0]:g} to {values[1]:g} lie {side} the range {limits[0]:g} to {limits[1]:g}" if side else ""
+
+
+def _bounds_of_group(fields: Sequence[Field], function: TransferFunction) -> tuple[float, float] | None:
+    """Return bounds of the scalar of fields that add up; None where they are not known and need not be."""
+    bounds = []
+    for one in fields:
+        low, high = one.value_range
+        if isinstance(one, EllipsoidField) and one.normalization == "none":
+            # Sums begin at 0, and only samples tell how far they reach. These take time, and are needed only where one
+            # value alone does not reach the limits and the values below them are visible.
+            heaviest = one.weight_range[1]
+            reached = function.v_min <= max(high, high * heaviest) or function.v_min <= 0.0
+            if reached or len(fields) > 1 or not function.points[0, 4] > 0:
+                return None
+            low, high = _range_of(one)
+        if isinstance(one, EllipsoidField):
+            # Where few kernels overlap, the scalar falls to 0.
+            low, high = min(low, 0.0), max(high, 0.0)
+        elif one.normalization == "none" and not (isinstance(one, RegularField) and one.prefilter):
+            return None
+        bounds.append((low, high))
+    lows, highs = zip(*bounds, strict=True)
+    # Where fields overlap their scalars add up; elsewhere there is one alone.
+    below, above = [value for value in lows if value < 0], [value for value in highs if value > 0]
+    return sum(below) if below else min(lows), sum(above) if above else max(highs)

@@ -1,10 +1,11 @@
-"""Fields as positions with values and volumes: what histograms and coarse pictures are made of."""
+"""Fields as positions with values and volumes, and coarse pictures of them along a view."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,17 @@ _FEW = 20_000
 _INNER = 0.7
 # How far kernels are seen beyond that, in semi-axes: where many overlap their mean is still high.
 _RIM = 0.2
+# Cells of a coarse picture across, at least so many positions in a cell on average.
+_CELLS = 96
+_LEAST_CELLS = 12
+_PER_CELL = 4.0
+
+
+def with_values(field: EllipsoidField, values: Floats) -> EllipsoidField:
+    """Return a field of the same kernels with other values, (N,)."""
+    names = ("weights", "normalization", "w0", "falloff", "min_scale", "cell_volume")
+    options: Any = {name: getattr(field, name) for name in names}
+    return EllipsoidField(field.centers, field.scales, field.rotations, values, **options)
 
 
 @dataclass(frozen=True)
@@ -71,28 +83,34 @@ def measure_volumes(fields: Sequence[RegularField]) -> Measure:
     return Measure(points, known[at], np.full(len(at), volume), np.full(len(at), reach))
 
 
-def measure_kernels(field: EllipsoidField) -> Measure:
-    """Return positions inside the kernels of a field; each kernel has the value at its centre."""
+def measure_kernels(field: EllipsoidField, places: int | None = None) -> Measure:
+    """Return positions inside the kernels of a field.
+
+    Each kernel has the value at its centre, so that none is missed. With `places`, about as many positions have their
+    own values and shares of the volume, so that sums over them are integrals.
+    """
     known = field.size - field.ghosts
-    picked = np.arange(0, known, max(1, math.ceil(known / _MOST_KERNELS)))
+    most, few = (_MOST_KERNELS, _FEW) if places is None else (places, places)
+    picked = np.arange(0, known, max(1, math.ceil(known / most)))
     if field.weights is not None:
         picked = picked[field.weights[picked] > 0]
     centers, scales = field.centers[picked], field.scales[picked]
     # Integrals of the profiles: that of exp(-k r^2) is (pi / k)^(3/2).
     volumes = (scales**3 if scales.ndim == 1 else scales.prod(axis=1)) * (math.pi / field.falloff) ** 1.5
-    # Where many kernels overlap, each stands for its share of the volume.
-    crowd = np.maximum(1.0, field.weight_at(centers) / max(field.weight_range[1], 1e-300))
-    volumes = volumes / crowd * (known / max(len(picked), 1))
-    copies = max(1, math.ceil(_FEW / max(len(picked), 1)))
+    copies = max(1, math.ceil(few / max(len(picked), 1)))
     shapes = field.native.shapes(picked.astype(np.int64))
-    points = [centers + np.einsum("nij,nj->ni", shapes, inner) for inner in _directions(copies, len(picked))]
+    spread = [centers + np.einsum("nij,nj->ni", shapes, inner) for inner in _directions(copies, len(picked))]
+    points = np.concatenate(spread)
     longest = scales if scales.ndim == 1 else scales.max(axis=1)
-    return Measure(
-        np.concatenate(points),
-        np.tile(field.at(centers), copies),
-        np.tile(volumes / copies, copies),
-        np.tile(_RIM * longest, copies),
-    )
+    # Where kernels overlap, each stands for its share of the sum of weights, and so of the volume.
+    where = points if places else centers
+    heights = np.ones(len(picked)) if field.weights is None else field.weights[picked]
+    sums, values = field.weight_at(where), field.at(where)
+    if not places:
+        sums, values = np.tile(sums, copies), np.tile(values, copies)
+    shares = np.minimum(1.0, np.tile(heights, copies) / np.maximum(sums, 1e-300))
+    volumes = np.tile(volumes * (known / max(len(picked), 1) / copies), copies) * shares
+    return Measure(points, values, volumes, np.tile(_RIM * longest, copies))
 
 
 def _directions(copies: int, count: int) -> Iterator[Floats]:
@@ -101,3 +119,29 @@ def _directions(copies: int, count: int) -> Iterator[Floats]:
     for _ in range(copies):
         found = generator.normal(size=(count, 3))
         yield found * (_INNER * generator.random(count) ** (1 / 3) / np.linalg.norm(found, axis=1))[:, np.newaxis]
+
+
+def coarse_picture(places: Floats, weights: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """Return sums of weights over the area of a cell, in a picture of square cells, and the cell of each position.
+
+    Parameters
+    ----------
+    places
+        Positions in the picture, (N, 2), world units; their box is the picture.
+    weights
+        (N,). Of optical depths times volumes the sums are optical depths of rays.
+
+    Returns
+    -------
+    picture
+        (columns, rows).
+    cells
+        Column and row of each position, (N, 2).
+    """
+    low = places.min(axis=0)
+    extent = np.maximum(np.ptp(places, axis=0), 1e-12 * float(np.abs(places).max(initial=1e-280)))
+    count = int(np.clip(math.sqrt(len(places) / _PER_CELL), _LEAST_CELLS, _CELLS))
+    shape = np.maximum(1, np.ceil(count * extent / extent.max())).astype(int)
+    cells = np.minimum((places - low) / extent * shape, shape - 1).astype(np.int64)
+    sums = np.bincount(cells[:, 0] * shape[1] + cells[:, 1], weights, int(shape.prod()))
+    return sums.reshape(shape) * float((shape / extent).prod()), cells

@@ -12,25 +12,40 @@ from sheetsplat.scene import Scene
 
 # Place in the colormap of a surface without given limits: bright enough also in maps that begin dark.
 SURFACE_SHARE = 0.7
+# Least width of such limits as a share of the range of values: narrower ones cannot be told apart on a colour bar.
+_NARROWEST = 0.05
 
 
 def surface_limits(fields: Sequence[Field], iso_value: IsoValue) -> tuple[float, float] | None:
-    """Return limits as wide as the values that give a surface a colour from the upper part of a map.
+    """Return limits inside the range of the values that give a surface a colour from the upper part of a map.
 
-    Of several surfaces the outermost two have the colours of the ends.
+    They are the widest with the surface at `SURFACE_SHARE` of the map, so that one of them is an end of the range. Near
+    the ends of the range, where these would be very narrow, the surface's colour gives way. Of several surfaces the
+    outermost two have the colours of the ends.
     """
     if isinstance(iso_value, Sequence):
         values = [value for value, _ in iso_value]
         if min(values) < max(values):
             return min(values), max(values)
         iso_value = values[0]
-    ranges = [one.value_range for one in fields if one.size]
-    width = sum(high - low for low, high in ranges)
     if not math.isfinite(iso_value):
         return None
-    if not width > 1e-6 * abs(iso_value):
-        width = max(abs(iso_value), 1.0) * 1e-3
-    limits = iso_value - SURFACE_SHARE * width, iso_value + (1.0 - SURFACE_SHARE) * width
+    ranges = [one.value_range for one in fields if one.size]
+    low, high = sum(first for first, _ in ranges), sum(last for _, last in ranges)
+    if not low < iso_value < high:
+        # Outside the supports the scalar is 0.
+        low, high = min(low, 0.0), max(high, 0.0)
+    width = high - low
+    if low < iso_value < high and width > 1e-6 * abs(iso_value):
+        below, above = iso_value - low, high - iso_value
+        if below * (1.0 - SURFACE_SHARE) < above * SURFACE_SHARE:
+            limits = low, low + max(below / SURFACE_SHARE, _NARROWEST * width)
+        else:
+            limits = high - max(above / (1.0 - SURFACE_SHARE), _NARROWEST * width), high
+    else:
+        # No such surface, or values that differ by rounding alone.
+        width = max(width if width > 1e-6 * abs(iso_value) else 0.0, max(abs(iso_value), 1.0) * 1e-3)
+        limits = iso_value - SURFACE_SHARE * width, iso_value + (1.0 - SURFACE_SHARE) * width
     return limits if math.isfinite(limits[1] - limits[0]) else None
 
 

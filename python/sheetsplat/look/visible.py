@@ -12,18 +12,19 @@ from numpy.typing import NDArray
 from sheetsplat._checks import triple
 from sheetsplat.camera import Camera
 from sheetsplat.fields import EllipsoidField, Field, RegularField
-from sheetsplat.look.measure import Floats, Measure, measure_kernels, measure_volumes
+from sheetsplat.look.measure import Floats, Measure, coarse_picture, measure_kernels, measure_volumes
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
-# Cells of the coarse picture across, at least so many positions in a cell on average.
-_CELLS = 96
-_LEAST_CELLS = 12
-_PER_CELL = 4.0
 # A cell is visible where its opacity is above this share of the largest.
 _VISIBLE = 0.06
 # Share of the picture's opacity that may lie outside on each side.
 _OUTLIERS = 0.002
+# Parts of a picture that hang together and have less than this share of its opacity are strays, and do not count where
+# all others together are smaller than that share of the picture's size; but strays have at most so much of the opacity.
+_STRAY = 0.05
+_WITHOUT_STRAYS = 0.7
+_STRAYS = 0.25
 # What fills less of a coarse picture than this is looked at again, nearer.
 _SMALL = 0.5
 _LOOKS = 6
@@ -66,6 +67,10 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
         seen[seen] = _seen(places[seen, :2], weights[seen], as_sum=scene.mode == "xray")
         if not seen.any():
             return None
+        core = _without_strays(places[seen, :2], weights[seen], as_sum=scene.mode == "xray")
+        if not core.all():
+            seen[seen] = core
+            continue
         if not extent.any() or float((np.ptp(places[seen, :2], axis=0) / extent.max()).max()) > _SMALL:
             break
     first, last = _quantiles(places[seen, 2], weights[seen])
@@ -84,23 +89,34 @@ def _quantiles(numbers: Floats, weights: Floats) -> tuple[float, float]:
 
 def _seen(places: Floats, weights: Floats, *, as_sum: bool) -> NDArray[np.bool_]:
     """Return which positions in the picture (N, 2) lie where something can be seen, outliers aside."""
-    low = places.min(axis=0)
-    extent = np.maximum(np.ptp(places, axis=0), 1e-12 * float(np.abs(places).max(initial=1e-280)))
-    count = int(np.clip(math.sqrt(len(places) / _PER_CELL), _LEAST_CELLS, _CELLS))
-    cells = np.maximum(1, np.ceil(count * extent / extent.max())).astype(int)
-    at = np.minimum((places - low) / extent * cells, cells - 1).astype(np.int64)
-    cell = at[:, 0] * cells[1] + at[:, 1]
-    depth = np.bincount(cell, weights, int(cells.prod()))
-    opacity = depth if as_sum else -np.expm1(-depth * float((cells / extent).prod()))
-    opacity = np.where(opacity >= _VISIBLE * opacity.max(), opacity, 0.0)
-    found: NDArray[np.bool_] = opacity[cell] > 0
-    picture = opacity.reshape(cells)
+    depth, at = coarse_picture(places, weights)
+    opacity = depth if as_sum else -np.expm1(-depth)
+    picture = np.where(opacity >= _VISIBLE * opacity.max(), opacity, 0.0)
+    found: NDArray[np.bool_] = picture[at[:, 0], at[:, 1]] > 0
     for axis in (0, 1):
         share = np.cumsum(picture.sum(axis=1 - axis))
         first = np.searchsorted(share, _OUTLIERS * share[-1], side="right")
         last = np.searchsorted(share, (1.0 - _OUTLIERS) * share[-1], side="left")
         found = found & (at[:, axis] >= first) & (at[:, axis] <= last)
     return found
+
+
+def _without_strays(places: Floats, weights: Floats, *, as_sum: bool) -> NDArray[np.bool_]:
+    """Return which positions in the picture (N, 2) are in its larger parts; all where that hardly changes its size."""
+    # Slow to import.
+    from scipy.ndimage import label  # type: ignore[import-untyped]
+
+    every = np.ones(len(places), bool)
+    depth, at = coarse_picture(places, weights)
+    opacity = depth if as_sum else -np.expm1(-depth)
+    parts, count = label(opacity > 0, np.ones((3, 3)))
+    shares = np.bincount(parts.ravel(), opacity.ravel(), count + 1) / opacity.sum()
+    large = shares >= _STRAY
+    if large[1:].all() or not large[1:].any() or shares[~large].sum() > _STRAYS:
+        return every
+    kept: NDArray[np.bool_] = large[parts[at[:, 0], at[:, 1]]]
+    smaller = np.ptp(places[kept], axis=0).max() < _WITHOUT_STRAYS * np.ptp(places, axis=0).max()
+    return kept if smaller else every
 
 
 def _kept(scene: Scene, points: Floats) -> NDArray[np.bool_]:

@@ -58,6 +58,7 @@ BENCHES: dict[str, Bench] = {
         "quality",
         "ripple",
         "claims",
+        "first_sight",
         "startup",
         "memory",
         "scaling",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageDraw
 
 import sheetsplat as ss
 from bench.report import Options
@@ -17,6 +17,10 @@ from bench.report import Options
 _MOST = 100_000
 _EDGES = (200, 170, 140, 120)
 _GAP = 4
+# Of labelled sheets.
+_ACROSS = 9
+_SMALL_EDGE = 128
+_LABEL = 14
 
 
 def file_name(*names: str) -> str:
@@ -69,3 +73,29 @@ def _write(folder: Path, path: Path, rows: Sequence[Sequence[Sequence[str]]], ed
                 one = opened.convert("RGBA").resize((edge, edge), Image.Resampling.BICUBIC)
             sheet.paste(one, (along * step, down * step), one)
     sheet.save(path, optimize=True)
+
+
+def make_labelled_sheet(options: Options, name: str, columns: Sequence[tuple[str, Sequence[Sequence[str]]]]) -> None:
+    """Write a contact sheet NAME.jpg of saved pictures: each column has a label, then its pictures on white.
+
+    A picture is given by the parts of its name; missing ones stay white. Columns continue below where a line is full.
+    """
+    if options.pictures is None:
+        return
+    high = max(len(pictures) for _, pictures in columns)
+    step = _SMALL_EDGE + _GAP
+    block = _LABEL + high * step + _GAP
+    lines = -(-len(columns) // _ACROSS)
+    sheet = Image.new("RGB", (step * min(len(columns), _ACROSS) - _GAP, block * lines - _GAP), "white")
+    pen = ImageDraw.Draw(sheet)
+    for number, (label, pictures) in enumerate(columns):
+        left, top = step * (number % _ACROSS), block * (number // _ACROSS)
+        pen.text((left + 2, top), label, fill="black")
+        for down, parts in enumerate(pictures):
+            picture = options.pictures / file_name(*parts)
+            if picture.is_file():
+                with Image.open(picture) as opened:
+                    one = opened.convert("RGBA").resize((_SMALL_EDGE, _SMALL_EDGE), Image.Resampling.BICUBIC)
+                sheet.paste(one, (left, top + _LABEL + down * step), one)
+    options.pictures.mkdir(parents=True, exist_ok=True)
+    sheet.save(options.pictures / f"{name}.jpg", quality=85)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
 import re
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import sheetsplat as ss
 from bench import BENCHES, Goal, Options, Report
@@ -16,7 +18,8 @@ from bench.__main__ import main
 from bench.ellipsoids import WAYS, at_equal_time
 from bench.error_estimate import summary
 from bench.huge import corners
-from bench.measure import Judge, Timing, decibels, difference, exponent, orbit, quotient, time_frames
+from bench.measure import Judge, Timing, decibels, difference, exponent, in_new_process, orbit, quotient, time_frames
+from bench.pyvista_default import draw
 from bench.report import columns
 from bench.scenes import ellipsoids
 from bench.table2005 import PICTURES, threshold_for
@@ -177,6 +180,38 @@ def test_table_reads_files_and_resamples(tmp_path: Path) -> None:
     assert cartesian["size"] == "24x24x24" and bcc["size"] == "17x17x34"
     assert cartesian["threshold"] == bcc["threshold"]
     assert bcc["above"] / cartesian["above"] == pytest.approx(math.sqrt(0.5), rel=0.1)
+
+
+def test_every_set_is_shown_or_skipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import nrrd
+
+    monkeypatch.setattr("bench.first_sight.is_installed", lambda: False)
+    nrrd.write(str(tmp_path / "nucleon_41x41x41_uint8.nrrd"), noisy_ball(24).values, index_order="C")
+    options = _options(tmp_path, backend="cpu", rows=("nucleon", "fire"), pictures=tmp_path / "pictures")
+    report = BENCHES["first_sight"].run(options)
+    nucleon, fire = report.rows
+    assert fire["remark"].startswith("skipped: fire_ug.vtu.gz")
+    assert nucleon["draft_error"] > nucleon["good_error"] > nucleon["best_error"] > 0.0
+    assert nucleon["good_s"] > 0.0 and nucleon["good_error"] < 0.2 and nucleon["pyvista"] == "not installed"
+    assert nucleon["shown"] > 0.2 and 0.8 < nucleon["filled"] <= 1.0
+    names = {path.name for path in (tmp_path / "pictures").iterdir()}
+    assert {"first_sight-nucleon-good.png", "first_sight.jpg", "first_sight.html"} <= names
+    page = (tmp_path / "pictures" / "first_sight.html").read_text(encoding="utf-8")
+    assert "src='first_sight-nucleon-good.png'" in page and "skipped: fire_ug.vtu.gz" in page
+
+
+def test_pyvista_shows_a_volume(tmp_path: Path) -> None:
+    import nrrd
+
+    pytest.importorskip("pyvista")
+    nrrd.write(str(tmp_path / "a.nrrd"), noisy_ball(16).values, index_order="C")
+    with (tmp_path / "b.nrrd.gz").open("wb") as packed:
+        packed.write(gzip.compress((tmp_path / "a.nrrd").read_bytes()))
+    for name in ("a.nrrd", "b.nrrd.gz"):
+        output = tmp_path / f"{name}.png"
+        found = in_new_process(draw, path=str(tmp_path / name), grid=None, size=[20, 16], output=str(output))
+        assert found["seconds"] > 0.0 and Image.open(output).size == (20, 16)
+    assert draw(str(tmp_path / "c.h5"), None, [8, 8], "") == {"reason": "no reader"}
 
 
 def test_ablation_names_what_this_backend_lacks(tmp_path: Path) -> None:

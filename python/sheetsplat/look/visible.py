@@ -103,20 +103,36 @@ def _seen(places: Floats, weights: Floats, *, as_sum: bool) -> NDArray[np.bool_]
 
 def _without_strays(places: Floats, weights: Floats, *, as_sum: bool) -> NDArray[np.bool_]:
     """Return which positions in the picture (N, 2) are in its larger parts; all where that hardly changes its size."""
-    # Slow to import.
-    from scipy.ndimage import label  # type: ignore[import-untyped]
-
     every = np.ones(len(places), bool)
     depth, at = coarse_picture(places, weights)
     opacity = depth if as_sum else -np.expm1(-depth)
-    parts, count = label(opacity > 0, np.ones((3, 3)))
-    shares = np.bincount(parts.ravel(), opacity.ravel(), count + 1) / opacity.sum()
+    parts = _connected(opacity > 0)
+    shares = np.bincount(parts.ravel(), opacity.ravel()) / opacity.sum()
     large = shares >= _STRAY
-    if large[1:].all() or not large[1:].any() or shares[~large].sum() > _STRAYS:
+    if not large.any() or shares[~large].sum() > _STRAYS:
         return every
     kept: NDArray[np.bool_] = large[parts[at[:, 0], at[:, 1]]]
     smaller = np.ptp(places[kept], axis=0).max() < _WITHOUT_STRAYS * np.ptp(places, axis=0).max()
     return kept if smaller else every
+
+
+def _connected(picture: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return a number for each cell, the same in cells that hang together over edges and corners, 0 where it is False.
+
+    As `scipy.ndimage.label`, whose import would take as long as a first picture.
+    """
+    parts = np.where(picture, np.arange(1, picture.size + 1).reshape(picture.shape), 0)
+    while True:
+        wider = np.pad(parts, 1)
+        for axis in (0, 1):
+            # The largest of three cells along each axis.
+            ends = [np.take(wider, np.arange(start, wider.shape[axis] - 2 + start), axis) for start in range(3)]
+            wider = np.maximum(np.maximum(ends[0], ends[1]), ends[2])
+        grown = np.where(picture, wider, 0)
+        if np.array_equal(grown, parts):
+            return parts
+        # The cell that a number came from may know a larger one by now: fewer steps through long parts.
+        parts = np.where(picture, grown.ravel()[np.maximum(grown.ravel() - 1, 0)].reshape(picture.shape), 0)
 
 
 def _kept(scene: Scene, points: Floats) -> NDArray[np.bool_]:

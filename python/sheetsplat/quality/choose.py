@@ -8,7 +8,7 @@ from typing import Any, TypeVar, cast
 
 from sheetsplat._checks import choice
 from sheetsplat.camera import Camera
-from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields import Field, RegularField
 from sheetsplat.options.core import definitions
 from sheetsplat.options.quality import QUALITIES
 from sheetsplat.options.scene import SceneOptions
@@ -37,8 +37,9 @@ class _Level:
     ----------
     kernel
         Radius and falloff of volumes whose values pass through their samples; None: plain sums.
-    volumes, scattered
-        How many slices there are to one of the default distance, by the mode; 1 in modes that are not named.
+    volumes, plain_volumes, scattered
+        How many slices there are to one of the default distance, by the mode; 1 in modes that are not named. Volumes of
+        plain sums alone have smaller kernels, or fewer that show, so that more slices take the same time.
     stop
         Opacity at which a pixel is finished; None: the default.
     filters
@@ -47,20 +48,21 @@ class _Level:
 
     kernel: tuple[float, float] | None
     volumes: Mapping[str, int]
+    plain_volumes: Mapping[str, int]
     scattered: Mapping[str, int]
     stop: float | None
     filters: bool
 
 
+_TWICE = dict.fromkeys(("composite", "isosurface", "mip", "minimum"), 2)
 # Found by measurement: docs/quality.md, "What a picture is worth", and ./run bench quality.
 _LEVELS = {
-    "draft": _Level(None, {}, {}, None, False),
-    "good": _Level(
-        (2.0, 5.0), {"composite": 2, "isosurface": 2, "mip": 2, "minimum": 2}, {"composite": 2}, 0.995, True
-    ),
+    "draft": _Level(None, {}, {}, {}, None, False),
+    "good": _Level((2.0, 5.0), _TWICE, _TWICE, {"composite": 2}, 0.995, True),
     "best": _Level(
         (2.5, 7.0),
-        {"composite": 4, "isosurface": 4, "mip": 4, "minimum": 4, "average": 2},
+        {**dict.fromkeys(_TWICE, 4), "average": 2},
+        {**dict.fromkeys(_TWICE, 6), "average": 2},
         {"composite": 4, "isosurface": 2, "mip": 2, "minimum": 2},
         0.999,
         True,
@@ -227,8 +229,9 @@ def _draft_spacing(scene: Scene) -> float | None:
 
 def _slices_more(level: _Level, scene: Scene) -> int:
     """Return how many slices a quality takes in place of one of the default distance."""
-    scattered = all(isinstance(one, EllipsoidField) for one in scene.fields)
-    return (level.scattered if scattered else level.volumes).get(scene.mode, 1)
+    volumes = [one for one in scene.fields if isinstance(one, RegularField)]
+    plain = not any(one.prefilter for one in volumes)
+    return (level.scattered if not volumes else level.plain_volumes if plain else level.volumes).get(scene.mode, 1)
 
 
 def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tuple[bool, str]:

@@ -3,48 +3,20 @@
 #include "lib/interop.h"
 #include "lib/sheets.glsl"
 #include "lib/compensated.glsl"
-
-#if defined(PERSPECTIVE) || defined(VOLUMES)
-uniform vec2 axis;              // pixel of the optical axis
-#endif
-#ifdef PERSPECTIVE
-uniform float pixel;            // slope of one pixel
-#endif
-#if defined(PERSPECTIVE) || defined(DEPTH_OUT)
-uniform float first_depth;      // of the first slab in the array
-uniform float slice_spacing;
-#endif
+#include "lib/picture.glsl"
 #ifdef CLASSIFY
 #include "lib/transfer.glsl"
 #include "lib/opacity.glsl"
 uniform float exponent;         // slice spacing over reference length
 #endif
-#if defined(PREINTEGRATION) && defined(DEPTH_OUT)
-uniform int nearest_slab;       // of the array: that of the least depth that an interval reports
-#endif
-#if (defined(SLOPES) && !defined(ANALYTIC)) || defined(CLIP) || defined(OPEN_FRONT)
-uniform int first_slab;         // of the array, counted from the first slice
-#endif
 #ifdef CLIP
 #include "lib/clip.glsl"
 #endif
-#ifdef VOLUMES
-#include "lib/light_volume.glsl"
-#endif
+#if defined(CLASSIFY) || defined(MODE_ISOSURFACE)
+#include "lib/look.glsl"
 #ifdef GRADIENT
-#include "lib/phong.glsl"
-uniform vec2 gradient_scale;    // reference length over twice the pixel's width (perspective: its slope) and over twice the spacing
-uniform float weakest_gradient; // g0
-#ifdef SLOPES
-#include "lib/slopes.glsl"
+#include "lib/gradient.glsl"
 #endif
-#endif
-#ifdef GRADIENT_OPACITY
-uniform float full_gradient;    // g1, in the gradient's unit
-#endif
-#ifdef DEPTH_CUE
-uniform vec4 cue;               // colour, strength
-uniform vec2 cue_share;         // share of the way from start to end: of the first slab in the array, from slab to slab
 #endif
 #ifdef STOP
 uniform float opacity_stop;
@@ -53,65 +25,8 @@ uniform float opacity_stop;
 uniform float iso_value;
 uniform vec4 iso_color;
 #endif
-#ifdef READ_IMAGE
-uniform sampler2D image_texture;
-#ifdef DEPTH_OUT
-uniform sampler2D image_depth_texture;
-#endif
-#endif
-#ifdef COVERAGE
-uniform sampler2D image_coverage_texture;
-#endif
-#ifdef COMPENSATED
-uniform sampler2D image_error_texture;
-#endif
-
-out vec4 image_out;
-#ifdef DEPTH_OUT
-out float depth_out;
-#endif
-#ifdef COVERAGE
-out vec2 coverage_out; // sum and its rounding error
-#endif
-#ifdef COMPENSATED
-out vec4 error_out;
-#endif
-
-// Without lights colours count as ambient light.
-#ifdef OCCLUSION
-#ifndef GRADIENT
-#define ALL_AMBIENT
-#elif LIGHTS == 0
-#define ALL_AMBIENT
-#endif
-#endif
-
-// Slices of this pass are CENTER ... CENTER + SLICES - 1 of the array; intervals start one earlier, since their far end needs a gradient too.
-#define CENTER (SLABS - 1 - SLICES)
-#define INTERVAL (SLABS - 2 - SLICES)
-
 #ifdef PREINTEGRATION
 #include "lib/preintegration.glsl"
-#endif
-
-#ifdef VOLUMES
-vec3 spot_at(float slab) {
-    vec2 from = gl_FragCoord.xy - axis;
-#ifdef PERSPECTIVE
-    from *= first_depth + slab * slice_spacing;
-#endif
-    return vec3(from, slab);
-}
-#define AND_SPOT(slab) , spot_at(slab)
-#else
-#define AND_SPOT(slab)
-#endif
-
-#ifdef DEPTH_CUE
-// slab: place in the array, between two slabs for what lies there
-vec3 cued(vec3 color, float slab) {
-    return mix(color, cue.rgb, cue.a * clamp(cue_share.x + slab * cue_share.y, 0.0, 1.0));
-}
 #endif
 
 void main() {
@@ -126,6 +41,7 @@ void main() {
     vec2 slope = vec2(gl_FragCoord.x - axis.x, axis.y - gl_FragCoord.y) * pixel;
     float slant = sqrt(1.0 + dot(slope, slope));
 #else
+    const vec2 slope = vec2(0.0);
     const float slant = 1.0;
 #endif
 
@@ -182,42 +98,45 @@ void main() {
         result.r = max(result.r, rho[c]);
     }
 #endif
+#ifdef MODE_MINIMUM
+    // In g: 1 once a slice has counted.
+    for (int c = CENTER; c < CENTER + SLICES; ++c) {
+#ifdef CLIP
+        if (!kept[c]) {
+            continue;
+        }
+#endif
+        if (w[c] > 0.0) {
+            result.rg = vec2(result.g > 0.0 ? min(result.r, rho[c]) : rho[c], 1.0);
+        }
+    }
+#endif
+#ifdef MODE_AVERAGE
+    // Sum, its rounding error, number of slices.
+    for (int c = CENTER; c < CENTER + SLICES; ++c) {
+#ifdef CLIP
+        if (!kept[c]) {
+            continue;
+        }
+#endif
+        if (w[c] > 0.0) {
+            add(result.rg, rho[c]);
+            result.b += 1.0;
+        }
+    }
+#endif
 #if defined(CLASSIFY) || defined(MODE_ISOSURFACE)
 #ifdef GRADIENT
-#ifdef SLOPES
-    vec3 slopes[SLABS];
-    slopes_at(at, rho, slopes);
-#else
-    float left[SLABS];
-    float right[SLABS];
-    float above[SLABS];
-    float below[SLABS];
-    rho_at(at - ivec2(1, 0), left);
-    rho_at(at + ivec2(1, 0), right);
-    rho_at(at - ivec2(0, 1), above);
-    rho_at(at + ivec2(0, 1), below);
-#endif
 #ifdef PERSPECTIVE
     vec3 view = vec3(-slope, 1.0) / slant;
 #else
     const vec3 view = vec3(0.0, 0.0, 1.0);
 #endif
     vec3 gradient[SLABS];
-    for (int c = 1; c < SLABS - 1; ++c) {
-#ifdef SLOPES
-        vec3 change = slopes[c];
+    gradients_at(at, rho, slope, gradient);
+#define SEEN(color, slab) seen(color, slab, normal_gradient, view)
 #else
-        vec3 change = vec3(right[c] - left[c], above[c] - below[c], rho[c + 1] - rho[c - 1]);
-#endif
-#ifdef PERSPECTIVE
-        float t = first_depth + float(c) * slice_spacing;
-        // In front of the eye there are no slices: both differences are 0 there, and so is their quotient.
-        vec2 across = t > 0.0 ? change.xy * gradient_scale.x / t : vec2(0.0);
-        gradient[c] = vec3(across, dot(slope, across) - change.z * gradient_scale.y);
-#else
-        gradient[c] = vec3(change.xy * gradient_scale.x, -change.z * gradient_scale.y);
-#endif
-    }
+#define SEEN(color, slab) seen(color, slab)
 #endif
 
 #ifdef MODE_ISOSURFACE
@@ -232,16 +151,9 @@ void main() {
         if (crossed) {
             float share = clamp((iso_value - rho[c]) / (rho[c + 1] - rho[c]), 0.0, 1.0);
 #ifdef GRADIENT
-            result = vec4(shade(iso_color.rgb, mix(gradient[c], gradient[c + 1], share), weakest_gradient, view AND_SPOT(float(c) + share)), 1.0);
-#else
-            result = vec4(iso_color.rgb, 1.0);
+            vec3 normal_gradient = mix(gradient[c], gradient[c + 1], share);
 #endif
-#ifdef ALL_AMBIENT
-            result.rgb *= ambient_left(spot_at(float(c) + share));
-#endif
-#ifdef DEPTH_CUE
-            result.rgb = cued(result.rgb, float(c) + share);
-#endif
+            result = vec4(SEEN(iso_color.rgb, float(c) + share), 1.0);
 #ifdef DEPTH_OUT
             depth = first_depth + (float(c) + share) * slice_spacing;
 #endif
@@ -315,17 +227,7 @@ void main() {
 #else
         float middle = float(c);
 #endif
-#ifdef GRADIENT
-        vec3 color = shade(classified.rgb, normal_gradient, weakest_gradient, view AND_SPOT(middle));
-#else
-        vec3 color = classified.rgb;
-#endif
-#ifdef ALL_AMBIENT
-        color *= ambient_left(spot_at(middle));
-#endif
-#ifdef DEPTH_CUE
-        color = cued(color, middle);
-#endif
+        vec3 color = SEEN(classified.rgb, middle);
         float share = (1.0 - result.a) * alpha;
 #ifdef DEPTH_OUT
         if (result.a < 0.5 && result.a + share >= 0.5) {

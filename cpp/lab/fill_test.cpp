@@ -26,14 +26,14 @@ Seconds fill_test(std::size_t kernels, double diameter_px, int width, int height
     const gl::Current current(*context);
     const gl::Api& gl = context->api();
     std::vector<gl::Texture> textures;
-    std::vector<const gl::Texture*> colors;
+    std::vector<gl::Attachment> colors;
     std::vector<std::string> outputs;
     for (int target = 0; target < targets; ++target) {
         textures.emplace_back(gl, GL_RGBA32F, width, height);
         outputs.push_back("fill_" + std::to_string(target));
     }
     for (const gl::Texture& texture : textures) {
-        colors.push_back(&texture);
+        colors.emplace_back(&texture);
     }
     const gl::Framebuffer framebuffer(gl, colors);
     const gl::Program program(gl, embedded_glsl(), "fill.vert", "fill.frag", {{"TARGETS", std::to_string(targets)}},

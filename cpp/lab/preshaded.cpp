@@ -174,7 +174,7 @@ const Targets& draw_preshaded(const Job& job, const gl::Api& gl, Resources& reso
             drawn += made;
             colors.upload(batch_colors.data(), batch_colors.size() * sizeof(batch_colors[0]));
             const FieldView& view = *job.regular[n].view;
-            targets.bind_splat(-1, 0, false, false);
+            targets.bind_splat(-1, 0, 0, false, false);
             gl.BlendFunc(GL_ONE, GL_ONE);
             splat.use();
             splat.set("falloff_log2", f(view.field->kernel().falloff * log2_e));

@@ -1,6 +1,8 @@
 // Opacity of a slice from opacity per reference length, with all digits for a -> 0 and a = 1.
 // Source: conventions, section 4.
 
+const float clearest = 5.9604645e-8; // in means, 1 - a is never taken smaller: 2^-24
+
 // -ln(1 - a)
 float absorption(float a) {
     if (a < 0.25) {

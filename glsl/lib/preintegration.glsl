@@ -1,16 +1,14 @@
 // Classification of the ramp between two slices, integrated over the piecewise linear transfer function.
 // Source: conventions, section 4; Engel, Kraus and Ertl 2001.
 
-const float clearest = 5.9604645e-8; // 1 - a is never taken smaller: 2^-24
-
 // Interval between two points that a value lies in; -1 before the first point.
 int interval_of(float value) {
     if (!(value >= transfer_range.x)) {
         return -1;
     }
     int cell = int(min((value - transfer_range.x) * transfer_range.y, float(TRANSFER_CELLS - 1)));
-    int point = texelFetch(transfer_index, ivec2(cell, 0), 0).r;
-    while (point < transfer_last && value >= texelFetch(transfer_points, ivec2(point, 1), 0).y) {
+    int point = texelFetch(transfer_index, ivec2(cell, INDEX_ROW), 0).r;
+    while (point < transfer_last && value >= texelFetch(transfer_points, ivec2(point, VALUE_ROW), 0).y) {
         ++point;
     }
     return point;
@@ -62,12 +60,12 @@ vec4 ramp(float from, float to) {
     float total = 0.0;
     float begin = low;
     while (true) {
-        vec3 reach = point < 0 ? vec3(0.0, transfer_range.x, 0.0) : texelFetch(transfer_points, ivec2(point, 1), 0).xyz;
+        vec3 reach = point < 0 ? vec3(0.0, transfer_range.x, 0.0) : texelFetch(transfer_points, ivec2(point, VALUE_ROW), 0).xyz;
         float end = point == transfer_last ? high : min(reach.y, high);
-        vec4 at_begin = texelFetch(transfer_points, ivec2(max(point, 0), 0), 0);
+        vec4 at_begin = texelFetch(transfer_points, ivec2(max(point, 0), COLOR_ROW), 0);
         vec4 at_end = at_begin;
         if (point >= 0 && point < transfer_last) {
-            vec4 next = texelFetch(transfer_points, ivec2(point + 1, 0), 0);
+            vec4 next = texelFetch(transfer_points, ivec2(point + 1, COLOR_ROW), 0);
             vec4 here = at_begin;
             at_begin = mix(here, next, clamp((begin - reach.x) * reach.z, 0.0, 1.0));
             at_end = mix(here, next, clamp((end - reach.x) * reach.z, 0.0, 1.0));

@@ -1,14 +1,24 @@
 // Reading finished slabs. wide: eight slabs in two sheets; paper: four slabs in the copy buffer, whose order rotates with PHASE.
 // SLABS consecutive slabs come as an array, front to back.
 
-uniform sampler2D sheet_front_texture;
+#ifdef GROUPS
+// Groups of fields that are classified apart have layers of the sheets: what is read is that of this group.
+int group = 0;
+#define SHEET sampler2DArray
+#define SHEET_TEXEL(sheet, at) texelFetch(sheet, ivec3(at, group), 0)
+#else
+#define SHEET sampler2D
+#define SHEET_TEXEL(sheet, at) texelFetch(sheet, at, 0)
+#endif
+
+uniform SHEET sheet_front_texture;
 #ifdef WEIGHT
-uniform sampler2D weight_front_texture;
+uniform SHEET weight_front_texture;
 #endif
 #if SLABS == 8
-uniform sampler2D sheet_back_texture;
+uniform SHEET sheet_back_texture;
 #ifdef WEIGHT
-uniform sampler2D weight_back_texture;
+uniform SHEET weight_back_texture;
 #endif
 #endif
 
@@ -30,9 +40,9 @@ uniform float w0;
 
 #ifdef WEIGHT
 void weights_at(ivec2 at, out float w[SLABS]) {
-    vec4 front = texelFetch(weight_front_texture, at, 0);
+    vec4 front = SHEET_TEXEL(weight_front_texture, at);
 #if SLABS == 8
-    vec4 back = texelFetch(weight_back_texture, at, 0);
+    vec4 back = SHEET_TEXEL(weight_back_texture, at);
 #else
     vec4 back = front;
 #endif
@@ -43,9 +53,9 @@ void weights_at(ivec2 at, out float w[SLABS]) {
 vec4 normalized(vec4 d, ivec2 at, bool of_front) {
 #ifdef THRESHOLD
 #if SLABS == 8
-    return d / max(of_front ? texelFetch(weight_front_texture, at, 0) : texelFetch(weight_back_texture, at, 0), vec4(w0));
+    return d / max(of_front ? SHEET_TEXEL(weight_front_texture, at) : SHEET_TEXEL(weight_back_texture, at), vec4(w0));
 #else
-    return d / max(texelFetch(weight_front_texture, at, 0), vec4(w0));
+    return d / max(SHEET_TEXEL(weight_front_texture, at), vec4(w0));
 #endif
 #else
     return d;
@@ -54,9 +64,9 @@ vec4 normalized(vec4 d, ivec2 at, bool of_front) {
 
 // rho of the slabs at a pixel
 void rho_at(ivec2 at, out float rho[SLABS]) {
-    vec4 front = normalized(texelFetch(sheet_front_texture, at, 0), at, true);
+    vec4 front = normalized(SHEET_TEXEL(sheet_front_texture, at), at, true);
 #if SLABS == 8
-    vec4 back = normalized(texelFetch(sheet_back_texture, at, 0), at, false);
+    vec4 back = normalized(SHEET_TEXEL(sheet_back_texture, at), at, false);
 #else
     vec4 back = front;
 #endif

@@ -5,36 +5,36 @@
 uniform int last_slab; // of all
 #endif
 
-uniform sampler2D x_front_texture;
-uniform sampler2D y_front_texture;
-uniform sampler2D z_front_texture;
+uniform SHEET x_front_texture;
+uniform SHEET y_front_texture;
+uniform SHEET z_front_texture;
 #if SLABS == 8
-uniform sampler2D x_back_texture;
-uniform sampler2D y_back_texture;
-uniform sampler2D z_back_texture;
+uniform SHEET x_back_texture;
+uniform SHEET y_back_texture;
+uniform SHEET z_back_texture;
 #endif
 #ifdef THRESHOLD
-uniform sampler2D weight_x_front_texture;
-uniform sampler2D weight_y_front_texture;
-uniform sampler2D weight_z_front_texture;
+uniform SHEET weight_x_front_texture;
+uniform SHEET weight_y_front_texture;
+uniform SHEET weight_z_front_texture;
 #if SLABS == 8
-uniform sampler2D weight_x_back_texture;
-uniform sampler2D weight_y_back_texture;
-uniform sampler2D weight_z_back_texture;
+uniform SHEET weight_x_back_texture;
+uniform SHEET weight_y_back_texture;
+uniform SHEET weight_z_back_texture;
 #endif
 #endif
 
 #if SLABS == 8
 #define FETCH(result, axis, at) \
     { \
-        vec4 fetched_front = texelFetch(axis##_front_texture, at, 0); \
-        vec4 fetched_back = texelFetch(axis##_back_texture, at, 0); \
+        vec4 fetched_front = SHEET_TEXEL(axis##_front_texture, at); \
+        vec4 fetched_back = SHEET_TEXEL(axis##_back_texture, at); \
         result = UNPACK(fetched_front, fetched_back); \
     }
 #else
 #define FETCH(result, axis, at) \
     { \
-        vec4 fetched_front = texelFetch(axis##_front_texture, at, 0); \
+        vec4 fetched_front = SHEET_TEXEL(axis##_front_texture, at); \
         result = UNPACK(fetched_front, fetched_front); \
     }
 #endif

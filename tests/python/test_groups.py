@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import cache
 from typing import Any
 
@@ -18,8 +19,26 @@ from test_oracle_groups import group_scene
 
 import sheetsplat as ss
 
-BACKENDS = ["cpu"]
+BACKENDS = ["cpu", pytest.param("gl", marks=pytest.mark.gl)]
 SIZE = (30, 26)
+
+
+def cases(*names: Any, rounds: int = 1) -> list[Any]:
+    """Return what a test is run with: by the processor all combinations, by OpenGL, which compiles for long, a few.
+
+    In each round every name occurs, and names of different lists meet others.
+    """
+    few = {
+        tuple(one[(n + turn * place) % len(one)] for place, one in enumerate(names))
+        for turn in range(rounds)
+        for n in range(max(map(len, names)))
+    }
+    every = list(itertools.product(*names))
+    return [pytest.param(*one, "cpu") for one in every] + [
+        pytest.param(*one, "gl", marks=pytest.mark.gl) for one in every if one in few
+    ]
+
+
 OUTPUTS = ("coverage", "depth")
 Mask = NDArray[np.bool_]
 
@@ -164,23 +183,17 @@ def check(kind: str, fields: str, look: str, backend: str, **options: Any) -> ss
     return image
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("look", COMPOSITES)
-@pytest.mark.parametrize("fields", FIELDS)
+@pytest.mark.parametrize(("fields", "look", "backend"), cases(FIELDS, list(COMPOSITES)))
 def test_groups_are_mixed(fields: str, look: str, backend: str) -> None:
     check("composite", fields, look, backend)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize(("number", "look"), list(enumerate(EFFECTS)))
-@pytest.mark.parametrize("surfaces", SURFACES)
-def test_surfaces_of_groups(surfaces: str, number: int, look: str, backend: str) -> None:
-    check(surfaces, FIELDS[number % 3], look, backend)
+@pytest.mark.parametrize(("surfaces", "number", "backend"), cases(list(SURFACES), range(len(EFFECTS))))
+def test_surfaces_of_groups(surfaces: str, number: int, backend: str) -> None:
+    check(surfaces, FIELDS[number % 3], list(EFFECTS)[number], backend)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("surfaces", SURFACES)
-@pytest.mark.parametrize("look", ["plain", "central", "clip"])
+@pytest.mark.parametrize(("surfaces", "look", "backend"), cases(list(SURFACES), ["plain", "central", "clip"]))
 def test_surfaces_of_one_group(surfaces: str, look: str, backend: str) -> None:
     for stop in (1.0, 0.6):
         parts = scene_of("three", first=True, mode="isosurface", iso_value=SURFACES[surfaces], **EFFECTS[look])
@@ -193,10 +206,9 @@ def test_surfaces_of_one_group(surfaces: str, look: str, backend: str) -> None:
 SCALAR_LOOKS = ["plain", "slab", "central", "near", "ewa", "clip"]
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("look", SCALAR_LOOKS)
-@pytest.mark.parametrize("fields", FIELDS)
-@pytest.mark.parametrize("mode", ["minimum", "average"])
+@pytest.mark.parametrize(
+    ("look", "fields", "mode", "backend"), cases(SCALAR_LOOKS, FIELDS, ["minimum", "average"], rounds=2)
+)
 def test_slices_that_count(mode: str, fields: str, look: str, backend: str) -> None:
     image = check(mode, fields, look, backend)
     empty = image.coverage == 0
@@ -226,8 +238,12 @@ def random_parts(seed: int) -> Parts:
     return parts
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("seed", range(60, 120))
+# (OpenGL refuses some others: lit quotients of weights that differ much, close-ups.)
+@pytest.mark.parametrize(
+    ("seed", "backend"),
+    [(seed, "cpu") for seed in range(60, 120)]
+    + [pytest.param(seed, "gl", marks=pytest.mark.gl) for seed in range(61, 120, 4)],
+)
 def test_random_groups(seed: int, backend: str) -> None:
     parts = random_parts(seed)
     assert_right(parts, draw(parts, backend), draw(parts, "reference"), f"{backend} random {seed}")
@@ -248,6 +264,33 @@ def test_threads_and_tiles_change_nothing(kind: str, fields: str, look: str) -> 
         assert_close(pieces.pixels, whole.pixels, FLOAT32, f"pieces of {tile_size} {kind} {look}")
     exact = check(kind, fields, look, "cpu", precision="float64")
     assert np.abs(exact.pixels - reference(kind, fields, look).pixels).max() < 2e-6 * max(1, exact.pixels.max())
+
+
+WAYS: list[tuple[str, str, dict[str, Any]]] = [
+    ("three", "first", {"packing": "paper"}),
+    ("minimum", "clip", {"packing": "paper"}),
+    ("average", "central", {"packing": "paper"}),
+    ("three", "stopped", {"effects": {"elimination": True}, "tagging": "depth_equal"}),
+    ("composite", "stopped", {"effects": {"elimination": True, "compensation": True}, "tagging": "off"}),
+    ("composite", "plain", {"effects": {"resident_sections": True}, "tile_size": 13}),
+    ("composite", "analytic", {"effects": {"culling": False, "weight": True}}),
+]
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("number", range(len(WAYS)))
+def test_ways_of_opengl(number: int) -> None:
+    kind, look, options = WAYS[number]
+    if look == "first":
+        parts = scene_of("three", first=True, mode="isosurface", iso_value=SURFACES[kind])
+        parts |= {"groups": [[0, 1]], "transfer": [parts["transfer"]]}
+    elif kind == "three":
+        parts = parts_of(kind, "three", "plain")
+        parts["scene"]["opacity_stop"] = 0.6
+    else:
+        parts = parts_of(kind, "clouds", look)
+    image = draw(parts, "gl", **options)
+    assert_right(parts, image, draw(parts, "reference"), f"gl {kind} {look} {options}")
 
 
 # Scenes that are wrong by a little: by what the scene's parts are changed.
@@ -365,7 +408,7 @@ def test_stages_and_estimates(kind: str, backend: str) -> None:
     coarse = off_by(stages[0], last)["rmse"]
     assert 0.2 * coarse < stages[0].stats["estimated_rmse"] < 5 * coarse
     finer = scene.replace(slice_spacing=scene.slice_spacing / 16, opacity_stop=1.0, reference_length=0.13)
-    limit = ss.Renderer(backend, precision="float64").render(finer, camera, size=size)
+    limit = ss.Renderer("cpu", precision="float64").render(finer, camera, size=size)
     error = off_by(last, limit)["rmse"]
     estimated = last.error.rmse
     assert 0.4 * error < estimated < 2.5 * error

@@ -196,25 +196,16 @@ def test_what_only_the_reference_draws_names_it(field, options, found, backend):
     assert ss.Renderer("reference").plan(scene, camera, size=(8, 8)).backend == "reference"
 
 
-@pytest.mark.parametrize(
-    ("options", "found"),
-    [
-        ({"transfer_function": [GRAY, RED]}, "2 transfer functions"),
-        ({"mode": "isosurface", "iso_value": [(0.2, 1), (0.4, 1)]}, "2 iso values"),
-        ({"mode": "isosurface", "iso_value": [(0.2, 0.5)]}, "a surface of opacity 0.5"),
-        ({"mode": "minimum"}, "mode minimum"),
-        ({"mode": "average"}, "mode average"),
-    ],
-)
 @pytest.mark.gl
-def test_what_gl_does_not_draw_names_another_backend(field, options, found):
-    scene = ss.Scene([field, field], GRAY).replace(**options)
+def test_packing_paper_has_sheets_of_one_group(field):
+    scene = ss.Scene([field, field], [GRAY, RED])
     camera = ss.Camera.fit(field)
+    paper = ss.Renderer("gl", packing="paper")
     with pytest.raises(ss.Unsupported) as error:
-        ss.Renderer("gl").render(scene, camera, size=(8, 8))
-    assert found in str(error.value) and 'backend="cpu"' in str(error.value)
-    for backend in ("auto", "cpu"):
-        assert ss.Renderer(backend).plan(scene, camera, size=(8, 8)).backend == "cpu"
+        paper.render(scene, camera, size=(8, 8))
+    assert "packing paper for 2 transfer functions" in str(error.value) and 'packing="wide"' in str(error.value)
+    assert ss.Renderer("gl").plan(scene, camera, size=(8, 8)).packing == "wide"
+    assert paper.plan(scene.replace(mode="average"), camera, size=(8, 8)).packing == "paper"
 
 
 def test_scalars_of_groups_add_up(field):

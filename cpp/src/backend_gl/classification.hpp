@@ -1,5 +1,7 @@
-// The transfer function as the shaders read it.
+// The transfer functions as the shaders read them.
 #pragma once
+
+#include <vector>
 
 #include "gl/objects.hpp"
 #include "gl/program.hpp"
@@ -10,16 +12,27 @@ namespace sheetsplat::backend_gl {
 /// Exact between its points: a table of cells leads to the interval that a value lies in.
 class Classification {
   public:
+    /// Of a group of fields.
+    struct Part {
+        const TransferFunction* function;
+        double value_unit; ///< the amount of rho that the group's sheets call 1
+        double origin;     ///< the rho that they call 0
+    };
+
     Classification() = default;
-    /// value_unit: the amount of rho that sheets call 1; origin: the rho that they call 0.
-    Classification(const gl::Api& gl, const TransferFunction& function, double value_unit, double origin);
+    Classification(const gl::Api& gl, const std::vector<Part>& parts);
     /// Binds the textures and sets the uniforms of lib/transfer.glsl.
     void bind(const gl::Program& program) const;
 
   private:
+    /// The uniforms of a transfer function.
+    struct Range {
+        float first = 0.0F, cells_per_unit = 0.0F;
+        int last = 0;
+    };
+
     gl::Texture index_, points_;
-    float first_ = 0.0F, cells_per_unit_ = 0.0F;
-    int last_ = 0;
+    std::vector<Range> ranges_;
 };
 
 } // namespace sheetsplat::backend_gl

@@ -1,6 +1,7 @@
 #include "division_pass.hpp"
 
 #include "interop.h"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -33,7 +34,7 @@ void divide_own_sheets(const TileScope& scope, std::int64_t pass) {
         wide ? scope.write_all_channels() : scope.write_channel(scope.channel_of(pass));
         gl.Enable(GL_BLEND);
         gl.BlendFunc(GL_ONE, GL_ONE);
-        targets.bind_sum(wide ? sheet_number : 1);
+        targets.bind_sum(group_drawn_of(*scope.job.scene, field), wide ? sheet_number : 1);
         program.use();
         const Sheet& sheet = targets.own_sheet(own, sheet_number);
         sheet.bind(program, "front");

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 
 #include "base/clock.hpp"
 #include "base/poll.hpp"
@@ -109,9 +108,12 @@ void Picture::draw() {
 
 void Picture::upload() {
     if (plan_.mode == Mode::composite) {
-        const std::vector<double> pivots = pivots_of(plan_, *job_.scene);
-        classification_ = Classification(context_.api(), job_.scene->transfer_function, plan_.value_unit,
-                                         std::accumulate(pivots.begin(), pivots.end(), 0.0));
+        const std::vector<double> pivots = group_pivots(plan_, *job_.scene);
+        std::vector<Classification::Part> parts;
+        for (const Group& group : groups_drawn(*job_.scene)) {
+            parts.push_back({group.transfer_function, plan_.unit_of(group.first), pivots[parts.size()]});
+        }
+        classification_ = Classification(context_.api(), parts);
     }
     std::vector<const EllipsoidField*> fields;
     for (const EllipsoidPart& part : job_.ellipsoids) {
@@ -163,7 +165,11 @@ void Picture::read(const Targets& targets, const Tile& tile) {
     const double distance = job_.frame->slice_spacing;
     if (is_scalar()) {
         const double scale = scalar_unit(plan_.mode, plan_.value_unit, distance);
-        read_channels(targets, tile, 0, 1, scale, image_.scalar);
+        if (plan_.mode == Mode::average) {
+            read_means(targets, tile, scale);
+        } else {
+            read_channels(targets, tile, 0, 1, scale, image_.scalar);
+        }
     } else {
         read_channels(targets, tile, 0, 4, 1.0, image_.rgba);
     }
@@ -174,6 +180,18 @@ void Picture::read(const Targets& targets, const Tile& tile) {
     if (plan_.coverage) {
         read_channels(targets, tile, attachment, 1, distance, image_.coverage);
     }
+}
+
+void Picture::read_means(const Targets& targets, const Tile& tile, double scale) {
+    const auto pixels = static_cast<std::size_t>(tile.width) * static_cast<std::size_t>(tile.height);
+    std::vector<float> sums(4 * pixels);
+    targets.read(0, Tile::border, Tile::border, tile.width, tile.height, GL_RGBA, sums.data());
+    buffer_.resize(pixels);
+    for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
+        const double count = std::max(1.0, static_cast<double>(sums[4 * pixel + 2]));
+        buffer_[pixel] = static_cast<float>(static_cast<double>(sums[4 * pixel]) * scale / count);
+    }
+    copy_rows(buffer_, tile, job_.frame->size, 1, image_.scalar);
 }
 
 void Picture::read_channels(const Targets& targets, const Tile& tile, int attachment, std::size_t channels,

@@ -21,7 +21,7 @@ static_assert(sizeof(KernelVertex) == 112, "attributes are read at fixed places"
 } // namespace
 
 SectionPass::SectionPass(const gl::Api& gl)
-    : gl_(&gl), pixel_(gl, GL_RGBA8, 1, 1), nowhere_(gl, std::vector<const gl::Texture*>{&pixel_}) {}
+    : gl_(&gl), pixel_(gl, GL_RGBA8, 1, 1), nowhere_(gl, std::vector<gl::Attachment>{&pixel_}) {}
 
 const gl::Program& SectionPass::program(Projection projection) {
     gl::Program& made = projection == Projection::perspective ? perspective_ : orthographic_;

@@ -66,11 +66,23 @@ std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene) {
         if (plan.own_sheets[field] >= 0) {
             const double pivot = pivots(plan) ? pivot_of(*scene.fields[field]) : 0.0;
             // As float32 has it in the sheets' unit, so that all who use it mean the same number.
-            const auto rounded = static_cast<double>(static_cast<float>(pivot / plan.value_unit));
-            result.push_back(rounded * plan.value_unit);
+            const double unit = plan.unit_of(field);
+            const auto rounded = static_cast<double>(static_cast<float>(pivot / unit));
+            result.push_back(rounded * unit);
         }
     }
     return result;
+}
+
+std::vector<double> group_pivots(const DrawPlan& plan, const Scene& scene) {
+    std::vector<double> sums(groups_drawn(scene).size(), 0.0);
+    const std::vector<double> pivots = pivots_of(plan, scene);
+    for (std::size_t field = 0; field < plan.own_sheets.size(); ++field) {
+        if (plan.own_sheets[field] >= 0) {
+            sums[group_drawn_of(scene, field)] += pivots[static_cast<std::size_t>(plan.own_sheets[field])];
+        }
+    }
+    return sums;
 }
 
 Steps make_steps(const DrawPlan& plan, const Frame& frame) {
@@ -156,19 +168,33 @@ std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& 
     return names;
 }
 
-gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
+ShadedParts shaded_parts(const Scene& scene) {
+    ShadedParts parts;
+    parts.lights = scene.lights.size();
+    parts.groups = groups_drawn(scene).size();
+    if (scene.mode == Mode::isosurface) {
+        const bool plain = parts.groups == 1 && scene.iso_values.size() == 1 && scene.iso_values.front().opacity == 1.0;
+        parts.surfaces = plain ? 0 : parts.groups * scene.iso_values.size();
+    }
+    return parts;
+}
+
+gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int phase) {
     gl::Defines defines;
+    const std::size_t lights = parts.lights;
     const bool wide = plan.packing == Packing::wide;
     defines["SLICES"] = wide ? "4" : "1";
     defines["SLABS"] = wide ? "8" : "4";
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 29> switches{{
+    const std::array<std::pair<const char*, bool>, 31> switches{{
         {"CLASSIFY", plan.mode == Mode::composite},
         {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
         {"MODE_XRAY", plan.mode == Mode::xray},
         {"MODE_MIP", plan.mode == Mode::mip},
+        {"MODE_MINIMUM", plan.mode == Mode::minimum},
+        {"MODE_AVERAGE", plan.mode == Mode::average},
         {"WEIGHT", plan.weight},
         {"THRESHOLD", plan.threshold},
         {"EMPTY_TEST", plan.empty_test},
@@ -196,6 +222,12 @@ gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase) {
         {"COMPENSATED", plan.compensated},
     }};
     define(switches, defines);
+    if (parts.groups > 1) {
+        defines["GROUPS"] = std::to_string(parts.groups);
+    }
+    if (parts.surfaces > 0) {
+        defines["SURFACES"] = std::to_string(parts.surfaces);
+    }
     if (plan.gradient) {
         defines["LIGHTS"] = std::to_string(plan.lit ? lights : 0);
     }

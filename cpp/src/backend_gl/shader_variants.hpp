@@ -44,20 +44,33 @@ Steps make_steps(const DrawPlan& plan, const Frame& frame);
 
 /// What one field's splats add to.
 struct SplatTarget {
-    int own = -1;               ///< number of the field's own sheets; -1: the sheets of all fields
+    int own = -1;               ///< number of the field's own sheets; -1: the sheets of its group
     bool weight = false;        ///< weights go along
     bool narrow = false;        ///< one sheet instead of two
     bool weights_alone = false; ///< the second splat pass where changes are splatted: weights, and theirs
+    std::size_t group = 0;      ///< of groups_drawn
 };
 /// Changes along x, y and z are splatted beside the sums: differences between neighbours, or derivatives.
 bool splats_slopes(const DrawPlan& plan);
 /// What the values of fields with sheets of their own are less by there: the middle of those that lie far from 0, else
-/// 0, in scene order and the scalar's unit. The sheets of all hold rho less the sum of these.
+/// 0, in scene order and the scalar's unit. The sheets of a group hold rho less the sum of these, which group_pivots
+/// has.
 std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene);
+std::vector<double> group_pivots(const DrawPlan& plan, const Scene& scene);
 gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target);
 gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const SplatTarget& target);
 std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& target);
-gl::Defines shade_defines(const DrawPlan& plan, std::size_t lights, int phase);
+/// How many of what the shading program has arrays for.
+struct ShadedParts {
+    std::size_t lights = 0;
+    std::size_t groups = 1;   ///< that are classified apart
+    std::size_t surfaces = 0; ///< iso values of all groups; 0: one opaque surface at most
+
+    /// The fragment shader: of one group and an opaque surface, or of what there may be.
+    [[nodiscard]] const char* shader() const { return groups > 1 || surfaces > 0 ? "shade_groups.frag" : "shade.frag"; }
+};
+ShadedParts shaded_parts(const Scene& scene);
+gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int phase);
 std::vector<std::string> shade_outputs(const DrawPlan& plan);
 
 /// Offsets of the four channels' slabs from the batch's first one: in order (wide), or rotated so that slab m lies in

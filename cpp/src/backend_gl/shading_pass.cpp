@@ -1,6 +1,5 @@
 #include "shading_pass.hpp"
 
-#include <numeric>
 #include <vector>
 
 #include "interop.h"
@@ -31,9 +30,7 @@ gl::Texture make_clip(const TileScope& scope) {
 
 ShadingInputs make_inputs(const TileScope& scope) {
     const Scene& scene = *scope.job.scene;
-    const std::vector<double> pivots = pivots_of(scope.plan, scene);
-    return make_shading_inputs(scene, *scope.job.camera, scope.frame, scope.plan,
-                               std::accumulate(pivots.begin(), pivots.end(), 0.0));
+    return make_shading_inputs(scene, *scope.job.camera, scope.frame, scope.plan, group_pivots(scope.plan, scene));
 }
 
 } // namespace
@@ -50,9 +47,9 @@ void ShadingPass::shade(const TouchedPixels& touched, std::int64_t pass) const {
     const DrawPlan& plan = scope_.plan;
     const Targets& targets = scope_.targets;
     scope_.write_all_channels();
+    const ShadedParts parts = shaded_parts(*scope_.job.scene);
     const gl::Program& program = scope_.resources.program(
-        {"rectangle.vert", "shade.frag", shade_defines(plan, scope_.job.scene->lights.size(), scope_.channel_of(pass)),
-         shade_outputs(plan)});
+        {"rectangle.vert", parts.shader(), shade_defines(plan, parts, scope_.channel_of(pass)), shade_outputs(plan)});
     program.use();
     if (targets.shape().wide) {
         targets.sheet(scope_.sheet_of(pass + 2)).bind(program, "front");

@@ -1,5 +1,6 @@
 #include "shading_uniforms.hpp"
 
+#include <string>
 #include <vector>
 
 namespace sheetsplat::backend_gl {
@@ -31,10 +32,21 @@ void set_depth_cue(const gl::Program& program, const ShadingInputs& inputs, cons
                 f(frame.slice_spacing * inputs.cue_per_depth));
 }
 
-void set_isosurface(const gl::Program& program, const ShadingInputs& inputs) {
-    const ShadingInputs::Surface& at = inputs.groups.front().surfaces.front();
-    program.set("iso_value", f(at.value));
-    program.set("iso_color", f(at.color.x), f(at.color.y), f(at.color.z), 1.0F);
+/// A uniform of one group, or the element for a group of an array of that name with an s.
+std::string name_in(const ShadingInputs& inputs, const std::string& name, std::size_t group) {
+    return inputs.groups.size() > 1 ? name + "s[" + std::to_string(group) + "]" : name;
+}
+
+void set_isosurface(const gl::Program& program, const ShadingInputs& inputs, const ShadedParts& parts) {
+    std::size_t number = 0;
+    for (const ShadingInputs::OfGroup& group : inputs.groups) {
+        for (const ShadingInputs::Surface& surface : group.surfaces) {
+            const std::string element = parts.surfaces > 0 ? "s[" + std::to_string(number++) + "]" : "";
+            program.set("iso_value" + element, f(surface.value));
+            program.set("iso_color" + element, f(surface.color.x), f(surface.color.y), f(surface.color.z),
+                        f(surface.opacity));
+        }
+    }
 }
 
 void set_lights(const gl::Program& program, const ShadingInputs& inputs) {
@@ -51,9 +63,11 @@ void set_lights(const gl::Program& program, const ShadingInputs& inputs) {
 
 void set_gradients(const gl::Program& program, const ShadingInputs& inputs, const DrawPlan& plan) {
     program.set("gradient_scale", f(inputs.gradient_across), f(inputs.gradient_along));
-    program.set("weakest_gradient", f(inputs.groups.front().weakest_gradient));
-    if (plan.gradient_opacity) {
-        program.set("full_gradient", f(inputs.groups.front().full_gradient));
+    for (std::size_t group = 0; group < inputs.groups.size(); ++group) {
+        program.set(name_in(inputs, "weakest_gradient", group), f(inputs.groups[group].weakest_gradient));
+        if (plan.gradient_opacity) {
+            program.set(name_in(inputs, "full_gradient", group), f(inputs.groups[group].full_gradient));
+        }
     }
 }
 
@@ -80,7 +94,7 @@ void set_shading(const gl::Program& program, const TileScope& scope, const Shadi
         classification->bind(program);
     }
     if (plan.mode == Mode::isosurface) {
-        set_isosurface(program, inputs);
+        set_isosurface(program, inputs, shaded_parts(*scope.job.scene));
     }
     if (plan.gradient) {
         set_lights(program, inputs);

@@ -1,4 +1,4 @@
-// The uniforms of shade.frag: everything that the shading of a slab depends on beside the sheets.
+// The uniforms of shade.frag and shade_groups.frag: everything that the shading of a slab depends on beside the sheets.
 #pragma once
 
 #include "classification.hpp"

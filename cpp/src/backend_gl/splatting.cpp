@@ -45,7 +45,7 @@ void Splatting::for_each_active(std::size_t part, const std::function<void(std::
 }
 
 void Splatting::bind_target(const SplatTarget& target, std::int64_t pass) const {
-    scope.targets.bind_splat(target.own, scope.sheet_of(pass), target.weights_alone, target.narrow);
+    scope.targets.bind_splat(target.own, target.group, scope.sheet_of(pass), target.weights_alone, target.narrow);
 }
 
 const gl::Program& Splatting::use(const char* vertex, const char* fragment, gl::Defines defines,

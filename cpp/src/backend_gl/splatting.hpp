@@ -7,6 +7,7 @@
 
 #include "papers/active_cells.hpp"
 #include "papers/opacity_buffer.hpp"
+#include "scene/mode_rules.hpp"
 #include "tile_scope.hpp"
 #include "touched_pixels.hpp"
 
@@ -29,9 +30,10 @@ class Splatting {
     void for_each_target(std::size_t field, bool narrow, Draw&& draw) const {
         const DrawPlan& plan = scope.plan;
         const int own = plan.own_sheets.empty() ? -1 : plan.own_sheets[field];
-        draw(SplatTarget{own, plan.weight || own >= 0, narrow, false});
+        const std::size_t group = group_drawn_of(*scope.job.scene, field);
+        draw(SplatTarget{own, plan.weight || own >= 0, narrow, false, group});
         if (splats_slopes(plan) && (plan.weight || own >= 0)) {
-            draw(SplatTarget{own, true, narrow, true});
+            draw(SplatTarget{own, true, narrow, true, group});
         }
     }
     /// The program for a target, in use, with the uniforms that all splats have.

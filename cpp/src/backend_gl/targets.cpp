@@ -11,20 +11,21 @@ bool TargetShape::operator==(const TargetShape& other) const {
     return width == other.width && height == other.height && sheet_format == other.sheet_format && wide == other.wide &&
            weight == other.weight && slopes == other.slopes && weight_slopes == other.weight_slopes &&
            shared_depth == other.shared_depth && depth == other.depth && coverage == other.coverage &&
-           compensated == other.compensated && copies == other.copies && own == other.own;
+           compensated == other.compensated && copies == other.copies && own == other.own && groups == other.groups;
 }
 
 namespace {
 
 /// Attachments as the splat shaders' outputs are numbered: the values of all sheets or their weights, then what
 /// changes.
-void append(std::vector<const gl::Texture*>& list, const std::vector<const Sheet*>& sheets, bool weights, bool slopes) {
+void append(std::vector<gl::Attachment>& list, const std::vector<const Sheet*>& sheets, bool weights, bool slopes,
+            int layer = 0) {
     for (const Sheet* sheet : sheets) {
-        list.push_back(weights ? &sheet->weight : &sheet->value);
+        list.emplace_back(weights ? &sheet->weight : &sheet->value, layer);
     }
     for (int axis = 0; slopes && axis < 3; ++axis) {
         for (const Sheet* sheet : sheets) {
-            list.push_back(weights ? &sheet->weight_slope[axis] : &sheet->slope[axis]);
+            list.emplace_back(weights ? &sheet->weight_slope[axis] : &sheet->slope[axis], layer);
         }
     }
 }
@@ -57,9 +58,9 @@ std::size_t Sheet::bytes() const {
     return sum;
 }
 
-Sheet Targets::make_sheet(bool weight, bool weight_slopes) const {
+Sheet Targets::make_sheet(bool weight, bool weight_slopes, int layers) const {
     const auto texture = [&](bool wanted) {
-        return wanted ? gl::Texture(*gl_, shape_.sheet_format, shape_.width, shape_.height) : gl::Texture();
+        return wanted ? gl::Texture(*gl_, shape_.sheet_format, shape_.width, shape_.height, layers) : gl::Texture();
     };
     Sheet sheet;
     sheet.value = texture(true);
@@ -71,7 +72,7 @@ Sheet Targets::make_sheet(bool weight, bool weight_slopes) const {
     return sheet;
 }
 
-Targets::Ways Targets::make_ways(const std::vector<Sheet>& sheets, bool weight) const {
+Targets::Ways Targets::make_ways(const std::vector<Sheet>& sheets, bool weight, int layer) const {
     const gl::Texture* tags = shape_.shared_depth ? &depth_tags_ : nullptr;
     const bool weight_slopes = static_cast<bool>(sheets.front().weight_slope[0]);
     Ways ways;
@@ -81,10 +82,10 @@ Targets::Ways Targets::make_ways(const std::vector<Sheet>& sheets, bool weight) 
             if (both && shape_.wide) {
                 drawn.push_back(&sheets[(r + 1) % sheets.size()]);
             }
-            std::vector<const gl::Texture*> colors;
-            append(colors, drawn, weights, weights ? weight_slopes : shape_.slopes);
+            std::vector<gl::Attachment> colors;
+            append(colors, drawn, weights, weights ? weight_slopes : shape_.slopes, layer);
             if (weight && !shape_.slopes) {
-                append(colors, drawn, true, false);
+                append(colors, drawn, true, false, layer);
             }
             return gl::Framebuffer(*gl_, colors, depth);
         };
@@ -107,7 +108,7 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
     const auto texture = [&](GLenum format) { return gl::Texture(gl, format, shape.width, shape.height); };
     const int count = shape.wide ? 3 : 2;
     for (int r = 0; r < count; ++r) {
-        sheets_.push_back(make_sheet(shape.weight, shape.weight_slopes));
+        sheets_.push_back(make_sheet(shape.weight, shape.weight_slopes, shape.groups > 1 ? shape.groups : 0));
     }
     if (shape.shared_depth) {
         depth_tags_ = texture(GL_DEPTH_COMPONENT32F);
@@ -125,34 +126,38 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
     add(shape.depth, GL_R32F, "image_depth_texture", UNIT_IMAGE_DEPTH, std::numeric_limits<float>::infinity());
     add(shape.coverage, GL_RG32F, "image_coverage_texture", UNIT_IMAGE_COVERAGE, 0.0F);
     add(shape.compensated, GL_RGBA32F, "image_error_texture", UNIT_IMAGE_ERROR, 0.0F);
-    std::vector<const gl::Texture*> attachments;
+    std::vector<gl::Attachment> attachments;
     for (const Picture& picture : pictures_) {
-        attachments.push_back(&picture.now);
+        attachments.emplace_back(&picture.now);
     }
     image_fbo_ = gl::Framebuffer(gl, attachments, tags);
     if (tags != nullptr) {
         depth_fbo_ = gl::Framebuffer(gl, {}, tags);
     }
-    ways_ = make_ways(sheets_, shape.weight);
+    for (int group = 0; group < shape.groups; ++group) {
+        ways_.push_back(make_ways(sheets_, shape.weight, group));
+    }
     for (int field = 0; field < shape.own; ++field) {
         Own& own = own_.emplace_back();
         for (int r = 0; r < (shape.wide ? 3 : 1); ++r) {
-            own.sheets.push_back(make_sheet(true, true));
+            own.sheets.push_back(make_sheet(true, true, 0));
         }
-        own.ways = make_ways(own.sheets, true);
+        own.ways = make_ways(own.sheets, true, 0);
     }
-    for (int r = 0; shape.own > 0 && r < count; ++r) {
-        const std::vector<const Sheet*> sheet{&sheets_[static_cast<std::size_t>(r)]};
-        std::vector<const gl::Texture*> colors;
-        append(colors, sheet, false, shape.slopes);
-        if (shape.weight) {
-            append(colors, sheet, true, false);
+    for (int group = 0; shape.own > 0 && group < shape.groups; ++group) {
+        for (const Sheet& summed : sheets_) {
+            const std::vector<const Sheet*> sheet{&summed};
+            std::vector<gl::Attachment> colors;
+            append(colors, sheet, false, shape.slopes, group);
+            if (shape.weight) {
+                append(colors, sheet, true, false, group);
+            }
+            sum_.emplace_back(gl, colors, nullptr);
         }
-        sum_.emplace_back(gl, colors, nullptr);
     }
     if (!shape.wide) {
         const std::vector<const Sheet*> sheet{&sheets_[1]};
-        std::vector<const gl::Texture*> colors;
+        std::vector<gl::Attachment> colors;
         append(colors, sheet, false, shape.slopes);
         if (shape.weight && !shape.slopes) {
             append(colors, sheet, true, false);
@@ -192,7 +197,11 @@ void Targets::clear(const Ways& ways, int r) const {
     }
 }
 
-void Targets::clear_sheet(int r) const { clear(ways_, r); }
+void Targets::clear_sheet(int r) const {
+    for (const Ways& ways : ways_) {
+        clear(ways, r);
+    }
+}
 
 void Targets::clear_own(int field, int r) const { clear(own_[static_cast<std::size_t>(field)].ways, r); }
 
@@ -205,16 +214,18 @@ void Targets::clear_tags() const {
     }
 }
 
-void Targets::clear_all(float empty) const {
+void Targets::clear_all(const std::vector<float>& empty) const {
     gl_->Disable(GL_SCISSOR_TEST);
     gl_->ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     for (int r = 0; r < static_cast<int>(sheets_.size()); ++r) {
         clear_sheet(r);
     }
-    if (empty != 0.0F) {
-        const float values[4] = {empty, empty, empty, empty};
-        ways_.values.clear.back().bind();
-        gl_->ClearBufferfv(GL_COLOR, 0, values);
+    for (std::size_t group = 0; group < empty.size(); ++group) {
+        if (empty[group] != 0.0F) {
+            const float values[4] = {empty[group], empty[group], empty[group], empty[group]};
+            ways_[group].values.clear.back().bind();
+            gl_->ClearBufferfv(GL_COLOR, 0, values);
+        }
     }
     for (std::size_t field = 0; field < own_.size(); ++field) {
         for (std::size_t r = 0; r < own_[field].sheets.size(); ++r) {

@@ -23,12 +23,14 @@ struct TargetShape {
     bool coverage = false;
     bool compensated = false; ///< rounding errors of the picture are kept beside it
     bool copies = false;      ///< no texture barrier: the picture so far is copied before it is read
-    int own = 0;              ///< fields that are normalised by themselves before all are added
+    int own = 0;              ///< fields that are normalised by themselves before they are added
+    int groups = 1;           ///< of fields that are classified apart: of several each has a layer of the sheets
 
     [[nodiscard]] bool operator==(const TargetShape& other) const;
 };
 
-/// One slab's sums, or those of four: of values and weights, and their changes along x, y and z.
+/// One slab's sums, or those of four: of values and weights, and their changes along x, y and z. Where several groups
+/// are classified apart, each texture is an array of a layer for each.
 struct Sheet {
     gl::Texture value, weight;
     gl::Texture slope[3], weight_slope[3];
@@ -49,10 +51,10 @@ class Targets {
     /// wide: sheet r of the ring (0..2). paper: 0 is the splat buffer, 1 the copy buffer.
     [[nodiscard]] const Sheet& sheet(int r) const { return sheets_[static_cast<std::size_t>(r)]; }
     /// Draws to sheets r and r + 1 of the ring (wide), or to the splat buffer (paper). own: number of a field with
-    /// sheets of its own, -1 for the sheets of all. Without slopes values, and weights where there are any; with slopes
-    /// values and their changes, or `weights` and theirs. one: sheet r of the ring alone.
-    void bind_splat(int own, int r, bool weights, bool one) const {
-        const Ways& ways = own < 0 ? ways_ : own_[static_cast<std::size_t>(own)].ways;
+    /// sheets of its own, -1 for the sheets of its group. Without slopes values, and weights where there are any; with
+    /// slopes values and their changes, or `weights` and theirs. one: sheet r of the ring alone.
+    void bind_splat(int own, std::size_t group, int r, bool weights, bool one) const {
+        const Ways& ways = own < 0 ? ways_[group] : own_[static_cast<std::size_t>(own)].ways;
         const Way& way = weights ? ways.weights : ways.values;
         (one ? way.one : way.both)[static_cast<std::size_t>(r)].bind();
     }
@@ -65,13 +67,14 @@ class Targets {
         return own_[static_cast<std::size_t>(field)].sheets[static_cast<std::size_t>(r)];
     }
     void clear_own(int field, int r) const;
-    /// Draws to one of the sheets of all without tags, where fields have sheets of their own: values, their changes
+    /// Draws to one of the sheets of a group without tags, where fields have sheets of their own: values, their changes
     /// where there are any, and weights where there are any.
-    void bind_sum(int r) const { sum_[static_cast<std::size_t>(r)].bind(); }
+    void bind_sum(std::size_t group, int r) const { sum_[group * sheets_.size() + static_cast<std::size_t>(r)].bind(); }
 
-    /// Sets everything to its start: sheets and picture 0, depths of the picture infinite, tags 1. empty: values in the
-    /// sheet that stands for what lies before the first slab (wide: the last of the ring; paper: the copy buffer).
-    void clear_all(float empty = 0.0F) const;
+    /// Sets everything to its start: sheets and picture 0, depths of the picture infinite, tags 1. empty: each group's
+    /// values in the sheet that stands for what lies before the first slab (wide: the last of the ring; paper: the copy
+    /// buffer).
+    void clear_all(const std::vector<float>& empty = {}) const;
     void clear_sheet(int r) const;
     void clear_tags() const;
     /// The picture so far as textures that the shading pass may read: the picture itself, or a copy that is brought up
@@ -102,15 +105,15 @@ class Targets {
         float empty; ///< what its first channel is cleared to
         gl::Texture now, copy;
     };
-    [[nodiscard]] Sheet make_sheet(bool weight, bool weight_slopes) const;
-    [[nodiscard]] Ways make_ways(const std::vector<Sheet>& sheets, bool weight) const;
+    [[nodiscard]] Sheet make_sheet(bool weight, bool weight_slopes, int layers) const;
+    [[nodiscard]] Ways make_ways(const std::vector<Sheet>& sheets, bool weight, int layer) const;
     void clear(const Ways& ways, int r) const;
 
     struct Own {
         std::vector<Sheet> sheets;
         Ways ways;
     };
-    Ways ways_;
+    std::vector<Ways> ways_; ///< one a group
     std::vector<Own> own_;
     gl::Texture depth_tags_;
     std::vector<Picture> pictures_; ///< in the order of their attachments

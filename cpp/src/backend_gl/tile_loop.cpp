@@ -1,9 +1,10 @@
 #include "tile_loop.hpp"
 
-#include <numeric>
+#include <vector>
 
 #include "division_pass.hpp"
 #include "papers/copy_pass.hpp"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -17,7 +18,14 @@ void TileLoop::run(const std::function<void(double)>& progress) {
     const std::int64_t passes = scope_.steps.passes;
     scope_.gl.Viewport(0, 0, scope_.tile.target_width(), scope_.tile.target_height());
     // Slabs before the first one are read, but no pass divides them: there rho is 0.
-    targets.clear_all(-std::accumulate(scope_.pivots.begin(), scope_.pivots.end(), 0.0F));
+    std::vector<float> empty(static_cast<std::size_t>(targets.shape().groups), 0.0F);
+    for (std::size_t field = 0; field < scope_.plan.own_sheets.size(); ++field) {
+        if (scope_.plan.own_sheets[field] >= 0) {
+            empty[group_drawn_of(*scope_.job.scene, field)] -=
+                scope_.pivots[static_cast<std::size_t>(scope_.plan.own_sheets[field])];
+        }
+    }
+    targets.clear_all(empty);
     // Slabs that no batch was drawn to yet stay clear: those before the first slice and after the last.
     for (std::int64_t pass = 0; pass < passes; ++pass) {
         touched_.next_batch();

@@ -3,12 +3,13 @@
 #include <algorithm>
 
 #include "interop.h"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat::backend_gl {
 
 namespace {
 
-TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, const Tile& tile) {
+TargetShape shape_of(const DrawPlan& plan, const Scene& scene, const Capabilities& capabilities, const Tile& tile) {
     TargetShape shape;
     shape.width = tile.target_width();
     shape.height = tile.target_height();
@@ -25,14 +26,18 @@ TargetShape shape_of(const DrawPlan& plan, const Capabilities& capabilities, con
     shape.coverage = plan.coverage;
     shape.compensated = plan.compensated;
     shape.own = 1 + (plan.own_sheets.empty() ? -1 : *std::max_element(plan.own_sheets.begin(), plan.own_sheets.end()));
+    shape.groups = static_cast<int>(groups_drawn(scene).size());
     shape.copies = plan.read_image && !capabilities.texture_barrier;
     return shape;
 }
 
 std::vector<float> sheet_pivots(const DrawPlan& plan, const Scene& scene) {
     std::vector<float> pivots;
-    for (const double pivot : pivots_of(plan, scene)) {
-        pivots.push_back(static_cast<float>(pivot / plan.value_unit));
+    const std::vector<double> exact = pivots_of(plan, scene);
+    for (std::size_t field = 0; field < plan.own_sheets.size(); ++field) {
+        if (plan.own_sheets[field] >= 0) {
+            pivots.push_back(static_cast<float>(exact[pivots.size()] / plan.unit_of(field)));
+        }
     }
     return pivots;
 }
@@ -43,7 +48,7 @@ TileScope::TileScope(const Job& job_, const gl::Api& gl_, const Capabilities& ca
                      SliceLoopHooks& hooks_, const Tile& tile_)
     : job(job_), plan(*job_.plan), frame(*job_.frame), gl(gl_), capabilities(capabilities_), resources(resources_),
       hooks(hooks_), tile(tile_), steps(make_steps(*job_.plan, *job_.frame)),
-      targets(resources_.targets(shape_of(*job_.plan, capabilities_, tile_))),
+      targets(resources_.targets(shape_of(*job_.plan, *job_.scene, capabilities_, tile_))),
       pivots(sheet_pivots(*job_.plan, *job_.scene)) {}
 
 void TileScope::set_target_size(const gl::Program& program) const {

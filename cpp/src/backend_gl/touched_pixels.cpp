@@ -89,8 +89,8 @@ void TouchedPixels::eliminate() const {
     const gl::Program& program = scope_.resources.program({"rectangle.vert", "eliminate.frag", {}, {}});
     program.use();
     program.bind("image_texture", scope_.targets.image(), UNIT_IMAGE);
-    program.set("opacity_stop",
-                scope_.plan.mode == Mode::isosurface ? 1.0F : static_cast<float>(scope_.job.scene->opacity_stop));
+    const bool ends_opaque = scope_.plan.mode == Mode::isosurface && !scope_.plan.stop;
+    program.set("opacity_stop", ends_opaque ? 1.0F : static_cast<float>(scope_.job.scene->opacity_stop));
     program.set("last_pixel", scope_.tile.width, scope_.tile.height);
     scope_.set_target_size(program);
     program.set("tag", -1.0F);

@@ -35,7 +35,7 @@ std::string described(const Texture* texture) {
 
 void delete_framebuffer(const Api& gl, GLuint name) { gl.DeleteFramebuffers(1, &name); }
 
-Framebuffer::Framebuffer(const Api& gl, const std::vector<const Texture*>& colors, const Texture* depth) {
+Framebuffer::Framebuffer(const Api& gl, const std::vector<Attachment>& colors, const Texture* depth) {
     check_errors(gl, "before a framebuffer was made");
     GLint most_colors = 0;
     GLint most_buffers = 0;
@@ -59,7 +59,12 @@ Framebuffer::Framebuffer(const Api& gl, const std::vector<const Texture*>& color
     for (std::size_t i = 0; i < colors.size(); ++i) {
         const auto attachment = static_cast<GLenum>(GL_COLOR_ATTACHMENT0 + i);
         draw_buffers.push_back(attachment);
-        gl.FramebufferTexture2D(GL_FRAMEBUFFER, attachment, GL_TEXTURE_2D, colors[i]->name(), 0);
+        const auto& [texture, layer] = colors[i];
+        if (texture->layers() > 0) {
+            gl.FramebufferTextureLayer(GL_FRAMEBUFFER, attachment, texture->name(), 0, layer);
+        } else {
+            gl.FramebufferTexture2D(GL_FRAMEBUFFER, attachment, GL_TEXTURE_2D, texture->name(), 0);
+        }
     }
     if (depth != nullptr) {
         gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth->name(), 0);
@@ -81,7 +86,7 @@ Framebuffer::Framebuffer(const Api& gl, const std::vector<const Texture*>& color
     std::string found = status == GL_FRAMEBUFFER_COMPLETE ? std::string() : std::string(name_of(status)) + "; ";
     found += errors.names.empty() ? "" : errors.names + "; ";
     for (std::size_t i = 0; i < colors.size(); ++i) {
-        found += "colour " + std::to_string(i) + ": " + described(colors[i]) + ", ";
+        found += "colour " + std::to_string(i) + ": " + described(colors[i].texture) + ", ";
     }
     found += "depth: " + described(depth);
     throw Error(Complaint{"a framebuffer is not complete", found, "attachments that this device can draw to together",

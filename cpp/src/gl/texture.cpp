@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <string>
 
 #include "gl/objects.hpp"
@@ -13,17 +14,19 @@ namespace {
 // those that a single stage has, so that the bindings that passes work with stay as they are.
 constexpr int work_unit = 47;
 
-void bind_for_work(const Api& gl, GLuint name) {
+GLenum target_of(int layers) { return layers > 0 ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D; }
+
+void bind_for_work(const Api& gl, GLenum target, GLuint name) {
     gl.ActiveTexture(static_cast<GLenum>(GL_TEXTURE0 + work_unit));
-    gl.BindTexture(GL_TEXTURE_2D, name);
+    gl.BindTexture(target, name);
 }
 
 } // namespace
 
 void delete_texture(const Api& gl, GLuint name) { gl.DeleteTextures(1, &name); }
 
-Texture::Texture(const Api& gl, GLenum internal_format, int width, int height)
-    : width_(width), height_(height), internal_format_(internal_format) {
+Texture::Texture(const Api& gl, GLenum internal_format, int width, int height, int layers)
+    : width_(width), height_(height), layers_(layers), internal_format_(internal_format) {
     const Format& format = format_of(internal_format);
     GLint largest = 0;
     gl.GetIntegerv(GL_MAX_TEXTURE_SIZE, &largest);
@@ -39,17 +42,21 @@ Texture::Texture(const Api& gl, GLenum internal_format, int width, int height)
     GLuint name = 0;
     gl.GenTextures(1, &name);
     handle_ = Handle<delete_texture>(gl, name);
-    bind_for_work(gl, name);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
+    const GLenum target = target_of(layers);
+    bind_for_work(gl, target, name);
+    gl.TexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    gl.TexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    gl.TexParameteri(target, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    gl.TexParameteri(target, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+    gl.TexParameteri(target, GL_TEXTURE_MAX_LEVEL, 0);
+    const auto format_of_storage = static_cast<GLint>(internal_format);
     if (gl.VERSION_4_2 != 0) {
-        gl.TexStorage2D(GL_TEXTURE_2D, 1, internal_format, width, height);
+        layers > 0 ? gl.TexStorage3D(target, 1, internal_format, width, height, layers)
+                   : gl.TexStorage2D(target, 1, internal_format, width, height);
+    } else if (layers > 0) {
+        gl.TexImage3D(target, 0, format_of_storage, width, height, layers, 0, format.format, format.type, nullptr);
     } else {
-        gl.TexImage2D(GL_TEXTURE_2D, 0, static_cast<GLint>(internal_format), width, height, 0, format.format,
-                      format.type, nullptr);
+        gl.TexImage2D(target, 0, format_of_storage, width, height, 0, format.format, format.type, nullptr);
     }
     const GlErrors errors = take_errors(gl);
     if (errors.out_of_memory) {
@@ -69,12 +76,13 @@ std::size_t Texture::bytes() const {
     if (!handle_) {
         return 0;
     }
-    return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) * format_of(internal_format_).bytes;
+    return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) *
+           static_cast<std::size_t>(std::max(layers_, 1)) * format_of(internal_format_).bytes;
 }
 
 void Texture::upload(GLenum format, GLenum type, const void* pixels) {
     const Api& gl = handle_.api();
-    bind_for_work(gl, name());
+    bind_for_work(gl, GL_TEXTURE_2D, name());
     gl.BindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
     gl.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
     gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width_, height_, format, type, pixels);
@@ -84,7 +92,7 @@ void Texture::upload(GLenum format, GLenum type, const void* pixels) {
 void Texture::bind(int unit) const {
     const Api& gl = handle_.api();
     gl.ActiveTexture(static_cast<GLenum>(GL_TEXTURE0 + unit));
-    gl.BindTexture(GL_TEXTURE_2D, name());
+    gl.BindTexture(target_of(layers_), name());
 }
 
 BufferTexture::BufferTexture(const Api& gl, GLenum internal_format, const Buffer& buffer) {

@@ -58,17 +58,26 @@ bool sums_go_beyond(const Scene& scene) {
                        [](const auto& field) { return field->normalization() != Normalization::lattice; });
 }
 
-/// Largest values over what is resolved where those of quotients are counted from their middle.
-double ratio_from_middle(const Scene& scene, double resolved) {
-    double largest = 0.0;
-    for (const auto& field : scene.fields) {
-        if (field->normalization() == Normalization::threshold) {
-            const double pivot = pivot_of(*field);
-            const std::array<double, 2> range = field->value_range();
-            largest = std::max({largest, std::abs(range[0] - pivot), std::abs(range[1] - pivot)});
+/// Largest values over what is resolved where those of quotients are counted from their middle. resolved: where one
+/// transfer function classifies all fields; else it follows from each group's.
+double ratio_from_middle(const Scene& scene, const DrawPlan& plan, double resolved) {
+    double ratio = 0.0;
+    const std::vector<Group> groups = groups_drawn(scene);
+    for (const Group& group : groups) {
+        double largest = 0.0, spread = 0.0;
+        for (std::size_t number = group.first; number < group.last; ++number) {
+            const Field& field = *scene.fields[number];
+            const std::array<double, 2> range = field.value_range();
+            spread = std::max(spread, range[1] - range[0]);
+            if (field.normalization() == Normalization::threshold) {
+                const double pivot = pivot_of(field);
+                largest = std::max({largest, std::abs(range[0] - pivot), std::abs(range[1] - pivot)});
+            }
         }
+        const double own = plan.mode == Mode::isosurface && spread > 0.0 ? spread : plan.unit_of(group.first);
+        ratio = std::max(ratio, largest / (groups.size() == 1 ? resolved : own));
     }
-    return largest / resolved;
+    return ratio;
 }
 
 /// What float32 loses of gradients of quotients that are near their kernels' ends, or far magnified. ratio: of values
@@ -125,6 +134,9 @@ std::string unfit_for_paper_slicing(const Scene& scene, const ViewFacts& view, c
                                     const Effects& effects, const DrawPlan& plan, bool float64) {
     if (!view.kernels.ellipsoids) {
         return "a scene without scattered ellipsoids";
+    }
+    if (groups_drawn(scene).size() > 1) {
+        return text_of_count(groups_drawn(scene).size()) + " transfer functions";
     }
     if (plan.projection == Projection::perspective) {
         return "a perspective camera";
@@ -197,6 +209,9 @@ std::string why_float32(const Scene& scene, const ViewFacts& view, const Capabil
     if (plan.gradient) {
         return "gradients are differences of sums, which 16 bits would lose";
     }
+    if (groups_drawn(scene).size() > 1) {
+        return "errors of several transfer functions would add up";
+    }
     if (plan.empty_test || !plan.own_sheets.empty() || plan.paper_slicing) {
         return "this way of drawing tells sums apart that 16 bits would not";
     }
@@ -258,7 +273,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     const bool lit_quotient = lights_quotients(plan);
     // Quotients in sheets of their own are counted from the middle of the values, however far that is from 0.
     const bool from_middle = !plan.own_sheets.empty() && !plan.paper_slicing;
-    const double lit_ratio = from_middle ? std::min(ratio, ratio_from_middle(scene, resolved)) : ratio;
+    const double lit_ratio = from_middle ? std::min(ratio, ratio_from_middle(scene, plan, resolved)) : ratio;
     const bool too_far = lit_quotient && lit_ratio > largest_lit_ratio;
     const double most_times = 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0);
     if (plan.precision == Precision::float32 && (picture > float32_bound || too_far)) {
@@ -272,10 +287,14 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         const bool differences = !plan.analytic_gradient && !plan.fine_gradient;
         const double least = least_full_gradient * std::max(1.0, lit_ratio) *
                              (differences ? std::max(1.0, view.frame.reference_length / nearest) : 1.0);
-        if (*scene.gradient_opacity * view.frame.reference_length < least * plan.value_unit) {
+        double unit = plan.value_unit;
+        for (const double of_field : plan.field_units) {
+            unit = std::max(unit, of_field);
+        }
+        if (*scene.gradient_opacity * view.frame.reference_length < least * unit) {
             refuse_sheets(option_ref("gradient_opacity", number(*scene.gradient_opacity)) +
                               ", near which gradients are lost to rounding",
-                          "at least " + number(least * plan.value_unit / view.frame.reference_length),
+                          "at least " + number(least * unit / view.frame.reference_length),
                           "use a larger one, use " + option_ref("backend", "reference"), "gradient_opacity");
         }
     }
@@ -292,6 +311,20 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "slabs of at most " + number(thick_slab) + " times the half-depth of ellipsoids that show",
                       "use a smaller " + option_ref("slice_spacing") + ", " + option_ref("filter", "ewa") + " or " +
                           option_ref("backend", "reference"));
+    }
+}
+
+void check_parts(const Scene& scene) {
+    const std::size_t groups = groups_drawn(scene).size();
+    if (groups > most_groups) {
+        refuse_scene(std::to_string(groups) + " transfer functions", "at most " + std::to_string(most_groups),
+                     "give more fields one transfer function, or use " + option_ref("backend", "cpu"));
+    }
+    const std::size_t surfaces = scene.mode == Mode::isosurface ? groups * scene.iso_values.size() : 0;
+    if (surfaces > most_surfaces) {
+        refuse_scene(std::to_string(surfaces) + " surfaces: iso values times transfer functions",
+                     "at most " + std::to_string(most_surfaces),
+                     "use fewer iso values, or " + option_ref("backend", "cpu"));
     }
 }
 
@@ -315,7 +348,7 @@ void check_lights(const Scene& scene, const Capabilities& capabilities, const Dr
     }
 }
 
-void check_kernels(const ViewFacts& view, const Capabilities& capabilities, const DrawPlan& plan) {
+void check_kernels(const Scene& scene, const ViewFacts& view, const Capabilities& capabilities, const DrawPlan& plan) {
     const bool float64 = capabilities.at_least(4, 0);
     if (!float64 && view.shapes.largest_aspect > largest_plain_aspect) {
         throw Unsupported(Complaint{
@@ -366,6 +399,12 @@ void check_kernels(const ViewFacts& view, const Capabilities& capabilities, cons
                          ", whose differences float32 cannot resolve",
                      "at least " + number(smallest_falloff),
                      "use a larger " + option_ref("falloff") + ", or " + option_ref("backend", "reference"));
+    }
+    if (counts_weighted_slices(scene.mode) && steepest_falloff(scene) > largest_counted_falloff) {
+        refuse_scene("a falloff of " + number(steepest_falloff(scene)) + " in mode " + name_of(scene.mode) +
+                         ", which shows where kernels end",
+                     "at most " + number(largest_counted_falloff),
+                     "use a smaller " + option_ref("falloff") + ", or " + option_ref("backend", "cpu"));
     }
 }
 

@@ -16,11 +16,14 @@ std::string why_float32(const Scene& scene, const ViewFacts& view, const Capabil
 void check_precision(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
                      const Capabilities& capabilities, DrawPlan& plan);
 
+/// Throws Unsupported for more transfer functions or surfaces than the shading program has room for.
+void check_parts(const Scene& scene);
+
 /// Throws Unsupported for more lights than shaders and buffers hold.
 void check_lights(const Scene& scene, const Capabilities& capabilities, const DrawPlan& plan);
 
 /// Throws Unsupported for kernels that float32 cannot place or resolve.
-void check_kernels(const ViewFacts& view, const Capabilities& capabilities, const DrawPlan& plan);
+void check_kernels(const Scene& scene, const ViewFacts& view, const Capabilities& capabilities, const DrawPlan& plan);
 
 /// Throws Unsupported where the slicing of [NM06], step by step, cannot draw a scene.
 void check_paper_slicing(const Scene& scene, const ViewFacts& view, const RendererOptions& options,

@@ -22,7 +22,7 @@ void divide_apart(const Scene& scene, const Outputs& outputs, Effects& effects, 
             plan.own_sheets.push_back(field->normalization() == Normalization::threshold ? next++ : -1);
         }
         plan.threshold = false;
-        plan.weight = outputs.coverage || plan.empty_test;
+        plan.weight = outputs.coverage || plan.empty_test || counts_weighted_slices(scene.mode);
     }
     effects.state(EffectId::separate_normalization, !plan.own_sheets.empty(),
                   "fields are divided by their own weight sums before they are added",
@@ -30,6 +30,14 @@ void divide_apart(const Scene& scene, const Outputs& outputs, Effects& effects, 
 }
 
 bool lights_quotients(const DrawPlan& plan) { return plan.gradient && (plan.threshold || !plan.own_sheets.empty()); }
+
+double steepest_falloff(const Scene& scene) {
+    double steepest = 0.0;
+    for (const auto& field : scene.fields) {
+        steepest = std::max(steepest, field->size() > 0 ? field->kernel().falloff : 0.0);
+    }
+    return steepest;
+}
 
 bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t slices, double opacity) {
     if (scene.mode == Mode::isosurface || opacity >= 1.0) {
@@ -84,22 +92,6 @@ void refuse_what_others_draw(const Scene& scene, Backend backend) {
                                     wanted, "use " + option_ref("backend", other)});
     };
     const bool surface = scene.mode == Mode::isosurface;
-    if (backend == Backend::gl) {
-        if (!is_scalar(scene.mode) && !scene.later_groups.empty()) {
-            refuse(text_of_count(scene.later_groups.size() + 1) + " transfer functions",
-                   "one transfer function for all fields", "cpu");
-        }
-        if (surface && scene.iso_values.size() > 1) {
-            refuse(text_of_count(scene.iso_values.size()) + " iso values", "one iso value", "cpu");
-        }
-        if (surface && scene.iso_values.front().opacity != 1.0) {
-            refuse("a surface of opacity " + number(scene.iso_values.front().opacity), "an opaque surface", "cpu");
-        }
-        if (counts_weighted_slices(scene.mode)) {
-            refuse(std::string("mode ") + name_of(scene.mode),
-                   option_ref("mode", "xray") + " or " + option_ref("mode", "mip"), "cpu");
-        }
-    }
     const bool shadowed = scene.shadows && !scene.lights.empty();
     if (surface && (shadowed || scene.ambient_occlusion)) {
         refuse(shadowed ? "shadows of surfaces" : "ambient occlusion by surfaces",

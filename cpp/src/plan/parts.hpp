@@ -27,6 +27,9 @@ struct SceneCalls {
     double opacity = 1.0;  ///< largest that occurs
 };
 
+/// Largest falloff of fields that have kernels.
+double steepest_falloff(const Scene& scene);
+
 /// True where opacity can reach A_stop along some ray of this many slices of at most `opacity` each.
 bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t slices, double opacity);
 

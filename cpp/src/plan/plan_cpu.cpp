@@ -41,14 +41,6 @@ double picture_error(const SumFacts& sums, double epsilon) {
     return 0.25 * epsilon * std::sqrt(sums.overlap) * sums.ratio * std::min(sums.steepness, 4.0);
 }
 
-double steepest_falloff(const Scene& scene) {
-    double steepest = 0.0;
-    for (const auto& field : scene.fields) {
-        steepest = std::max(steepest, field->size() > 0 ? field->kernel().falloff : 0.0);
-    }
-    return steepest;
-}
-
 /// Least g1 of gradient opacity whose pictures keep their bound: what rounding makes of a gradient of 0 may not be
 /// seen.
 double least_faded(const Scene& scene, const ViewFacts& view, const SumFacts& sums, double epsilon) {

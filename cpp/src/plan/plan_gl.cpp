@@ -39,11 +39,12 @@ const char* why_tagged(Tagging tagging) {
 /// Which fields have sheets of their own, and how slabs are packed into channels.
 void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                  const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
+    const bool groups = groups_drawn(scene).size() > 1;
     // In sheets of their own, quotients and their derivatives are taken before slabs are shaded, and values far from 0
-    // are counted from their middle, which keeps the digits that differences need.
+    // are counted from their middle, which keeps the digits that differences need. Shading divides by one w0 at most.
     const bool far_off = lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing) &&
                          sum_facts(scene, view, plan).ratio > largest_plain_lit_ratio;
-    divide_apart(scene, outputs, effects, plan, plan.analytic_gradient || far_off);
+    divide_apart(scene, outputs, effects, plan, plan.analytic_gradient || far_off || groups);
     if (plan.fine_gradient && !plan.own_sheets.empty()) {
         throw Unsupported(Complaint{
             "the scene cannot be drawn with backend gl",
@@ -58,6 +59,13 @@ void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOption
     // Differences of values and of weights of two sheets at once would take more texture units than every device has.
     const bool crowded = plan.fine_gradient && plan.threshold;
     plan.packing = options.packing == Packing::automatic ? crowded ? Packing::paper : Packing::wide : options.packing;
+    if (groups && plan.packing == Packing::paper) {
+        throw Unsupported(Complaint{"the plan cannot be made",
+                                    "packing paper for " + text_of_count(groups_drawn(scene).size()) +
+                                        " transfer functions: its buffers hold one sum of values",
+                                    option_ref("packing", "auto") + " or " + option_ref("packing", "wide"),
+                                    "leave out " + option_ref("packing"), "packing"});
+    }
     if (crowded && plan.packing == Packing::wide && capabilities.max_texture_units <= 20) {
         throw Unsupported(Complaint{
             "the plan cannot be made",
@@ -110,9 +118,17 @@ void plan_paper_slicing(const Scene& scene, const ViewFacts& view, const Rendere
          name_of(EffectId::paper_slicing)});
 }
 
+/// True where groups with units of their own hold the same field.
+bool shares_fields(const Scene& scene, const DrawPlan& plan) {
+    return !plan.field_units.empty() &&
+           std::any_of(scene.fields.begin(), scene.fields.end(), [&](const std::shared_ptr<const Field>& field) {
+               return std::count(scene.fields.begin(), scene.fields.end(), field) > 1;
+           });
+}
+
 /// How sections of kernels are drawn and placed.
-void plan_sections(const ViewFacts& view, const Capabilities& capabilities, const SceneCalls& calls, Effects& effects,
-                   DrawPlan& plan) {
+void plan_sections(const Scene& scene, const ViewFacts& view, const Capabilities& capabilities, const SceneCalls& calls,
+                   Effects& effects, DrawPlan& plan) {
     const bool perspective = plan.projection == Projection::perspective;
     const bool sprites =
         !perspective && 2.0 * view.screen_px.largest_lattice + 1.0 <= static_cast<double>(capabilities.max_point_size);
@@ -145,6 +161,7 @@ void plan_sections(const ViewFacts& view, const Capabilities& capabilities, cons
         plan.filter                    ? "filtered kernels are sliced by the processor"
         : !view.kernels.ellipsoids     ? "no field holds ellipsoids"
         : plan.paper_slicing           ? "kernels are sliced as in the 2006 paper"
+        : shares_fields(scene, plan)   ? "a field that two groups hold has other sections in each"
         : !capabilities.at_least(4, 1) ? "OpenGL " + capabilities.version + " has no float64 vertex programs"
         : tiny
             ? "kernels of less than " + number(least_plain_px) + " pixels are sliced for each batch, to keep precision"
@@ -184,7 +201,7 @@ void plan_precision(const Scene& scene, const ViewFacts& view, const RendererOpt
     effects.state(EffectId::sums, true, std::string("kernels are summed in sheets of ") + to_string(plan.precision));
 }
 
-std::uint64_t memory_of(const ViewFacts& view, const DrawPlan& plan) {
+std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPlan& plan) {
     const bool slopes = plan.fine_gradient || plan.analytic_gradient;
     const bool wide = plan.packing == Packing::wide;
     const std::uint64_t texel = plan.precision == Precision::float32   ? 16
@@ -194,7 +211,8 @@ std::uint64_t memory_of(const ViewFacts& view, const DrawPlan& plan) {
         std::count_if(plan.own_sheets.begin(), plan.own_sheets.end(), [](int number) { return number >= 0; }));
     const std::uint64_t values = slopes ? 4 : 1;
     const std::uint64_t weights = !plan.weight ? 0 : slopes && plan.threshold ? 4 : 1;
-    const std::uint64_t sheets = (wide ? 3U : 2U) * (values + weights) + own * (wide ? 3U : 1U) * (slopes ? 8U : 2U);
+    const std::uint64_t sheets = groups_drawn(scene).size() * (wide ? 3U : 2U) * (values + weights) +
+                                 own * (wide ? 3U : 1U) * (slopes ? 8U : 2U);
     return static_cast<std::uint64_t>(view.frame.size.width + 2) *
            static_cast<std::uint64_t>(view.frame.size.height + 2) * (sheets * texel + 16 + 4 + 16);
 }
@@ -214,7 +232,7 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
     }
     plan_skipping(scene, view, outputs, capabilities, calls, effects, plan);
     plan_paper_slicing(scene, view, options, capabilities, effects, plan);
-    plan_sections(view, capabilities, calls, effects, plan);
+    plan_sections(scene, view, capabilities, calls, effects, plan);
     const bool many = view.frame.slices > most_plain_slices && is_composited(scene.mode);
     plan.compensated = effects.decide(EffectId::compensation, many,
                                       many ? "plain float32 sums over so many slices would drift"
@@ -223,10 +241,11 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                        is_composited(scene.mode);
     plan.read_image = plan.compensated || plan.stop || scene.mode == Mode::isosurface || is_scalar(scene.mode) ||
                       plan.depth || plan.coverage;
+    check_parts(scene);
     check_lights(scene, capabilities, plan);
     if (!options.allow_inexact) {
         effects.refuse_dropped();
-        check_kernels(view, capabilities, plan);
+        check_kernels(scene, view, capabilities, plan);
     }
     plan_precision(scene, view, options, capabilities, effects, plan);
 
@@ -235,7 +254,7 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
     summary.packing = plan.packing;
     summary.tagging = plan.tagging;
     summary.device = capabilities.renderer + ", OpenGL " + capabilities.version + ", by " + capabilities.platform;
-    summary.memory = memory_of(view, plan);
+    summary.memory = memory_of(scene, view, plan);
 }
 
 } // namespace sheetsplat

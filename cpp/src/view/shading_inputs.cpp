@@ -50,7 +50,7 @@ ShadingInputs::OfGroup inputs_of(const Scene& scene, const Group& group, const F
 } // namespace
 
 ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
-                                  double pivot) {
+                                  const std::vector<double>& pivots) {
     ShadingInputs inputs;
     inputs.exponent = std::min(frame.slice_spacing / frame.reference_length, largest_factor);
     if (plan.stop) {
@@ -59,6 +59,7 @@ ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, cons
     inputs.scalar_step = scalar_unit(plan.mode, plan.value_unit, frame.slice_spacing);
 
     for (const Group& group : groups_drawn(scene)) {
+        const double pivot = pivots.empty() ? 0.0 : pivots[inputs.groups.size()];
         inputs.groups.push_back(inputs_of(scene, group, frame, plan, pivot));
     }
     inputs.material = scene.material;

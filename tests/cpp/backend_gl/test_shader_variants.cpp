@@ -229,7 +229,7 @@ DrawPlan plain() {
 }
 
 std::string shade_of(const DrawPlan& plan, std::size_t lights = 2) {
-    return decided("shade.frag", shade_defines(plan, lights, 0));
+    return decided("shade.frag", shade_defines(plan, {lights}, 0));
 }
 
 struct Marked {
@@ -295,6 +295,32 @@ TEST(ShaderVariants, HoldNothingOfEffectsThatAreOff) {
             EXPECT_FALSE(mentions(bare, mark)) << effect.name << ": " << mark << " where it is off";
         }
     }
+}
+
+TEST(ShaderVariants, GroupsAndSurfacesHaveAShaderOfTheirOwn) {
+    Scene scene{{}, TransferFunction({{0.0, {1.0, 1.0, 1.0}, 0.0}, {1.0, {1.0, 1.0, 1.0}, 0.5}})};
+    scene.fields.resize(3);
+    EXPECT_STREQ(shaded_parts(scene).shader(), "shade.frag");
+    scene.mode = Mode::isosurface;
+    scene.iso_values = {0.5};
+    EXPECT_STREQ(shaded_parts(scene).shader(), "shade.frag");
+    scene.iso_values = {{0.5, 0.5}};
+    EXPECT_STREQ(shaded_parts(scene).shader(), "shade_groups.frag");
+    scene.iso_values = {0.5, 0.7};
+    scene.later_groups = {{2, scene.transfer_function}};
+    EXPECT_EQ(shaded_parts(scene).groups, 2U);
+    EXPECT_EQ(shaded_parts(scene).surfaces, 4U);
+    // In scalar modes all fields add up.
+    scene.mode = Mode::average;
+    EXPECT_STREQ(shaded_parts(scene).shader(), "shade.frag");
+    scene.mode = Mode::composite;
+    EXPECT_STREQ(shaded_parts(scene).shader(), "shade_groups.frag");
+    const gl::Defines defines = shade_defines(plain(), shaded_parts(scene), 0);
+    EXPECT_EQ(defines.at("GROUPS"), "2");
+    EXPECT_EQ(defines.count("SURFACES"), 0U);
+    // One group reads textures, several layers of arrays.
+    EXPECT_TRUE(mentions(decided("shade_groups.frag", defines), "group"));
+    EXPECT_FALSE(mentions(shade_of(plain()), "group"));
 }
 
 TEST(ShaderVariants, WithoutLightsNothingTouchesGradients) {
@@ -381,7 +407,7 @@ TEST(ShaderVariants, HoldNoBranchOnAnEffect) {
         }
     };
     for (const DrawPlan& plan : plans) {
-        check("shade.frag", shade_defines(plan, 2, 0));
+        check("shade.frag", shade_defines(plan, {2}, 0));
         check("splat.frag", splat_defines(plan, FieldView{}, SplatTarget{}));
         check("ellipsoid.frag", ellipsoid_defines(plan, SectionGroup::plain, SplatTarget{}));
     }

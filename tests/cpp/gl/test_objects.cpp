@@ -111,9 +111,9 @@ TEST_F(Objects, moves_leave_nothing_behind_and_delete_once) {
     {
         const Texture texture(gl(), GL_RGBA8, 2, 2);
         std::vector<Framebuffer> list;
-        list.emplace_back(gl(), std::vector<const Texture*>{&texture});
-        list.emplace_back(gl(), std::vector<const Texture*>{&texture});
-        list.emplace_back(gl(), std::vector<const Texture*>{&texture});
+        list.emplace_back(gl(), std::vector<Attachment>{&texture});
+        list.emplace_back(gl(), std::vector<Attachment>{&texture});
+        list.emplace_back(gl(), std::vector<Attachment>{&texture});
         list[0].bind();
         of_framebuffer = list[0].name();
         EXPECT_EQ(gl().IsFramebuffer(of_framebuffer), GL_TRUE);
@@ -137,6 +137,27 @@ TEST_F(Objects, framebuffer_draws_to_its_attachments_in_order) {
     EXPECT_NO_THROW(check_errors(gl(), "drawing to attachments"));
 }
 
+TEST_F(Objects, framebuffer_draws_to_layers_of_an_array) {
+    const Texture layers(gl(), GL_RGBA32F, 2, 2, 3);
+    EXPECT_EQ(layers.layers(), 3);
+    EXPECT_EQ(layers.bytes(), 3U * 2U * 2U * 16U);
+    std::vector<Framebuffer> each;
+    for (int layer = 0; layer < 3; ++layer) {
+        each.emplace_back(gl(), std::vector<Attachment>{{&layers, layer}});
+    }
+    for (int layer = 0; layer < 3; ++layer) {
+        const auto value = static_cast<float>(layer + 1);
+        const std::array<float, 4> color = {value, value, value, value};
+        each[static_cast<std::size_t>(layer)].bind();
+        gl().ClearBufferfv(GL_COLOR, 0, color.data());
+    }
+    for (int layer = 0; layer < 3; ++layer) {
+        each[static_cast<std::size_t>(layer)].bind();
+        EXPECT_EQ(pixels(2, 2, 0)[5], static_cast<float>(layer + 1));
+    }
+    EXPECT_NO_THROW(check_errors(gl(), "drawing to layers"));
+}
+
 TEST_F(Objects, framebuffer_of_depth_alone) {
     const Texture depth(gl(), GL_DEPTH_COMPONENT32F, 2, 2);
     const Framebuffer framebuffer(gl(), {}, &depth);
@@ -158,7 +179,7 @@ TEST_F(Objects, incomplete_framebuffers_are_told_in_words) {
     EXPECT_TRUE(contains(color_as_depth, "depth: GL_RGBA8 2 x 2"));
     const std::string nothing = message_of<Error>([&] { Framebuffer(gl(), {}); });
     EXPECT_TRUE(contains(nothing, "it has no attachments"));
-    const std::vector<const Texture*> many(100, &color);
+    const std::vector<Attachment> many(100, &color);
     EXPECT_TRUE(contains(message_of<Unsupported>([&] { Framebuffer(gl(), many); }), "100"));
     EXPECT_EQ(gl().GetError(), static_cast<GLenum>(GL_NO_ERROR));
 }

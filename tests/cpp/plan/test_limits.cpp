@@ -330,6 +330,24 @@ void set_weight_range(Case& one, double range) {
 
 const std::vector<Limit> of_gl{
     {"lights", 64, 65, [](Case& c, double x) { c.scene.lights.resize(static_cast<std::size_t>(x)); }},
+    {"groups", 16, 17,
+     [](Case& c, double x) {
+         const auto groups = static_cast<std::size_t>(x);
+         c.scene.fields.assign(groups, c.scene.fields.front());
+         for (std::size_t first = 1; first < groups; ++first) {
+             c.scene.later_groups.push_back({first, c.scene.transfer_function});
+         }
+     }},
+    {"surfaces", 32, 33,
+     [](Case& c, double x) {
+         make_surface(c);
+         c.scene.iso_values.assign(static_cast<std::size_t>(x), 0.1);
+     }},
+    {"counted_falloff", 79, 81,
+     [](Case& c, double x) {
+         c.scene.mode = Mode::average;
+         c.scene.fields = {ellipsoids(1.0, 1.0, 1.0, x)};
+     }},
     {"shadowing_lights", 16, 17,
      [](Case& c, double x) {
          c.scene.shadows = true;

@@ -273,35 +273,50 @@ TEST(SceneEffects, SurfacesCastShadowsByTheirOwnOpacity) {
     }
 }
 
-TEST(SceneEffects, GlLeavesGroupsAndSeveralSurfacesToOthers) {
-    const auto refused = [&](const Scene& scene) {
-        EXPECT_NO_THROW((void)plan_of(scene, Backend::cpu));
-        return message_of<Unsupported>([&] { (void)plan_of(scene, Backend::gl); });
-    };
+TEST(SceneEffects, EveryBackendHasGroupsSeveralSurfacesAndWeightedSlices) {
     Scene groups = lit_scene();
-    groups.fields.push_back(groups.fields.front());
+    groups.fields.push_back(volume());
     groups.later_groups = {{1, groups.transfer_function}};
-    EXPECT_TRUE(row(plan_of(groups), "own_transfer_functions").on);
-    expect_parts(refused(groups), {"2 transfer functions", "backend = cpu"});
     Scene surfaces = lit_scene();
     surfaces.mode = Mode::isosurface;
-    surfaces.iso_values = {0.5, 0.6};
-    expect_parts(refused(surfaces), {"2 iso values", "backend = cpu"});
-    surfaces.iso_values = {{0.5, 0.25}};
-    expect_parts(refused(surfaces), {"a surface of opacity 0.25", "backend = cpu"});
-    for (const Mode mode : {Mode::minimum, Mode::average}) {
-        Scene scalar = lit_scene();
-        scalar.mode = mode;
-        EXPECT_TRUE(plan_of(scalar).weight);
-        expect_parts(refused(scalar), {std::string("mode ") + name_of(mode), "backend = cpu"});
-    }
-    // In scalar modes all fields add up.
-    for (const Backend backend : {Backend::cpu, Backend::gl}) {
+    for (const Backend backend : backends) {
+        EXPECT_TRUE(row(plan_of(groups, backend), "own_transfer_functions").on);
+        surfaces.iso_values = {0.5, 0.6};
+        EXPECT_FALSE(plan_of(surfaces, backend).stop);
+        surfaces.iso_values = {{0.5, 0.99}};
+        EXPECT_TRUE(plan_of(surfaces, backend).stop);
+        for (const Mode mode : {Mode::minimum, Mode::average}) {
+            Scene scalar = lit_scene();
+            scalar.mode = mode;
+            EXPECT_TRUE(plan_of(scalar, backend).weight);
+            // Where each field is divided by its own weights, the sum of all weights still counts.
+            scalar.fields = {volume(Normalization::threshold), volume(Normalization::threshold)};
+            EXPECT_TRUE(plan_of(scalar, backend).weight);
+        }
+        // In scalar modes all fields add up.
         Scene xray = groups;
         xray.mode = Mode::xray;
         EXPECT_FALSE(row(plan_of(xray, backend), "own_transfer_functions").on);
         EXPECT_TRUE(plan_of(xray, backend).field_units.empty());
     }
+}
+
+TEST(SceneEffects, PackingPaperHasSheetsOfOneGroup) {
+    Scene groups = lit_scene();
+    groups.fields.push_back(volume());
+    groups.later_groups = {{1, groups.transfer_function}};
+    RendererOptions paper;
+    paper.packing = Packing::paper;
+    expect_parts(message_of<Unsupported>([&] { (void)plan_of(groups, Backend::gl, paper); }),
+                 {"packing paper for 2 transfer functions", "packing = wide"});
+    EXPECT_EQ(plan_of(groups, Backend::gl).packing, Packing::wide);
+    groups.mode = Mode::mip;
+    EXPECT_EQ(plan_of(groups, Backend::gl, paper).packing, Packing::paper);
+    // Each group's fields are divided before they are shaded, since each has a w0 of its own.
+    Scene quotients = lit_scene();
+    quotients.fields = {volume(Normalization::threshold), volume()};
+    quotients.later_groups = {{1, quotients.transfer_function}};
+    EXPECT_EQ(plan_of(quotients, Backend::gl).own_sheets, (std::vector<int>{0, -1}));
 }
 
 TEST(SceneEffects, EachGroupHasTheUnitOfItsWindow) {

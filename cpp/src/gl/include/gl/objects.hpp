@@ -51,14 +51,15 @@ void delete_framebuffer(const Api& gl, GLuint name);
 void delete_buffer(const Api& gl, GLuint name);
 void delete_vertex_array(const Api& gl, GLuint name);
 
-/// A 2D texture without mipmaps: nearest filter, clamped to the edge. Storage is undefined until written.
+/// A 2D texture, or an array of them, without mipmaps: nearest filter, clamped to the edge. Storage is undefined until
+/// written.
 /// Making and filling one binds it to unit 47 and leaves that unit active; all others keep their bindings.
 class Texture {
   public:
     Texture() = default;
-    /// internal_format: one of the table in gl/texture_formats.cpp. Throws OutOfMemory where the driver has no memory
-    /// for it, Unsupported beyond its largest size.
-    Texture(const Api& gl, GLenum internal_format, int width, int height);
+    /// internal_format: one of the table in gl/texture_formats.cpp. layers: 0 for a 2D texture, else those of a 2D
+    /// array. Throws OutOfMemory where the driver has no memory for it, Unsupported beyond its largest size.
+    Texture(const Api& gl, GLenum internal_format, int width, int height, int layers = 0);
 
     [[nodiscard]] GLuint name() const { return handle_.name(); }
     [[nodiscard]] int width() const { return width_; }
@@ -66,7 +67,9 @@ class Texture {
     [[nodiscard]] GLenum internal_format() const { return internal_format_; }
     /// Bytes of its storage, as the format says.
     [[nodiscard]] std::size_t bytes() const;
-    /// Replaces all of it. format and type are those of glTexSubImage2D.
+    /// Layers of an array; 0: the texture is none.
+    [[nodiscard]] int layers() const { return layers_; }
+    /// Replaces all of a texture that is no array. format and type are those of glTexSubImage2D.
     void upload(GLenum format, GLenum type, const void* pixels);
     /// Binds it to GL_TEXTURE0 + unit.
     void bind(int unit) const;
@@ -74,8 +77,15 @@ class Texture {
 
   private:
     Handle<delete_texture> handle_;
-    int width_ = 0, height_ = 0;
+    int width_ = 0, height_ = 0, layers_ = 0;
     GLenum internal_format_ = 0;
+};
+
+/// A texture that a framebuffer draws to, or one layer of an array.
+struct Attachment {
+    Attachment(const Texture* texture_, int layer_ = 0) : texture(texture_), layer(layer_) {}
+    const Texture* texture;
+    int layer;
 };
 
 /// A framebuffer of textures that it does not own; complete, or Error with the status in words.
@@ -83,7 +93,7 @@ class Framebuffer {
   public:
     Framebuffer() = default;
     /// colors become attachments 0, 1, ... and the draw buffers; depth may be null. What was bound stays bound.
-    Framebuffer(const Api& gl, const std::vector<const Texture*>& colors, const Texture* depth = nullptr);
+    Framebuffer(const Api& gl, const std::vector<Attachment>& colors, const Texture* depth = nullptr);
     void bind() const; ///< as draw and read framebuffer
     [[nodiscard]] GLuint name() const { return handle_.name(); }
     explicit operator bool() const { return static_cast<bool>(handle_); }

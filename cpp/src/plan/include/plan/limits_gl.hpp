@@ -15,10 +15,17 @@ namespace sheetsplat::gl_limits {
 constexpr std::size_t most_lights = 64;
 /// Each of them is looked up in eight places at every point.
 constexpr std::size_t most_shadowing_lights = 16;
+/// Transfer functions of a scene: each has a layer of the sheets, and arrays of the shading program an element.
+constexpr std::size_t most_groups = 16;
+/// Iso values times transfer functions: the shader keeps a bit for each.
+constexpr std::size_t most_surfaces = 32;
 /// Slices of a composite without the compensated sums that OpenGL 4.0 allows.
 constexpr std::int64_t most_imprecise_slices = 1 << 17;
 /// exp(-k r^2) - exp(-k) is known to 1e-7 / k of itself: smallest falloff k.
 constexpr double smallest_falloff = 0.05;
+/// Where only slices count that a kernel reaches, exp(-k) must be a number of float32, whose least is exp(-87): largest
+/// falloff k.
+constexpr double largest_counted_falloff = 80.0;
 
 // ---- sheets of 16 bits (conventions, section 9; test: Plan.TakesSixteenBitsOnlyWhereTheyKeepTheirBound)
 

@@ -58,8 +58,8 @@ struct ShadingInputs {
     double occlusion_strength = 0.0; ///< of ambient occlusion
 };
 
-/// pivot: what the sheets' values are less by than rho, in the scalar's unit.
+/// pivots: what the sheets' values of each group are less by than rho, in the scalar's unit; none: 0.
 ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
-                                  double pivot = 0.0);
+                                  const std::vector<double>& pivots = {});
 
 } // namespace sheetsplat

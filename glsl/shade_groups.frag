@@ -1,0 +1,266 @@
+// shade.frag for scenes that it does not draw: GROUPS of fields with transfer functions of their own, and isosurfaces of several values
+// or translucent ones. Source: conventions, sections 4 to 7.
+#include "lib/interop.h"
+#include "lib/sheets.glsl"
+#include "lib/compensated.glsl"
+#include "lib/picture.glsl"
+
+#ifdef GROUPS
+#define ALL_GROUPS GROUPS
+#define SELECT(number) group = number
+#else
+#define ALL_GROUPS 1
+#define SELECT(number)
+#endif
+
+#ifdef CLASSIFY
+#include "lib/transfer.glsl"
+#include "lib/opacity.glsl"
+uniform float exponent;         // slice spacing over reference length
+#endif
+#ifdef CLIP
+#include "lib/clip.glsl"
+#endif
+#include "lib/look.glsl"
+#ifdef GRADIENT
+#include "lib/gradient.glsl"
+#define SEEN(color, slab) seen(color, slab, normal_gradient, view)
+#else
+#define SEEN(color, slab) seen(color, slab)
+#endif
+#ifdef STOP
+uniform float opacity_stop;
+#else
+const float opacity_stop = 1.0;
+#endif
+#ifdef MODE_ISOSURFACE
+// SURFACES: all iso values of the first group, all of the next one ...
+uniform float iso_values[SURFACES];
+uniform vec4 iso_colors[SURFACES]; // colour, opacity of the surface
+#define VALUES (SURFACES / ALL_GROUPS)
+#endif
+#ifdef PREINTEGRATION
+#include "lib/preintegration.glsl"
+#define FIRST INTERVAL
+#else
+#define FIRST CENTER
+#endif
+
+void main() {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+#ifdef PERSPECTIVE
+    vec2 slope = vec2(gl_FragCoord.x - axis.x, axis.y - gl_FragCoord.y) * pixel;
+    float slant = sqrt(1.0 + dot(slope, slope));
+    vec3 view = vec3(-slope, 1.0) / slant;
+#else
+    const vec2 slope = vec2(0.0);
+    const float slant = 1.0;
+    const vec3 view = vec3(0.0, 0.0, 1.0);
+#endif
+
+    // Slab c of group g: element g SLABS + c.
+    float rho[ALL_GROUPS * SLABS];
+#ifdef WEIGHT
+    float w[ALL_GROUPS * SLABS];
+#endif
+#ifdef GRADIENT
+    vec3 gradient[ALL_GROUPS * SLABS];
+#endif
+    for (int g = 0; g < ALL_GROUPS; ++g) {
+        SELECT(g);
+        float rho_here[SLABS];
+        rho_at(at, rho_here);
+#ifdef WEIGHT
+        float w_here[SLABS];
+        weights_at(at, w_here);
+#endif
+#ifdef GRADIENT
+        vec3 gradient_here[SLABS];
+        gradients_at(at, rho_here, slope, gradient_here);
+#endif
+        for (int c = 0; c < SLABS; ++c) {
+            rho[g * SLABS + c] = rho_here[c];
+#ifdef WEIGHT
+            w[g * SLABS + c] = w_here[c];
+#endif
+#ifdef GRADIENT
+            gradient[g * SLABS + c] = gradient_here[c];
+#endif
+        }
+    }
+
+#ifdef CLIP
+    ivec2 run = texelFetch(clip_texture, at, 0).rg;
+    bool kept[SLABS];
+    for (int c = INTERVAL; c < CENTER + SLICES; ++c) {
+        kept[c] = is_kept(run, c);
+    }
+#endif
+
+#ifdef COVERAGE
+    vec2 covered = texelFetch(image_coverage_texture, at, 0).rg;
+    for (int c = CENTER; c < CENTER + SLICES; ++c) {
+#ifdef CLIP
+        if (!kept[c]) {
+            continue;
+        }
+#endif
+        float weight = 0.0;
+        for (int g = 0; g < ALL_GROUPS; ++g) {
+            weight += w[g * SLABS + c];
+        }
+        add(covered, weight * slant);
+    }
+    coverage_out = covered;
+#endif
+
+#ifdef READ_IMAGE
+    vec4 result = texelFetch(image_texture, at, 0);
+#else
+    vec4 result = vec4(0.0);
+#endif
+#ifdef DEPTH_OUT
+    float depth = texelFetch(image_depth_texture, at, 0).r;
+#endif
+#ifdef COMPENSATED
+    vec4 error = texelFetch(image_error_texture, at, 0);
+#endif
+
+#ifdef MODE_ISOSURFACE
+    for (int c = INTERVAL; c < INTERVAL + SLICES; ++c) {
+#ifdef CLIP
+        if (!kept[c] || !kept[c + 1]) {
+            continue;
+        }
+#endif
+#ifdef OPEN_FRONT
+        if (first_slab + c < 0) {
+            continue;
+        }
+#endif
+        // Crossings are drawn in the order of their places, one after the other.
+        uint drawn = 0u;
+        for (int count = 0; count < SURFACES && result.a < opacity_stop; ++count) {
+            int next = -1;
+            float place = 2.0;
+            for (int s = 0; s < SURFACES; ++s) {
+                float value = iso_values[s];
+                float front = rho[s / VALUES * SLABS + c];
+                float back = rho[s / VALUES * SLABS + c + 1];
+                if ((front < value) == (back < value) || (drawn & (1u << s)) != 0u) {
+                    continue;
+                }
+                float share = clamp((value - front) / (back - front), 0.0, 1.0);
+                // Of two values of a group whose places are too close for float32, the nearer to the front.
+                bool sooner = share == place && next / VALUES == s / VALUES && (front < back ? value < iso_values[next] : value > iso_values[next]);
+                if (share < place || sooner) {
+                    next = s;
+                    place = share;
+                }
+            }
+            if (next < 0) {
+                break;
+            }
+            drawn |= 1u << next;
+            SELECT(next / VALUES);
+#ifdef GRADIENT
+            int from = next / VALUES * SLABS + c;
+            vec3 normal_gradient = mix(gradient[from], gradient[from + 1], place);
+#endif
+            float share = (1.0 - result.a) * iso_colors[next].a;
+#ifdef DEPTH_OUT
+            if (result.a < 0.5 && result.a + share >= 0.5) {
+                depth = first_depth + (float(c) + place) * slice_spacing;
+            }
+#endif
+            result += vec4(SEEN(iso_colors[next].rgb, float(c) + place) * share, share);
+        }
+    }
+#else
+    for (int c = FIRST; c < FIRST + SLICES && result.a < opacity_stop; ++c) {
+#if defined(CLIP) && !defined(PREINTEGRATION)
+        if (!kept[c]) {
+            continue;
+        }
+#endif
+#ifdef PREINTEGRATION
+        float middle = float(c) + 0.5;
+#else
+        float middle = float(c);
+#endif
+        vec4 mixed = vec4(0.0); // sums of tau times colour and of tau, over the groups
+        float absorbed = 0.0;
+        bool opaque = false;
+        for (int g = 0; g < ALL_GROUPS; ++g) {
+            SELECT(g);
+            int n = g * SLABS + c;
+#ifdef PREINTEGRATION
+#if defined(EMPTY_TEST) && defined(CLIP)
+            bool reached = (kept[c] && w[n] != 0.0) || (kept[c + 1] && w[n + 1] != 0.0);
+#elif defined(EMPTY_TEST)
+            bool reached = w[n] != 0.0 || w[n + 1] != 0.0;
+#elif defined(CLIP)
+            bool reached = kept[c] || kept[c + 1];
+#else
+            const bool reached = true;
+#endif
+#ifdef GRADIENT
+            vec3 normal_gradient = 0.5 * (gradient[n] + gradient[n + 1]);
+#endif
+            vec4 classified = ramp(rho[n], rho[n + 1]);
+            float tau = classified.a;
+#ifdef GRADIENT_OPACITY
+            tau *= min(length(normal_gradient) / full_gradient, 1.0);
+#endif
+#else
+#ifdef EMPTY_TEST
+            bool reached = w[n] != 0.0;
+#else
+            const bool reached = true;
+#endif
+#ifdef GRADIENT
+            vec3 normal_gradient = gradient[n];
+#endif
+            vec4 classified = transfer(rho[n]);
+#ifdef GRADIENT_OPACITY
+            classified.a *= min(length(normal_gradient) / full_gradient, 1.0);
+#endif
+            float tau = absorption(min(classified.a, 1.0 - clearest));
+            opaque = opaque || (reached && classified.a >= 1.0);
+#endif
+            if (!reached || tau == 0.0) {
+                continue;
+            }
+            absorbed += tau * exponent * slant;
+            mixed += tau * vec4(SEEN(classified.rgb, middle), 1.0);
+        }
+        float alpha = opaque ? 1.0 : opacity_of_absorption(absorbed);
+        if (alpha == 0.0) {
+            continue;
+        }
+        float share = (1.0 - result.a) * alpha;
+#ifdef DEPTH_OUT
+        if (result.a < 0.5 && result.a + share >= 0.5) {
+#ifdef PREINTEGRATION
+            depth = first_depth + max(middle, float(nearest_slab)) * slice_spacing;
+#else
+            depth = first_depth + middle * slice_spacing;
+#endif
+        }
+#endif
+        vec4 added = vec4(mixed.rgb / mixed.a * share, share);
+#ifdef COMPENSATED
+        add(result, error, added);
+#else
+        result += added;
+#endif
+    }
+#endif
+#ifdef DEPTH_OUT
+    depth_out = depth;
+#endif
+    image_out = result;
+#ifdef COMPENSATED
+    error_out = error;
+#endif
+}

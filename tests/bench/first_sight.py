@@ -60,7 +60,7 @@ SETS: Mapping[str, _Set] = {
     "galaxy": _Set("sph_gas_nchilada12M.h5", "a disk of gas"),
     "guitar": _Set("3dgs_guitar.ply.gz", "a guitar"),
     "knight": _Set("mesh_chess_knight.obj", "a knight of a game of chess"),
-    "cannon": _Set("mesh_toy_cannon.obj", "a cannon on wheels"),
+    "cannon": _Set("mesh_toy_cannon.obj", "a toy cannon"),
     "cow": _Set("mesh_spot.obj", "a cow"),
     "bunny": _Set("mesh_bunny.ply.gz", "a bunny"),
 }

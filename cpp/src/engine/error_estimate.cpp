@@ -14,9 +14,10 @@ namespace sheetsplat {
 
 namespace {
 
-/// Of pictures whose errors fall at second order: modes without opacity, and first- and second-order pre-integration.
+/// Of pictures whose errors fall at second order: mip, minimum and isosurfaces, and first- and second-order
+/// pre-integration.
 constexpr double smooth_share = 0.75;
-/// Composites of single slices, pictures at steps, sums along rays.
+/// Composites of single slices, pictures at steps, sums and means along rays.
 constexpr double plain_share = 1.0;
 /// Two numbers of a view that are the same up to rounding.
 constexpr double same = 1e-9;
@@ -122,7 +123,8 @@ bool is_of_model(const ErrorShare& share) {
 double model_error(const std::vector<ErrorShare>& budget) { return expected(budget, true); }
 
 double richardson_share(const Scene& scene) {
-    const bool plain = scene.mode == Mode::xray || (scene.mode == Mode::composite && !scene.preintegration);
+    const bool plain = scene.mode == Mode::xray || scene.mode == Mode::average ||
+                       (scene.mode == Mode::composite && !scene.preintegration);
     return plain ? plain_share : smooth_share;
 }
 

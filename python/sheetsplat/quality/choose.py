@@ -152,7 +152,7 @@ class Choice:
         return shown
 
     def slices(self, scene: Scene, *, free: bool) -> Scene:
-        """Return a scene with the slices of the quality; `free`: an error or a time to keep decides on them."""
+        """Return a scene with the slices of the quality; `free`: max_error or max_seconds decides on their distance."""
         found = {"slice_spacing": self._spacing(scene)}
         if scene.mode == "composite":
             found["opacity_stop"] = self._stop(scene)
@@ -161,7 +161,7 @@ class Choice:
             now = scene.slice_spacing if option == "slice_spacing" else scene.options[option]
             if option in self._given:
                 self._set(option, now, _AS_GIVEN, given=True)
-            elif free:
+            elif free and option == "slice_spacing":
                 self._set(option, now, "chosen anew by max_error or max_seconds", given=True)
             else:
                 self._set(option, value, reason)
@@ -178,9 +178,13 @@ class Choice:
 
     def _stop(self, scene: Scene) -> tuple[float, str]:
         """Return the opacity at which pixels are finished, and why."""
+        stop = scene.options["opacity_stop"] if self._level.stop is None else self._level.stop
+        least = self._given.get("max_error")
+        if isinstance(least, int | float) and 0.0 < least < 1.0 - stop:
+            return 1.0 - least, "what a pixel leaves out stays below max_error"
         if self._level.stop is None:
-            return scene.options["opacity_stop"], "the default"
-        return self._level.stop, "what lies behind a nearly opaque pixel counts as well"
+            return stop, "the default"
+        return stop, "what lies behind a nearly opaque pixel counts as well"
 
     def finished(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
         """Return the scene with its filter, and with what was set, for the plan."""

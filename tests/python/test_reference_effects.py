@@ -164,6 +164,114 @@ def test_ambient_occlusion_under_a_face(reference_renderer: ss.Renderer) -> None
                 assert abs(uncut[0] / uncut[3] - wanted) > 0.1 * taken
 
 
+def beside(value: float, normalization: str = "threshold") -> ss.RegularField:
+    """Return a block of one value, supports from x = 4 to 10 along the axis through its samples."""
+    return ss.RegularField(np.full((9, 9, 3), value), origin=(6, -4, -4), normalization=normalization, w0=1e-9)
+
+
+def test_a_block_casts_its_shadow_on_a_plane(reference_renderer: ss.Renderer) -> None:
+    """Light comes along x through a block beside the view, to a slice of another kernel: steps through it count."""
+    k, spacing, at = 0.1, 0.8, (0.21, -0.17)
+    plane = ss.EllipsoidField([(0.0, 0.0, 0.0)], [(1.1, 0.8, 0.9)], values=[0.7], normalization="none")
+
+    def light(*fields: ss.Field, **options: object) -> float:
+        # Slices at 0.4 and -0.4; one is cut off.
+        planes = [((0, 0, 1), 0.0), *options.pop("planes", ())]  # type: ignore[misc]
+        scene = ss.Scene(
+            fields,
+            [(0.0, 1, 1, 1, k), (1.0, 1, 1, 1, k)],
+            slice_spacing=spacing,
+            reference_length=1.0,
+            clip=ss.Clip(planes=planes),
+            gradient="analytic",
+            lights=[ss.Light((1, 0, 0), space="world")],
+            material=ss.Material(ambient=0, diffuse=1),
+            opacity_stop=1e-9,
+            **options,
+        )
+        return float(reference_renderer.render(scene, front(0.01, at), size=(1, 1)).rgba[0, 0, 0])
+
+    def steps(first: float, last: float) -> int:
+        return sum(first < at[0] + m * spacing < last for m in range(1, 40))
+
+    block = beside(1e-3)
+    free = light(plane, block)
+    assert free > 1e-3
+    # The kernel itself ends within a step.
+    assert light(plane, shadows=True) == pytest.approx(free, rel=1e-6)
+    left = (1 - k) ** spacing
+    assert light(plane, block, shadows=True) == pytest.approx(free * left ** steps(4, 10), rel=1e-6)
+    cut = {"planes": [((-1, 0, 0), -7.0)], "shadows": True}
+    assert light(plane, block, **cut) == pytest.approx(free * left ** steps(4, 7), rel=1e-6)
+    assert steps(4, 7) < steps(4, 10) and left ** steps(4, 7) < 0.8, "light that is not dimmed would be seen"
+
+
+def test_a_block_of_surfaces_casts_their_shadow_on_a_surface(reference_renderer: ss.Renderer) -> None:
+    """Light comes along x through the front and the back of a block: each takes its opacity, whatever is between."""
+    plane = ss.EllipsoidField([(0.0, 0.0, 0.0)], [1.0], values=[1.0], normalization="none")
+    spacing = 0.02
+
+    def light(*fields: ss.Field, values: object = ((0.3, 0.4),), **options: object) -> float:
+        scene = ss.Scene(
+            fields,
+            WHITE,
+            mode="isosurface",
+            iso_value=values,
+            slice_spacing=spacing,
+            reference_length=1.0,
+            lights=[ss.Light((1, 0, 0), space="world")],
+            material=ss.Material(ambient=0, diffuse=1),
+            gradient="analytic",
+            opacity_stop=0.1,  # the first crossing ends the pixel
+            **options,
+        )
+        picture = reference_renderer.render(scene, front(0.01, (0.3, 0.0)), size=(1, 1)).rgba[0, 0]
+        return float(picture[0] / picture[3])
+
+    block = beside(1.0)
+    free = light(plane, block)
+    assert free > 0.2
+    # The surface that is lit does not shade itself.
+    assert light(plane, shadows=True) == pytest.approx(free, rel=1e-6)
+    assert light(plane, block, shadows=True) == pytest.approx(free * 0.6**2, rel=1e-6)
+    # A value that the block crosses and one that nothing crosses.
+    two = ((0.3, 0.4), (0.6, 0.25), (1.5, 0.9))
+    assert light(plane, block, values=two, shadows=True) == pytest.approx(free * (0.6 * 0.75) ** 2, rel=1e-6)
+    # What is cut open has lost its back; what is cut off casts no shadow; neither does a block that is empty enough.
+    open_block = ss.Clip(planes=[((-1, 0, 0), -7.0)])
+    assert light(plane, block, shadows=True, clip=open_block) == pytest.approx(free * 0.6, rel=1e-6)
+    nothing = ss.Clip(planes=[((-1, 0, 0), -3.5)])
+    assert light(plane, block, shadows=True, clip=nothing) == pytest.approx(free, rel=1e-6)
+    assert light(plane, beside(0.2), shadows=True) == pytest.approx(free, rel=1e-6)
+    assert light(plane, block, values=((0.3, 1.0),), shadows=True) == 0.0
+
+
+def test_lines_towards_lights_begin_a_slice_distance_away(reference_renderer: ss.Renderer) -> None:
+    """A wall nearer than that casts no shadow, the same wall farther away does."""
+    wall = ss.RegularField(np.ones((9, 9, 2)), origin=(2.4, -4, -4), spacing=(0.2, 1, 1), normalization="threshold")
+    plane = ss.EllipsoidField([(0.0, 0.0, 0.0)], [(1.0, 8.0, 8.0)], values=[1.0], normalization="none")
+
+    def light(spacing: float, shadows: bool) -> float:
+        scene = ss.Scene(
+            (plane, wall),
+            WHITE,
+            mode="isosurface",
+            iso_value=((0.3, 0.5),),
+            slice_spacing=spacing,
+            lights=[ss.Light((1, 0, 0), space="world")],
+            material=ss.Material(ambient=0, diffuse=1),
+            gradient="analytic",
+            opacity_stop=0.1,
+            shadows=shadows,
+        )
+        picture = reference_renderer.render(scene, front(0.01, (0.3, 0.0)), size=(1, 1)).rgba[0, 0]
+        return float(picture[0] / picture[3])
+
+    assert light(0.05, True) == pytest.approx(light(0.05, False) * 0.25, rel=1e-6)
+    # From 2 to 3.0, all between the surface and its first step.
+    assert light(3.5, True) == pytest.approx(light(3.5, False), rel=1e-6)
+
+
 def test_second_order_is_nearer_to_the_limit(reference_renderer: ss.Renderer) -> None:
     """Thin intervals of first order are the limit; second order is there with wide ones."""
     rng = np.random.default_rng(3)

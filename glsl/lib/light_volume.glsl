@@ -1,4 +1,4 @@
-// What is left of light at a point: numbers on grids in the world, linear in between. One buffer holds them all, since textures of three
+// What is left of light at a point: numbers on grids in the world, linear in between, that hold it or, in mode isosurface, rho. One buffer holds them all, since textures of three
 // dimensions end at sizes that grids go beyond, and hardware mixes with 8 fractional bits. Source: conventions, section 10.
 
 uniform samplerBuffer volume_texture;
@@ -10,9 +10,12 @@ uniform vec3 volume_down[VOLUMES];
 uniform vec3 volume_back[VOLUMES];
 
 // spot: pixels to the right of the optical axis and below it (times depth in perspective), place in the array of slabs
-float left_of(int volume, vec3 spot) {
+vec3 place_of(int volume, vec3 spot) {
+    return volume_place[volume] + spot.x * volume_right[volume] + spot.y * volume_down[volume] + spot.z * volume_back[volume];
+}
+
+float number_at(int volume, vec3 place) {
     vec3 last = volume_last[volume];
-    vec3 place = volume_place[volume] + spot.x * volume_right[volume] + spot.y * volume_down[volume] + spot.z * volume_back[volume];
     place = clamp(place, vec3(0.0), last);
     vec3 whole = min(floor(place), max(last - 1.0, 0.0));
     vec3 part = place - whole;
@@ -30,7 +33,85 @@ float left_of(int volume, vec3 spot) {
 
 #ifdef OCCLUSION
 uniform float occlusion; // strength
+#endif
 
+#ifndef CASTERS
+
+float left_of(int light, vec3 spot) { return number_at(light, place_of(light, spot)); }
+
+#ifdef OCCLUSION
 // Share of ambient light: the grid after those of the lights tells how open a point's surroundings are.
-float ambient_left(vec3 spot) { return 1.0 - occlusion * (1.0 - left_of(VOLUMES - 1, spot)); }
+float ambient_left(vec3 spot) { return 1.0 - occlusion * (1.0 - number_at(VOLUMES - 1, place_of(VOLUMES - 1, spot))); }
+#endif
+
+#else
+
+// Lines through grids of rho, a grid for each group of fields, which lose light where rho crosses an iso value from one step to the
+// next (view/surface_lines.hpp).
+uniform vec3 caster[CASTERS]; // iso value in the sheets' unit, -log2(1 - opacity), 0
+uniform float caster_opaque;   // where absorptions add up to this much nothing is left
+#ifdef SHADOWS
+uniform vec3 light_step[LIGHTS]; // a slice distance towards a light, in elements
+#endif
+#ifdef OCCLUSION
+uniform vec3 around_step[AROUND]; // and in each direction of ambient occlusion
+uniform float around_steps;
+#endif
+#ifdef KEPT
+uniform vec3 kept_normal[KEPT]; // half spaces: dot(normal, place) + distance.x >= 0
+uniform vec3 kept_distance[KEPT];
+#endif
+
+float absorbed_below(float rho) {
+    float sum = 0.0;
+    for (int i = 0; i < CASTERS; ++i) {
+        sum += rho >= caster[i].x ? caster[i].y : 0.0;
+    }
+    return sum;
+}
+
+// Light that comes along a line through points 1 to `steps`, as far as the line is in the grid and kept.
+float left_along(vec3 place, vec3 step_, float steps) {
+    float last = 1e6;
+    for (int axis = 0; axis < 3; ++axis) {
+        if (step_[axis] != 0.0) {
+            last = min(last, ((step_[axis] > 0.0 ? volume_last[0][axis] : 0.0) - place[axis]) / step_[axis]);
+        }
+    }
+    last = min(floor(last) + 1.0, steps);
+#ifdef KEPT
+    for (int i = 0; i < KEPT; ++i) {
+        float nearer = -dot(kept_normal[i], step_);
+        if (nearer > 1e-6) {
+            last = min(last, floor((dot(kept_normal[i], place) + kept_distance[i].x) / nearer));
+        }
+    }
+#endif
+    float absorbed = 0.0;
+    for (int group = 0; group < VOLUMES; ++group) {
+        float before = 0.0;
+        for (float point = 1.0; point <= last && absorbed < caster_opaque; point += 1.0) {
+            float here = absorbed_below(number_at(group, place + point * step_));
+            absorbed += point > 1.0 ? abs(here - before) : 0.0;
+            before = here;
+        }
+    }
+    return absorbed < caster_opaque ? exp2(-absorbed) : 0.0;
+}
+
+#ifdef SHADOWS
+float left_of(int light, vec3 spot) { return left_along(place_of(0, spot), light_step[light], 1e6); }
+#endif
+
+#ifdef OCCLUSION
+float ambient_left(vec3 spot) {
+    vec3 place = place_of(0, spot);
+    float sum = 0.0;
+    for (int i = 0; i < AROUND; ++i) {
+        sum += left_along(place, around_step[i], around_steps);
+    }
+    return 1.0 - occlusion * (1.0 - sum / float(AROUND));
+}
+#endif
+
 #endif

@@ -41,7 +41,7 @@ class ErrorEstimate:
         ``sheetsplat.compare.compare``.
     budget
         The parts of `rmse` by cause, whose squares add up to its square. Those of shadows and ambient occlusion from
-        volumes are not measured but taken from the plan, which mostly overestimates them.
+        volumes are measured at pixels of the picture, and mostly within a factor of 2.
     map
         Estimate of each pixel, root mean square over its channels, float32 (h, w); the mean of the squares is the
         square of `rmse`.

@@ -35,6 +35,9 @@ _log = logging.getLogger("sheetsplat")
 
 # Kernels between slices are told where they are this share of what shows; `image.error` cannot see them.
 _LEAST_UNSEEN = 1e-3
+# Effects that look light up on grids, and the root mean square error of a picture from which on a warning says so.
+_LIGHT = {"shadows": "shadows", "ambient_occlusion": "the ambient occlusion"}
+_LARGE_LIGHT_ERROR = 0.05
 
 
 def _chosen_backend(backend: str) -> str:
@@ -347,6 +350,7 @@ class Renderer:
         if image.stats.get("stage") == image.stats.get("stages"):
             self._warn_of_unseen(image, scene)
             self._warn_of_unmet(image, scene)
+            self._warn_of_light(image)
         if _log.isEnabledFor(logging.DEBUG):
             _log.debug("plan\n%s", plan)
             _log.debug("stats %s", image.stats)
@@ -389,6 +393,19 @@ class Renderer:
             + option_ref("slice_spacing", f"{thin.thinnest:.3g}")
             + " meets them"
         )
+
+    @staticmethod
+    def _warn_of_light(image: Image) -> None:
+        """Warn of shadows or ambient occlusion that the backend draws far from their definition."""
+        plan = image.plan
+        # What was not measured is a bound, and mostly many times too large.
+        for effect in plan.effects if image.stats.get("light_measured") else ():
+            if effect.name in _LIGHT and effect.error > _LARGE_LIGHT_ERROR:
+                what = _LIGHT[effect.name]
+                warn(
+                    f"{what} of backend {plan.backend} differ from their definition by {effect.error:.2g} (root mean "
+                    "square over the picture): " + option_ref("backend", "reference") + " draws them as defined"
+                )
 
     def _warn_of_unused(self, plan: RenderPlan) -> None:
         """Warn of settings that the backend does not use; of each once."""

@@ -90,10 +90,8 @@ def test_what_lies_between_is_seen_without_gradients(options: dict[str, Any], na
 @pytest.mark.parametrize("backend", ["reference", "cpu", pytest.param("gl", marks=pytest.mark.gl)])
 def test_what_goes_together(backend: str) -> None:
     """What is close to a contradiction and is none; what it leaves without work says so."""
-    # The other backends draw no shadows of surfaces.
-    around = {"shadows": True, "ambient_occlusion": OCCLUSION} if backend == "reference" else {}
     for options in (
-        ISO | {"lights": [LIGHT], "depth_cue": CUE, **around},
+        ISO | {"lights": [LIGHT], "depth_cue": CUE, "shadows": True, "ambient_occlusion": OCCLUSION},
         {"mode": "xray", "clip": ss.Clip(planes=[((1, 0, 0), 2.0)])},
         {"preintegration": "second_order", "lights": [LIGHT], "gradient_opacity": 0.5, "gradient": "analytic"},
         {"shadows": True},

@@ -387,9 +387,6 @@ def test_light_is_dimmed_as_on_the_processor(case):
 
 
 def test_what_is_refused():
-    scene, camera = make(Case().with_(shadows=True, mode="isosurface", iso_value=0.45))
-    with pytest.raises(ss.Unsupported, match='shadows of surfaces.*backend="reference"'):
-        ss.Renderer("gl").plan(scene, camera, size=SIZE)
     scene, camera = make(Case("ellipsoids").with_(gradient="analytic"))
     with pytest.raises(ss.Unsupported, match="analytic"):
         ss.Renderer("gl", effects={"paper_slicing": True}).plan(scene, camera, size=SIZE)

@@ -179,23 +179,6 @@ def test_groups_need_fields(field):
         ss.Scene([field, field], [GRAY, RED], preintegration="second_order")
 
 
-@pytest.mark.parametrize(
-    ("options", "found"),
-    [
-        ({"iso_value": 0.3, "shadows": True, "lights": ss.Light()}, "shadows of surfaces"),
-        ({"iso_value": 0.3, "ambient_occlusion": ss.AmbientOcclusion(1)}, "ambient occlusion by surfaces"),
-    ],
-)
-@pytest.mark.parametrize("backend", ["cpu", "auto"])
-def test_what_only_the_reference_draws_names_it(field, options, found, backend):
-    scene = ss.Scene([field, field], GRAY, mode="isosurface", **options)
-    camera = ss.Camera.fit(field)
-    with pytest.raises(ss.Unsupported) as error:
-        ss.Renderer(backend).render(scene, camera, size=(8, 8))
-    assert found in str(error.value) and 'backend="reference"' in str(error.value)
-    assert ss.Renderer("reference").plan(scene, camera, size=(8, 8)).backend == "reference"
-
-
 @pytest.mark.gl
 def test_packing_paper_has_sheets_of_one_group(field):
     scene = ss.Scene([field, field], [GRAY, RED])

@@ -120,6 +120,29 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
                                 "make the picture or the field smaller"});
 }
 
+/// A volume of zeros with an element for each pixel and a plane for every few slices, the first one on slice 0.
+void lay_out(const Job& job, int every, std::int64_t planes, LightVolume& volume) {
+    const Frame& frame = *job.frame;
+    const Camera& camera = *job.camera;
+    volume.counts = {frame.size.width, frame.size.height, static_cast<int>(planes)};
+    volume.per_step = {camera.right_world() / frame.pixel, -camera.up_world() / frame.pixel,
+                       -camera.back_world() / (frame.slice_spacing * every)};
+    volume.origin = camera.eye() - 0.5 * (frame.size.width - 1) * frame.pixel * camera.right_world() +
+                    0.5 * (frame.size.height - 1) * frame.pixel * camera.up_world() -
+                    frame.first_depth * camera.back_world();
+    try {
+        volume.values.assign(volume.index(0, 0, volume.counts[2]), 0.0F);
+    } catch (const std::bad_alloc&) {
+        out_of_memory();
+    }
+}
+
+/// Elements from row to row and from plane to plane.
+struct Strides {
+    std::size_t row, plane;
+};
+Strides strides_of(const LightVolume& volume) { return {volume.index(0, 1, 0), volume.index(0, 0, 1)}; }
+
 /// Ends a task of a picture that has failed in another task, whose error is the one that is thrown.
 struct Ended {};
 
@@ -176,8 +199,8 @@ struct CpuRenderer::State {
 
     /// record: what is filled in the picture's place; null: the picture is.
     template <class T>
-    void draw(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions,
-              const AbsorptionRecord* record, Report& tell, Image& image) {
+    void draw(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, const SliceRecord* record,
+              Report& tell, Image& image) {
         const auto start = Clock::now();
         const Size size = job.frame->size;
         const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan, job.volumes);
@@ -274,7 +297,7 @@ struct CpuRenderer::State {
         }
     }
 
-    void draw_in(Precision precision, const Job& job, const AbsorptionRecord* record, Report& tell, Image& image) {
+    void draw_in(Precision precision, const Job& job, const SliceRecord* record, Report& tell, Image& image) {
         const int threads = job.threads > 0 ? job.threads : usable_threads();
         try {
             if (!pool || pool->threads() != threads || !pool->is_here()) {
@@ -329,23 +352,22 @@ void CpuRenderer::render(const Job& job, Image& image) {
 }
 
 void CpuRenderer::absorb(const Job& job, int every, LightVolume& volume) {
+    const std::int64_t planes = (job.frame->slices + every - 1) / every + 1;
+    lay_out(job, every, planes, volume);
+    const Strides strides = strides_of(volume);
+    record(job, {SliceRecord::Of::absorption, volume.values.data(), strides.row, strides.plane, planes, every});
+}
+
+void CpuRenderer::sample(const Job& job, LightVolume& volume) {
     const Frame& frame = *job.frame;
-    const Camera& camera = *job.camera;
-    const std::int64_t planes = (frame.slices + every - 1) / every + 1;
-    volume.counts = {frame.size.width, frame.size.height, static_cast<int>(planes)};
-    volume.per_step = {camera.right_world() / frame.pixel, -camera.up_world() / frame.pixel,
-                       -camera.back_world() / (frame.slice_spacing * every)};
-    volume.origin = camera.eye() - 0.5 * (frame.size.width - 1) * frame.pixel * camera.right_world() +
-                    0.5 * (frame.size.height - 1) * frame.pixel * camera.up_world() -
-                    frame.first_depth * camera.back_world();
-    const auto row = static_cast<std::size_t>(frame.size.width);
-    const std::size_t plane = row * static_cast<std::size_t>(frame.size.height);
-    try {
-        volume.values.assign(plane * static_cast<std::size_t>(planes), 0.0F);
-    } catch (const std::bad_alloc&) {
-        out_of_memory();
-    }
-    const AbsorptionRecord record{volume.values.data(), row, plane, planes, every};
+    lay_out(job, 1, frame.slices + 2, volume);
+    volume.origin += frame.slice_spacing * job.camera->back_world();
+    const Strides strides = strides_of(volume);
+    record(job,
+           {SliceRecord::Of::rho, volume.values.data() + strides.plane, strides.row, strides.plane, frame.slices, 1});
+}
+
+void CpuRenderer::record(const Job& job, const SliceRecord& record) {
     // What was sorted for the picture is kept: the next one may reuse it.
     std::unique_ptr<SortedView> kept = std::move(state_->sorted);
     Image none;

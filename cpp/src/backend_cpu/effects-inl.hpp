@@ -17,6 +17,7 @@
 #include "light-inl.hpp"
 #include "light_volume-inl.hpp"
 #include "slab-inl.hpp"
+#include "surface_light-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
@@ -79,6 +80,24 @@ HWY_NOINLINE void light_dimmed(const Slab<T>& slab, EffectRow<T>& row, const Gra
     const auto in = [&](const VolumeLookup& lookup) {
         return VolumeRow<T>(lookup, perspective, slab.shape.x, slab.shape.y + row.y, depth, shading.slice_spacing);
     };
+    const auto lit = [&](int x, int number, auto visible, const auto& dimming) SHEETSPLAT_CPU_INLINE {
+        Color<D> color = row.color(d, number);
+        if (shading.lit) {
+            color = phong<perspective>(d, shading, color, row.against(d, number), scale.weakest,
+                                       slab.template ray_if<perspective>(d, x, row.y), visible, dimming);
+        } else {
+            const auto ambient = dimming.ambient();
+            color = {hn::Mul(color.red, ambient), hn::Mul(color.green, ambient), hn::Mul(color.blue, ambient)};
+        }
+        row.set_color(d, number, color);
+    };
+    if (!shading.surface_light.groups.empty()) {
+        const LightOfRow<T> left(shading, row, in(shading.surface_light.place));
+        row.for_each(row.alpha, [&](int x, int number, auto visible) {
+            lit(x, number, visible, DimmingBySurfaces<T>{d, left, shading.shadows, number});
+        });
+        return;
+    }
     std::vector<VolumeRow<T>> rows;
     if (shading.shadows) {
         for (const VolumeLookup& lookup : shading.shadow_of) {
@@ -93,15 +112,7 @@ HWY_NOINLINE void light_dimmed(const Slab<T>& slab, EffectRow<T>& row, const Gra
                                  shading.occlusion_strength,
                                  hn::Iota(d, static_cast<T>(x)),
                                  hn::Load(d, row.share + number)};
-        Color<D> color = row.color(d, number);
-        if (shading.lit) {
-            color = phong<perspective>(d, shading, color, row.against(d, number), scale.weakest,
-                                       slab.template ray_if<perspective>(d, x, row.y), visible, dimming);
-        } else {
-            const auto ambient = dimming.ambient();
-            color = {hn::Mul(color.red, ambient), hn::Mul(color.green, ambient), hn::Mul(color.blue, ambient)};
-        }
-        row.set_color(d, number, color);
+        lit(x, number, visible, dimming);
     });
 }
 

@@ -83,12 +83,13 @@ struct VolumeRow {
     }
 
     template <class D, class V = hn::Vec<D>>
+    HWY_INLINE V place(D d, int axis, V column, V share) const {
+        const V along = hn::MulAdd(column, hn::Set(d, per_both[axis]), hn::Set(d, per_share[axis]));
+        return hn::MulAdd(share, along, hn::MulAdd(column, hn::Set(d, per_column[axis]), hn::Set(d, start[axis])));
+    }
+    template <class D, class V = hn::Vec<D>>
     HWY_INLINE V at(D d, V column, V share) const {
-        const auto place = [&](int axis) {
-            const V along = hn::MulAdd(column, hn::Set(d, per_both[axis]), hn::Set(d, per_share[axis]));
-            return hn::MulAdd(share, along, hn::MulAdd(column, hn::Set(d, per_column[axis]), hn::Set(d, start[axis])));
-        };
-        const V places[3] = {place(0), place(1), place(2)};
+        const V places[3] = {place(d, 0, column, share), place(d, 1, column, share), place(d, 2, column, share)};
         return look_up(d, *volume, places);
     }
 };

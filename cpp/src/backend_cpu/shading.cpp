@@ -1,6 +1,7 @@
 #include "backend_cpu/shading.hpp"
 
 #include <algorithm>
+#include <iterator>
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -9,6 +10,7 @@
 #include "plan/make_plan.hpp"
 #include "scene/mode_rules.hpp"
 #include "view/shading_inputs.hpp"
+#include "view/surface_lines.hpp"
 
 namespace sheetsplat::backend_cpu {
 
@@ -103,6 +105,32 @@ VolumeLookup lookup_of(const LightVolume& volume, const Camera& camera, const Fr
 }
 
 template <class T>
+SurfaceLight<T> surface_light_of(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
+                                 const LightVolumes& volumes) {
+    const LightVolume& grid = *volumes.groups.front();
+    const SurfaceLines lines = make_surface_lines(scene, camera, grid, frame.slice_spacing, plan.value_unit);
+    SurfaceLight<T> light;
+    light.place = lookup_of(grid, camera, frame);
+    for (const auto& group : volumes.groups) {
+        light.groups.push_back(group.get());
+    }
+    for (const SurfaceLines::Surface& surface : lines.surfaces) {
+        light.surfaces.push_back({number<T>(surface.value), static_cast<T>(surface.absorption)});
+    }
+    const auto line = [](const Vec3& step) {
+        return typename SurfaceLight<T>::Line{{static_cast<T>(step.x), static_cast<T>(step.y), static_cast<T>(step.z)}};
+    };
+    std::transform(lines.to_lights.begin(), lines.to_lights.end(), std::back_inserter(light.to_lights), line);
+    std::transform(lines.around.begin(), lines.around.end(), std::back_inserter(light.around), line);
+    for (const SurfaceLines::Kept& half : lines.kept) {
+        light.kept.push_back(
+            {{number<T>(half.normal.x), number<T>(half.normal.y), number<T>(half.normal.z)}, number<T>(half.distance)});
+    }
+    light.around_steps = static_cast<T>(lines.around_steps);
+    return light;
+}
+
+template <class T>
 void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
                  const ShadingInputs& inputs, const LightVolumes* volumes, Shading<T>& shading) {
     shading.clip = plan.clip;
@@ -119,16 +147,20 @@ void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, c
     for (int c = 0; c < 3; ++c) {
         shading.cue_color[c] = number<T>(inputs.cue_color[c]);
     }
+    const bool by_surfaces = volumes != nullptr && !volumes->groups.empty();
+    if (by_surfaces) {
+        shading.surface_light = surface_light_of<T>(scene, camera, frame, plan, *volumes);
+    }
     shading.shadows = plan.shadows && volumes != nullptr;
-    if (shading.shadows) {
+    if (shading.shadows && !by_surfaces) {
         for (const auto& volume : volumes->lights) {
             shading.shadow_of.push_back(volume ? lookup_of(*volume, camera, frame) : VolumeLookup{});
         }
         shading.shadow_of.resize(scene.lights.size());
     }
-    shading.occlusion = plan.ambient_occlusion && volumes != nullptr && volumes->openness != nullptr;
+    shading.occlusion = plan.ambient_occlusion && volumes != nullptr && (by_surfaces || volumes->openness != nullptr);
     if (shading.occlusion) {
-        shading.openness = lookup_of(*volumes->openness, camera, frame);
+        shading.openness = by_surfaces ? VolumeLookup{} : lookup_of(*volumes->openness, camera, frame);
         shading.occlusion_strength = static_cast<T>(inputs.occlusion_strength);
     }
     shading.by_effects = shading.clip || shading.second_order || shading.analytic_gradient ||

@@ -64,7 +64,7 @@ class TileLoop {
                 }
             }
         }
-        if (setup_.record != nullptr) {
+        if (records(SliceRecord::Of::absorption)) {
             record_until((setup_.record->planes - 1) * setup_.record->every);
         }
         // What is left in the ring would be found by the next tile.
@@ -210,12 +210,31 @@ class TileLoop {
                            [&](const Again& entry) { return entry.part == part; });
     }
 
+    [[nodiscard]] bool records(SliceRecord::Of what) const {
+        return setup_.record != nullptr && setup_.record->of == what;
+    }
+    /// The tile's corner in a plane of the record.
+    [[nodiscard]] float* in_record(std::int64_t plane) const {
+        const SliceRecord& record = *setup_.record;
+        return record.values + static_cast<std::size_t>(plane) * record.plane +
+               static_cast<std::size_t>(shape_.y) * record.row + static_cast<std::size_t>(shape_.x);
+    }
+
+    /// Writes rho of slice n, where anything reaches, to its plane.
+    void record_rho(std::int64_t n, const T* rho, const Rect& rect) {
+        for (int y = rect.y0; y < rect.y1; ++y) {
+            const T* from = rho + static_cast<std::size_t>(y + 1) * static_cast<std::size_t>(shape_.stride) + 1;
+            float* out = in_record(n) + static_cast<std::size_t>(y) * setup_.record->row;
+            std::transform(from + rect.x0, from + rect.x1, out + rect.x0,
+                           [](T value) { return static_cast<float>(value); });
+        }
+    }
+
     /// Writes what light has lost so far to the planes up to slice n.
     void record_until(std::int64_t n) {
-        const AbsorptionRecord& record = *setup_.record;
+        const SliceRecord& record = *setup_.record;
         for (; recorded_ < record.planes && recorded_ * record.every <= n; ++recorded_) {
-            float* out = record.values + static_cast<std::size_t>(recorded_) * record.plane +
-                         static_cast<std::size_t>(shape_.y) * record.row + static_cast<std::size_t>(shape_.x);
+            float* out = in_record(recorded_);
             const T* sums = scratch_.planes.alpha;
             for (int y = 0; y < shape_.height; ++y, out += record.row, sums += shape_.stride) {
                 std::transform(sums, sums + shape_.width, out, [](T sum) { return static_cast<float>(sum); });
@@ -224,7 +243,7 @@ class TileLoop {
     }
 
     void shade(std::int64_t n) {
-        if (setup_.record != nullptr) {
+        if (records(SliceRecord::Of::absorption)) {
             record_until(n);
         }
         const auto* here = ring_.find(n);
@@ -251,6 +270,10 @@ class TileLoop {
             find_sheets(setup_.groups[later + 1], n, later_[later]);
         }
         window.later_groups = later_.data();
+        if (records(SliceRecord::Of::rho)) {
+            record_rho(n, window.rho[1], window.rect);
+            return;
+        }
         if (setup_.record != nullptr) {
             absorb_slab(*setup_.shading, shape_, window, scratch_.planes);
             return;

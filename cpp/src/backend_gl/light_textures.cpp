@@ -7,6 +7,7 @@
 
 #include "interop.h"
 #include "sheetsplat/error.hpp"
+#include "view/surface_lines.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -22,11 +23,11 @@ const LightVolume& volume_of(const std::shared_ptr<const LightVolume>& volume) {
 } // namespace
 
 void LightTextures::upload(const LightVolumes& volumes, bool shadows, bool occlusion, int largest) {
-    std::vector<std::shared_ptr<const LightVolume>> wanted;
-    if (shadows) {
+    std::vector<std::shared_ptr<const LightVolume>> wanted = volumes.groups;
+    if (shadows && volumes.groups.empty()) {
         wanted = volumes.lights;
     }
-    if (occlusion) {
+    if (occlusion && volumes.groups.empty()) {
         wanted.push_back(volumes.openness);
     }
     if (wanted == volumes_ && texture_) {
@@ -80,6 +81,36 @@ void LightTextures::bind(const gl::Program& program, const Camera& camera, const
     program.set_array3("volume_right", right.data(), count);
     program.set_array3("volume_down", down.data(), count);
     program.set_array3("volume_back", back.data(), count);
+}
+
+void LightTextures::set_lines(const gl::Program& program, const Scene& scene, const Camera& camera,
+                              double slice_spacing, double value_unit) const {
+    const SurfaceLines lines =
+        make_surface_lines(scene, camera, volume_of(volumes_.front()), slice_spacing, value_unit);
+    std::vector<float> surfaces, lights, around, normals, distances;
+    const auto append = [](std::vector<float>& to, const Vec3& vector) {
+        to.insert(to.end(), {static_cast<float>(vector.x), static_cast<float>(vector.y), static_cast<float>(vector.z)});
+    };
+    for (const SurfaceLines::Surface& one : lines.surfaces) {
+        append(surfaces, Vec3(one.value, one.absorption, 0.0));
+    }
+    for (const Vec3& step : lines.to_lights) {
+        append(lights, step);
+    }
+    for (const Vec3& step : lines.around) {
+        append(around, step);
+    }
+    for (const SurfaceLines::Kept& half : lines.kept) {
+        append(normals, half.normal);
+        append(distances, Vec3(half.distance, 0.0, 0.0));
+    }
+    program.set_array3("caster", surfaces.data(), static_cast<int>(lines.surfaces.size()));
+    program.set("caster_opaque", static_cast<float>(SurfaceLines::opaque));
+    program.set_array3("light_step", lights.data(), static_cast<int>(lines.to_lights.size()));
+    program.set_array3("around_step", around.data(), static_cast<int>(lines.around.size()));
+    program.set("around_steps", static_cast<float>(lines.around_steps));
+    program.set_array3("kept_normal", normals.data(), static_cast<int>(lines.kept.size()));
+    program.set_array3("kept_distance", distances.data(), static_cast<int>(lines.kept.size()));
 }
 
 } // namespace sheetsplat::backend_gl

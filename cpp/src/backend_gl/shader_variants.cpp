@@ -6,6 +6,7 @@
 #include "backend_gl/gl_renderer.hpp"
 #include "plan/pivot.hpp"
 #include "scene/mode_rules.hpp"
+#include "view/surface_lines.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -179,7 +180,16 @@ ShadedParts shaded_parts(const Scene& scene) {
     return parts;
 }
 
-gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int phase) {
+LineCounts line_counts(const DrawPlan& plan, const Scene& scene) {
+    if (plan.mode != Mode::isosurface || !(plan.shadows || plan.ambient_occlusion)) {
+        return {};
+    }
+    const auto shown = std::count_if(scene.iso_values.begin(), scene.iso_values.end(),
+                                     [](const IsoValue& iso) { return iso.opacity > 0.0; });
+    return {scene.later_groups.size() + 1, static_cast<std::size_t>(shown), scene.clip.half_spaces().size()};
+}
+
+gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int phase, const LineCounts& lines) {
     gl::Defines defines;
     const std::size_t lights = parts.lights;
     const bool wide = plan.packing == Packing::wide;
@@ -233,6 +243,14 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     }
     if (plan.shadows || plan.ambient_occlusion) {
         defines["VOLUMES"] = std::to_string((plan.shadows ? lights : 0) + (plan.ambient_occlusion ? 1 : 0));
+    }
+    if (lines.surfaces > 0) {
+        defines["VOLUMES"] = std::to_string(lines.groups);
+        defines["CASTERS"] = std::to_string(lines.surfaces);
+        defines["AROUND"] = std::to_string(directions_around);
+        if (lines.half_spaces > 0) {
+            defines["KEPT"] = std::to_string(lines.half_spaces);
+        }
     }
     return defines;
 }

@@ -70,7 +70,12 @@ struct ShadedParts {
     [[nodiscard]] const char* shader() const { return groups > 1 || surfaces > 0 ? "shade_groups.frag" : "shade.frag"; }
 };
 ShadedParts shaded_parts(const Scene& scene);
-gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int phase);
+/// What lines towards lights meet in mode isosurface: sizes of the arrays of lib/light_volume.glsl.
+struct LineCounts {
+    std::size_t groups = 0, surfaces = 0, half_spaces = 0;
+};
+LineCounts line_counts(const DrawPlan& plan, const Scene& scene);
+gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int phase, const LineCounts& lines = {});
 std::vector<std::string> shade_outputs(const DrawPlan& plan);
 
 /// Offsets of the four channels' slabs from the batch's first one: in order (wide), or rotated so that slab m lies in

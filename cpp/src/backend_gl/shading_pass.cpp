@@ -49,7 +49,9 @@ void ShadingPass::shade(const TouchedPixels& touched, std::int64_t pass) const {
     scope_.write_all_channels();
     const ShadedParts parts = shaded_parts(*scope_.job.scene);
     const gl::Program& program = scope_.resources.program(
-        {"rectangle.vert", parts.shader(), shade_defines(plan, parts, scope_.channel_of(pass)), shade_outputs(plan)});
+        {"rectangle.vert", parts.shader(),
+         shade_defines(plan, parts, scope_.channel_of(pass), line_counts(plan, *scope_.job.scene)),
+         shade_outputs(plan)});
     program.use();
     if (targets.shape().wide) {
         targets.sheet(scope_.sheet_of(pass + 2)).bind(program, "front");

@@ -83,6 +83,10 @@ void set_shading(const gl::Program& program, const TileScope& scope, const Shadi
     program.set("opacity_stop", f(inputs.opacity_stop));
     if (plan.shadows || plan.ambient_occlusion) {
         scope.resources.light().bind(program, *scope.job.camera, scope.frame, first_slab);
+        if (plan.mode == Mode::isosurface) {
+            scope.resources.light().set_lines(program, *scope.job.scene, *scope.job.camera, scope.frame.slice_spacing,
+                                              plan.value_unit);
+        }
         if (plan.ambient_occlusion) {
             program.set("occlusion", f(inputs.occlusion_strength));
         }

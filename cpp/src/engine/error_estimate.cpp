@@ -249,7 +249,9 @@ ErrorEstimate Renderer::State::estimate_error(const Image& image, const Scene& s
         whole = draw(unstopped, exact);
         probes.unstopped = &whole;
     }
-    return estimate_from(probes, richardson_share(scene), image.plan->error_budget);
+    RenderPlan plan = *image.plan;
+    measure_light({scene, camera, image.size, none, progress, options_}, plan, true);
+    return estimate_from(probes, richardson_share(scene), plan.error_budget);
 }
 
 ErrorEstimate Renderer::estimate_error(const Image& image, const Scene& scene, const Camera& camera,

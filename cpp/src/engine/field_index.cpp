@@ -81,12 +81,13 @@ int slices_beyond(const DrawPlan& plan) {
            (uses_intervals(plan.mode, plan.preintegration) ? 1 : 0);
 }
 
-/// Whether what a classification of slices cannot show may still be left out: the cubic of second order overshoots, and
-/// what casts shadows on an isosurface need not cross it.
+/// Whether what a classification of slices cannot show may still be left out: the cubic of second order overshoots.
 bool may_cull(const DrawPlan& plan) {
-    return plan.culling && !plan.coverage && !(plan.second_order && plan.preintegration) &&
-           !(plan.mode == Mode::isosurface && (plan.shadows || plan.ambient_occlusion));
+    return plan.culling && !plan.coverage && !(plan.second_order && plan.preintegration);
 }
+
+/// Slice distances around a point that shows in which rho must be right: lines towards lights interpolate it there.
+constexpr double around_surfaces = 2.0;
 
 VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
     const Field& field = *scene.fields[number];
@@ -107,6 +108,9 @@ VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan&
     query.reach_world = slices_beyond(plan) * frame.slice_spacing * slant;
     if (plan.gradient) {
         query.reach_world += std::max(frame.largest_pixel(), frame.slice_spacing * slant);
+    }
+    if (plan.mode == Mode::isosurface && (plan.shadows || plan.ambient_occlusion)) {
+        query.reach_world = std::max(query.reach_world, around_surfaces * frame.slice_spacing);
     }
     if (plan.filter) {
         // Twice what it widens a support by, in any direction, at depths a little beyond the last slice too.

@@ -12,6 +12,7 @@
 #include "plan/limits_common.hpp"
 #include "same_scene.hpp"
 #include "sheetsplat/error.hpp"
+#include "view/surface_lines.hpp"
 
 namespace sheetsplat {
 
@@ -50,6 +51,30 @@ double light_step(const Frame& frame) {
 /// Grid step of ambient occlusion, which is a mean over directions and may be coarser.
 double open_step(double slice_spacing, double steps) { return slice_spacing * std::clamp(0.25 * steps, 1.0, 2.0); }
 
+/// Grid step of rho in mode isosurface, in slice distances: half of one moves the edges of shadows by a few hundredths
+/// of a sample distance.
+constexpr double scalar_step = 0.5;
+
+/// The plan with which rho of a group of fields is sampled.
+DrawPlan through_group(const DrawPlan& plan, const Scene& scene, const Group& group) {
+    DrawPlan made = through(plan, scene);
+    made.empty_test = false;
+    made.field_units.clear(); // Iso values hold for all groups.
+    made.own_sheets.assign(scene.fields.size(), -1);
+    int divided = 0;
+    for (std::size_t field = group.first; field < group.last; ++field) {
+        if (scene.fields[field]->normalization() == Normalization::threshold) {
+            made.own_sheets[field] = divided++;
+        }
+    }
+    // A single quotient needs no sheets of its own.
+    made.threshold = made.weight = divided > 0 && group.last - group.first == 1;
+    if (divided == 0 || made.threshold) {
+        made.own_sheets.clear();
+    }
+    return made;
+}
+
 /// A scene that is looked at along a light, towards where it goes.
 struct LightView {
     Camera camera;
@@ -58,8 +83,10 @@ struct LightView {
     double step = 0.0;
 };
 
-/// The view of all supports with elements of about `step`, or as many as fit.
-LightView view_of(const Scene& scene, const Vec3& towards_light, double step, double elements, const Reach& reach) {
+/// The view of all supports with elements of about `step`, or as many as fit. Along the light these are whole slice
+/// distances; cubes: as across it.
+LightView view_of(const Scene& scene, const Vec3& towards_light, double step, double elements, const Reach& reach,
+                  bool cubes = false) {
     const Vec3 middle = scene.centres_world().centre();
     const Vec3 size = glm::abs(towards_light);
     const Vec3 up = size.y <= size.x && size.y <= size.z ? Vec3(0.0, 1.0, 0.0)
@@ -86,7 +113,7 @@ LightView view_of(const Scene& scene, const Vec3& towards_light, double step, do
     for (;; view.step *= coarser) {
         view.every = static_cast<int>(std::clamp(std::round(view.step / spacing), 1.0, 1e6));
         const double wide = count(across[1] - across[0], view.step), high = count(upwards[1] - upwards[0], view.step);
-        const double deep = count(along[1] - along[0], spacing * view.every);
+        const double deep = count(along[1] - along[0], cubes ? view.step : spacing * view.every);
         if (wide * high * deep <= elements && wide < 16384.0 && high < 16384.0) {
             view.size = {static_cast<int>(wide), static_cast<int>(high)};
             break;
@@ -98,24 +125,55 @@ LightView view_of(const Scene& scene, const Vec3& towards_light, double step, do
     return view;
 }
 
-/// -ln of what is left of light on its way to the planes of a volume.
-LightVolume absorption(const Request& request, const DrawPlan& plan, const Indexed& indexed, const Prepared& prepared,
-                       const Reach& reach, const LightView& view, backend_cpu::CpuRenderer& processor) {
-    const Scene& scene = request.scene;
-    const Frame frame = make_frame(scene, view.camera, view.size, reach);
+/// Calls draw(job) with the processor's job for another view of what the picture shows.
+template <class Draw>
+void draw_into(const Request& request, const DrawPlan& plan, const Indexed& indexed, const Prepared& prepared,
+               const Camera& camera, const Frame& frame, const Draw& draw) {
     std::vector<FieldView> lattices;
     for (const std::size_t field : prepared.view_fields) {
-        lattices.push_back(make_field_view(*as_regular(scene.fields[field].get()), view.camera, frame, Sampling::point,
-                                           plan.unit_of(field)));
+        lattices.push_back(make_field_view(*as_regular(request.scene.fields[field].get()), camera, frame,
+                                           Sampling::point, plan.unit_of(field)));
     }
-    const std::vector<EllipsoidView> scattered = views_of(indexed, plan, view.camera, frame, Sampling::point);
-    backend_cpu::Job job = cpu_job(request, prepared, indexed, lattices, scattered, view.camera, frame, plan);
+    const std::vector<EllipsoidView> scattered = views_of(indexed, plan, camera, frame, Sampling::point);
+    backend_cpu::Job job = cpu_job(request, prepared, indexed, lattices, scattered, camera, frame, plan);
     // Light comes before the picture, of which nothing is done yet.
     const Progress nothing_yet =
         request.progress ? Progress([&request](double) { return request.progress(0.0); }) : Progress();
     job.progress = &nothing_yet;
+    draw(job);
+}
+
+/// -ln of what is left of light on its way to the planes of a volume.
+LightVolume absorption(const Request& request, const DrawPlan& plan, const Indexed& indexed, const Prepared& prepared,
+                       const Reach& reach, const LightView& view, backend_cpu::CpuRenderer& processor) {
+    const Frame frame = make_frame(request.scene, view.camera, view.size, reach);
     LightVolume volume;
-    processor.absorb(job, view.every, volume);
+    draw_into(request, plan, indexed, prepared, view.camera, frame,
+              [&](const backend_cpu::Job& job) { processor.absorb(job, view.every, volume); });
+    return volume;
+}
+
+/// rho of a group of fields on a grid along the world's axes.
+LightVolume scalars(const Request& request, const DrawPlan& plan, const Group& group, const Indexed& indexed,
+                    const Prepared& prepared, const Reach& reach, double elements,
+                    backend_cpu::CpuRenderer& processor) {
+    const LightView view =
+        view_of(request.scene, Vec3(0.0, 0.0, 1.0), scalar_step * prepared.frame.slice_spacing, elements, reach, true);
+    Scene scene = request.scene;
+    scene.reference_length = scene.reference_distance();
+    scene.slice_spacing = view.step;
+    scene.later_groups.clear(); // The fields of other groups are left out below.
+    const Frame frame = make_frame(scene, view.camera, view.size, reach);
+    LightVolume volume;
+    draw_into(request.with(scene), plan, indexed, prepared, view.camera, frame, [&](backend_cpu::Job& job) {
+        const auto of_others = [&group](const auto& part) {
+            return part.field < group.first || part.field >= group.last;
+        };
+        job.regular.erase(std::remove_if(job.regular.begin(), job.regular.end(), of_others), job.regular.end());
+        job.ellipsoids.erase(std::remove_if(job.ellipsoids.begin(), job.ellipsoids.end(), of_others),
+                             job.ellipsoids.end());
+        processor.sample(job, volume);
+    });
     return volume;
 }
 
@@ -204,21 +262,13 @@ bool same_opacities(const std::vector<TransferPoint>& a, const std::vector<Trans
     });
 }
 
-/// The light's direction in the world, of unit length.
-Vec3 world_direction(const Light& light, const Camera& camera) {
-    const Vec3 size = glm::abs(light.direction);
-    const Vec3 unit = glm::normalize(light.direction / std::max({size.x, size.y, size.z}));
-    return light.space == LightSpace::world
-               ? unit
-               : unit.x * camera.right_world() + unit.y * camera.up_world() + unit.z * camera.back_world();
-}
-
 } // namespace
 
 bool LightVolumeCache::Origin::operator==(const Origin& other) const {
     return fields == other.fields && groups == other.groups && versions == other.versions &&
            same_opacities(points, other.points) && same(clip, other.clip) && slice_spacing == other.slice_spacing &&
-           reference_length == other.reference_length && filter == other.filter && precision == other.precision;
+           reference_length == other.reference_length && value_unit == other.value_unit && filter == other.filter &&
+           precision == other.precision;
 }
 
 template <class Serves, class Make>
@@ -265,6 +315,7 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                   plan.clip ? scene.clip : Clip{},
                   prepared.frame.slice_spacing,
                   prepared.frame.reference_length,
+                  plan.value_unit,
                   plan.filter,
                   plan.precision};
     for (const RunsEntry* entry : indexed.runs) {
@@ -276,17 +327,43 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
     std::size_t used = 0;
     LightVolumes volumes;
     const double spacing = prepared.frame.slice_spacing;
-    const std::size_t grids = (prepared.plan.shadows ? scene.lights.size() : 0) + 1;
+    const bool by_surfaces = prepared.plan.mode == Mode::isosurface;
+    const std::vector<Group> casting = by_surfaces ? scene.groups() : std::vector<Group>{};
+    const std::size_t grids = by_surfaces ? casting.size() : (prepared.plan.shadows ? scene.lights.size() : 0) + 1;
     const double elements = std::min(static_cast<double>(most_light_elements),
                                      static_cast<double>(most_light_elements_of_all) / static_cast<double>(grids));
     try {
-        if (prepared.plan.shadows && prepared.frame.slices > 0) {
+        if (by_surfaces && prepared.frame.slices > 0) {
+            // Neither what is transparent nor what is cut off matters to rho.
+            Origin of_rho = origin;
+            of_rho.points.clear();
+            of_rho.clip = Clip{};
+            of_rho.reference_length = 0.0;
+            for (std::size_t number = 0; number < casting.size(); ++number) {
+                const auto group = static_cast<int>(number);
+                of_rho.groups = {casting[number].first, casting[number].last};
+                volumes.groups.push_back(
+                    find([&](const Entry& entry) { return entry.group == group && entry.origin == of_rho; },
+                         [&] {
+                             Entry entry;
+                             entry.origin = of_rho;
+                             entry.group = group;
+                             entry.volume = std::make_shared<const LightVolume>(
+                                 scalars(request, through_group(prepared.plan, scene, casting[number]), casting[number],
+                                         indexed, prepared, reach, elements, processor));
+                             return entry;
+                         }));
+                ++used;
+            }
+        }
+        if (!by_surfaces && prepared.plan.shadows && prepared.frame.slices > 0) {
             const double step = light_step(prepared.frame);
             for (const Light& light : scene.lights) {
                 const Vec3 direction = world_direction(light, request.camera);
                 volumes.lights.push_back(find(
                     [&](const Entry& entry) {
-                        return entry.direction == direction && entry.step == step && entry.origin == origin;
+                        return entry.group < 0 && entry.direction == direction && entry.step == step &&
+                               entry.origin == origin;
                     },
                     [&] {
                         LightVolume made = absorption(request, plan, indexed, prepared, reach,
@@ -295,6 +372,7 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                             value = std::exp(-std::min(value, 80.0F));
                         }
                         return Entry{origin,
+                                     -1,
                                      direction,
                                      step,
                                      0.0,
@@ -304,11 +382,12 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                 ++used;
             }
         }
-        if (prepared.plan.ambient_occlusion && prepared.frame.slices > 0) {
-            const double steps = std::max(1.0, std::floor(scene.ambient_occlusion->radius / spacing + 1e-6));
+        if (!by_surfaces && prepared.plan.ambient_occlusion && prepared.frame.slices > 0) {
+            const double steps = occlusion_steps(*scene.ambient_occlusion, spacing);
             volumes.openness = find(
                 [&](const Entry& entry) {
-                    return entry.direction == Vec3(0.0) && entry.radius == steps && entry.origin == origin;
+                    return entry.group < 0 && entry.direction == Vec3(0.0) && entry.radius == steps &&
+                           entry.origin == origin;
                 },
                 [&] {
                     const auto most_elements = static_cast<double>(most_occlusion_elements);
@@ -323,8 +402,13 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                     for (float& value : open.values) {
                         value *= 1.0F / 14.0F;
                     }
-                    return Entry{origin, Vec3(0.0), step,
-                                 steps,  false,     std::make_shared<const LightVolume>(std::move(open))};
+                    return Entry{origin,
+                                 -1,
+                                 Vec3(0.0),
+                                 step,
+                                 steps,
+                                 false,
+                                 std::make_shared<const LightVolume>(std::move(open))};
                 });
             ++used;
         }

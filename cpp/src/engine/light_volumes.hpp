@@ -1,5 +1,6 @@
 // Volumes for shadows and ambient occlusion: transmittance towards each light, and the mean transmittance of each
-// point's surroundings, on grids. Made by the processor for all backends. Source: conventions, section 10.
+// point's surroundings, on grids; in mode isosurface rho itself, in which surfaces are found. Made by the processor for
+// all backends. Source: conventions, section 10.
 #pragma once
 
 #include <array>
@@ -13,7 +14,8 @@
 
 namespace sheetsplat {
 
-/// Keeps volumes between pictures: those of world lights and of ambient occlusion serve every view of a scene.
+/// Keeps volumes between pictures: those of world lights, of ambient occlusion and of rho serve every view of a
+/// scene.
 class LightVolumeCache {
   public:
     /// For a plan with shadows or ambient occlusion; volumes that it does not call for are left out. Adds to the stats
@@ -29,7 +31,7 @@ class LightVolumeCache {
         std::vector<std::uint64_t> versions; ///< of what is drawn
         std::vector<TransferPoint> points;   ///< of all groups
         Clip clip;
-        double slice_spacing = 0.0, reference_length = 0.0;
+        double slice_spacing = 0.0, reference_length = 0.0, value_unit = 1.0;
         bool filter = false;
         Precision precision = Precision::float32;
 
@@ -37,6 +39,7 @@ class LightVolumeCache {
     };
     struct Entry {
         Origin origin;
+        int group = -1;      ///< of which rho is kept; -1: light is
         Vec3 direction{0.0}; ///< world, towards the light; openness: 0
         double step = 0.0;   ///< what an element spans, world units
         double radius = 0.0; ///< of ambient occlusion, in slice distances

@@ -128,8 +128,18 @@ double Renderer::State::Pilots::of_model(const Settings& settings) {
     if (known != of_model_.end()) {
         return known->second;
     }
-    const Prepared prepared = state_.prepare(whole(with_settings(scene, settings), watch_));
-    return of_model_[spacing] = model_error(prepared.plan.summary.error_budget);
+    const auto estimated = [&](const Settings& of) {
+        return state_.prepare(whole(with_settings(scene, of), watch_)).plan.summary;
+    };
+    if (!measured_over_estimated_) {
+        // Measuring takes a volume of light in the picture's own size: once is enough.
+        RenderPlan plan = estimated(start_);
+        const double estimate = model_error(plan.error_budget);
+        const Scene started = with_settings(scene, start_);
+        state_.measure_light(whole(started, watch_), plan);
+        measured_over_estimated_ = estimate > 0.0 ? model_error(plan.error_budget) / estimate : 1.0;
+    }
+    return of_model_[spacing] = *measured_over_estimated_ * model_error(estimated(settings).error_budget);
 }
 
 Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {

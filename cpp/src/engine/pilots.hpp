@@ -54,6 +54,7 @@ class Renderer::State::Pilots : public Judge {
     std::optional<Image> reference_;
     double reference_spacing_ = 1.0;
     std::map<double, double> of_model_; ///< by slice spacing
+    std::optional<double> measured_over_estimated_{};
 };
 
 } // namespace sheetsplat

@@ -1,5 +1,6 @@
 #include "sheetsplat/renderer.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -8,6 +9,7 @@
 #include "base/memory.hpp"
 #include "base/poll.hpp"
 #include "base/unusable.hpp"
+#include "error_estimate.hpp"
 #include "renderer_state.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
@@ -178,6 +180,39 @@ void Renderer::State::draw(const Request& request, const Prepared& prepared, con
     stats["kernels_culled"] = static_cast<double>(indexed.all - indexed.visible);
     stats["bytes_index"] = static_cast<double>(indexed.bytes);
     stats["bytes"] = stats["bytes_index"] + stats["bytes_view"] + stats["bytes_device"];
+}
+
+bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bool anew) {
+    // Nothing of the last scene's fields is kept.
+    if (measured_ && measured_->view.scene.fields != request.scene.fields) {
+        measured_.reset();
+        light_probe_ = LightErrorProbe();
+    }
+    if (plan.backend == Backend::reference ||
+        std::none_of(plan.error_budget.begin(), plan.error_budget.end(), is_of_model)) {
+        return false;
+    }
+    const bool known = measured_ && measured_->backend == plan.backend &&
+                       measured_->view.serves(request.scene, request.camera, request.size);
+    if (anew || !known) {
+        const Prepared prepared = prepare(request);
+        if (prepared.plan.blank || (!anew && !LightErrorProbe::is_cheap(request, prepared))) {
+            return false;
+        }
+        try {
+            Image image;
+            const Indexed indexed = find_drawn(request, prepared, prepared.frame);
+            const LightVolumes volumes = light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
+            measured_ = std::make_unique<MeasuredLight>(MeasuredLight{{request.scene, request.camera, request.size},
+                                                                      plan.backend,
+                                                                      light_probe_.errors(request, prepared, volumes)});
+        } catch (const OutOfMemory&) {
+            // The estimate stands.
+            return false;
+        }
+    }
+    state_light_errors(measured_->errors, plan);
+    return true;
 }
 
 Image Renderer::State::render(const Request& request, const Frame* drawn_like) {

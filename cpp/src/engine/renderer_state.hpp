@@ -8,6 +8,7 @@
 #include "draw.hpp"
 #include "facts/field_survey.hpp"
 #include "field_index.hpp"
+#include "light_error.hpp"
 #include "light_volumes.hpp"
 #include "settings_choice.hpp"
 #include "sheetsplat/renderer.hpp"
@@ -31,6 +32,10 @@ struct Renderer::State {
     Image render_chosen(const Request& request);
     /// Null where the options ask for neither. Lives until the next call.
     const Chosen* choose(const Request& request);
+    /// Puts measured errors of shadows and ambient occlusion in the place of the plan's estimates. A view near the last
+    /// one of the same scene has that one's, and estimates stand where measuring would take longer than the picture;
+    /// not so `anew`. Returns whether the plan has errors that were measured.
+    bool measure_light(const Request& request, RenderPlan& plan, bool anew = false);
     ErrorEstimate estimate_error(const Image& image, const Scene& shown, const Camera& camera,
                                  const Progress& progress);
 
@@ -48,6 +53,13 @@ struct Renderer::State {
     FieldSurveys surveys_;
     FieldIndex index_;
     LightVolumeCache light_;
+    LightErrorProbe light_probe_;
+    struct MeasuredLight {
+        Chosen view;
+        Backend backend;
+        LightErrors errors;
+    };
+    std::unique_ptr<MeasuredLight> measured_;
     Paces paces_;
     std::unique_ptr<Chosen> chosen_;
 };

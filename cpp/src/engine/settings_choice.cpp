@@ -218,9 +218,15 @@ const Chosen* Renderer::State::choose(const Request& request) {
 RenderPlan Renderer::State::plan_chosen(const Request& request) {
     const Chosen* chosen = choose(request);
     if (chosen == nullptr) {
-        return prepare(request).plan.summary;
+        RenderPlan plan = prepare(request).plan.summary;
+        measure_light(request, plan);
+        return plan;
     }
-    RenderPlan plan = prepare(request.with(chosen->scene_to_draw()).with(chosen->options(options_))).plan.summary;
+    const Scene scene = chosen->scene_to_draw();
+    const RendererOptions options = chosen->options(options_);
+    const Request drawn = request.with(scene).with(options);
+    RenderPlan plan = prepare(drawn).plan.summary;
+    measure_light(drawn, plan);
     chosen->describe(plan, options_);
     return plan;
 }
@@ -228,10 +234,18 @@ RenderPlan Renderer::State::plan_chosen(const Request& request) {
 Image Renderer::State::render_chosen(const Request& request) {
     const Chosen* chosen = choose(request);
     if (chosen == nullptr) {
-        return render(request);
+        Image image = render(request);
+        RenderPlan plan = *image.plan;
+        image.stats["light_measured"] = measure_light(request, plan) ? 1.0 : 0.0;
+        image.plan = std::make_shared<const RenderPlan>(std::move(plan));
+        return image;
     }
-    Image image = render(request.with(chosen->scene_to_draw()).with(chosen->options(options_)));
+    const Scene scene = chosen->scene_to_draw();
+    const RendererOptions options = chosen->options(options_);
+    const Request drawn = request.with(scene).with(options);
+    Image image = render(drawn);
     RenderPlan plan = *image.plan;
+    image.stats["light_measured"] = measure_light(drawn, plan) ? 1.0 : 0.0;
     chosen->describe(plan, options_);
     image.plan = std::make_shared<const RenderPlan>(std::move(plan));
     image.settings = chosen->choice.settings;

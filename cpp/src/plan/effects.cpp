@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "plan/charge_effects.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {

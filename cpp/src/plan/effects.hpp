@@ -38,7 +38,4 @@ class Effects {
     std::string dropped_; ///< names
 };
 
-/// Puts on each effect its shares of the error budget. Every share names an effect of the list.
-void charge_effects(RenderPlan& plan);
-
 } // namespace sheetsplat

@@ -9,6 +9,7 @@
 
 #include "occurring.hpp"
 #include "parts.hpp"
+#include "plan/charge_effects.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -83,20 +84,6 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
                                  : "opacity is 0 over all values that can occur, ") +
                         ranges;
     return shows;
-}
-
-/// What a backend leaves to others.
-void refuse_what_others_draw(const Scene& scene, Backend backend) {
-    const auto refuse = [&](const std::string& found, const Words& wanted, const char* other) {
-        throw Unsupported(Complaint{std::string("the scene cannot be drawn with backend ") + to_string(backend), found,
-                                    wanted, "use " + option_ref("backend", other)});
-    };
-    const bool surface = scene.mode == Mode::isosurface;
-    const bool shadowed = scene.shadows && !scene.lights.empty();
-    if (surface && (shadowed || scene.ambient_occlusion)) {
-        refuse(shadowed ? "shadows of surfaces" : "ambient occlusion by surfaces",
-               option_ref("mode", "composite") + ", or neither", "reference");
-    }
 }
 
 void state_fields(const Scene& scene, Effects& effects) {
@@ -269,9 +256,6 @@ void plan_depth_cue(const Scene& scene, const ViewFacts& view, const SceneShows&
 
 DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                    Projection projection, Backend backend, const Capabilities* capabilities) {
-    if (backend != Backend::reference) {
-        refuse_what_others_draw(scene, backend);
-    }
     DrawPlan plan;
     RenderPlan& summary = plan.summary;
     plan.projection = projection;

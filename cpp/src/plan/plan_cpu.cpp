@@ -201,6 +201,12 @@ double memory_of_light(const Scene& scene, const ViewFacts& view, const DrawPlan
     }
     // A grid that is not along the world's axes is larger.
     elements *= 2.0;
+    if (plan.mode == Mode::isosurface) {
+        // rho, on a grid of half the step.
+        const double most = std::min(8.0 * elements, static_cast<double>(most_light_elements));
+        return sizeof(float) * std::min(most * static_cast<double>(scene.later_groups.size() + 1),
+                                        static_cast<double>(most_light_elements_of_all));
+    }
     const auto at_most = [&](std::int64_t most) { return std::min(elements, static_cast<double>(most)); };
     const double of_lights =
         plan.shadows ? at_most(most_light_elements) * static_cast<double>(scene.lights.size()) : 0.0;
@@ -222,9 +228,6 @@ std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPla
 void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
               Effects& effects, DrawPlan& plan) {
     refuse_ways_of_gl(options);
-    // What casts shadows on an isosurface is classified, though the picture is not.
-    plan.weight = plan.weight || (plan.mode == Mode::isosurface && (plan.shadows || plan.ambient_occlusion) &&
-                                  !scene.transfer_function.transparent_over(0.0, 0.0));
     divide_apart(scene, outputs, effects, plan);
     plan.culling = effects.decide(EffectId::culling, true, "kernels that cannot be seen are skipped");
     plan.points = false;

@@ -2,21 +2,27 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <glm/geometric.hpp>
 
 namespace sheetsplat {
 
-double LightVolume::at(const Vec3& world) const {
+Vec3 LightVolume::place_of(const Vec3& world) const {
+    const Vec3 from = world - origin;
+    return {glm::dot(from, per_step[0]), glm::dot(from, per_step[1]), glm::dot(from, per_step[2])};
+}
+
+LightVolume::Around LightVolume::around(const Vec3& elements) const {
     int whole[3];
     double part[3];
     for (std::size_t axis = 0; axis < 3; ++axis) {
         const double last = static_cast<double>(counts[axis] - 1);
-        const double place = std::clamp(glm::dot(world - origin, per_step[axis]), 0.0, last);
+        const double place = std::clamp(elements[static_cast<int>(axis)], 0.0, last);
         whole[axis] = std::min(static_cast<int>(place), std::max(counts[axis] - 2, 0));
         part[axis] = place - whole[axis];
     }
-    double sum = 0.0;
+    Around found{0.0, std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
     for (int corner = 0; corner < 8; ++corner) {
         double share = 1.0;
         int at[3];
@@ -25,9 +31,12 @@ double LightVolume::at(const Vec3& world) const {
             share *= further ? part[axis] : 1.0 - part[axis];
             at[axis] = std::min(whole[axis] + (further ? 1 : 0), counts[static_cast<std::size_t>(axis)] - 1);
         }
-        sum += share * static_cast<double>(values[index(at[0], at[1], at[2])]);
+        const auto value = static_cast<double>(values[index(at[0], at[1], at[2])]);
+        found.number += share * value;
+        found.least = std::min(found.least, value);
+        found.greatest = std::max(found.greatest, value);
     }
-    return sum;
+    return found;
 }
 
 } // namespace sheetsplat

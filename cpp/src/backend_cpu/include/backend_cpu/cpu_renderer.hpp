@@ -50,6 +50,8 @@ struct Job {
     const LightVolumes* volumes = nullptr; ///< where the plan has shadows or ambient occlusion
 };
 
+struct SliceRecord;
+
 /// Owns threads, and what was sorted by tiles for the last view.
 class CpuRenderer {
   public:
@@ -65,8 +67,14 @@ class CpuRenderer {
     /// to one at or behind the last slice, for each pixel of an orthographic view. The plan must be one of slices that
     /// are points, unlit. What was sorted for pictures stays. Throws as render does.
     void absorb(const Job& job, int every, LightVolume& volume);
+    /// rho over the plan's value_unit of each slice of an orthographic view, between two planes of zeros. The plan must
+    /// be one of slices that are points, unlit. What was sorted for pictures stays. Throws as render does.
+    void sample(const Job& job, LightVolume& volume);
 
   private:
+    /// Draws into a volume in place of a picture.
+    void record(const Job& job, const SliceRecord& record);
+
     struct State;
     std::unique_ptr<State> state_;
 };

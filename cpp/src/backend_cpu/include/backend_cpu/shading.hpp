@@ -57,6 +57,27 @@ struct VolumeLookup {
     Vec3 constant{0.0}, by_column{0.0}, by_row{0.0}, by_depth{0.0};
 };
 
+/// view/surface_lines in the sheets' format: what is followed through grids of rho in mode isosurface.
+template <class T>
+struct SurfaceLight {
+    struct Surface {
+        T value;      ///< in the sheets' unit
+        T absorption; ///< -log2(1 - opacity)
+    };
+    struct Line {
+        T step[3]; ///< a slice distance along it, in elements
+    };
+    struct Kept {
+        T normal[3], distance; ///< dot(normal, place) + distance >= 0
+    };
+    VolumeLookup place;                     ///< where pixels are in the grid
+    std::vector<const LightVolume*> groups; ///< rho; empty: volumes hold the light itself
+    std::vector<Surface> surfaces;
+    std::vector<Line> to_lights, around;
+    std::vector<Kept> kept;
+    T around_steps = T(0);
+};
+
 /// What shade_slab reads. Lengths of gradients are in reference lengths.
 template <class T>
 struct Shading {
@@ -104,6 +125,7 @@ struct Shading {
     std::vector<KeptHalfSpace> kept;     ///< all of them
     std::vector<VolumeLookup> shadow_of; ///< a light
     VolumeLookup openness;               ///< what ambient occlusion leaves open of a point's surroundings
+    SurfaceLight<T> surface_light;       ///< in place of both, in mode isosurface
     T occlusion_strength = T(0);
     /// Depth cue: its share at depth t is cue_strength clamp((t - cue_start) cue_per_depth, 0, 1).
     double cue_start = 0.0, cue_per_depth = 0.0;

@@ -48,11 +48,16 @@ struct GroupSheets {
     int slope_channel = -1, weight_slope_channel = -1;
 };
 
-/// Where a picture writes what light has lost on its way to each slice, as -ln of what is left: an element a pixel, in
-/// rows, and a plane for every few slices, the last one at or behind the end.
-struct AbsorptionRecord {
+/// Where numbers of all slices are written in place of a picture: an element a pixel, in rows.
+struct SliceRecord {
+    enum class Of {
+        absorption, ///< what light has lost on its way to a slice, as -ln of what is left
+        rho,        ///< in the sheets' unit
+    };
+    Of of = Of::absorption;
     float* values = nullptr;
     std::size_t row = 0, plane = 0; ///< elements from row to row and from plane to plane
+    /// Of absorption a plane for every few slices, the last one at or behind the end; of rho a plane for each slice.
     std::int64_t planes = 0;
     std::int64_t every = 1; ///< slices from plane to plane
 };
@@ -64,9 +69,9 @@ struct LoopSetup {
     std::vector<PartProfile<T>> parts;
     std::vector<GroupSheets<T>> groups;
     int channels = 0;
-    bool slopes = false;                      ///< derivatives are summed beside values
-    const AbsorptionRecord* record = nullptr; ///< null: a picture is drawn
-    bool keep_weight = false; ///< W is read after the division (empty points, coverage, slices that count)
+    bool slopes = false;                 ///< derivatives are summed beside values
+    const SliceRecord* record = nullptr; ///< null: a picture is drawn
+    bool keep_weight = false;            ///< W is read after the division (empty points, coverage, slices that count)
     bool slab = false;
     bool perspective = false;
     bool intervals = false; ///< pre-integration, isosurface

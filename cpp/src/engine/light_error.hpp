@@ -1,0 +1,41 @@
+// How far shadows and ambient occlusion of a picture are from their definition: the exact products along lines, in
+// float64 from the kernels, at points that pixels of the picture show. Source: conventions, section 10.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "draw.hpp"
+#include "point_values.hpp"
+#include "sheetsplat/image.hpp"
+#include "view/light_volume.hpp"
+
+namespace sheetsplat {
+
+/// Root mean square errors over the picture (conventions, section 8).
+struct LightErrors {
+    double shadows = 0.0, occlusion = 0.0;
+};
+
+/// Looks at a few hundred pixels that show something, spread evenly over the picture, of a surface at a few thousand.
+/// The same picture has the same errors, on any number of threads.
+class LightErrorProbe {
+  public:
+    /// Whether that takes less time than a picture: of very many scattered kernels a grid would have to be made.
+    [[nodiscard]] static bool is_cheap(const Request& request, const Prepared& prepared);
+    /// Throws OutOfMemory, Cancelled.
+    LightErrors errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes);
+
+  private:
+    struct Known {
+        std::shared_ptr<const Field> field;
+        std::shared_ptr<const PointValues> values;
+    };
+    std::vector<Known> known_; ///< of the fields of the last scene, unfiltered
+};
+
+/// Puts measured errors in the place of the plan's estimates.
+void state_light_errors(const LightErrors& errors, RenderPlan& plan);
+
+} // namespace sheetsplat

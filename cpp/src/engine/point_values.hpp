@@ -1,0 +1,32 @@
+// rho of a field at any point of the world, in float64 from its kernels. Source: conventions, section 2.
+#pragma once
+
+#include <memory>
+
+#include "sheetsplat/camera.hpp"
+#include "sheetsplat/field.hpp"
+#include "sheetsplat/scene.hpp"
+
+namespace sheetsplat {
+
+class PointValues {
+  public:
+    struct Value {
+        double rho = 0.0;
+        bool empty = true; ///< no kernel reaches the point
+    };
+
+    PointValues() = default;
+    PointValues(const PointValues&) = delete;
+    PointValues& operator=(const PointValues&) = delete;
+    virtual ~PointValues() = default;
+    [[nodiscard]] virtual Value at(const Vec3& world) const = 0;
+};
+
+/// Unfiltered. Samples of lattices are found where they are; of scattered kernels a grid is made. Throws OutOfMemory.
+std::shared_ptr<const PointValues> point_values(const std::shared_ptr<const Field>& field, const Scene& scene);
+/// With the kernels as the EWA filter widens them in one view.
+std::shared_ptr<const PointValues> filtered_values(const std::shared_ptr<const Field>& field, const Scene& scene,
+                                                   const Camera& camera, Size size);
+
+} // namespace sheetsplat

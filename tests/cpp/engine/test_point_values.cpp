@@ -1,0 +1,90 @@
+// rho at points of the world, held against the sums of the reference.
+#include "point_values.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "reference/reference.hpp"
+#include "support/ellipsoid_scenes.hpp"
+
+namespace sheetsplat {
+namespace {
+
+double wanted_rho(const Field& field, const Vec3& at) {
+    const reference::Sums sums = reference::sums_at(field, at);
+    switch (field.normalization()) {
+    case Normalization::none:
+        return sums.d;
+    case Normalization::lattice:
+        return sums.d / as_regular(&field)->lattice_constant();
+    case Normalization::threshold:
+        break;
+    }
+    return sums.d / std::max(field.w0(), sums.w);
+}
+
+void expect_reference(const std::shared_ptr<const Field>& field) {
+    const Scene scene{{field}, TransferFunction({{0.0, Vec3(1.0), 0.0}, {1.0, Vec3(1.0), 1.0}})};
+    const auto values = point_values(field, scene);
+    const Box box = field->supports_world();
+    std::mt19937 random(7);
+    std::uniform_real_distribution<double> share(-0.05, 1.05);
+    int reached = 0;
+    for (int n = 0; n < 400; ++n) {
+        const Vec3 at = box.lower + Vec3(share(random), share(random), share(random)) * box.extent();
+        const PointValues::Value found = values->at(at);
+        EXPECT_NEAR(found.rho, wanted_rho(*field, at), 1e-11 * (1.0 + std::abs(found.rho)));
+        EXPECT_EQ(found.empty, reference::sums_at(*field, at).empty);
+        reached += found.empty ? 0 : 1;
+    }
+    EXPECT_GT(reached, 50);
+}
+
+TEST(PointValues, AreThoseOfLattices) {
+    std::mt19937 random(3);
+    std::uniform_real_distribution<float> value(-1.0F, 2.0F);
+    for (const Lattice lattice : {Lattice::cartesian, Lattice::bcc}) {
+        for (const Normalization normalization :
+             {Normalization::none, Normalization::lattice, Normalization::threshold}) {
+            std::vector<float> samples(7 * 6 * 5);
+            for (float& sample : samples) {
+                sample = value(random);
+            }
+            samples[40] = std::nanf("");
+            RegularFieldOptions options;
+            options.lattice = lattice;
+            options.spacing = lattice == Lattice::bcc ? Vec3(0.8) : Vec3(0.5, 0.7, 0.9);
+            options.origin = Vec3(-1.0, 2.0, 0.3);
+            options.normalization = normalization;
+            options.nan = NanPolicy::skip;
+            expect_reference(
+                std::make_shared<const RegularField>(samples, std::array<std::size_t, 3>{7, 6, 5}, options));
+        }
+    }
+}
+
+TEST(PointValues, AreThoseOfWideKernels) {
+    RegularFieldOptions options;
+    options.radius = 20.0;
+    options.falloff = 30.0;
+    std::vector<float> samples(4 * 4 * 4, 0.5F);
+    samples[9] = 3.0F;
+    expect_reference(std::make_shared<const RegularField>(samples, std::array<std::size_t, 3>{4, 4, 4}, options));
+}
+
+TEST(PointValues, AreThoseOfScatteredKernels) {
+    EllipsoidFieldOptions options;
+    for (const Normalization normalization : {Normalization::none, Normalization::threshold}) {
+        options.normalization = normalization;
+        expect_reference(testing::cloud(60, 0.2, 4.0, 5, options, normalization == Normalization::threshold));
+    }
+}
+
+} // namespace
+} // namespace sheetsplat

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple, number, shown, triple
+from sheetsplat.camera import Camera
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.options.core import SCALAR
@@ -149,7 +150,9 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
         return _pick_at(scene.fields, 0, ray, float(depths[np.where(shown_here, values, -np.inf).argmax()]), None)
     groups = [_Samples.of(fields, points) for fields in scene.groups]
     if scene.mode == "isosurface":
-        found = _seen_surface(scene, groups, depths, kept, image.plan.slice_spacing, stop)
+        spacing = image.plan.slice_spacing
+        open_front = _cut_by_near(scene, image.camera, float(depths[0]) - spacing, spacing)
+        found = _seen_surface(scene, groups, depths, kept, spacing, stop, open_front=open_front)
         return None if found is None else _surface_at(scene, ray, *found)
     opacities = np.array(
         [
@@ -199,6 +202,19 @@ def _seen(alpha: Floats, stop: float) -> int | None:
     return int(half[0] if half.size else contributions.argmax())
 
 
+def _cut_by_near(scene: Scene, camera: Camera, depth: float, spacing: float) -> bool:
+    """Return whether the near plane removes the slice of a depth: surfaces are open there (conventions, section 7)."""
+    if camera.kind != "perspective" or depth > camera.near:
+        return False
+    back = np.asarray(camera.world_axes()[2])
+    for field in scene.fields:
+        if field.size:
+            corners = np.array(np.meshgrid(*zip(*field.bounds, strict=True))).reshape(3, -1).T
+            if float((-(corners - np.asarray(camera.eye)) @ back).min()) < depth + 0.5 * spacing:
+                return True
+    return False
+
+
 @dataclass(frozen=True)
 class _Crossing:
     """Where the ray crosses a surface, between two slices; ordered as surfaces are composited."""
@@ -213,12 +229,19 @@ class _Crossing:
 
 
 def _seen_surface(
-    scene: Scene, groups: list[_Samples], depths: Floats, kept: NDArray[np.bool_], spacing: float, stop: float
+    scene: Scene,
+    groups: list[_Samples],
+    depths: Floats,
+    kept: NDArray[np.bool_],
+    spacing: float,
+    stop: float,
+    *,
+    open_front: bool,
 ) -> tuple[_Crossing, float, float] | None:
     """Return the crossing that is seen, its value and its opacity, or None. Conventions, section 7 (Modes)."""
     # Outside of all slices the scalar is 0.
     ends = np.concatenate([[depths[0] - spacing], depths, [depths[-1] + spacing]])
-    both = np.concatenate([[True], kept]) & np.concatenate([kept, [True]])
+    both = np.concatenate([[not open_front], kept]) & np.concatenate([kept, [True]])
     crossings = []
     for number_of_group, group in enumerate(groups):
         values = np.concatenate([[0.0], group.values, [0.0]])

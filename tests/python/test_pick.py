@@ -246,3 +246,21 @@ def test_empty_pictures_have_nothing_to_pick():
     with pytest.warns(ss.PictureWarning):
         image = ss.render(np.full((3, 3, 3), np.nan), nan="skip", size=(8, 8), backend="reference")
     assert image.pick(3, 3) is None
+
+
+@pytest.mark.parametrize("near", [1.0, None])
+@pytest.mark.parametrize("opacity", [1.0, 0.3])
+def test_a_surface_that_the_near_plane_cuts_is_open(near: float | None, opacity: float) -> None:
+    """Conventions, section 7: between the last slice that the near plane removes and the first one nothing crosses."""
+    z, y, x = np.mgrid[0:10, 0:10, 0:10] - 4.5
+    field = ss.RegularField(np.exp(-(x * x + y * y + z * z) / 10))
+    look = ss.TransferFunction([(0, 1, 1, 1, 1), (1, 1, 1, 1, 1)])
+    scene = ss.Scene(field, look, mode="isosurface", iso_value=[(0.5, opacity)])
+    inside = ss.Camera.perspective((4.5, 4.5, 5), (4.5, 4.5, 0), fov_y=120, **({} if near is None else {"near": near}))
+    image = ss.Renderer("cpu").render(scene, inside, size=(5, 5), outputs=("depth",))
+    found = image.pick(2, 2)
+    assert found is not None
+    assert found.value == pytest.approx(0.5, abs=0.02)
+    assert found.depth == pytest.approx(3.009, abs=0.05)
+    if opacity == 1.0:
+        assert found.depth == pytest.approx(float(image.depth[2, 2]), abs=0.05)

@@ -203,3 +203,14 @@ def test_what_slices_miss_is_what_the_picture_misses(rng):
         column, row = int((x - 7.5) / 0.075 + 120), int(120 - (y - 6) / 0.075)
         seen += bool(picture[row - 14 : row + 15, column - 14 : column + 15].any())
     assert 0 < 30 - seen == thin_kernels(scene, camera, (240, 240)).count
+
+
+@pytest.mark.parametrize("w0", [1.0, 0.05])
+@pytest.mark.parametrize("radius", [0.1, 0.25, 0.5])
+def test_the_filter_does_not_hide_what_a_picture_without_it_shows(radius: float, w0: float) -> None:
+    """It lowers the values of kernels that stand alone; limits and opacities are chosen for values without it."""
+    rng = np.random.default_rng(0)
+    field = ss.EllipsoidField(rng.uniform(0, 200, (2000, 3)), np.full(2000, radius), values=rng.random(2000), w0=w0)
+    image = ss.render(field, size=200, backend="cpu")
+    assert np.asarray(image)[..., 3].max() > 0
+    assert image.plan.quality is not None

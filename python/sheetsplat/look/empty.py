@@ -67,6 +67,8 @@ def why_empty(scene: Scene) -> str:
             )
     if scene.options["clip"].planes or scene.options["clip"].box is not None:
         return "perhaps the clip cuts off all that there is, or the camera looks past the field"
+    if scene.options["filter"] == "ewa":
+        return "perhaps the filter lowers all values to where the opacity is 0, or the camera looks past the field"
     return "perhaps the camera looks past the field"
 
 

@@ -27,6 +27,8 @@ _OWN_SUMS = ("normalization", "w0")
 # The filter is taken where kernels that are smaller than two pixels, or a slice distance, are this share of what shows:
 # there a picture with it is nearer to one of many samples a pixel than a picture without.
 _LEAST_SHARE = 0.2
+# The filter keeps the mass of kernels and so lowers their values: of the small ones this share may vanish by it.
+_MOST_HIDDEN = 0.5
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,9 @@ class Choice:
     def __init__(self, owner: str, options: Mapping[str, Any]) -> None:
         given = {name: value for name, value in options.items() if value is not None}
         if "filter" in options:
-            given["filter"] = choice(f"{owner}: filter", options["filter"] or "off", ("ewa", "off", "auto"))
+            given["filter"] = choice(
+                f"{owner}: filter", "off" if options["filter"] is None else options["filter"], ("ewa", "off", "auto")
+            )
         self.name = choice(f"{owner}: quality", given.get("quality", "good"), QUALITIES)
         self._kept = False
         self._level = _LEVELS[self.name]
@@ -246,4 +250,6 @@ def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tu
         return False, "no kernel is smaller than two pixels or a slice distance"
     thin = thin_kernels(scene, camera, size)
     what = "stands alone and is smaller than two pixels or a slice distance"
+    if thin.hidden > _MOST_HIDDEN * thin.small:
+        return False, f"it would lower {100.0 * thin.hidden:.3g} % of what shows to values without opacity"
     return thin.small >= _LEAST_SHARE, f"{100.0 * thin.small:.3g} % of what shows {what}"

@@ -35,6 +35,8 @@ class Thin:
         Share of those that are narrower than two pixels, half a pixel for the standard deviation of a Gaussian, or
         thinner than a slice distance along the view, and stand alone: sums of many that overlap are as smooth as those
         of larger ones.
+    hidden
+        Share of the small ones whose values the filter would lower to where nothing shows.
     unseen
         Share of those that no slice meets.
     count
@@ -44,6 +46,7 @@ class Thin:
     """
 
     small: float = 0.0
+    hidden: float = 0.0
     unseen: float = 0.0
     count: int = 0
     thinnest: float = math.inf
@@ -63,7 +66,8 @@ def thin_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Thin:
     if not covered > 0.0:
         return Thin()
     small, unseen = sum(one.small for one in found) / covered, sum(one.unseen for one in found) / covered
-    return Thin(small, unseen, sum(one.count for one in found), min(one.thinnest for one in found))
+    hidden = sum(one.hidden for one in found) / covered
+    return Thin(small, hidden, unseen, sum(one.count for one in found), min(one.thinnest for one in found))
 
 
 def may_be_thin(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
@@ -128,8 +132,12 @@ def _of_field(
     place = (depth - middle) / spacing - 0.5
     missed = np.abs(place - np.round(place)) * spacing >= half
     small = (width < across[kept]) | (2.0 * half < spacing)
+    alone = step * _share_alone(field, picked[small])
+    filtered = _filtered_values(field, picked[small], axes[small], across[kept][small], spacing)
+    gone = optical_depths(filtered, scene, function) <= 0.0
     return _Found(
-        small=float(covers[small].sum()) * step * _share_alone(field, picked[small]),
+        small=float(covers[small].sum()) * alone,
+        hidden=float(covers[small][gone].sum()) * alone,
         unseen=float(covers[missed].sum()) * step,
         count=int(missed.sum()) * step,
         thinnest=float(np.min(half[missed], initial=math.inf)),
@@ -144,6 +152,21 @@ def _share_alone(field: EllipsoidField, picked: NDArray[np.int64]) -> float:
     some = picked[:: math.ceil(len(picked) / _ENOUGH)]
     own = 1.0 if field.weights is None else field.weights[some]
     return float(np.mean(field.weight_at(field.centers[some]) < _ALONE * own))
+
+
+def _filtered_values(
+    field: EllipsoidField, picked: NDArray[np.int64], axes: Floats, pixels: Floats, spacing: float
+) -> Floats:
+    """Return the scalar that a kernel alone would have at its centre with the filter (conventions, section 10)."""
+    added = np.zeros((len(picked), 3, 3))
+    added[:, 0, 0] = added[:, 1, 1] = 0.5 * field.falloff * np.square(pixels)
+    added[:, 2, 2] = 0.5 * field.falloff * spacing * spacing
+    own = axes @ np.swapaxes(axes, 1, 2)
+    height = np.sqrt(np.maximum(np.linalg.det(own), 0.0) / np.linalg.det(own + added))
+    if field.normalization == "threshold":
+        weights = 1.0 if field.weights is None else field.weights[picked]
+        height = np.minimum(height * weights / field.w0, 1.0)
+    return np.asarray(_values(field, picked) * height)
 
 
 def _values(field: EllipsoidField, picked: NDArray[np.int64]) -> Floats:

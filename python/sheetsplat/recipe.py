@@ -200,6 +200,8 @@ class Recipe:
     @classmethod
     def from_json(cls, text: str) -> Recipe:
         """Return what `to_json` wrote. InvalidInput, naming the key, for anything else: nothing in it is executed."""
+        if not isinstance(text, str):
+            raise _damaged(f"{type(text).__name__}, {shown(text)}", "a text")
         if len(text) > LONGEST:
             raise _damaged(f"{len(text)} characters", f"at most {LONGEST}")
         with _reading("JSON"):

@@ -7,6 +7,7 @@ import json
 import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -324,3 +325,9 @@ def test_damaged_files_are_refused(picture, tmp_path):
     (tmp_path / "a.npy").rename(tmp_path / "b.png")
     with pytest.raises(ss.InvalidInput, match="another format"):
         Recipe.read(tmp_path / "b.png")
+
+
+@pytest.mark.parametrize("text", [None, 5, b"{}", ["{}"]])
+def test_a_recipe_of_no_text(text: Any) -> None:
+    with pytest.raises(ss.InvalidInput, match="the description in the picture cannot be used"):
+        ss.Recipe.from_json(text)

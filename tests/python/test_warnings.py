@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -133,3 +134,31 @@ def test_parts_of_pictures_do_not_warn(ball, tmp_path):
     assert caught(lambda: render_tiles(scene, camera, (40, 40), tmp_path / "a.npy", renderer=renderer, tile=10)) == []
     # Only these pictures: the next one warns again.
     assert len(caught(lambda: renderer.render(scene, AWAY, (8, 8)))) == 1
+
+
+@pytest.mark.parametrize("far", [1e4, 1e6])
+def test_kernels_far_from_all_others_are_told(far: float) -> None:
+    """The distance of slices is at least a share of the extent, so that one stray kernel makes the others coarse."""
+    rng = np.random.default_rng(0)
+    near = rng.normal(size=(200, 3))
+    options: dict[str, Any] = {"size": 16, "backend": "cpu"}
+
+    def told(centers: np.ndarray[Any, Any]) -> list[str]:
+        field = ss.EllipsoidField(centers, np.full(len(centers), 0.5), values=rng.random(len(centers)))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            ss.render(field, **options)
+        return [str(one.message) for one in caught if "few kernels lie so far" in str(one.message)]
+
+    assert not told(near)
+    assert len(told(np.concatenate([near, [[far, 0, 0]]]))) == 1
+
+
+@pytest.mark.parametrize("value", [1e10, 1e20, 1e30])
+def test_a_sample_beyond_all_pictures_is_told(value: float) -> None:
+    z, y, x = np.mgrid[0:10, 0:10, 0:10] - 4.5
+    samples = np.exp(-(x * x + y * y + z * z) / 10)
+    samples[2, 3, 4] = value
+    with pytest.warns(ss.PictureWarning, match="nothing else can be seen"):
+        image = ss.render(samples, size=16, backend="cpu")
+    assert not [note for note in image.plan.notes if "log" in note]

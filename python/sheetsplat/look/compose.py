@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Unpack
 
+import numpy as np
+
 from sheetsplat.effects import AmbientOcclusion
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field, joined_bounds
@@ -22,6 +24,12 @@ from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
+# Slices so many times as far apart as kernels call for miss much of them.
+_COARSE = 2.0
+# Percentiles of coordinates between which most centres lie, and the share of the whole extent below which the others
+# are far away.
+_MOST_CENTRES = (0.5, 99.5)
+_FAR_APART = 0.25
 # Radius of ambient occlusion, of the diagonal of the data.
 _SURROUNDINGS = 0.04
 # One light over the viewer's left shoulder; with the specular share it shows the shape of smooth surfaces.
@@ -71,9 +79,31 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         if options["ambient_occlusion"]:
             scene_options["ambient_occlusion"] = AmbientOcclusion(_surroundings(fields))
     scene = Scene(list(fields), function, **scene_options)
+    if options.get("slice_spacing") is None and not spacing_is_free:
+        _warn_of_strays(scene)
     if scene.options["shadows"] and not scene.lights:
         warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene
+
+
+def _warn_of_strays(scene: Scene) -> None:
+    """Warn where few kernels far away from all others set the distance of slices, which is a share of the extent."""
+    for field in scene.fields:
+        if not isinstance(field, EllipsoidField) or not field.size:
+            continue
+        thinnest = field.scales if field.scales.ndim == 1 else field.scales.min(axis=1)
+        wanted = 0.5 * float(np.median(thinnest))
+        if not scene.slice_spacing > _COARSE * wanted > 0.0:
+            continue
+        low, high = np.percentile(field.centers, _MOST_CENTRES, axis=0)
+        lower, upper = field.centre_bounds
+        whole, most = math.dist(lower, upper), math.dist(low, high)
+        if most < _FAR_APART * whole:
+            warn(
+                f"slices are {scene.slice_spacing:.3g} apart, and kernels {wanted:.3g} thin: few kernels lie so far "
+                f"from all others that the data are {whole:.3g} long instead of {most:.3g}; leave them out, or pass "
+                + option_ref("slice_spacing", f"{wanted:.3g}")
+            )
 
 
 def _surroundings(fields: Sequence[Field]) -> float:

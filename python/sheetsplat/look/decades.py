@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.fields import EllipsoidField, Field, RegularField
-from sheetsplat.look.histogram import choose_for
+from sheetsplat.look.histogram import beyond_pictures, choose_for
 from sheetsplat.look.measure import with_values
 from sheetsplat.options.core import COLORED
 
@@ -63,14 +63,16 @@ def floor_of(field: Field) -> float | None:
         # Sums of logarithms mean nothing.
         return None
     if isinstance(field, EllipsoidField):
-        positive = None if field.ghosts else _positive(field.values)
+        positive = None if field.ghosts or beyond_pictures(field.values) else _positive(field.values)
         return None if positive is None or _decades(positive) < _DECADES else _floor(positive)
     return floor_of_samples(field.values) if isinstance(field, RegularField) else None
 
 
 def floor_of_samples(samples: NDArray[Any]) -> float | None:
     """Return what `floor_of` does for the samples of a volume."""
-    positive = _positive(samples) if samples.dtype.kind == "f" else None
+    # Of a few numbers far beyond all others a warning tells; their decades are nobody's.
+    usable = samples.dtype.kind == "f" and beyond_pictures(samples) is None
+    positive = _positive(samples) if usable else None
     if positive is None or _decades(positive) < _DECADES or _shown(positive) >= _LEAST_SEEN:
         return None
     return _floor(positive)

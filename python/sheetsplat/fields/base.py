@@ -194,15 +194,28 @@ class Field:
     def probe(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
         """Return what `evaluate` and `nearest_kernel` return, in the time of one of them."""
         sums, nearest = self._sums_at(points)
-        total, weight, slope, weight_slope = sums[:, 0], sums[:, 1], sums[:, 2:5], sums[:, 5:]
+        weight, slope, weight_slope = sums[:, 1], sums[:, 2:5], sums[:, 5:]
+        values = self._scalars(sums)
         if self._normalization == "none":
-            return total.copy(), slope.copy(), nearest
+            return values, slope.copy(), nearest
         if self._normalization == "lattice":
-            return total / self.native.lattice_constant, slope / self.native.lattice_constant, nearest
+            return values, slope / self.native.lattice_constant, nearest
         divisor = np.maximum(self._w0, weight)
-        values = total / divisor
         falling = np.where((weight >= self._w0)[:, None], values[:, None] * weight_slope, 0.0)
         return values, (slope - falling) / divisor[:, None], nearest
+
+    def scalars_and_weights(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the scalar and the sum W of weights at points (M, 3), each (M,), in the time of one of them."""
+        sums, _ = self._sums_at(points)
+        return self._scalars(sums), sums[:, 1].copy()
+
+    def _scalars(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        total, weight = sums[:, 0], sums[:, 1]
+        if self._normalization == "none":
+            return total.copy()
+        if self._normalization == "lattice":
+            return np.asarray(total / self.native.lattice_constant)
+        return np.asarray(total / np.maximum(self._w0, weight))
 
     def _sums_at(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return D, W and their derivatives, (M, 8), and the numbers of the nearest kernels, (M,)."""

@@ -48,7 +48,7 @@ def choose(fields: Sequence[Field]) -> Look:
         raise TypeError(f"automatic.choose: {type(field).__name__}")
     _warn_of_extremes(field.values)
     field = _without_outlying_kernels(field)
-    places, affordable = places_in(field), _affordable(field)
+    places, (few, affordable) = places_in(field), _looked_at(field)
     if field.quantity.floor is not None and places.size:
         # Decades: of particles most count where they are dense, not where they are large.
         known = slice(0, field.size - field.ghosts)
@@ -59,7 +59,9 @@ def choose(fields: Sequence[Field]) -> Look:
             return see_through(dense_look, field, field.default_slice_spacing, affordable)
     else:
         # Of simulations, which most scattered data are, the extremes are wanted: a flame is small.
-        look = _wide_enough(choose_for(field.at(places_in(field, affordable)), extremes=True), field)
+        # Hardly more positions are not worth the time.
+        values = field.at(places_in(field, affordable)) if affordable >= 2 * _FEW_PLACES else few
+        look = _wide_enough(choose_for(values, extremes=True), field)
     spacing = min(one.default_slice_spacing for one in fields if one.size) if places.size else 1.0
     usual = _usual_spacing(places, spacing)
     share = min(1.0, spacing / usual)
@@ -105,8 +107,9 @@ def _wide_enough(look: Look, field: EllipsoidField) -> Look:
     known = np.abs(field.values[: field.size - field.ghosts])
     extremes = np.argpartition(known, -_EXTREMES)[-_EXTREMES:] if known.size > _EXTREMES else slice(None)
     places = field.centers[: known.size][extremes]
-    largest = float(np.abs(field.at(places)).max(initial=0.0))
-    if field.normalization == "threshold" and field.weight_at(places).max(initial=0.0) >= field.w0:
+    scalars, weights = field.scalars_and_weights(places)
+    largest = float(np.abs(scalars).max(initial=0.0))
+    if field.normalization == "threshold" and weights.max(initial=0.0) >= field.w0:
         # The weighted mean of a large value and small neighbours is computed from the sum of the large one.
         largest = max(largest, float(known.max()))
     if not _WIDEST * (high - low) < largest < math.inf:
@@ -128,13 +131,17 @@ def _usual_spacing(places: NDArray[np.float64], spacing: float) -> float:
     return math.hypot(*(high - low).tolist()) / _USUAL_SLICES or spacing
 
 
-def _affordable(field: EllipsoidField) -> int:
-    """Return at how many positions the scalar can be evaluated: fewer where very many kernels overlap."""
-    few = places_in(field, _FEW_PLACES)
+def _looked_at(field: EllipsoidField) -> tuple[NDArray[np.float64], int]:
+    """Return the scalar at a few positions, and at how many it can be evaluated: fewer where many kernels overlap."""
+    scalars, weights = field.scalars_and_weights(places_in(field, _FEW_PLACES))
     heaviest = field.weight_range[1]
     # A kernel contributes at most its weight to W, and a tenth of it on average.
-    crowd = 10.0 * float(np.median(field.weight_at(few))) / heaviest if few.size and heaviest > 0 else 0.0
-    return int(min(_PLACES, max(_FEW_PLACES, _SUMMANDS / max(crowd, 1.0))))
+    crowd = 10.0 * float(np.median(weights)) / heaviest if weights.size and heaviest > 0 else 0.0
+    return scalars, int(min(_PLACES, max(_FEW_PLACES, _SUMMANDS / max(crowd, 1.0))))
+
+
+def _affordable(field: EllipsoidField) -> int:
+    return _looked_at(field)[1]
 
 
 def affordable_places_in(field: EllipsoidField) -> NDArray[np.float64]:

@@ -105,7 +105,7 @@ def measure_kernels(field: EllipsoidField, places: int | None = None) -> Measure
     # Where kernels overlap, each stands for its share of the sum of weights, and so of the volume.
     where = points if places else centers
     heights = np.ones(len(picked)) if field.weights is None else field.weights[picked]
-    sums, values = field.weight_at(where), field.at(where)
+    values, sums = field.scalars_and_weights(where)
     if not places:
         sums, values = np.tile(sums, copies), np.tile(values, copies)
     shares = np.minimum(1.0, np.tile(heights, copies) / np.maximum(sums, 1e-300))

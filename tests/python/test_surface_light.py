@@ -19,7 +19,6 @@ LIGHTS = (ss.Light((1.0, 0.25, 0.15), (0.9, 0.8, 0.7)), ss.Light((-0.3, 1.0, 0.4
 MATERIAL = ss.Material(ambient=0.5, diffuse=0.5, specular=0.2, two_sided=True)
 # Root mean square error next to the reference that no picture below may have, whatever it states.
 LIMIT = 0.02
-CTHEAD = Path("/work/shared/data/cthead_128x128x113_uint8.nrrd")
 
 
 def surface(
@@ -280,11 +279,9 @@ def test_plans_state_what_pictures_state() -> None:
     assert stated(ss.Renderer("cpu").render(behind, camera, size=SIZE)) < 1e-3
 
 
-def test_cthead_is_near_the_reference() -> None:
+def test_cthead_is_near_the_reference(data_dir: Path) -> None:
     """Skin and bone of a head, in few pixels."""
-    if not CTHEAD.exists():
-        pytest.skip("the data set cthead is not here")
-    field = ss.open(CTHEAD)
+    field = ss.open(data_dir / "cthead_128x128x113_uint8.nrrd")
     camera = ss.Camera.fit(field, direction=(0.4, 1.0, 0.25), up=(0, 0, -1))
     for iso in (40.0, 95.0):
         scene = ss.Scene(

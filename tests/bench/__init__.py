@@ -66,5 +66,6 @@ BENCHES: dict[str, Bench] = {
         "error_estimate",
         "max_error",
         "huge",
+        "cliffs",
     )
 }

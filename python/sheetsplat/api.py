@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sheetsplat._checks import choice, image_size, instance, names, parts, shown, whole
-from sheetsplat.errors import complain, option_refs, unusable
+from sheetsplat._checks import choice, color, image_size, instance, names, parts, shown, whole
+from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.image import Image
@@ -116,6 +116,15 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
         data = maker()
     if isinstance(data, str | os.PathLike):
         return [_opened(data, given)]
+    if isinstance(data, Mapping):
+        first = shown(next(iter(data), "name"))
+        raise complain(
+            "render: the data cannot be used",
+            f"a {type(data).__name__} with the keys {shown(list(data))}",
+            "an array, a file, a field, or a list of fields",
+            f"choose one array, data[{first}]; sheetsplat.RegularField(data[{first}]).with_quantity({first}) has its "
+            "name for figures",
+        )
     if _is_made(data):
         if given:
             raise complain(
@@ -130,6 +139,30 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
     return [RegularField(data, **given)]  # type: ignore[arg-type]
 
 
+def _refuse_one_for_each(count: int, look: Mapping[str, Any]) -> None:
+    """Raise InvalidInput for a list of colormaps or of limits: several fields have one, or transfer functions."""
+    for name, is_one in (("cmap", _is_color), ("clim", lambda part: np.ndim(part) == 0)):
+        given = look.get(name)
+        if isinstance(given, list | tuple) and not all(map(is_one, given)):
+            raise complain(
+                unusable(f"render: {name}"),
+                f"{shown(given)} for {count} fields",
+                "one for the sum of all fields",
+                "to classify each field by itself, pass "
+                + option_ref("transfer_function", "...")
+                + ", a list with a TransferFunction.from_colormap(cmap, opacity, clim) for each",
+                option=name,
+            )
+
+
+def _is_color(part: object) -> bool:
+    """Return whether a part of a colormap is a colour."""
+    try:
+        return not isinstance(part, str) or bool(color("cmap", part))
+    except InvalidInput:
+        return False
+
+
 def _scene(data: object, options: Any, outputs: Iterable[str], quality: Choice, *, spacing_is_free: bool) -> Scene:
     """Return the scene of data and of the options for fields and look; a scene is returned as it is."""
     look = pick_given(LookOptions, options)
@@ -142,7 +175,11 @@ def _scene(data: object, options: Any, outputs: Iterable[str], quality: Choice, 
                 "them only for arrays, files and fields",
                 "give them to sheetsplat.Scene",
             )
+        if options.get("quality") is not None:
+            warn(option_ref("quality") + " changes nothing in a scene, which has its own kernels, slices and filter")
         return quality.kept(data)
+    if isinstance(data, list | tuple) and len(data) > 1:
+        _refuse_one_for_each(len(data), look)
     fields = to_fields(Path(data) if isinstance(data, str) else data, **pick(OpenOptions, options))
     look = {**suggested_look(data, look), **look}
     mode = choice("render: mode", "composite" if look.get("mode") is None else look["mode"], MODES)
@@ -171,7 +208,7 @@ def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOpt
     data
         Array [k, j, i], path of a file, field, sequence of fields, or an object whose method ``field()`` makes a
         field, as generated data sets have. A data set is shown as it suggests where no colours are given. A scene is
-        drawn as it is, with the options of the picture, the camera and the renderer only.
+        drawn as it is, with the options of the picture, the camera and the renderer only; a quality changes nothing.
     **options
         Those of RenderOptions.
 

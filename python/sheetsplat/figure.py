@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import collections
 import importlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import pixels
+from sheetsplat._checks import shown
 from sheetsplat._matplotlib import module_of, require_matplotlib
+from sheetsplat.errors import complain, unusable
 from sheetsplat.options.scene import surfaces_of
 from sheetsplat.quantity import Quantity
 from sheetsplat.recipe import FieldRecipe
@@ -32,6 +35,11 @@ _AXES = (("x", "#D55E00"), ("y", "#009E73"), ("z", "#0072B2"))
 _ALONG = 1e-6
 # Share of the picture's width that a scale bar has at most.
 _BAR_SHARE = 0.3
+# Letters in the picture: at most so much of its shorter side, and pixels that can still be read.
+_INSIDE, _LEAST_LETTER = 1.0 / 15.0, 7.0
+# Characters in the height of two letters, the usual ratio; lines of a label have at least so many.
+_WIDTH_OF_LETTER = 0.55
+_SHORTEST_LINE = 12
 
 
 @dataclass(frozen=True)
@@ -84,9 +92,12 @@ def color_bars(image: Image) -> list[ColorBar]:
     surfaces = surfaces_of(options["iso_value"]) if image.mode == "isosurface" else ()
     recipe, first, bars = image.recipe, 0, []
     for function, count in zip(recipe.transfer_functions, recipe.groups, strict=True):
-        bars.append(_bar_of(function, _common(recipe.fields[first : first + count]), surfaces))
+        bar = _bar_of(function, _common(recipe.fields[first : first + count]), surfaces)
+        fields = " and ".join(map(str, range(first, first + count)))
+        bars.append((bar, f"{bar.label} of field{'s' * (count > 1)} {fields}"))
         first += count
-    return bars
+    alike = collections.Counter(bar.label for bar, _ in bars)
+    return [replace(bar, label=longer) if alike[bar.label] > 1 else bar for bar, longer in bars]
 
 
 _MEANS = {"mip": "largest", "minimum": "smallest", "average": "mean"}
@@ -164,19 +175,47 @@ def round_length(most: float) -> float:
     return next((step * power for step in (5.0, 2.0) if step * power <= most), power)
 
 
+def _is_mathematics(text: str) -> bool:
+    """Return whether matplotlib can draw a text, whose parts between pairs of dollar signs it takes for TeX."""
+    if not module_of("cbook").is_math_text(text):
+        return True
+    try:
+        module_of("mathtext").MathTextParser("path").parse(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _label(text: str) -> str:
+    """Return a text for a label; dollar signs that do not enclose TeX stay dollar signs."""
+    return text if _is_mathematics(text) else text.replace("$", r"\$")
+
+
+def _check_title(function: str, title: object) -> None:
+    if title is not None and not isinstance(title, str):
+        raise complain(unusable(f"{function}: title"), shown(title), "a text, or None")
+    if title is not None and not _is_mathematics(title):
+        wanted = "a text whose parts between dollar signs are TeX"
+        raise complain(unusable(f"{function}: title"), shown(title), wanted, r"write \$ for a dollar sign")
+
+
 def to_axes(image: Image, ax: Any, *, colorbar: bool, title: str | None) -> Any:
     """Show a picture in axes; see `Image.to_axes`."""
     require_matplotlib()
+    _check_title("Image.to_axes", title)
+    if ax is not None and not isinstance(ax, module_of("axes").Axes):
+        wanted = "axes of matplotlib, or None for a new figure"
+        raise complain(unusable("Image.to_axes: ax"), f"{type(ax).__name__}, {shown(ax)}", wanted)
     if ax is None:
         _, ax = module_of("pyplot").subplots()
     plane = picture_plane(image)
     ax.imshow(np.asarray(image), extent=plane.extent)
-    ax.set_xlabel(plane.labels[0])
-    ax.set_ylabel(plane.labels[1])
+    ax.set_xlabel(_label(plane.labels[0]))
+    ax.set_ylabel(_label(plane.labels[1]))
     if title is not None:
         ax.set_title(title)
     for bar in color_bars(image) if colorbar else ():
-        made = ax.figure.colorbar(_mappable(bar), ax=ax, label=bar.label)
+        made = ax.figure.colorbar(_mappable(bar), ax=ax, label=_label(bar.label))
         _mark(made.ax, bar)
     return ax
 
@@ -196,14 +235,16 @@ def _mark(axes: Any, bar: ColorBar) -> None:
 def annotated(image: Image, *, colorbar: bool, axes: bool, scale_bar: bool, title: str | None) -> PillowImage:
     """Return a figure of a picture; see `Image.annotated`."""
     require_matplotlib()
+    _check_title("Image.annotated", title)
     from PIL import Image as Pillow
 
     width, height = image.size
     # Points of 1/72 inch: about a thirtieth of the picture, as long as it can be read.
     font = min(max(height / 36.0, 11.0), 40.0) * 72.0 / _DPI
     pixel = font * _DPI / 72.0
+    inside = min(pixel, max(_INSIDE * min(width, height), _LEAST_LETTER))
     bars = color_bars(image) if colorbar else []
-    pad = math.ceil(8 * pixel)
+    pad = math.ceil(12 * pixel)
     room = pad + math.ceil(len(bars) * 12 * pixel)
     canvas_size = (width + pad + room, height + 2 * pad)
     # Not pyplot, which would change the global state of a program with windows of its own.
@@ -216,16 +257,19 @@ def annotated(image: Image, *, colorbar: bool, axes: bool, scale_bar: bool, titl
         plane = picture_plane(image)
         frame.imshow(shown, extent=plane.extent, aspect="auto", interpolation="nearest")
         if axes:
-            frame.set_xlabel(plane.labels[0])
-            frame.set_ylabel(plane.labels[1])
+            frame.set_xlabel(_lines(plane.labels[0], width, pixel))
+            frame.set_ylabel(_lines(plane.labels[1], height, pixel))
+            # Few numbers, where more would run into each other.
+            frame.locator_params(axis="x", nbins=_ticks(width, pixel))
+            frame.locator_params(axis="y", nbins=_ticks(height, pixel))
         else:
             frame.set_axis_off()
         if title is not None:
-            frame.set_title(title)
+            frame.set_title(title if "$" in title else _lines(title, width + room, pixel))
         left = pad + width + pixel
         for bar in bars:
             beside = _axes_at(figure, left, pad, 1.2 * pixel, height)
-            figure.colorbar(_mappable(bar), cax=beside, label=bar.label)
+            figure.colorbar(_mappable(bar), cax=beside, label=_lines(bar.label, height, pixel))
             _mark(beside, bar)
             # The next one follows the numbers and the label, whose widths depend on the data.
             left = beside.get_tightbbox(canvas.get_renderer()).x1 + pixel
@@ -233,9 +277,9 @@ def annotated(image: Image, *, colorbar: bool, axes: bool, scale_bar: bool, titl
         over.set_axis_off()
         over.set(xlim=(0, width), ylim=(0, height))
         if axes and plane.oblique:
-            _draw_directions(over, image, pixel)
+            _draw_directions(over, image, inside)
         if scale_bar:
-            _draw_scale_bar(over, image, pixel)
+            _draw_scale_bar(over, image, inside)
         canvas.draw()
         box = figure.get_tightbbox(canvas.get_renderer())
     drawn = np.asarray(canvas.buffer_rgba())[..., :3]
@@ -243,6 +287,20 @@ def annotated(image: Image, *, colorbar: bool, axes: bool, scale_bar: bool, titl
     left, right = (round(box.x0 * _DPI - margin), round(box.x1 * _DPI + margin))
     top, bottom = (round(canvas_size[1] - box.y1 * _DPI - margin), round(canvas_size[1] - box.y0 * _DPI + margin))
     return Pillow.fromarray(np.ascontiguousarray(drawn[max(top, 0) : bottom, max(left, 0) : right]))
+
+
+def _lines(text: str, length: float, pixel: float) -> str:
+    """Return a label in as many lines as fit beside a side of so many pixels; TeX is not divided."""
+    import textwrap
+
+    label = _label(text)
+    most = max(int(length / (_WIDTH_OF_LETTER * pixel)), _SHORTEST_LINE)
+    return label if "$" in label else "\n".join(textwrap.wrap(label, most, break_long_words=False)) or label
+
+
+def _ticks(length: float, pixel: float) -> int:
+    """Return how many numbers may stand at a side of so many pixels."""
+    return min(max(int(length / (4.0 * pixel)), 2), 9)
 
 
 def _axes_at(figure: Any, left: float, bottom: float, width: float, height: float) -> Any:
@@ -272,8 +330,12 @@ def _draw_scale_bar(axes: Any, image: Image, pixel: float) -> None:
             solid_capstyle="butt",
         )
     text = f"{length:g} {_length_unit(image) or 'world units'}"
-    middle = max(right - 0.5 * across, 0.0)
-    _outlined(axes.text(middle, bottom + 0.5 * pixel, text, ha="center", va="bottom", color=_INK), pixel)
+    # A text that is longer than the bar ends where the bar does.
+    middle = max(right - 0.5 * max(across, _WIDTH_OF_LETTER * pixel * len(text)), 0.0)
+    made = axes.text(
+        middle, bottom + 0.5 * pixel, _label(text), ha="center", va="bottom", color=_INK, fontsize=pixel * 72.0 / _DPI
+    )
+    _outlined(made, pixel)
 
 
 def _draw_directions(axes: Any, image: Image, pixel: float) -> None:
@@ -293,5 +355,5 @@ def _draw_directions(axes: Any, image: Image, pixel: float) -> None:
                 solid_capstyle="round",
             )
         label = axes.text(middle + 1.35 * x, middle + 1.35 * y, name, ha="center", va="center", color=color)
-        label.set_fontweight("bold")
+        label.set(fontweight="bold", fontsize=pixel * 72.0 / _DPI)
         _outlined(label, pixel)

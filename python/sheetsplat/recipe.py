@@ -274,7 +274,7 @@ def _reading(key: str) -> Iterator[None]:
     except DamagedRecipe:
         raise
     except Error as error:
-        named = f"{key}: {error.option}: " if error.option else f"{key}: "
+        named = f"{key}: " if error.option in (None, key) else f"{key}: {error.option}: "
         raise _damaged(named + (error.found or error.what), error.wanted) from None
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError, AttributeError) as error:
         raise _damaged(f"{key}: {str(error) or type(error).__name__}", "what sheetsplat wrote") from None

@@ -135,6 +135,62 @@ def test_scalar_colors_are_given_once(ball):
     assert one == ss.ScalarColors(np.array([[1.0, 0, 0, 1]])) and (one.table == [1, 0, 0, 1]).all()
 
 
+def letters(figure, column, row, width, height):
+    """Return how many pixels of a part of a figure are not white."""
+    part = np.asarray(figure.convert("L"), float)[row : row + height, column : column + width]
+    return int((part < 250).sum())
+
+
+@pytest.mark.parametrize("size", [60, 100, 160])
+def test_labels_of_small_pictures_do_not_leave_the_figure(field, size):
+    picture = ss.render(field, size=size, backend="cpu", quality="draft", background="white")
+    figure = picture.annotated(title="A title that is longer than this picture is wide", scale_bar=True)
+    width, height = figure.size
+    for edge in ((0, 0, width, 2), (0, height - 2, width, 2), (0, 0, 2, height), (width - 2, 0, 2, height)):
+        assert letters(figure, *edge) == 0
+    # The labels below and on the left have lines of their own: between them the corner is empty.
+    assert letters(figure, 0, height - 2 * 11, 2 * 11, 2 * 11) == 0
+    assert letters(figure, 0, 0, width, height) > 500
+
+
+def test_colour_bars_of_one_name_say_whose_they_are(field, ball):
+    two = [ss.TransferFunction.from_colormap("gray", 0.5, (0, 1)), ss.TransferFunction.from_colormap("magma", 0.5)]
+    plain = ss.RegularField(ball)
+    labels = [bar.label for bar in color_bars(ss.render([plain, plain], transfer_function=two, **SMALL))]
+    assert labels == ["value of field 0", "value of field 1"]
+    labels = [bar.label for bar in color_bars(ss.render([plain, field], transfer_function=two, **SMALL))]
+    assert labels == ["value", "density [g/cm³]"]
+    scene = ss.Scene([[plain, plain], plain], two)
+    assert color_bars(ss.render(scene, **SMALL))[0].label == "value of fields 0 and 1"
+
+
+def test_titles_and_axes_that_cannot_be_used(image, field):
+    for title in ("$\\frac{$", "$", 5, ["a"]):
+        for function in (image.annotated, image.to_axes):
+            if title == "$":
+                function(title=title)
+                continue
+            with pytest.raises(ss.InvalidInput, match="title") as told:
+                function(title=title)
+            assert told.value.option == "title"
+    with pytest.raises(ss.InvalidInput, match="axes of matplotlib"):
+        image.to_axes(5)
+    # Units from a file may hold dollar signs.
+    odd = ss.render(field.with_quantity("$\\frac{$", "$", "$\\alpha"), **SMALL)
+    assert odd.annotated(scale_bar=True).size > (40, 30)
+    odd.to_axes().figure.canvas.draw()
+    assert image.annotated(title="$\\alpha^2$").size > (40, 30)
+
+
+def test_several_surfaces_have_colours_that_are_seen(ball):
+    picture = ss.render(ball, mode="isosurface", iso_value=[(0.3, 0.5), (0.8, 1.0)], cmap="gray", **SMALL)
+    low, high = picture.clim
+    assert 0.15 <= (0.3 - low) / (high - low) <= 0.31 and 0.8 <= (0.8 - low) / (high - low) < 1.0
+    # Near the lower end of the range: still no black.
+    low, high = ss.render(ball, mode="isosurface", iso_value=[(0.01, 0.5), (0.9, 1.0)], **SMALL).clim
+    assert (0.01 - low) / (high - low) == pytest.approx(0.15) and high <= 1.01
+
+
 def test_files_of_every_format_hold_the_picture(tmp_path, image, xray):
     levels = np.asarray(image, np.uint8)
     for suffix in (".png", ".tif", ".tiff", ".webp", ".TIF"):

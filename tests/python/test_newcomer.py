@@ -225,3 +225,53 @@ def test_short_descriptions(ball):
 def test_the_reason_is_one_of_the_scene():
     scene = ss.Scene(ss.RegularField(np.full((3, 3, 3), -2.0)), [(0, 1, 1, 1, 1)], mode="mip")
     assert "below 0" in why_empty(scene)
+
+
+def test_a_dict_of_arrays_says_what_to_do(ball):
+    for data in ({"T": ball}, {"T": ball, "p": ball}, {}):
+        with pytest.raises(ss.InvalidInput, match="dict with the keys"):
+            ss.render(data, **SMALL)
+    with pytest.raises(ss.InvalidInput, match=r"data\['T'\]"):
+        ss.render({"T": ball}, **SMALL)
+
+
+def test_a_colormap_for_each_field_is_a_list_of_transfer_functions(ball):
+    fields = [ss.RegularField(ball), ss.RegularField(ball[::-1])]
+    for options in ({"cmap": ["viridis", "gray"]}, {"clim": [(0, 1), (0, 2)]}):
+        with pytest.raises(ss.InvalidInput, match="transfer_function=") as told:
+            ss.render(fields, **options, **SMALL)
+        assert told.value.option == next(iter(options))
+    own = [ss.TransferFunction.from_colormap(name, 0.5) for name in ("viridis", "gray")]
+    assert ss.render(fields, transfer_function=own, **SMALL).rgba.any()
+    # Two colours, and two numbers, are for the sum of all fields.
+    assert ss.render(fields, cmap=["black", "red"], clim=[0, 1.5], **SMALL).rgba.any()
+
+
+def test_a_quality_cannot_change_a_scene(ball):
+    scene = ss.Scene(ss.RegularField(ball), [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)])
+    with pytest.warns(ss.PictureWarning, match="quality changes nothing in a scene"):
+        ss.render(scene, **SMALL)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ss.render(scene, size=24, backend="reference")
+
+
+def test_iso_values_from_an_iterator(ball):
+    once = ss.render(ball, mode="isosurface", iso_value=iter([(0.3, 0.5), (0.6, 1)]), **SMALL)
+    assert once == ss.render(ball, mode="isosurface", iso_value=[(0.3, 0.5), (0.6, 1)], **SMALL)
+    for given in ((value for value in (0.3, 0.5)), [0.3, 0.5], [0.3]):
+        with pytest.raises(ss.InvalidInput, match=r"\[\(0.3, 1\), …\]"):
+            ss.render(ball, mode="isosurface", iso_value=given, **SMALL)
+
+
+def test_a_size_that_is_too_large_is_told_the_limit(tmp_path):
+    stderr = run("render", "a.nrrd", "-o", tmp_path / "a.png", "--size", str(2**31), code=2).stderr
+    assert "wanted numbers below 2,147,483,648" in stderr
+
+
+def test_the_plan_of_a_filter_taken_by_itself_does_not_say_that_it_was_asked_for():
+    rng = np.random.default_rng(3)
+    dust = ss.EllipsoidField(rng.random((300, 3)), np.full(300, 1e-3), values=np.ones(300))
+    plan = ss.render(dust, size=24, backend="cpu", clim=(0, 1), opacity=0.5).plan
+    rows = {one.name: one for one in plan.effects}
+    assert rows["ewa_filter"].on and "asked" not in rows["ewa_filter"].reason

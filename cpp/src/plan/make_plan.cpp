@@ -102,9 +102,14 @@ void state_fields(const Scene& scene, Effects& effects) {
     add(Normalization::none, "sums of values are the scalar as they are");
     effects.state(EffectId::normalization, count[static_cast<std::size_t>(Normalization::none)] < scene.fields.size(),
                   how);
-    effects.state(EffectId::several_fields, scene.fields.size() > 1,
-                  "the scalars of " + text_of_count(scene.fields.size(), "field") + " add up", "there is one field");
-    effects.state(EffectId::own_transfer_functions, !scene.later_groups.empty() && !is_scalar(scene.mode),
+    const bool apart = !scene.later_groups.empty() && !is_scalar(scene.mode);
+    const std::string fields = text_of_count(scene.fields.size(), "field");
+    effects.state(
+        EffectId::several_fields, apart ? scene.fields.size() > scene.groups().size() : scene.fields.size() > 1,
+        apart ? fields + " in " + text_of_count(scene.groups().size(), "group") + ": scalars add up inside a group"
+              : "the scalars of " + fields + " add up",
+        scene.fields.size() == 1 ? "there is one field" : "each of " + fields + " has its own transfer function");
+    effects.state(EffectId::own_transfer_functions, apart,
                   text_of_count(scene.later_groups.size() + 1) + " transfer functions",
                   scene.later_groups.empty() ? "one transfer function classifies all fields"
                                              : "the mode shows the scalar itself");
@@ -317,13 +322,16 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     const std::string small = kernels(view.kernels.unresolved) + (view.kernels.unresolved == 1 ? " is" : " are") +
                               " smaller than a pixel or thinner than a slice distance";
     plan.filter = filtering;
-    effects.state(EffectId::ewa_filter, filtering,
-                  filtering                     ? unresolved ? "asked for, and " + small
-                                                             : "asked for: it widens kernels by a pixel and a slice distance"
-                  : scene.filter == Filter::ewa ? "asked for, but every kernel is so large that it would change nothing"
-                  : unresolved
-                      ? "not asked for, though " + small + ": the filter ewa would keep their mass"
-                      : "not asked for, and no kernel is smaller than a pixel or thinner than a slice distance");
+    effects.state(
+        EffectId::ewa_filter, filtering,
+        filtering                     ? unresolved ? "the scene has the filter ewa, and " + small
+                                                   : "the scene has the filter ewa: it widens kernels by a "
+                                                     "pixel and a slice distance"
+        : scene.filter == Filter::ewa ? "the scene has the filter ewa, but every kernel is so large that it "
+                                        "would change nothing"
+        : unresolved
+            ? "the scene has no filter, though " + small + ": the filter ewa would keep their mass"
+            : "the scene has no filter, and no kernel is smaller than a pixel or thinner than a slice distance");
     bool lattices = false;
     bool spheres = false;
     for (const auto& field : scene.fields) {

@@ -105,7 +105,7 @@ def _numbers(wanted: values.Numbers) -> Parsed:
         if not wanted.whole and not all(map(math.isfinite, numbers)):
             raise _Wanted("finite numbers")
         if wanted.whole and not all(abs(number) < 2**31 for number in numbers):
-            raise _Wanted("numbers that are not so large")
+            raise _Wanted(f"numbers below {2**31:,}")
         if (wanted.positive or wanted.whole) and min(numbers) <= 0:
             raise _Wanted("numbers above 0")
         if wanted.rising and not _rises(numbers):

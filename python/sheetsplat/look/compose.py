@@ -56,7 +56,10 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     scene_options = pick_given(SceneOptions, options)
     mode = scene_options.get("mode", "composite")
     if mode == "isosurface":
-        scene_options.setdefault("iso_value", automatic.choose(fields).surface)
+        # An iterator can be read once.
+        given = scene_options.get("iso_value")
+        surface = automatic.choose(fields).surface if given is None else iso_value_of("render: iso_value", given)
+        scene_options["iso_value"] = surface
     function, look = _transfer_function(fields, mode, scene_options.get("iso_value"), options)
     spacing = look.slice_spacing if look is not None and mode == "composite" else None
     if mode == "isosurface" and any(isinstance(one, EllipsoidField) and one.size for one in fields):

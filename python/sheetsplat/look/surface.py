@@ -12,6 +12,10 @@ from sheetsplat.scene import Scene
 
 # Place in the colormap of a surface without given limits: bright enough also in maps that begin dark.
 SURFACE_SHARE = 0.7
+# Places of the lowest and the highest of several surfaces: no end of a map, which may be black or white. Near the ends
+# of the range the lowest gives way down to the second number.
+_SEVERAL = (0.3, 0.95)
+_LEAST_SHARE = 0.15
 # Least width of such limits as a share of the range of values: narrower ones cannot be told apart on a colour bar.
 _NARROWEST = 0.05
 
@@ -21,17 +25,16 @@ def surface_limits(fields: Sequence[Field], iso_value: IsoValue) -> tuple[float,
 
     They are the widest with the surface at `SURFACE_SHARE` of the map, so that one of them is an end of the range. Near
     the ends of the range, where these would be very narrow, the surface's colour gives way. Of several surfaces the
-    outermost two have the colours of the ends.
+    lowest is at 3/10 of the map, the highest at 19/20, or somewhat lower where the range ends there.
     """
     if isinstance(iso_value, Sequence):
         values = [value for value, _ in iso_value]
         if min(values) < max(values):
-            return min(values), max(values)
+            return _limits_of_several(fields, min(values), max(values))
         iso_value = values[0]
     if not math.isfinite(iso_value):
         return None
-    ranges = [one.value_range for one in fields if one.size]
-    low, high = sum(first for first, _ in ranges), sum(last for _, last in ranges)
+    low, high = _range_of(fields)
     if not low < iso_value < high:
         # Outside the supports the scalar is 0.
         low, high = min(low, 0.0), max(high, 0.0)
@@ -47,6 +50,22 @@ def surface_limits(fields: Sequence[Field], iso_value: IsoValue) -> tuple[float,
         width = max(width if width > 1e-6 * abs(iso_value) else 0.0, max(abs(iso_value), 1.0) * 1e-3)
         limits = iso_value - SURFACE_SHARE * width, iso_value + (1.0 - SURFACE_SHARE) * width
     return limits if math.isfinite(limits[1] - limits[0]) else None
+
+
+def _range_of(fields: Sequence[Field]) -> tuple[float, float]:
+    ranges = [one.value_range for one in fields if one.size]
+    return sum(first for first, _ in ranges), sum(last for _, last in ranges)
+
+
+def _limits_of_several(fields: Sequence[Field], lowest: float, highest: float) -> tuple[float, float] | None:
+    low, high = _range_of(fields)
+    first, last = _SEVERAL
+    width = (highest - lowest) / (last - first)
+    end = max(min(highest + (1.0 - last) * width, high), highest)
+    start = max(lowest - first * width, min(low, lowest))
+    # The lowest surface is at least at this share of the map.
+    start = min(start, (lowest - _LEAST_SHARE * end) / (1.0 - _LEAST_SHARE))
+    return (start, end) if math.isfinite(end - start) else None
 
 
 def surface_text(scene: Scene) -> str:

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Annotated, TypedDict
 
+from numpy.typing import ArrayLike
+
 from sheetsplat.options.core import COLORED, COMPOSITE, SCALAR, CommandLine, Option
 from sheetsplat.options.values import Numbers, Special
 from sheetsplat.transfer import Colormap, Opacity, TransferFunction
@@ -61,12 +63,20 @@ class TransferOptions(TypedDict, total=False):
         ),
     ]
     transfer_function: Annotated[
-        TransferFunction | str | None,
+        TransferFunction | str | ArrayLike | Sequence[TransferFunction] | None,
         Option(
-            "Replaces {cmap}, {opacity} and {clim}; ct_bone, ct_muscle and ct_lung are for CT in Hounsfield units.",
-            accepts="TransferFunction or str",
+            "Replaces {cmap}, {opacity} and {clim}: a TransferFunction, its points (value, r, g, b, opacity), or one "
+            "of the names ct_bone, ct_muscle and ct_lung, for CT in Hounsfield units. A list has one for each of "
+            "several fields, which are then classified each by itself.",
+            accepts="TransferFunction, str, array (N, 5), or sequence of TransferFunction",
+            cli=(
+                CommandLine(
+                    value=Special.TEXT,
+                    help="Replaces {cmap}, {opacity} and {clim}: ct_bone, ct_muscle or ct_lung, for CT in Hounsfield "
+                    "units.",
+                ),
+            ),
             modes=COLORED,
-            value=Special.TEXT,
         ),
     ]
     shading: Annotated[

@@ -1,7 +1,7 @@
 """The options of a scene: sampling, effects, mode, light."""
 
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Literal, TypedDict, get_args
+from typing import Annotated, Any, Literal, TypedDict, get_args
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def _lights(what: str, lights: object) -> tuple[Light, ...]:
 
 def iso_value_of(what: str, value: object) -> IsoValue:
     """Return a number, or pairs (value, opacity)."""
-    if not isinstance(value, Iterable) or isinstance(value, str) or np.ndim(value) == 0:  # type: ignore[arg-type]
+    if not isinstance(value, Iterable) or isinstance(value, str) or _is_scalar(value):
         return number(what, value)
     wanted = "a number, or pairs (value, opacity)"
     given = parts(what, value, wanted, _MOST_SURFACES)
@@ -50,9 +50,14 @@ def iso_value_of(what: str, value: object) -> IsoValue:
         raise complain(unusable(what), f"more than {_MOST_SURFACES} values", "fewer")
     pairs = [parts(what, one, wanted, 2) if isinstance(one, Iterable) else [] for one in given]
     if any(len(pair) != 2 for pair in pairs):
-        advice = f"one surface is [({shown(given[0])}, opacity)]" if len(given) == 2 else ""
-        raise complain(unusable(what), shown(value), wanted, advice)
+        advice = f"opaque surfaces are [({shown(given[0])}, 1), …]" if not any(pairs) else ""
+        raise complain(unusable(what), shown(given), wanted, advice)
     return tuple((number(what, at), number(what, opacity)) for at, opacity in pairs)
+
+
+def _is_scalar(value: Iterable[Any]) -> bool:
+    """Return whether an array has no axes; iterators have one, whatever NumPy makes of them."""
+    return isinstance(value, np.ndarray) and value.ndim == 0
 
 
 def _preintegration(what: str, value: object) -> Preintegration:

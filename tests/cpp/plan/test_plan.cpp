@@ -253,13 +253,13 @@ TEST(PlanOfEllipsoids, SaysWhatTheFilterIsFor) {
     DrawPlan plan = plan_of(scene, {}, {}, view);
     EXPECT_FALSE(plan.filter);
     EXPECT_FALSE(plan.summary.has("ewa_filter"));
-    expect_parts(reason_of(plan, "ewa_filter"), {"not asked for", "no kernel is smaller than a pixel"});
+    expect_parts(reason_of(plan, "ewa_filter"), {"no filter", "no kernel is smaller than a pixel"});
 
     view.kernels.unresolved = 123456;
     view.shapes.largest_filtering = 4.0;
     plan = plan_of(scene, {}, {}, view);
     EXPECT_FALSE(plan.filter) << "only where it is asked for";
-    expect_parts(reason_of(plan, "ewa_filter"), {"not asked for, though 123456 kernels are smaller", "the filter ewa"});
+    expect_parts(reason_of(plan, "ewa_filter"), {"no filter, though 123456 kernels are smaller", "the filter ewa"});
     view.kernels.unresolved = 1;
     expect_parts(reason_of(plan_of(scene, {}, {}, view), "ewa_filter"), {"1 kernel is smaller"});
 
@@ -267,12 +267,13 @@ TEST(PlanOfEllipsoids, SaysWhatTheFilterIsFor) {
     plan = plan_of(scene, {}, {}, view);
     EXPECT_TRUE(plan.filter);
     EXPECT_TRUE(plan.summary.has("ewa_filter"));
-    expect_parts(reason_of(plan, "ewa_filter"), {"asked for, and 1 kernel is smaller"});
+    expect_parts(reason_of(plan, "ewa_filter"), {"has the filter ewa, and 1 kernel is smaller"});
     view.kernels.unresolved = 0;
     view.shapes.largest_filtering = 1e-3;
     plan = plan_of(scene, {}, {}, view);
     EXPECT_TRUE(plan.filter);
-    expect_parts(reason_of(plan, "ewa_filter"), {"asked for: it widens kernels by a pixel and a slice distance"});
+    expect_parts(reason_of(plan, "ewa_filter"),
+                 {"has the filter ewa: it widens kernels by a pixel and a slice distance"});
     view.shapes.largest_filtering = 1e-7;
     plan = plan_of(scene, {}, {}, view);
     EXPECT_FALSE(plan.filter);

@@ -272,6 +272,13 @@ TEST(SceneEffects, EveryBackendHasGroupsSeveralSurfacesAndWeightedSlices) {
     surfaces.mode = Mode::isosurface;
     for (const Backend backend : backends) {
         EXPECT_TRUE(row(plan_of(groups, backend), "own_transfer_functions").on);
+        // Each field is a group: nothing adds up.
+        EXPECT_FALSE(row(plan_of(groups, backend), "several_fields").on);
+        expect_parts(row(plan_of(groups, backend), "several_fields").reason, {"2 fields", "own transfer function"});
+        Scene pair = groups;
+        pair.fields.push_back(volume());
+        EXPECT_TRUE(row(plan_of(pair, backend), "several_fields").on);
+        expect_parts(row(plan_of(pair, backend), "several_fields").reason, {"3 fields in 2 groups"});
         surfaces.iso_values = {0.5, 0.6};
         EXPECT_FALSE(plan_of(surfaces, backend).stop);
         surfaces.iso_values = {{0.5, 0.99}};
@@ -288,6 +295,7 @@ TEST(SceneEffects, EveryBackendHasGroupsSeveralSurfacesAndWeightedSlices) {
         Scene xray = groups;
         xray.mode = Mode::xray;
         EXPECT_FALSE(row(plan_of(xray, backend), "own_transfer_functions").on);
+        EXPECT_TRUE(row(plan_of(xray, backend), "several_fields").on);
         EXPECT_TRUE(plan_of(xray, backend).field_units.empty());
     }
 }

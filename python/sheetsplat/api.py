@@ -6,12 +6,13 @@ import logging
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Protocol, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sheetsplat._checks import choice, color, image_size, instance, names, parts, shown, whole
+from sheetsplat._objects import kind_of_object
 from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
@@ -33,7 +34,15 @@ if TYPE_CHECKING:
     from sheetsplat.bcc import BccVolume
     from sheetsplat.datasets import Dataset
 
-Data = Field | Sequence[Field] | ArrayLike | str | os.PathLike[str]
+
+class VtkDataSet(Protocol):
+    """A data set of VTK or PyVista."""
+
+    def GetPointData(self) -> Any:  # noqa: N802
+        """Return the arrays of its points."""
+
+
+Data = Field | Sequence[Field] | ArrayLike | str | os.PathLike[str] | Mapping[str, Any] | VtkDataSet
 
 _log = logging.getLogger("sheetsplat")
 
@@ -51,12 +60,13 @@ def _given(group: type, options: Any) -> dict[str, Any]:
     """Return the options of a group that were given, but for `quality`; None, False and 0 stand for the default."""
     given = pick_given(group, options)
     given.pop("quality", None)
-    return {name: value for name, value in given.items() if value or name not in ("prefilter", "log", "offset")}
+    switched = ("prefilter", "log", "offset", "resample")
+    return {name: value for name, value in given.items() if value or name not in switched}
 
 
 @documented(OpenOptions, chooses=True)
-def open(path: str | os.PathLike[str], **options: Unpack[OpenOptions]) -> RegularField | EllipsoidField:
-    """Return the field of a file, which may be gzipped.
+def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | EllipsoidField:
+    """Return the field of a file, which may be gzipped, or of data that another library holds.
 
     Regular volumes: .npy, .npz, NRRD, MetaImage (.mhd, .mha), .vti, raw samples. Scattered data: HDF5 with particles,
     .obj and .ply of closed meshes, .ply of 3D Gaussian Splatting, .vtu, .vtp, .csv, .npz with an array centers, PLOT3D
@@ -65,7 +75,8 @@ def open(path: str | os.PathLike[str], **options: Unpack[OpenOptions]) -> Regula
     Parameters
     ----------
     path
-        The file; its format is found by content, then by suffix.
+        The file; its format is found by content, then by suffix. Or an xarray DataArray or Dataset, a dask, Zarr or
+        h5py array, or a pandas or polars DataFrame or a dict of columns x, y, z and others (data.md).
     **options
         Those of OpenOptions.
 
@@ -86,8 +97,8 @@ def open(path: str | os.PathLike[str], **options: Unpack[OpenOptions]) -> Regula
     return field
 
 
-def _opened(path: str | os.PathLike[str], options: Any) -> RegularField | EllipsoidField:
-    """Return the field of a file with the kernels that were given, or plain ones."""
+def _opened(path: Any, options: Any) -> RegularField | EllipsoidField:
+    """Return the field of a file or another library's data with the kernels that were given, or plain ones."""
     from sheetsplat.io.opening import open_field
 
     given = _given(OpenOptions, options)
@@ -95,6 +106,11 @@ def _opened(path: str | os.PathLike[str], options: Any) -> RegularField | Ellips
         given["shape"] = _shape(given["shape"])
     if "offset" in given:
         given["offset"] = whole("open: offset", given["offset"])
+    kind = None if isinstance(path, str | os.PathLike) else kind_of_object(path)
+    if kind is not None:
+        from sheetsplat.io.objects import field_of_object
+
+        return field_of_object(path, kind, given)
     return open_field(path, given)
 
 
@@ -114,17 +130,8 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
     maker = None if isinstance(data, np.ndarray) else getattr(data, "field", None)
     if callable(maker):
         data = maker()
-    if isinstance(data, str | os.PathLike):
+    if isinstance(data, str | os.PathLike) or kind_of_object(data) is not None:
         return [_opened(data, given)]
-    if isinstance(data, Mapping):
-        first = shown(next(iter(data), "name"))
-        raise complain(
-            "render: the data cannot be used",
-            f"a {type(data).__name__} with the keys {shown(list(data))}",
-            "an array, a file, a field, or a list of fields",
-            f"choose one array, data[{first}]; sheetsplat.RegularField(data[{first}]).with_quantity({first}) has its "
-            "name for figures",
-        )
     if _is_made(data):
         if given:
             raise complain(
@@ -206,9 +213,10 @@ def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOpt
     Parameters
     ----------
     data
-        Array [k, j, i], path of a file, field, sequence of fields, or an object whose method ``field()`` makes a
-        field, as generated data sets have. A data set is shown as it suggests where no colours are given. A scene is
-        drawn as it is, with the options of the picture, the camera and the renderer only; a quality changes nothing.
+        Array [k, j, i], path of a file, field, sequence of fields, anything else that `open` takes, or an object whose
+        method ``field()`` makes a field, as generated data sets have. A data set is shown as it suggests where no
+        colours are given. A scene is drawn as it is, with the options of the picture, the camera and the renderer only;
+        a quality changes nothing.
     **options
         Those of RenderOptions.
 

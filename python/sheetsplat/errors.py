@@ -34,6 +34,12 @@ _LONGEST = 1200
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 # Packages whose modules have other names.
 _PACKAGES = {"PIL": "pillow", "flip_evaluator": "flip-evaluator", "nrrd": "pynrrd"}
+# The extras of this package that install what it needs beside its dependencies.
+_EXTRAS = {
+    "medical": ("nibabel", "pydicom"),
+    "science": ("xarray", "h5netcdf", "zarr", "numcodecs", "tifffile", "mrcfile", "meshio", "dask", "pandas"),
+    "pyvista": ("vtk", "vtkmodules", "pyvista"),
+}
 _CONSTANTS = {"true": "True", "false": "False", "none": "None", "...": "..."}
 
 
@@ -215,7 +221,9 @@ def missing_package(what: str, error: ImportError) -> Error:
     """Return the error for something that needs a package which is not installed."""
     module = (error.name or str(error)).partition(".")[0]
     name = _PACKAGES.get(module, module)
-    return complain(what, f"no package {name}", name, f"pip install {name}", kind=Unsupported)
+    extra = next((extra for extra, modules in _EXTRAS.items() if module in modules), None)
+    command = f"pip install {name}" if extra is None else f"pip install 'sheetsplat[{extra}]'"
+    return complain(what, f"no package {name}", name, command, kind=Unsupported)
 
 
 def unusable(what: str) -> Words:

@@ -1,22 +1,33 @@
-"""Volumes whose axes a file states: turned so that they are the axes of the world."""
+"""Volumes whose axes a file states: turned so that they are the axes of the world, and made even."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat import _memory
 from sheetsplat._checks import Triple, shown, triple
-from sheetsplat.io.checks import unreadable
+from sheetsplat.errors import option_ref
+from sheetsplat.io.checks import Where, unreadable
 from sheetsplat.io.records import Floats
 
 _ADVICE = "resample the volume to such axes"
+# Largest distance of an even coordinate from its place, in steps: that of float32 degrees to a tenth.
+_UNEVEN = 2e-3
+# Resampled axes have at most this many times as many samples.
+_FINER = 4
+
+_log = logging.getLogger("sheetsplat")
 
 
 def along_the_world(
-    path: Path, what: str, steps: Floats, origin: Floats, values: NDArray[Any]
+    path: Where, what: str, steps: Floats, origin: Floats, values: NDArray[Any]
 ) -> tuple[NDArray[Any], Triple, Triple]:
     """Return a volume turned so that its axes are z, y, x of the world, with spacing and origin.
 
@@ -50,3 +61,94 @@ def along_the_world(
             first[axis] += step * (values.shape[2 - axis] - 1)
         spacing[axis] = abs(step)
     return values, triple("spacing", spacing), triple("origin", first)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Samples [k, j, i] on even axes along those of the world, and what was done to them, as texts."""
+
+    values: NDArray[Any]
+    spacing: Triple
+    origin: Triple
+    details: dict[str, str] = field(default_factory=dict)
+
+
+def on_even_axes(
+    where: Where,
+    names: Sequence[str],
+    positions: Sequence[Floats | None],
+    values: NDArray[Any],
+    *,
+    resample: bool = False,
+) -> Placed:
+    """Return samples on even axes from coordinates, which may fall.
+
+    Parameters
+    ----------
+    where, names
+        The data and their axes x, y, z, for messages.
+    positions
+        Coordinates along x, y, z; None: 0, 1, 2 …
+    values
+        Samples [k, j, i], as many along each axis as it has coordinates.
+    resample
+        Interpolate linearly between samples at uneven coordinates: to their least distance, with at most four times as
+        many samples.
+
+    Raises
+    ------
+    InvalidInput
+        For coordinates that are not finite, do not all rise or all fall, or are uneven, unless `resample` is true.
+    OutOfMemory
+        Where the resampled volume does not fit.
+    """
+    spacing, origin, details = [1.0, 1.0, 1.0], [0.0, 0.0, 0.0], {}
+    for axis, (name, places) in enumerate(zip(names, positions, strict=True)):
+        if places is None or not places.size:
+            continue
+        along = 2 - axis
+        gaps = np.diff(places)
+        if not np.all(np.isfinite(places)) or not (np.all(gaps > 0) or np.all(gaps < 0)):
+            found = f"coordinates along {name} that are not finite, repeat, or turn back"
+            raise unreadable(
+                where, found, "finite numbers that rise or fall", f"sort them, and leave out doubles ({name})"
+            )
+        if gaps.size and gaps[0] < 0:
+            places, gaps, values = places[::-1], -gaps[::-1], np.flip(values, along)
+        origin[axis] = float(places[0])
+        if not gaps.size:
+            continue
+        step = float(places[-1] - places[0]) / gaps.size
+        ideal = places[0] + step * np.arange(places.size)
+        if np.abs(places - ideal).max() > _UNEVEN * step:
+            if not resample:
+                raise unreadable(
+                    where,
+                    f"uneven coordinates along {name}, {gaps.min():g} to {gaps.max():g} apart",
+                    "even ones",
+                    "pass " + option_ref("resample", "true") + " to interpolate to even ones",
+                    option="resample",
+                )
+            count = min(math.ceil((places[-1] - places[0]) / gaps.min() * (1 - 1e-9)) + 1, _FINER * places.size)
+            values = _interpolated(where, values, along, places, np.linspace(places[0], places[-1], count))
+            step = float(places[-1] - places[0]) / (count - 1)
+            details[f"resampled along {name}"] = f"{places.size} samples to {count}"
+            _log.info("%s: resampled along %s from %d samples to %d", where, name, places.size, count)
+        spacing[axis] = step
+    return Placed(values, triple("spacing", spacing), triple("origin", origin), details)
+
+
+def _interpolated(where: Where, values: NDArray[Any], along: int, old: Floats, new: Floats) -> NDArray[Any]:
+    """Return the samples at other coordinates along an axis, linear between the nearest two."""
+    kind = np.dtype(np.float32 if values.dtype.kind != "f" and values.dtype.itemsize <= 2 else np.float64)
+    kind = np.dtype(np.float32) if values.dtype in (np.float16, np.float32) else kind
+    count = values.size // values.shape[along] * new.size
+    _memory.require(3 * count * kind.itemsize, f"the resampled samples of {where}")
+    lower = np.clip(np.searchsorted(old, new, side="right") - 1, 0, old.size - 2)
+    shape = [1, 1, 1]
+    shape[along] = new.size
+    share = ((new - old[lower]) / (old[lower + 1] - old[lower])).astype(kind).reshape(shape)
+    result: NDArray[Any] = values.take(lower, axis=along).astype(kind)
+    result *= 1 - share
+    result += share * values.take(lower + 1, axis=along)
+    return result

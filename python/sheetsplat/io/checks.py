@@ -14,13 +14,16 @@ from sheetsplat._checks import shown
 from sheetsplat.errors import Error, Words, complain
 from sheetsplat.io.records import Floats
 
+#: A file, or the name of data in memory, for messages.
+Where = Path | str
 _MOST_NAMES = 60
+_LONGEST_TEXT = 200
 
 
 def unreadable(
-    path: Path, found: str | Words, wanted: str, advice: str | Words = "", option: str | None = None
+    path: Where, found: str | Words, wanted: str, advice: str | Words = "", option: str | None = None
 ) -> Error:
-    """Return the InvalidInput for a file with invalid content."""
+    """Return the InvalidInput for a file, or data in memory, with invalid content."""
     return complain(f"{path} cannot be read", found, wanted, advice, option=option)
 
 
@@ -47,18 +50,26 @@ def natural(path: Path, what: str, text: str) -> int:
     return int(text)
 
 
+def printable(text: object) -> str:
+    """Return a text of a header as figures show it: one line of at most 200 characters; "" for anything else."""
+    if isinstance(text, bytes):
+        text = text.decode("utf-8", "replace")
+    words = " ".join(text.split())[:_LONGEST_TEXT] if isinstance(text, str) else ""
+    return words if words.isprintable() else ""
+
+
 def listed(names: Sequence[str]) -> str:
     """Return names for a message, at most 60 of them."""
     text = ", ".join(names[:_MOST_NAMES])
     return text + (f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else "")
 
 
-def require_rows(path: Path, count: int, columns: int = 8) -> None:
+def require_rows(path: Where, count: int, columns: int = 8) -> None:
     """Raise OutOfMemory unless `count` rows of that many float64 fit."""
     _memory.require(count * columns * 8, f"{count} points of {path}")
 
 
-def finite_points(path: Path, points: Floats) -> Floats:
+def finite_points(path: Where, points: Floats) -> Floats:
     """Return the points, or InvalidInput that names the first one that is not finite."""
     wrong = ~np.isfinite(points).all(axis=1)
     if wrong.any():
@@ -70,7 +81,7 @@ def finite_points(path: Path, points: Floats) -> Floats:
     return points
 
 
-def finite_values(path: Path, scalar: str, values: Floats, why: str = "", advice: str | Words = "") -> Floats:
+def finite_values(path: Where, scalar: str, values: Floats, why: str = "", advice: str | Words = "") -> Floats:
     """Return the values, or InvalidInput that names the first one that is not finite."""
     wrong = ~np.isfinite(values)
     if wrong.any():
@@ -85,7 +96,7 @@ def finite_values(path: Path, scalar: str, values: Floats, why: str = "", advice
     return values
 
 
-def checked_shape(path: Path, sizes: object, what: str) -> tuple[int, ...]:
+def checked_shape(path: Where, sizes: object, what: str) -> tuple[int, ...]:
     """Return `sizes` as positive ints whose product fits 63 bits, or InvalidInput."""
     wanted = "positive whole numbers whose product fits 63 bits"
     try:

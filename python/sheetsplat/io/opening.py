@@ -15,19 +15,21 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
-from sheetsplat.io.checks import unreadable
+from sheetsplat.io.checks import Where, unreadable
 from sheetsplat.io.formats import BY_NAME, SCATTERED, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.source import Source
 
 # Options of regular volumes alone, and of scattered data alone.
-REGULAR = ("shape", "dtype", "offset", "name", "spacing", "origin", "lattice", "radius", "prefilter", "nan")
+REGULAR = ("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter", "nan")
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
 _POINTS = ("grid", "scalar", "particles", "support")
 _ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale")
 _SAMPLES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
-_READING = ("shape", "dtype", "offset", "name")
+_RAW = ("shape", "dtype", "offset", "name", "resample")
+#: Options that say how data are read.
+READING = (*_RAW, *_POINTS)
 
 
 def read_volume(
@@ -37,6 +39,7 @@ def read_volume(
     dtype: DTypeLike | None = None,
     offset: int = 0,
     name: str | None = None,
+    resample: bool = False,
 ) -> Volume:
     """Read a volume; the format is found by content, then by suffix, and gzipped files are decompressed.
 
@@ -52,6 +55,9 @@ def read_volume(
         For .npz: the array to take, where the file has several with three axes. For .vti: the array, one column of one
         (NAME_x), or the length of a vector; the file's own scalars unless given.
 
+    resample
+        For formats with coordinates: interpolate samples at uneven ones.
+
     Raises
     ------
     InvalidInput
@@ -61,7 +67,7 @@ def read_volume(
     Error
         Where the file cannot be read.
     """
-    options = given(shape=shape, dtype=dtype, offset=offset or None, name=name)
+    options = given(shape=shape, dtype=dtype, offset=offset or None, name=name, resample=resample or None)
     with Source(Path(path)) as source:
         found = format_of(source, raw_options="shape" in options or "dtype" in options)
         if found.scattered:
@@ -75,6 +81,9 @@ def read_volume(
         if name is not None and "name" not in found.options:
             refused = option_ref("name") + " for a single array"
             raise complain(failed, refused, "it only for .npz and .vti", option="name")
+        if resample and "resample" not in found.options:
+            wanted = "it only for formats with coordinates"
+            raise complain(failed, option_ref("resample") + f" for a file of format {found.name}", wanted)
         volume: Volume = found.read(source, **options)
         return volume
 
@@ -124,7 +133,7 @@ def read_scattered(
         return data
 
 
-def _refuse(path: str | os.PathLike[str], options: Mapping[str, Any], names: tuple[str, ...], what: str) -> None:
+def _refuse(path: Where | os.PathLike[str], options: Mapping[str, Any], names: tuple[str, ...], what: str) -> None:
     wrong = [name for name in names if name in options]
     if wrong:
         raise complain(
@@ -134,6 +143,14 @@ def _refuse(path: str | os.PathLike[str], options: Mapping[str, Any], names: tup
             "leave them out",
             option=wrong[0] if len(wrong) == 1 else None,
         )
+
+
+def refused_for(where: Where, record: Volume | Scattered, options: Mapping[str, Any]) -> None:
+    """Raise InvalidInput for options of fields that do not belong to what was read."""
+    if isinstance(record, Scattered):
+        _refuse(where, options, REGULAR, "scattered data")
+    else:
+        _refuse(where, options, SCATTERED_ONLY, "a regular volume")
 
 
 def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> str:
@@ -156,28 +173,52 @@ def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> str:
 
 def read_regular(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Volume:
     """Return the volume of a file; with `log` its samples are logarithms, float32 unless the file's are wider."""
-    reading = {name: options[name] for name in _READING if name in options}
+    reading = {name: options[name] for name in _RAW if name in options}
     if "scalar" in options:
         reading["name"] = options["scalar"]
     volume = read_volume(path, **reading)
-    floor = options.get("log", False)
-    if floor is False:
+    return _in_decades(volume, options.get("log", False), str(path))
+
+
+def _in_decades(volume: Volume, log: bool | float, where: str) -> Volume:
+    """Return a volume whose samples are logarithms, float32 unless they were wider; itself where `log` is False."""
+    if log is False:
         return volume
-    _memory.require(3 * 8 * volume.values.size, f"the logarithms of {path}")
+    _memory.require(3 * 8 * volume.values.size, f"the logarithms of {where}")
     what = volume.details.get("content", "the samples")
-    values = logarithm(volume.values.astype(np.float64), what, floor)
+    values = logarithm(volume.values.astype(np.float64), what, log)
     kept = values.astype(np.float32) if volume.values.dtype.itemsize <= 4 else values
-    floor = log_base(volume.values, what, floor) if values.size else None
+    floor = log_base(volume.values, what, log) if values.size else None
     return replace(volume, values=kept, quantity=replace(volume.quantity, floor=floor))
 
 
 def open_scattered(path: str | os.PathLike[str], options: Mapping[str, Any]) -> tuple[Scattered, EllipsoidField]:
     """Return what a file of scattered data holds, and the field of it; `options` as for `open_field`."""
     data = read_scattered(path, **{name: options[name] for name in _POINTS if name in options})
+    return data, _of_scattered(data, options)
+
+
+def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField:
     chosen = {name: options[name] for name in _ELLIPSOIDS if name in options}
     log = options.get("log", False)
     floor = log_base(data.values, data.scalar, log) if log is not False and data.values.size else None
-    return data, field_of(data, logarithmic=log, **chosen).with_quantity(name=data.scalar, floor=floor)
+    return field_of(data, logarithmic=log, **chosen).with_quantity(name=data.scalar, floor=floor)
+
+
+def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
+    placed = {"spacing": volume.spacing, "origin": volume.origin}
+    chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
+    field = RegularField(volume.values, **chosen).with_quantity(**asdict(volume.quantity))
+    return field.with_orientation(volume.orientation)
+
+
+def field_of_record(
+    record: Volume | Scattered, options: Mapping[str, Any], where: str
+) -> RegularField | EllipsoidField:
+    """Return the field of data that were read; `options` are those of `sheetsplat.open` that the caller gave."""
+    if isinstance(record, Scattered):
+        return _of_scattered(record, options)
+    return _of_volume(_in_decades(record, options.get("log", False), where), options)
 
 
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
@@ -192,8 +233,4 @@ def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Regu
 def _field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
     if kind_of(path, options) in SCATTERED:
         return open_scattered(path, options)[1]
-    volume = read_regular(path, options)
-    placed = {"spacing": volume.spacing, "origin": volume.origin}
-    chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
-    field = RegularField(volume.values, **chosen).with_quantity(**asdict(volume.quantity))
-    return field.with_orientation(volume.orientation)
+    return _of_volume(read_regular(path, options), options)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import Error, complain, option_ref
-from sheetsplat.io.checks import listed, unreadable
+from sheetsplat.io.checks import Where, listed, unreadable
 from sheetsplat.io.records import Floats
 
 _PART = re.compile(r"(.+)_([xyz]|\d{1,3})")
@@ -19,7 +18,7 @@ _PART = re.compile(r"(.+)_([xyz]|\d{1,3})")
 _MOST_COLUMNS = 1000
 
 
-def unknown_scalar(path: Path, wanted: str, known: Sequence[str]) -> Error:
+def unknown_scalar(path: Where, wanted: str, known: Sequence[str]) -> Error:
     """Return the InvalidInput for a scalar that a file does not have."""
     return complain(
         f"the scalar {wanted!r} cannot be taken from {path}",
@@ -31,7 +30,7 @@ def unknown_scalar(path: Path, wanted: str, known: Sequence[str]) -> Error:
 
 
 def choose_scalar(
-    path: Path, wanted: str | None, preferred: Sequence[str], widths: Mapping[str, int]
+    path: Where, wanted: str | None, preferred: Sequence[str], widths: Mapping[str, int]
 ) -> tuple[str, str, int | None]:
     """Return the name of a scalar, the array that it is made of, and the column; None: the length of its rows.
 

@@ -6,7 +6,7 @@ import io
 import os
 import warnings
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,15 @@ from sheetsplat._checks import instance, shown
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.io import numpy_files, pictures
-from sheetsplat.io.checks import finite_points, finite_values, unreadable
+from sheetsplat.io.checks import Where, finite_points, finite_values, listed, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
 
 _OWN = ("centers", "scales", "radii", "rotations", "weights")
 _NUMBERS = ("w0", "falloff", "cell_volume")
+# Arrays of positions, three numbers a row.
+_CENTERS = ("centers", "points", "positions", "position", "coordinates")
 _CHUNK = 1 << 22
 _MOST_COLUMNS = 512
 _LONGEST_HEADER = 1 << 16
@@ -216,39 +218,97 @@ def read_csv(source: Source, scalar: str | None = None) -> Scattered:
     """
     path = source.path
     names, part = _lines(source)
-    lower = {name.lower(): at for at, name in enumerate(names)}
-    if "r" in lower:
-        lower["radius"] = lower.pop("r")
-    at = {name: lower[name] for name in _COLUMNS if name in lower}
-    _require_columns(path, names, at)
+    at = _places(path, names)
     table = _rows(source, part, len(names))
-    others = {name: column for column, name in enumerate(names) if column not in at.values()}
-    if not others:
-        raise unreadable(path, f"columns {', '.join(names)}", "one more, value")
-    preferred = [name for name in others if name.lower() in ("value", "values", "scalar")]
-    name, base, _ = choose_scalar(path, scalar, preferred, dict.fromkeys(others, 1))
+    columns = {name: table[:, column] for column, name in enumerate(names)}
+    return _of_columns(path, columns, at, scalar, "csv")
 
-    def picked(*columns: str) -> Floats | None:
-        return table[:, [at[column] for column in columns]] if columns[0] in at else None
+
+def _of_columns(
+    where: Where, columns: Mapping[str, NDArray[Any]], at: Mapping[str, str], scalar: str | None, file_format: str
+) -> Scattered:
+    """Return kernels or points from columns by their names; `at`: which of them places and kernels are."""
+    widths = {name: 1 if one.ndim == 1 else one.shape[1] for name, one in columns.items() if name not in at.values()}
+    if not widths:
+        raise unreadable(where, f"columns {listed(list(columns))}", "one more, value")
+    preferred = [name for name in widths if name.lower() in ("value", "values", "scalar")]
+    name, base, column = choose_scalar(where, scalar, preferred, widths)
+
+    def picked(*names: str) -> Floats | None:
+        parts = [columns[at[one]].astype(np.float64) for one in names if one in at]
+        return np.stack(parts, axis=1) if parts else None
 
     points = picked("x", "y", "z")
     assert points is not None
     radius, weight = picked("radius"), picked("weight")
     scales = picked("sx", "sy", "sz") if radius is None else radius[:, 0]
     return Scattered(
-        finite_points(path, points),
-        finite_values(path, name, table[:, others[base]].copy()),
+        finite_points(where, points),
+        finite_values(where, name, column_of(columns[base], column)),
         name,
-        "csv",
-        tuple(others),
+        file_format,
+        scalar_names(widths),
         scales=scales,
         rotations=picked("qw", "qx", "qy", "qz"),
         weights=None if weight is None else weight[:, 0],
     )
 
 
-def _require_columns(path: Path, names: list[str], at: Mapping[str, int]) -> None:
-    advice = "the first line must name the columns: x,y,z,value,radius or x,y,z,value,sx,sy,sz,qw,qx,qy,qz"
+def _places(where: Where, names: Iterable[str]) -> dict[str, str]:
+    """Return which columns positions and kernels are, by the names that they have here."""
+    lower = {name.lower(): name for name in names}
+    for short, long in (("r", "radius"), ("radii", "radius"), ("weights", "weight")):
+        if short in lower and long not in lower:
+            lower[long] = lower[short]
+    at = {name: lower[name] for name in _COLUMNS if name in lower}
+    _require_columns(where, list(names), at)
+    return at
+
+
+def read_columns(data: Any, where: Where, scalar: str | None = None) -> Scattered:
+    """Return the kernels or points of a DataFrame, or of a dict of arrays, with columns as those of `read_csv`.
+
+    In a dict an array of N rows of three numbers may stand for x, y, z: centers, points, positions or Coordinates; and
+    a scalar may have several columns. What does not hold numbers is left out.
+
+    Raises
+    ------
+    InvalidInput
+        For missing columns, other lengths, and what is no finite number.
+    """
+    columns: dict[str, NDArray[Any]] = {}
+    names = list(data.keys() if isinstance(data, Mapping) else data.columns)
+    if len(names) > _MOST_COLUMNS:
+        raise unreadable(where, f"{len(names)} columns", f"at most {_MOST_COLUMNS}")
+    if not {"x", "y", "z", *_CENTERS}.intersection(str(name).lower() for name in names):
+        first = shown(names[0] if names else "name")
+        raise complain(
+            f"{where} cannot be used",
+            f"a {type(data).__name__} with the keys {shown(names)}",
+            "columns x, y, z and others; or an array, a file, a field, or a list of fields",
+            f"choose one array, data[{first}]; sheetsplat.RegularField(data[{first}]).with_quantity({first}) has its "
+            "name for figures",
+        )
+    for name in names:
+        column = np.asarray(data[name])
+        if column.dtype.kind in "biuf" and column.ndim in (1, 2):
+            columns[str(name)] = column
+    centers = next((name for name in columns if name.lower() in _CENTERS and columns[name].shape[1:] == (3,)), None)
+    if centers is not None:
+        positions = columns.pop(centers)
+        columns |= {axis: positions[:, at] for at, axis in enumerate("xyz")}
+    at = _places(where, columns)
+    count = len(columns[at["x"]])
+    wrong = [name for name, one in columns.items() if len(one) != count or (one.ndim == 2 and name in at.values())]
+    if wrong:
+        found = f"a column {shown(wrong[0])} of shape {columns[wrong[0]].shape}"
+        raise unreadable(where, found, f"({count},), as x has")
+    columns = {name: one for name, one in columns.items() if one.ndim == 1 or one.shape[1]}
+    return _of_columns(where, columns, at, scalar, "columns")
+
+
+def _require_columns(path: Where, names: list[str], at: Mapping[str, str]) -> None:
+    advice = "name the columns x,y,z,value,radius or x,y,z,value,sx,sy,sz,qw,qx,qy,qz"
     for group in (("x", "y", "z"), ("sx", "sy", "sz"), ("qw", "qx", "qy", "qz")):
         missing = [name for name in group if name not in at]
         if missing and ("x" in group or len(missing) < len(group)):

@@ -136,6 +136,14 @@ class FileOptions(TypedDict, total=False):
             "NAME its length. PLOT3D: density, momentum, energy, velocity, pressure, temperature, mach …"
         ),
     ]
+    resample: Annotated[
+        bool,
+        Option(
+            "Volumes: interpolate samples at uneven coordinates to even ones, instead of refusing them.",
+            default=False,
+            switch=True,
+        ),
+    ]
     log: Annotated[
         bool | float | None,
         Option(

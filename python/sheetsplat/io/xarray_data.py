@@ -1,0 +1,158 @@
+"""xarray's DataArrays and Datasets: dimensions, coordinates, names and units."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Hashable, Sequence
+from typing import Any
+
+import numpy as np
+
+from sheetsplat import notices
+from sheetsplat.errors import complain, option_ref
+from sheetsplat.io.axes import on_even_axes
+from sheetsplat.io.checks import Where, listed, printable, unreadable
+from sheetsplat.io.lazy_arrays import require_volume
+from sheetsplat.io.records import Floats, Volume
+from sheetsplat.orientation import Orientation
+from sheetsplat.quantity import Quantity
+
+# Names of dimensions along x, y and z of the world: those of the CF conventions and of common use.
+_NAMES = (
+    ("x", "lon", "longitude", "easting", "xc"),
+    ("y", "lat", "latitude", "northing", "yc"),
+    ("z", "lev", "level", "levels", "depth", "height", "altitude", "alt", "plev", "pressure", "isobaric", "zc"),
+)
+# Units in which a vertical coordinate counts downwards (CF conventions, section 4.3).
+_PRESSURES = ("Pa", "hPa", "kPa", "mbar", "millibar", "bar", "dbar", "decibar")
+# Axes of different units are told where one is this many times as long as another.
+_FLAT = 20.0
+
+_log = logging.getLogger("sheetsplat")
+
+
+def _text(attributes: Any, *names: str) -> str:
+    """Return the first of these attributes that is a text for figures, or ""."""
+    return next((printable(attributes[name]) for name in names if printable(attributes.get(name))), "")
+
+
+def _axis_of(name: Hashable, attributes: Any) -> int | None:
+    """Return which axis of the world, 0 to 2, a dimension runs along; None where its name does not say."""
+    stated = str(attributes.get("axis", "")).lower()
+    if stated in ("x", "y", "z"):
+        return "xyz".index(stated)
+    words = {str(name).lower(), str(attributes.get("standard_name", "")).lower()}
+    return next((axis for axis, names in enumerate(_NAMES) if words.intersection(names)), None)
+
+
+def _world_order(dimensions: Sequence[Hashable], attributes: Sequence[Any]) -> list[int]:
+    """Return the positions of the dimensions that run along x, y, z; [2, 1, 0] where their names do not say."""
+    axes = [_axis_of(name, one) for name, one in zip(dimensions, attributes, strict=True)]
+    known = [axis for axis in axes if axis is not None]
+    if len(known) < 2 or len(set(known)) < len(known):
+        return [2, 1, 0]
+    rest = ({0, 1, 2} - set(known)).pop() if len(known) == 2 else -1
+    return [axes.index(axis if axis != rest else None) for axis in range(3)]
+
+
+def _positions(where: Where, array: Any, name: Hashable, size: int) -> Floats | None:
+    """Return the coordinates of a dimension; None where it has none."""
+    if name not in array.coords or array.coords[name].ndim != 1:
+        return None
+    numbers = np.asarray(array.coords[name].values)
+    if size == 1 and numbers.dtype.kind not in "biuf":
+        return None
+    if numbers.dtype.kind not in "biuf":
+        raise unreadable(
+            where,
+            f"coordinates of type {numbers.dtype} along {name}",
+            "numbers",
+            f"choose one of them, .isel({name}=0), or give them numbers: .assign_coords({name}=range({size}))",
+        )
+    return numbers.astype(np.float64)
+
+
+def _upside_down(attributes: Any) -> bool:
+    stated = str(attributes.get("positive", "")).lower()
+    return stated == "down" or (not stated and str(attributes.get("units", "")) in _PRESSURES)
+
+
+def read_array(array: Any, where: Where, resample: bool = False) -> Volume:
+    """Return a DataArray with three dimensions, those of size 1 aside, as a volume.
+
+    Dimensions that are named x, y, z, as longitude, latitude and height, or by an attribute ``axis`` are those of the
+    world; any others are [k, j, i], as in arrays. One-dimensional coordinates give spacing and origin. The long name
+    and the units of the array, and the units of its coordinates, become the quantity.
+
+    Parameters
+    ----------
+    array
+        The DataArray; what dask holds is computed.
+    where
+        Its name for messages.
+    resample
+        Interpolate to even coordinates.
+
+    Raises
+    ------
+    InvalidInput
+        For other numbers of dimensions, coordinates that are not numbers or do not rise or fall, and for uneven ones
+        unless `resample` is true.
+    OutOfMemory
+        Where the samples do not fit.
+    """
+    if array.ndim > 3:
+        array = array.squeeze([name for name, size in array.sizes.items() if size == 1][: array.ndim - 3])
+    if array.ndim != 3:
+        larger = [name for name, size in array.sizes.items() if size > 1]
+        advice = f"choose one, for example .isel({larger[0]}=0)" if array.ndim > 3 else ""
+        sizes = listed([f"{name} {size}" for name, size in array.sizes.items()])
+        raise unreadable(where, f"{array.ndim} dimensions: {sizes}", "three dimensions", advice)
+    require_volume(str(where), array.shape, array.dtype)
+    told = [array.coords[name].attrs if name in array.coords else {} for name in array.dims]
+    order = _world_order(array.dims, told)
+    names = [array.dims[at] for at in order]
+    attributes = [told[at] for at in order]
+    positions = [_positions(where, array, name, array.sizes[name]) for name in names]
+    values = array.transpose(*reversed(names)).values
+    placed = on_even_axes(where, list(map(str, names)), positions, values, resample=resample)
+    units = [_text(one, "units") for one in attributes]
+    _tell_units(where, names, units, placed.values.shape[::-1], placed.spacing)
+    same = units[0] if len(set(units)) == 1 else ""
+    name = _text(array.attrs, "long_name", "standard_name") or printable(array.name)
+    details = {"content": name, "dimensions": ", ".join(map(str, names)), **placed.details}
+    return Volume(
+        placed.values,
+        placed.spacing,
+        placed.origin,
+        "xarray",
+        {key: text for key, text in details.items() if text},
+        Quantity(name, _text(array.attrs, "units"), same),
+        Orientation((0.0, 0.0, -1.0)) if _upside_down(attributes[2]) else None,
+    )
+
+
+def _tell_units(where: Where, names: Sequence[Hashable], units: Sequence[str], counts: Any, spacing: Any) -> None:
+    lengths = [max(count - 1, 1) * step for count, step in zip(counts, spacing, strict=True)]
+    if len({unit for unit in units if unit}) > 1 and max(lengths) > _FLAT * min(lengths):
+        sides = ", ".join(f"{name} {length:g} {unit}" for name, length, unit in zip(names, lengths, units, strict=True))
+        notices.warn(f"{where} has axes of different units ({sides}); pass " + option_ref("spacing", "...")
+                     + " to choose their lengths in the picture")  # fmt: skip
+
+
+def read_set(data: Any, where: Where, scalar: str | None = None, resample: bool = False) -> Volume:
+    """Return one variable of a Dataset as a volume: `scalar`, else the only one with three dimensions or more.
+
+    Raises InvalidInput where there is none or more than one, and what `read_array` raises.
+    """
+    known = {str(name): name for name, one in data.data_vars.items() if one.ndim >= 3 and one.dtype.kind in "biuf"}
+    if scalar is None and len(known) == 1:
+        (scalar,) = known
+    if scalar not in known:
+        what = f"{where} cannot be read" if scalar is None else f"the scalar {scalar!r} cannot be taken from {where}"
+        if known:
+            found = f"these variables with three dimensions: {listed(list(known))}"
+            raise complain(what, found, "one of them", "pass " + option_ref("scalar", "..."), option="scalar")
+        there = listed([f"{name} {dict(one.sizes)}" for name, one in data.data_vars.items()])
+        raise complain(what, f"no variable of three dimensions, but {there or 'nothing'}", "one")
+    return read_array(data[known[scalar]], where, resample)

@@ -1,0 +1,186 @@
+"""xarray's DataArrays and Datasets: dimensions, coordinates, names and units."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+import sheetsplat as ss
+
+xr = pytest.importorskip("xarray", reason="xarray is not installed")
+
+VALUES = np.random.default_rng(14).random((5, 6, 7)).astype(np.float32)
+
+
+def array(dims=("z", "y", "x"), values=VALUES, **options):
+    coordinates = {name: np.arange(size) * 0.5 + 3.0 for name, size in zip(dims, values.shape, strict=True)}
+    return xr.DataArray(values, dims=dims, coords=coordinates, **options)
+
+
+def test_dimensions_and_coordinates_become_axes():
+    field = ss.open(array())
+    assert np.array_equal(field.values, VALUES)
+    assert field.spacing == (0.5, 0.5, 0.5) and field.origin == (3.0, 3.0, 3.0)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0), (0, 2, 1)])
+@pytest.mark.parametrize("names", [("z", "y", "x"), ("height", "latitude", "lon"), ("time", "lat", "lon")])
+def test_named_dimensions_are_those_of_the_world_in_any_order(order, names):
+    turned = array(dims=names).transpose(*(names[at] for at in order))
+    assert np.array_equal(ss.open(turned).values, VALUES)
+
+
+def test_other_names_keep_the_order_of_the_array():
+    assert np.array_equal(ss.open(array(dims=("a", "b", "c"))).values, VALUES)
+    assert np.array_equal(ss.open(array(dims=("x", "a", "b"))).values, VALUES)
+    stated = array(dims=("a", "b", "c"))
+    for name, axis in zip("abc", "XYZ", strict=True):
+        stated.coords[name].attrs["axis"] = axis
+    assert np.array_equal(ss.open(stated).values, VALUES.transpose(2, 1, 0))
+
+
+def test_falling_coordinates_are_turned():
+    falling = array().assign_coords(y=[10.0, 8.0, 6.0, 4.0, 2.0, 0.0])
+    field = ss.open(falling)
+    assert np.array_equal(field.values, VALUES[:, ::-1]) and field.origin[1] == 0 and field.spacing[1] == 2
+    # A value stays at its place in the world.
+    place = [(3.5, 8.0, 4.0)]
+    rising = falling.sortby("y")
+    assert np.array_equal(ss.open(rising).at(place), field.at(place))
+
+
+def test_coordinates_of_float32_are_even():
+    degrees = (np.arange(7) * 0.1 + 300).astype(np.float32)
+    assert ss.open(array().assign_coords(x=degrees)).spacing[0] == pytest.approx(0.1, rel=1e-3)
+
+
+def test_uneven_coordinates_are_refused_or_resampled():
+    z = np.array([0.0, 1.0, 2.0, 4.0, 8.0])
+    # Linear in z, so that linear interpolation is exact.
+    uneven = array(values=(VALUES[:1] + z[:, None, None]).astype(np.float32)).assign_coords(z=z)
+    with pytest.raises(ss.InvalidInput, match="uneven coordinates along z, 1 to 4 apart.*resample=True") as found:
+        ss.open(uneven)
+    assert found.value.option == "resample"
+    field = ss.open(uneven, resample=True)
+    assert field.shape == (9, 6, 7) and field.spacing[2] == 1.0
+    np.testing.assert_allclose(field.values, VALUES[:1] + np.arange(9)[:, None, None], rtol=1e-6)
+    assert np.array_equal(ss.open(array(), resample=True).values, VALUES)
+
+
+@pytest.mark.parametrize(
+    "places", [[0, 1, 1, 2, 3], [0, 2, 1, 3, 4], [0, 1, np.nan, 3, 4], [0, 1, 2, 3, np.inf], list("abcde")]
+)
+def test_coordinates_that_are_no_axis(places):
+    with pytest.raises(ss.InvalidInput, match="along z"):
+        ss.open(array().assign_coords(z=places), resample=True)
+
+
+def test_dates_are_no_axis():
+    dates = np.arange("2020-01", "2020-06", dtype="datetime64[M]").astype("datetime64[ns]")
+    with pytest.raises(ss.InvalidInput, match=r"isel\(time=0\)"):
+        ss.open(array(dims=("time", "y", "x")).assign_coords(time=dates))
+    one = array(dims=("time", "y", "x")).assign_coords(time=dates).isel(time=[0])
+    assert ss.open(one).shape == (1, 6, 7)
+
+
+def test_numbers_of_dimensions():
+    assert ss.open(array().expand_dims(t=1)).shape == (5, 6, 7)
+    with pytest.raises(ss.InvalidInput, match=r"4 dimensions: t 2, z 5, y 6, x 7; wanted three.*isel\(t=0\)"):
+        ss.open(array().expand_dims(t=2))
+    with pytest.raises(ss.InvalidInput, match="2 dimensions: y 6, x 7"):
+        ss.open(array().isel(z=0))
+    with pytest.raises(ss.InvalidInput, match="type complex64"):
+        ss.open(array(values=VALUES.astype(np.complex64)))
+
+
+def test_names_and_units_reach_the_colour_bar():
+    plain = array(name="t", attrs={"units": "K", "long_name": "air temperature"})
+    for name in "xyz":
+        plain.coords[name].attrs["units"] = "km"
+    quantity = ss.open(plain).quantity
+    assert (quantity.label, quantity.length_unit) == ("air temperature [K]", "km")
+    assert ss.open(array(name="t")).quantity.label == "t"
+    assert ss.open(array(name="t", attrs={"units": 3, "long_name": "a\nb"})).quantity.label == "a b"
+    pytest.importorskip("matplotlib")
+    bar = ss.render(plain, size=(20, 20), backend="reference").to_axes().figure.axes[1]
+    assert "air temperature [K]" in (bar.get_ylabel(), bar.get_xlabel())
+
+
+def test_depths_count_downwards():
+    deep = array(dims=("depth", "y", "x"))
+    assert ss.open(deep).orientation is None
+    deep.coords["depth"].attrs["positive"] = "down"
+    assert ss.open(deep).orientation.up == (0, 0, -1)
+    pressure = array(dims=("plev", "lat", "lon"))
+    pressure.coords["plev"].attrs["units"] = "hPa"
+    assert ss.open(pressure).orientation.up == (0, 0, -1)
+
+
+def test_axes_of_different_units_are_told():
+    earth = array(dims=("height", "lat", "lon")).assign_coords(height=np.arange(5) * 1000.0)
+    for name, unit in (("height", "m"), ("lat", "degrees_north"), ("lon", "degrees_east")):
+        earth.coords[name].attrs["units"] = unit
+    with pytest.warns(ss.PictureWarning, match="different units .*height 5000 m|different units .*height 4000 m"):
+        ss.open(earth)
+    assert ss.open(array()).quantity.length_unit == ""
+
+
+def test_variables_of_sets():
+    data = xr.Dataset({"a": array(), "b": array() + 1, "flat": ("x", np.arange(7.0))})
+    with pytest.raises(ss.InvalidInput, match="these variables with three dimensions: a, b.*scalar="):
+        ss.open(data)
+    assert np.array_equal(ss.open(data, scalar="b").values, VALUES + 1)
+    assert np.array_equal(ss.open(data[["a", "flat"]]).values, VALUES)
+    with pytest.raises(ss.InvalidInput, match="'flat' cannot be taken"):
+        ss.open(data, scalar="flat")
+    with pytest.raises(ss.InvalidInput, match="no variable of three dimensions"):
+        ss.open(data[["flat"]])
+
+
+def test_samples_that_are_missing():
+    holes = array(values=np.where(VALUES < 0.1, np.nan, VALUES))
+    with pytest.raises(ss.InvalidInput, match='nan="skip"'):
+        ss.open(holes)
+    assert ss.open(holes, nan="skip").size == int((VALUES >= 0.1).sum())
+
+
+def test_options_that_do_not_belong():
+    with pytest.raises(ss.InvalidInput, match="the DataArray cannot be used with these options: found scalar"):
+        ss.open(array(), scalar="a")
+    with pytest.raises(ss.InvalidInput, match="found fit for a regular volume"):
+        ss.open(array(), fit="nearest")
+    assert ss.open(array(), spacing=(1, 2, 3), log=0.5).spacing == (1, 2, 3)
+
+
+def test_what_dask_holds_is_computed_if_it_fits():
+    pytest.importorskip("dask", reason="dask is not installed")
+    assert np.array_equal(ss.open(array().chunk({"z": 2})).values, VALUES)
+    import dask.array as da
+
+    huge = xr.DataArray(da.zeros((10**6, 10**6, 10**6), chunks=10**5), dims=("z", "y", "x"))
+    with pytest.raises(ss.OutOfMemory):
+        ss.open(huge)
+
+
+def test_the_accessor():
+    import sheetsplat.integrations.xarray as integration
+
+    assert isinstance(array().sheetsplat, integration.Accessor)
+    picture = array().sheetsplat.render(size=(16, 12), backend="reference")
+    assert np.array_equal(picture.rgba, ss.render(array(), size=(16, 12), backend="reference").rgba)
+    assert array().to_dataset(name="a").sheetsplat.field(radius=3) == ss.open(array(name="a"), radius=3)
+    with pytest.raises(TypeError, match="there is no option"):
+        array().sheetsplat.render(sise=(3, 3))
+
+
+def test_nothing_is_imported_for_other_data():
+    """Kinds are recognized by the names of classes: objects of classes with the same names are not taken for them."""
+
+    class DataArray:
+        __module__ = "elsewhere"
+
+    with pytest.raises(ss.Error):
+        ss.render(DataArray())
+    assert "elsewhere" not in sys.modules

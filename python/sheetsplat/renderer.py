@@ -370,7 +370,7 @@ class Renderer:
     def _warn_of_unseen(image: Image, scene: Scene) -> None:
         """Warn of a picture in which nothing can be seen, or in which all values have one colour."""
         if empty.is_empty(image, scene):
-            warn("nothing can be seen in the picture: " + empty.why_empty(scene))
+            warn("nothing can be seen in the picture: " + empty.why_empty(scene, image.camera, image.size))
         elif outside := empty.why_one_color(image, scene):
             warn("all values have one colour in the picture: " + outside)
 

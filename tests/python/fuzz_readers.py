@@ -18,6 +18,7 @@ import atheris
 with atheris.instrument_imports(include=["sheetsplat"]):
     import sheetsplat as ss
     import sheetsplat.io.gaussian_ply
+    import sheetsplat.io.mesh_files
     import sheetsplat.io.metaimage
     import sheetsplat.io.nrrd_files
     import sheetsplat.io.numpy_files

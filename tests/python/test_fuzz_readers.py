@@ -27,7 +27,9 @@ import numpy as np
 import OpenEXR
 import pytest
 import scattered_files as scattered
+import test_first_sight
 import test_io
+import test_mesh_files
 from hypothesis import HealthCheck, Phase, given, note, settings
 from hypothesis import strategies as st
 from PIL import Image as PillowImage
@@ -169,6 +171,9 @@ KINDS: dict[str, Callable[[Path], Files]] = {
     "hdf5 packed": _packed_particles,
     "ply": lambda _: {"a.ply": b"".join(scattered.ply_bytes(count=6)[:2])},
     "ply text": lambda _: {"a.ply": b"".join(scattered.ply_bytes("text", count=6)[:2])},
+    "mesh obj": lambda _: {"a.obj": test_first_sight.box_obj(test_first_sight.QUADS).encode()},
+    "mesh ply": lambda _: {"a.ply": test_first_sight.box_ply(test_first_sight.QUADS).encode()},
+    "mesh ply binary": lambda _: {"a.ply": test_mesh_files.binary_ply()},
     "csv": lambda _: {"a.csv": _csv()},
     "plot3d": lambda _: _plot3d(),
     "plot3d records": lambda _: _plot3d(records=True, iblank=True, order="<"),

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import complain, unusable
 
@@ -21,46 +18,27 @@ from ._points import merge, numbers, places
 _CHUNK = 1 << 18
 # Vertices of a shell that are tested for being inside other shells.
 _PROBES = 33
-# Largest ratio of the memory of parsed text to its size.
-_PARSED = 40
 
 
 def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
     """Return the vertices, (V, 3), and the triangles, (T, 3), of a .obj or .ply file, also gzipped.
 
-    Read by the library trimesh; polygons become triangles, materials and textures are ignored.
+    Polygons become fans of triangles; materials, textures and normals are ignored.
 
     Raises
     ------
     InvalidInput
-        For other files, damaged ones, and ones without a triangle.
+        For other files, damaged ones, with the line or the number of the element, and ones without a face.
     OutOfMemory
         Where the file does not fit.
     Error
         Where the file cannot be read.
     """
-    import trimesh
+    from sheetsplat.io.mesh_files import read_triangles
+    from sheetsplat.io.source import Source
 
-    from sheetsplat.io.source import Source, guarded
-
-    name = Path(path)
-    with Source(name) as source, guarded(name, "a mesh"):
-        kind = "ply" if source.head(3) == b"ply" else "obj" if source.suffix == ".obj" else ""
-        if not kind:
-            found = f"the suffix {source.suffix!r}, and no PLY"
-            raise complain(f"{name} cannot be read as a mesh", found, "a .obj or .ply file")
-        length = source.length(_memory.available() // _PARSED + 1)
-        _memory.require(length * _PARSED, f"the mesh of {name}")
-        source.stream.seek(0)
-        content = io.BytesIO(source.stream.read())
-        mesh: Any = trimesh.load_mesh(content, file_type=kind, resolver=None, process=False, skip_materials=True)
-        vertices = np.asarray(mesh.vertices, dtype=np.float64)
-        triangles = np.asarray(mesh.faces, dtype=np.int64)
-        if vertices.ndim != 2 or vertices.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
-            raise ValueError(f"vertices of shape {vertices.shape}, faces of shape {triangles.shape}")
-    if not len(triangles):
-        raise complain(f"{name} cannot be read as a mesh", f"{len(vertices)} vertices and no face", "triangles")
-    return vertices, triangles
+    with Source(Path(path)) as source:
+        return read_triangles(source)
 
 
 @dataclass(frozen=True)
@@ -143,7 +121,7 @@ def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
             f"{what}: the mesh is not closed",
             f"{len(open_edges)} boundary edges, the first from vertex {start} to vertex {end}, around ({spot})",
             "a surface on each of whose edges triangles meet in pairs",
-            "fill the holes, in a modelling program or by trimesh.repair.fill_holes",
+            "fill the holes in a modelling program",
         )
     flipped, shell = _orientation(what, joined, number, forward, uses)
     oriented = np.where(flipped[:, None], joined[:, ::-1], joined)

@@ -11,25 +11,20 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import shown
 from sheetsplat.errors import option_ref
-from sheetsplat.io.checks import checked_shape, finite_points, finite_values, listed, natural, require_rows, unreadable
+from sheetsplat.io.checks import checked_shape, finite_points, finite_values, listed, require_rows, unreadable
+from sheetsplat.io.ply_header import Element, read_header
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import unknown_scalar
 from sheetsplat.io.source import Source
 from sheetsplat.orientation import Orientation
 
-_HEADER_LIMIT = 1 << 16
-_NAMES = "char uchar short ushort int uint float double"
-_CODES = "int8 uint8 int16 uint16 int32 uint32 float32 float64"
-_TYPES = dict(zip(_NAMES.split() + _CODES.split(), 2 * _CODES.split(), strict=True))
 _PLACE = ("x", "y", "z")
 _SCALE = ("scale_0", "scale_1", "scale_2")
 _TURN = ("rot_0", "rot_1", "rot_2", "rot_3")
@@ -42,48 +37,10 @@ _Y_DOWN = Orientation(up=(0.0, -1.0, 0.0))
 _LONGEST_WORD = 64
 
 
-@dataclass
-class _Element:
-    """An element, and names and types of its properties, lists left out."""
-
-    name: str
-    count: int
-    properties: list[tuple[str, str]] = field(default_factory=list)
-    has_lists: bool = False
-
-
-def _header(source: Source) -> tuple[str, list[_Element], int]:
-    """Return "<", ">" or "text", the elements, and the length of the header in bytes."""
-    head = source.head(_HEADER_LIMIT)
-    end = head.find(b"end_header")
-    end = -1 if end < 0 else head.find(b"\n", end) + 1
-    if end <= 0:
-        raise unreadable(source.path, f"no end_header in the first {len(head)} bytes", "a PLY header")
-    order = ""
-    elements: list[_Element] = []
-    for line in head[:end].decode("latin-1").splitlines()[1:]:
-        words = line.split()
-        kind = words[0] if words else "comment"
-        if kind in ("comment", "obj_info", "end_header"):
-            continue
-        if kind == "format" and len(words) == 3 and words[2] == "1.0":
-            order = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "text"}.get(words[1], "")
-        elif kind == "element" and len(words) == 3:
-            elements.append(_Element(words[1], natural(source.path, f"the number of {words[1]}", words[2])))
-        elif kind == "property" and elements and len(words) == 3 and words[1] in _TYPES:
-            elements[-1].properties.append((words[2], _TYPES[words[1]]))
-        elif kind == "property" and elements and len(words) == 5 and words[1] == "list":
-            elements[-1].has_lists = True
-        else:
-            raise unreadable(source.path, f"the line {shown(line)}", "a line of a PLY header")
-    if not order:
-        raise unreadable(source.path, "no format", "ascii, binary_little_endian or binary_big_endian, version 1.0")
-    return order, elements, end
-
-
 def _vertices(source: Source) -> tuple[NDArray[Any], str]:
     """Return the vertices, an array with a field for each property, and the encoding's name."""
-    order, elements, start = _header(source)
+    header = read_header(source)
+    order, elements = header.order, header.elements
     before = next((at for at, element in enumerate(elements) if element.name == "vertex"), None)
     if before is None:
         raise unreadable(source.path, f"elements {listed([one.name for one in elements])}", "an element vertex")
@@ -94,15 +51,15 @@ def _vertices(source: Source) -> tuple[NDArray[Any], str]:
         checked_shape(source.path, (count, len(vertex.properties)), "element vertex")
     require_rows(source.path, count, 12)
     byte_order = "<" if order == "text" else order
-    dtype = np.dtype(vertex.properties).newbyteorder(byte_order)  # type: ignore[arg-type]
-    source.stream.seek(start)
+    dtype = np.dtype(vertex.numbers).newbyteorder(byte_order)  # type: ignore[arg-type]
+    source.stream.seek(header.length)
     if order == "text":
         return _text(source, dtype, count, sum(element.count for element in elements[:before])), "ply, ascii"
     payload = source.payload("raw")
     for element in elements[:before]:
         if element.has_lists and element.count:
             raise unreadable(source.path, f"lists in {element.name} before the vertices", "vertices first")
-        payload.skip(element.count * sum(np.dtype(kind).itemsize for _, kind in element.properties))
+        payload.skip(element.count * element.least_bytes)
     name = "little-endian" if order == "<" else "big-endian"
     return payload.array(dtype, count), f"ply, {name}"
 
@@ -129,8 +86,8 @@ def _text(source: Source, dtype: np.dtype[Any], count: int, skipped: int) -> NDA
     return vertices
 
 
-def _require_properties(path: Path, vertex: _Element) -> None:
-    names = [name for name, _ in vertex.properties]
+def _require_properties(path: Path, vertex: Element) -> None:
+    names = [one.name for one in vertex.properties]
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise unreadable(path, f"the property {twice[0]!r} twice", "names that differ")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +13,16 @@ from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.source import Source
 from sheetsplat.orientation import Orientation
 
+if TYPE_CHECKING:
+    from sheetsplat.fit import Kernels
+
 Numbers = NDArray[np.int64]
 
+# Kernels, as many as `fit.solid` makes unless asked, and the least number of them across the thinnest side of a mesh.
+_KERNELS = 20_000
+_ACROSS = 4.0
+# Logarithm of the volume of a box in a mesh's own axes over that of one in the world's, from which on it is taken.
+_SMALLER = math.log(0.5)
 # As nearly all programs write .obj.
 _Y_UP = Orientation((0.0, 1.0, 0.0))
 
@@ -21,6 +31,8 @@ _log = logging.getLogger("sheetsplat")
 
 def read(source: Source) -> Scattered:
     """Fill the mesh of a file with spheres of value 1 (`sheetsplat.fit.solid`); its holes are closed before.
+
+    Of rods and plates, whose spheres would be larger than they are thick, spheres become ellipsoids along their axes.
 
     Raises
     ------
@@ -31,22 +43,68 @@ def read(source: Source) -> Scattered:
 
     vertices, triangles = fit.read_mesh(source.path)
     vertices, triangles, holes = without_holes(vertices, triangles)
-    kernels = fit.solid(vertices, triangles)
-    details = {"mesh": f"{len(vertices) - holes} vertices, {len(triangles)} triangles, filled with spheres"}
+    axes, lengths = _stretching(vertices)
+    stretched = bool((lengths != lengths[0]).any())
+    kernels = fit.solid((vertices @ axes) / lengths if stretched else vertices, triangles)
+    shape = f"ellipsoids, at most {lengths.max() / lengths.min():.3g} times as long as thin" if stretched else "spheres"
+    details = {"mesh": f"{len(vertices) - holes} vertices, {len(triangles)} triangles, filled with {shape}"}
     if holes:
         details["holes"] = f"{holes}, closed by triangles to the middle of their edges"
         _log.info("%s: holes: %s", source.path, details["holes"])
     return Scattered(
-        kernels.centers,
+        (kernels.centers * lengths) @ axes.T if stretched else kernels.centers,
         kernels.values,
         "inside",
         "mesh",
         ("inside",),
-        scales=kernels.scales,
+        scales=kernels.scales[:, None] * lengths if stretched else kernels.scales,
+        rotations=_turns(kernels, axes) if stretched and (axes != np.eye(3)).any() else None,
         falloff=kernels.falloff,
         details=details,
         orientation=_Y_UP if source.suffix == ".obj" else None,
     )
+
+
+def _stretching(vertices: Floats) -> tuple[Floats, Floats]:
+    """Return axes of a mesh as columns, and the lengths along them that are one cell: equal unless it is thin.
+
+    Cells are as many as `_KERNELS` in the box around the mesh, at least `_ACROSS` of them along every axis, and cubes
+    where that allows it. The axes are those of the world, or the mesh's own where these make a much smaller box.
+    """
+    axes = np.eye(3)
+    extent = np.ptp(vertices, axis=0) if len(vertices) else np.zeros(3)
+    if extent.any():
+        middle = (vertices - vertices.mean(axis=0)) / extent.max()
+        _, own = np.linalg.eigh(middle.T @ middle)
+        turned = np.ptp(vertices @ own, axis=0)
+        if turned.all() and float(np.log(turned).sum()) < float(np.log(extent).sum()) + _SMALLER:
+            axes, extent = own * np.sign(np.linalg.det(own)), turned
+    lengths = _cells(extent)
+    return (axes, lengths) if (lengths != lengths[0]).any() else (np.eye(3), lengths)
+
+
+def _cells(extent: Floats) -> Floats:
+    """Return the edges of the cells of a box."""
+    thin = np.zeros(3, bool)
+    for _ in range(3):
+        if not extent[~thin].all():
+            # Flat: it has no volume, which the fit says better.
+            return np.ones(3)
+        count = _KERNELS / _ACROSS ** float(thin.sum())
+        edge = math.exp((float(np.log(extent[~thin]).sum()) - math.log(count)) / float((~thin).sum()))
+        thinner = ~thin & (extent < _ACROSS * edge)
+        if not thinner.any():
+            break
+        thin |= thinner
+    return np.where(thin, extent / _ACROSS, edge) if thin.any() else np.ones(3)
+
+
+def _turns(kernels: Kernels, axes: Floats) -> Floats:
+    """Return the rotation of every kernel as a quaternion w, x, y, z, (N, 4)."""
+    from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
+
+    x, y, z, w = Rotation.from_matrix(axes).as_quat()
+    return np.tile((w, x, y, z), (len(kernels.centers), 1))
 
 
 def without_holes(vertices: Floats, triangles: Numbers) -> tuple[Floats, Numbers, int]:

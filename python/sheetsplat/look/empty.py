@@ -11,11 +11,18 @@ import numpy as np
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.look import automatic
 from sheetsplat.options.core import SCALAR
+from sheetsplat.quality.thin import may_be_thin
 
 if TYPE_CHECKING:
+    from sheetsplat.camera import Camera
     from sheetsplat.image import Image
     from sheetsplat.scene import Scene
     from sheetsplat.transfer import TransferFunction
+
+
+# Share of the values that are few, and how many are classified at once.
+_FEW = 1e-3
+_AT_ONCE = 1_000_000
 
 
 def is_empty(image: Image, scene: Scene) -> bool:
@@ -37,8 +44,8 @@ def _range_of(field: Field) -> tuple[float, float]:
     return float(found.min(initial=math.inf)), float(found.max(initial=-math.inf))
 
 
-def why_empty(scene: Scene) -> str:
-    """Return the probable reason why the picture of a scene shows nothing."""
+def why_empty(scene: Scene, camera: Camera | None = None, size: tuple[int, int] | None = None) -> str:
+    """Return the probable reason why the picture of a scene shows nothing; camera and size of it, where known."""
     known = [one for one in scene.fields if one.size]
     if not known:
         return f"the field has no {'kernels' if isinstance(scene.fields[0], EllipsoidField) else 'samples'}"
@@ -69,7 +76,27 @@ def why_empty(scene: Scene) -> str:
         return "perhaps the clip cuts off all that there is, or the camera looks past the field"
     if scene.options["filter"] == "ewa":
         return "perhaps the filter lowers all values to where the opacity is 0, or the camera looks past the field"
+    if camera is not None and size is not None and may_be_thin(scene, camera, size):
+        return "perhaps kernels fall between pixels or slices, as they are narrower, or the camera looks past the field"
+    if seen := _few_seen(scene, known):
+        return seen
     return "perhaps the camera looks past the field"
+
+
+def _few_seen(scene: Scene, fields: Sequence[Field]) -> str:
+    """Return in words that hardly any value of a single field has an opacity, or ""."""
+    if len(fields) > 1 or scene.mode != "composite":
+        return ""
+    values = fields[0].values.reshape(-1) if isinstance(fields[0], EllipsoidField | RegularField) else np.empty(0)
+    values = values[~np.isnan(values)] if values.dtype.kind == "f" else values
+    count = sum(
+        int((scene.transfer_function.at(part)[..., 3] > 0).sum())
+        for part in np.array_split(values, max(1, values.size // _AT_ONCE))
+    )
+    if count > _FEW * values.size:
+        return ""
+    low, high = np.percentile(values, (100.0 * _FEW, 100.0 - 100.0 * _FEW)).tolist()
+    return f"only {count} of {values.size} values have an opacity; nearly all lie between {low:g} and {high:g}"
 
 
 def why_one_color(image: Image, scene: Scene) -> str:

@@ -327,28 +327,30 @@ def test_one_processor_means_one_thread() -> None:
 # Time and memory
 
 
-def longs() -> dict[str, tuple[Any, Any, Any]]:
-    """Scenes that take seconds: many pixels, many slices, or all kernels in one slice."""
+def heap() -> dict[str, Any]:
     rng = np.random.default_rng(0)
-    heap = {
+    return {
         "centers": 1e-3 * rng.uniform(-1, 1, (150_000, 3)),
         "scales": np.ones(150_000),
         "values": rng.random(150_000),
     }
-    return {
-        "pixels": scene_parts.build(ss, parts(cloud(1, 20_000, 30.0), size=(2400, 2400), slice_spacing=1 / 24)),
-        "slices": scene_parts.build(ss, parts(cloud(1, 50), size=(300, 300), slice_spacing=3e-6, lit=False)),
-        "one slice": scene_parts.build(ss, parts(heap, size=(600, 600), slice_spacing=1.0)),
-    }
+
+
+# Scenes that take seconds: many pixels, many slices, or all kernels in one slice.
+LONG = {
+    "pixels": lambda: parts(cloud(1, 20_000, 30.0), size=(2400, 2400), slice_spacing=1 / 24),
+    "slices": lambda: parts(cloud(1, 50), size=(300, 300), slice_spacing=3e-6, lit=False),
+    "one slice": lambda: parts(heap(), size=(600, 600), slice_spacing=1.0),
+}
 
 
 @pytest.mark.alone
 @pytest.mark.timeout(60)
 @pytest.mark.usefixtures("ctrl_c")
-@pytest.mark.parametrize("name", ["pixels", "slices", "one slice"])
+@pytest.mark.parametrize("name", LONG)
 def test_rendering_stops_at_once(name: str) -> None:
     """By Ctrl-C and by a callback; the renderer draws again afterwards."""
-    scene, camera, size = longs()[name]
+    scene, camera, size = scene_parts.build(ss, LONG[name]())
     small, eye, small_size = busy()
     expected = np.array(ss.Renderer("cpu").render(small, eye, size=small_size).pixels)
     renderer = ss.Renderer("cpu", threads=2)

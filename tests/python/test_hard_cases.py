@@ -31,8 +31,17 @@ def test_the_stated_outcome(name: str, backend: str) -> None:
     skip_slow(name, backend)
     found = hard.measure(name, backend)
     log.info(f"hard {name} {backend}: {found}")
-    wrong = hard.fault(hard.CASES[name].outcome_on(backend), found)
+    outcome = hard.CASES[name].outcome_on(backend)
+    wrong = hard.fault(outcome, found)
     assert not wrong, wrong
+    if outcome == hard.WITHIN:
+        expected = hard.expected_of(name).pixels
+        # An empty picture would prove nothing; only cases of cancelling kernels are empty.
+        assert name.startswith("cancelled") or np.abs(expected).max() > (1e-6 if "faint" in name else 1e-3)
+        # Negative control: against a reference that is off by 3e-4 the case fails.
+        off = off_by(expected + np.float32(3e-4), expected)
+        shifted = replace(hard.Measured(bounds=FLOAT32_HARD), rmse=off["rmse"], p99_9=off["p99_9"], ambiguous=0)
+        assert hard.fault(hard.WITHIN, shifted)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -68,24 +77,6 @@ def test_half_floats_beyond_their_bound_are_an_error_with_a_figure(name: str) ->
     assert off_by(inexact, hard.expected_of(name))["rmse"] > FLOAT32_HARD[0]
 
 
-# Negative controls
-
-
-@pytest.mark.parametrize("backend", ["cpu"])
-def test_a_picture_that_is_a_little_wrong_fails(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every drawn case fails against a reference that is off by 3e-4."""
-    missed = []
-    for name, one in hard.CASES.items():
-        if one.slow or one.outcome_on(backend) != hard.WITHIN:
-            continue
-        expected = hard.expected_of(name).pixels
-        off = off_by(expected + np.float32(3e-4), expected)
-        found = replace(hard.Measured(bounds=FLOAT32_HARD), rmse=off["rmse"], p99_9=off["p99_9"], ambiguous=0)
-        if not hard.fault(hard.WITHIN, found):
-            missed.append(name)
-    assert not missed
-
-
 def test_faults_are_seen() -> None:
     good = hard.Measured(pixels=10_000)
     refused = hard.Measured(refusal=ss.Unsupported("it failed", "this", "that", "do something"))
@@ -99,15 +90,6 @@ def test_faults_are_seen() -> None:
     assert hard.fault(hard.Refused(ss.Unsupported, "found that"), refused)
     assert hard.fault(hard.Refused(ss.InvalidInput, "found this"), refused)
     assert hard.fault(hard.Refused(ss.Unsupported, "found this"), good)
-
-
-@pytest.mark.parametrize(
-    "name", [name for name, one in hard.CASES.items() if one.outcome == hard.WITHIN and not one.slow]
-)
-def test_cases_show_something(name: str) -> None:
-    """An empty picture would prove nothing; only cases of cancelling kernels are empty."""
-    picture = hard.expected_of(name).pixels
-    assert name.startswith("cancelled") or np.abs(picture).max() > (1e-6 if "faint" in name else 1e-3)
 
 
 def test_the_page_lists_every_case() -> None:

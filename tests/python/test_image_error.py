@@ -154,7 +154,7 @@ def test_command_line(tmp_path: Path) -> None:
 
     volume, picture = tmp_path / "v.npy", tmp_path / "v.png"
     np.save(volume, error_scenes.smooth_noise(np.random.default_rng(1), (12, 12, 12), 1.5))
-    few = ["--size", "40", "--backend", "cpu"]
+    few = ["--size", "24", "--backend", "cpu"]
     run = CliRunner()
     slices = []
     for error in ("1e-2", "1e-4"):

@@ -279,6 +279,8 @@ def test_plans_state_what_pictures_state() -> None:
     assert stated(ss.Renderer("cpu").render(behind, camera, size=SIZE)) < 1e-3
 
 
+@pytest.mark.slow
+@pytest.mark.data
 def test_cthead_is_near_the_reference(data_dir: Path) -> None:
     """Skin and bone of a head, in few pixels."""
     field = ss.open(data_dir / "cthead_128x128x113_uint8.nrrd")
@@ -294,8 +296,8 @@ def test_cthead_is_near_the_reference(data_dir: Path) -> None:
             shadows=True,
             ambient_occlusion=ss.AmbientOcclusion(16.0, 0.9),
         )
-        image = ss.Renderer("cpu").render(scene, camera, size=(48, 48))
-        expected = ss.Renderer("reference").render(scene, camera, size=(48, 48))
+        image = ss.Renderer("cpu").render(scene, camera, size=(36, 36))
+        expected = ss.Renderer("reference").render(scene, camera, size=(36, 36))
         found = distance(image.pixels, expected.pixels).rmse
         print(f"iso value {iso}: {found:.2e}, stated {stated(image):.2e}")
         assert found / 2 <= stated(image) <= 2 * found
@@ -303,5 +305,5 @@ def test_cthead_is_near_the_reference(data_dir: Path) -> None:
         # Lines that pass an edge closely: few pixels.
         off = np.abs(image.pixels - expected.pixels).max(axis=2) > 0.05
         assert off.sum() < 0.03 * (expected.pixels[..., 3] > 0).sum()
-        plain = ss.Renderer("cpu").render(scene.replace(shadows=False, ambient_occlusion=None), camera, size=(48, 48))
+        plain = ss.Renderer("cpu").render(scene.replace(shadows=False, ambient_occlusion=None), camera, size=(36, 36))
         assert distance(plain.pixels, expected.pixels).rmse > 0.045

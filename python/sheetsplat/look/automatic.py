@@ -21,7 +21,7 @@ from sheetsplat.notices import warn
 _PLACES = 16_384
 # Where thousands of kernels overlap, fewer positions suffice: at least so many, with so many summands in total.
 _FEW_PLACES = 256
-_SUMMANDS = 1e8
+_SUMMANDS = 2e7
 # The opacities suit volumes of some hundred slices; scattered data may have many more.
 _USUAL_SLICES = 300.0
 _OUTLIERS = 1.0
@@ -144,9 +144,10 @@ def _affordable(field: EllipsoidField) -> int:
     return _looked_at(field)[1]
 
 
-def affordable_places_in(field: EllipsoidField) -> NDArray[np.float64]:
-    """Return as many positions in a scattered field, (M, 3), as the scalar can be evaluated at in reasonable time."""
-    return places_in(field, _affordable(field))
+def scalars_in(field: EllipsoidField) -> NDArray[np.float64]:
+    """Return the scalar at positions in a scattered field, (M,); where thousands of kernels overlap, at a few."""
+    few, affordable = _looked_at(field)
+    return field.at(places_in(field)) if affordable == _PLACES else few
 
 
 def places_in(field: EllipsoidField, count: int = _PLACES) -> NDArray[np.float64]:

@@ -40,7 +40,7 @@ def _range_of(field: Field) -> tuple[float, float]:
     if not isinstance(field, EllipsoidField):
         return field.value_range
     # Sums of scattered kernels may be much larger or smaller than their values.
-    found = field.at(automatic.affordable_places_in(field))
+    found = automatic.scalars_in(field)
     return float(found.min(initial=math.inf)), float(found.max(initial=-math.inf))
 
 

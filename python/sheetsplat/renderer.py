@@ -27,7 +27,7 @@ from sheetsplat.options.renderer import (
     check_backend,
 )
 from sheetsplat.plan import RenderPlan
-from sheetsplat.quality.thin import may_be_flat, thin_kernels
+from sheetsplat.quality.thin import may_be_flat, unmet_kernels
 from sheetsplat.recipe import Recipe
 from sheetsplat.scene import Scene
 
@@ -369,6 +369,8 @@ class Renderer:
     @staticmethod
     def _warn_of_unseen(image: Image, scene: Scene) -> None:
         """Warn of a picture in which nothing can be seen, or in which all values have one colour."""
+        if is_muted():
+            return
         if empty.is_empty(image, scene):
             warn("nothing can be seen in the picture: " + empty.why_empty(scene, image.camera, image.size))
         elif outside := empty.why_one_color(image, scene):
@@ -382,15 +384,15 @@ class Renderer:
         point = settings.get("sampling", scene.options["sampling"]) == "point"
         if is_muted() or not point or scene.filter is not None or not may_be_flat(shown):
             return
-        thin = thin_kernels(shown, image.camera, image.size)
-        if thin.unseen < _LEAST_UNSEEN:
+        unmet = unmet_kernels(shown, image.camera, image.size)
+        if unmet.share < _LEAST_UNSEEN:
             return
         warn(
-            f"{thin.count} kernels, {100.0 * thin.unseen:.3g} % of what shows, lie between slices and are not seen: "
-            f"they reach {thin.thinnest:.3g} along the view, and slices are {shown.slice_spacing:.3g} apart; "
+            f"{unmet.count} kernels, {100.0 * unmet.share:.3g} % of what shows, lie between slices and are not seen: "
+            f"they reach {unmet.thinnest:.3g} along the view, and slices are {shown.slice_spacing:.3g} apart; "
             + option_ref("filter", "ewa")
             + " spreads them, "
-            + option_ref("slice_spacing", f"{thin.thinnest:.3g}")
+            + option_ref("slice_spacing", f"{unmet.thinnest:.3g}")
             + " meets them"
         )
 

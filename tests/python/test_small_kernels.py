@@ -10,7 +10,7 @@ import pytest
 import sheetsplat as ss
 from sheetsplat.framing import compose_camera
 from sheetsplat.look.compose import compose_scene
-from sheetsplat.quality.thin import may_be_thin, thin_kernels
+from sheetsplat.quality.thin import may_be_thin, small_kernels, unmet_kernels
 
 SIZE = (48, 48)
 LOOK = {"clim": (0, 1), "opacity": (0.0, 0.5), "shading": False}
@@ -74,7 +74,7 @@ def test_the_filter_is_nearer_to_many_samples_a_pixel_where_it_is_taken():
         fine = fine.reshape(SIZE[1], 8, SIZE[0], 8, 4).mean(axis=(1, 3))
         plain, spread = (renderer.render(scene.replace(filter=one), camera, size=SIZE).rgba for one in (None, "ewa"))
         nearer = np.mean((spread - fine) ** 2) < np.mean((plain - fine) ** 2)
-        assert nearer == better and (thin_kernels(scene, camera, SIZE).small > 0.2) == better
+        assert nearer == better and (small_kernels(scene, camera, SIZE).share > 0.2) == better
 
 
 def filter_of(data: object, **options: object) -> ss.QualitySetting:
@@ -133,7 +133,7 @@ def test_sizes_are_those_in_the_picture(kind):
             else:
                 angle = float(np.degrees(2 * np.arctan(5 * pixel / 20)))
                 camera = ss.Camera.perspective(eye, (0, 0, 0), up, fov_y=angle)
-            assert thin_kernels(scene, camera, (10, 10)).small == small
+            assert small_kernels(scene, camera, (10, 10)).share == small
             assert small == 0.0 or may_be_thin(scene, camera, (10, 10))
 
 
@@ -202,7 +202,7 @@ def test_what_slices_miss_is_what_the_picture_misses(rng):
     for x, y, _ in centers:
         column, row = int((x - 7.5) / 0.075 + 120), int(120 - (y - 6) / 0.075)
         seen += bool(picture[row - 14 : row + 15, column - 14 : column + 15].any())
-    assert 0 < 30 - seen == thin_kernels(scene, camera, (240, 240)).count
+    assert 0 < 30 - seen == unmet_kernels(scene, camera, (240, 240)).count
 
 
 @pytest.mark.parametrize("w0", [1.0, 0.05])

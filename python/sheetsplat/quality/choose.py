@@ -14,7 +14,7 @@ from sheetsplat.options.quality import QUALITIES
 from sheetsplat.options.scene import SceneOptions
 from sheetsplat.plan import PictureQuality, QualitySetting
 from sheetsplat.quality.samples import through_samples
-from sheetsplat.quality.thin import may_be_thin, thin_kernels
+from sheetsplat.quality.thin import may_be_thin, small_kernels
 from sheetsplat.scene import Scene
 
 Made = TypeVar("Made", bound=Field)
@@ -248,8 +248,8 @@ def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tu
         return False, "volumes would be drawn kernel by kernel, which takes up to 37 times as long"
     if not may_be_thin(scene, camera, size):
         return False, "no kernel is smaller than two pixels or a slice distance"
-    thin = thin_kernels(scene, camera, size)
+    small = small_kernels(scene, camera, size)
     what = "stands alone and is smaller than two pixels or a slice distance"
-    if thin.hidden > _MOST_HIDDEN * thin.small:
-        return False, f"it would lower {100.0 * thin.hidden:.3g} % of what shows to values without opacity"
-    return thin.small >= _LEAST_SHARE, f"{100.0 * thin.small:.3g} % of what shows {what}"
+    if small.hidden > _MOST_HIDDEN * small.share:
+        return False, f"it would lower {100.0 * small.hidden:.3g} % of what shows to values without opacity"
+    return small.share >= _LEAST_SHARE, f"{100.0 * small.share:.3g} % of what shows {what}"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,50 +26,93 @@ _ALONE = 2.0
 
 
 @dataclass(frozen=True)
-class Thin:
+class Small:
     """The small ones among the scattered kernels that show and lie in the picture.
 
     Shares are parts of what all of these kernels cover in the picture, each its area times its opacity.
 
     Attributes
     ----------
-    small
+    share
         Share of those that are narrower than two pixels, half a pixel for the standard deviation of a Gaussian, or
         thinner than a slice distance along the view, and stand alone: sums of many that overlap are as smooth as those
         of larger ones.
     hidden
         Share of the small ones whose values the filter would lower to where nothing shows.
-    unseen
-        Share of those that no slice meets.
-    count
-        How many no slice meets; an estimate where a field has more than 50,000 kernels.
-    thinnest
-        The shortest semi-axis of one of them, world units; infinite without any.
     """
 
-    small: float = 0.0
+    share: float = 0.0
     hidden: float = 0.0
-    unseen: float = 0.0
+
+
+@dataclass(frozen=True)
+class Unmet:
+    """The scattered kernels in the picture that would show and that no slice meets.
+
+    Attributes
+    ----------
+    share
+        Their share of what all kernels that show cover in the picture, as in `Small`.
+    count
+        How many; an estimate where a field has more than 50,000 kernels.
+    thinnest
+        The shortest semi-axis of one of them along the view, world units; infinite without any.
+    """
+
+    share: float = 0.0
     count: int = 0
     thinnest: float = math.inf
 
 
-def thin_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Thin:
+@dataclass(frozen=True)
+class _Shown:
+    """Kernels of a field that show and lie in the picture, every `step`-th of those there are.
+
+    `optical_depths` are those of values, for the field's group.
+    """
+
+    field: EllipsoidField
+    step: int
+    picked: NDArray[np.int64]
+    # Rows: right, up and back in the camera's space.
+    axes: Floats
+    depths: Floats
+    # Width of a pixel at the kernel's depth.
+    pixels: Floats
+    # Half the length along the view, the width of the projection, and its area times opacity.
+    halves: Floats
+    widths: Floats
+    covers: Floats
+    optical_depths: Callable[[Floats], Floats]
+
+
+def small_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Small:
     """Return what a scene has of small kernels, as a camera sees it without a filter."""
+    covered = small = hidden = 0.0
+    for shown in _shown(scene, camera, size):
+        covered += float(shown.covers.sum()) * shown.step
+        found = (shown.widths < shown.pixels) | (2.0 * shown.halves < scene.slice_spacing)
+        alone = shown.step * _share_alone(shown.field, shown.picked[found])
+        gone = shown.optical_depths(_filtered_values(shown, found, scene.slice_spacing)) <= 0.0
+        small += float(shown.covers[found].sum()) * alone
+        hidden += float(shown.covers[found][gone].sum()) * alone
+    return Small(small / covered, hidden / covered) if covered > 0.0 else Small()
+
+
+def unmet_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Unmet:
+    """Return what a scene has of kernels that no slice meets, as a camera sees it without a filter."""
     low, high = _centres(scene)
     middle = float(_depths(np.asarray([0.5 * (low + high)]), camera)[0])
-    found = [
-        _of_field(field, scene, function, camera, size, middle)
-        for group, function in zip(scene.groups, scene.transfer_functions, strict=True)
-        for field in group
-        if isinstance(field, EllipsoidField) and field.size > field.ghosts
-    ]
-    covered = sum(one.covered for one in found)
-    if not covered > 0.0:
-        return Thin()
-    small, unseen = sum(one.small for one in found) / covered, sum(one.unseen for one in found) / covered
-    hidden = sum(one.hidden for one in found) / covered
-    return Thin(small, hidden, unseen, sum(one.count for one in found), min(one.thinnest for one in found))
+    covered, unmet, count, thinnest = 0.0, 0.0, 0, math.inf
+    for shown in _shown(scene, camera, size):
+        # Slices lie at middle + (n + 1/2) spacing.
+        place = (shown.depths - middle) / scene.slice_spacing - 0.5
+        missed = np.abs(place - np.round(place)) * scene.slice_spacing >= shown.halves
+        covered += float(shown.covers.sum()) * shown.step
+        unmet += float(shown.covers[missed].sum()) * shown.step
+        count += int(missed.sum()) * shown.step
+        thinnest = min(thinnest, float(np.min(shown.halves[missed], initial=math.inf)))
+    return Unmet(unmet / covered, count, thinnest) if covered > 0.0 else Unmet()
 
 
 def may_be_thin(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
@@ -91,58 +136,37 @@ def _scattered(scene: Scene) -> list[EllipsoidField]:
     return [one for one in scene.fields if isinstance(one, EllipsoidField) and one.size > one.ghosts]
 
 
-@dataclass(frozen=True)
-class _Found(Thin):
-    """The same of one field, not divided by what all kernels cover, which is `covered`."""
+def _shown(scene: Scene, camera: Camera, size: tuple[int, int]) -> Iterator[_Shown]:
+    """Yield the kernels of each scattered field that show and lie in the picture."""
+    for group, function in zip(scene.groups, scene.transfer_functions, strict=True):
+        for field in group:
+            if isinstance(field, EllipsoidField) and field.size > field.ghosts:
+                found = partial(optical_depths, scene=scene, function=function)
+                yield _shown_of(field, found, camera, size)
 
-    covered: float = 0.0
 
-
-def _of_field(
-    field: EllipsoidField,
-    scene: Scene,
-    function: TransferFunction,
-    camera: Camera,
-    size: tuple[int, int],
-    middle: float,
-) -> _Found:
+def _shown_of(
+    field: EllipsoidField, optical: Callable[[Floats], Floats], camera: Camera, size: tuple[int, int]
+) -> _Shown:
     known = field.size - field.ghosts
     step = max(1, math.ceil(known / _MOST))
     picked = np.arange(0, known, step)
     if field.weights is not None:
         picked = picked[field.weights[picked] > 0]
     pixel = _pixel(camera, size)
-    depth, inside = _in_picture(field.centers[picked], camera, size, pixel)
-    optical = optical_depths(_values(field, picked), scene, function)
-    across = pixel * depth if camera.kind == "perspective" else np.full(len(depth), pixel)
-    kept = inside & (optical > 0)
-    picked, depth, opacity = picked[kept], depth[kept], -np.expm1(-optical[kept])
-    if not len(picked):
-        return _Found()
+    depths, inside = _in_picture(field.centers[picked], camera, size, pixel)
+    thickness = optical(_values(field, picked))
+    kept = inside & (thickness > 0)
+    picked, depths, opacity = picked[kept], depths[kept], -np.expm1(-thickness[kept])
+    pixels = pixel * depths if camera.kind == "perspective" else np.full(len(depths), pixel)
     axes = np.einsum("ai,nij->naj", camera_axes(camera), field.native.shapes(picked))
-    half = np.linalg.norm(axes[:, 2], axis=1)
     # The projection's semi-axes are the singular values of the first two rows.
     a, b = np.sum(axes[:, 0] ** 2, axis=1), np.sum(axes[:, 1] ** 2, axis=1)
     c = np.sum(axes[:, 0] * axes[:, 1], axis=1)
     area = np.sqrt(np.maximum(a * b - c * c, 0.0))
-    width = area / np.sqrt(0.5 * (a + b + np.hypot(a - b, 2.0 * c)))
-    covers = opacity * area
-    spacing = scene.slice_spacing
-    # Slices lie at middle + (n + 1/2) spacing.
-    place = (depth - middle) / spacing - 0.5
-    missed = np.abs(place - np.round(place)) * spacing >= half
-    small = (width < across[kept]) | (2.0 * half < spacing)
-    alone = step * _share_alone(field, picked[small])
-    filtered = _filtered_values(field, picked[small], axes[small], across[kept][small], spacing)
-    gone = optical_depths(filtered, scene, function) <= 0.0
-    return _Found(
-        small=float(covers[small].sum()) * alone,
-        hidden=float(covers[small][gone].sum()) * alone,
-        unseen=float(covers[missed].sum()) * step,
-        count=int(missed.sum()) * step,
-        thinnest=float(np.min(half[missed], initial=math.inf)),
-        covered=float(covers.sum()) * step,
-    )
+    widths = area / np.sqrt(0.5 * (a + b + np.hypot(a - b, 2.0 * c)))
+    halves = np.linalg.norm(axes[:, 2], axis=1)
+    return _Shown(field, step, picked, axes, depths, pixels, halves, widths, opacity * area, optical)
 
 
 def _share_alone(field: EllipsoidField, picked: NDArray[np.int64]) -> float:
@@ -154,12 +178,11 @@ def _share_alone(field: EllipsoidField, picked: NDArray[np.int64]) -> float:
     return float(np.mean(field.weight_at(field.centers[some]) < _ALONE * own))
 
 
-def _filtered_values(
-    field: EllipsoidField, picked: NDArray[np.int64], axes: Floats, pixels: Floats, spacing: float
-) -> Floats:
+def _filtered_values(shown: _Shown, which: NDArray[np.bool_], spacing: float) -> Floats:
     """Return the scalar that a kernel alone would have at its centre with the filter (conventions, section 10)."""
+    field, picked, axes = shown.field, shown.picked[which], shown.axes[which]
     added = np.zeros((len(picked), 3, 3))
-    added[:, 0, 0] = added[:, 1, 1] = 0.5 * field.falloff * np.square(pixels)
+    added[:, 0, 0] = added[:, 1, 1] = 0.5 * field.falloff * np.square(shown.pixels[which])
     added[:, 2, 2] = 0.5 * field.falloff * spacing * spacing
     own = axes @ np.swapaxes(axes, 1, 2)
     height = np.sqrt(np.maximum(np.linalg.det(own), 0.0) / np.linalg.det(own + added))

@@ -6,6 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Triple, Vector, convert, measurable, number, parts, share, shown, strengths, triple
 from sheetsplat._values import OfArguments
@@ -76,6 +79,16 @@ class Clip(OfArguments):
         convert(self, planes=_planes, box=_box)
         native = _sheetsplat.Clip(planes=self.planes, box=self.box)  # type: ignore[arg-type]
         object.__setattr__(self, "native", native)
+
+    def keeps(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Return which points (N, 3) of the world are kept, shape (N,)."""
+        places = np.asarray(points, dtype=np.float64)
+        kept = np.ones(len(places), bool)
+        for normal, offset in self.planes:
+            kept &= places @ np.asarray(normal) >= offset
+        if self.box is not None:
+            kept &= ((places >= self.box[0]) & (places <= self.box[1])).all(axis=1)
+        return kept
 
 
 def _finite_color(what: str, value: object) -> Triple:

@@ -121,17 +121,6 @@ class _Samples:
         return cls(values, slopes, reached)
 
 
-def _kept(scene: Scene, points: Floats) -> NDArray[np.bool_]:
-    """Return whether clipping keeps points."""
-    clip = scene.options["clip"]
-    kept = np.ones(len(points), bool)
-    for normal, offset in clip.planes:
-        kept &= points @ np.asarray(normal) >= offset
-    if clip.box is not None:
-        kept &= ((points >= clip.box[0]) & (points <= clip.box[1])).all(axis=1)
-    return kept
-
-
 def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
     """Return what is seen at a pixel of a picture of a scene; see `Image.pick`."""
     width, height = image.size
@@ -140,7 +129,7 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
     if not depths.size:
         return None
     points = ray.at(depths)
-    kept, stop = _kept(scene, points), float(image.recipe.options["opacity_stop"])
+    kept, stop = scene.options["clip"].keeps(points), float(image.recipe.options["opacity_stop"])
     if scene.mode in SCALAR:
         all_fields = _Samples.of(scene.fields, points)
         shown_here = all_fields.reached & kept

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -58,6 +58,8 @@ _FINE, _FLAT = 2.0, 4.0
 
 #: Rows that can be run alone.
 ROWS = ("signal", "frames", "faces", "errors")
+# What measures one of them.
+Part = Callable[[Options, list[Goal]], list[Row]]
 
 
 def composed(
@@ -221,10 +223,7 @@ def _frames(options: Options, goals: list[Goal]) -> list[Row]:
         for name in QUALITIES
     ]
     rows = _timed(options, "signal, flat", flat, goals)
-    for name in _FACES:
-        options.say(f"frames: {name}")
-        rows += _attempted(partial(_lit_frames, options, name, goals), name)
-    return rows
+    return rows + _each("frames", _FACES, _lit_frames)(options, goals)
 
 
 def _lit_frames(options: Options, name: str, goals: list[Goal]) -> list[Row]:
@@ -244,16 +243,21 @@ def _attempted(run: Any, name: str) -> list[Row]:
     return found or [{"row": name, **failed}]
 
 
-def _faces(options: Options, goals: list[Goal]) -> list[Row]:
-    """Return the weave on flat faces of measured volumes beside that of the finest picture."""
-    rows: list[Row] = []
-    for name in _FACES:
-        options.say(f"faces: {name}")
-        rows += _attempted(partial(_face, options, name, goals), name)
+def _each(kind: str, names: Sequence[str], measure: Callable[[Options, str, list[Goal]], list[Row]]) -> Part:
+    """Return the part that measures one volume after another."""
+
+    def rows(options: Options, goals: list[Goal]) -> list[Row]:
+        found: list[Row] = []
+        for name in names:
+            options.say(f"{kind}: {name}")
+            found += _attempted(partial(measure, options, name, goals), name)
+        return found
+
     return rows
 
 
 def _face(options: Options, name: str, goals: list[Goal]) -> list[Row]:
+    """Return the weave on flat faces of a volume beside that of the finest picture."""
     edge = min(options.size)
     size = (round(_TILE * edge),) * 2
     renderer = renderer_for(options)
@@ -276,16 +280,8 @@ def _face(options: Options, name: str, goals: list[Goal]) -> list[Row]:
     return rows
 
 
-def _errors(options: Options, goals: list[Goal]) -> list[Row]:
-    """Return `image.error` of measured volumes."""
-    rows: list[Row] = []
-    for name in _TEN:
-        options.say(f"errors: {name}")
-        rows += _attempted(partial(_error, options, name, goals), name)
-    return rows
-
-
 def _error(options: Options, name: str, goals: list[Goal]) -> list[Row]:
+    """Return `image.error` of a volume."""
     renderer = renderer_for(options)
     field = measured(options, name)
     rows: list[Row] = []
@@ -303,7 +299,12 @@ def _error(options: Options, name: str, goals: list[Goal]) -> list[Row]:
     return rows
 
 
-_PARTS = {"signal": _signal, "frames": _frames, "faces": _faces, "errors": _errors}
+_PARTS: dict[str, Part] = {
+    "signal": _signal,
+    "frames": _frames,
+    "faces": _each("faces", _FACES, _face),
+    "errors": _each("errors", _TEN, _error),
+}
 
 
 def run(options: Options) -> Report:

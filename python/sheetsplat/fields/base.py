@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -38,7 +39,7 @@ def _restored(kind: type[Field], parts: dict[str, Any]) -> Field:
     return field
 
 
-class Field:
+class Field(ABC):
     """What all fields have in common: a set of kernels whose weighted sums are the scalar. Conventions, section 2.
 
     Made by `RegularField` and `EllipsoidField`.
@@ -74,13 +75,13 @@ class Field:
         "_opened", "The options of `sheetsplat.open` that made it, without paths; empty for fields of arrays."
     )
 
+    @abstractmethod
     def _parts(self) -> dict[str, Any]:
         """Return what the field is made of, arrays and plain values by name: what `_restore` takes, and equality."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _restore(self, parts: dict[str, Any]) -> None:
         """Become the field of these parts, to the bit."""
-        raise NotImplementedError
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
         """Pickle by arrays, which protocol 5 hands over as buffers."""

@@ -49,7 +49,7 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
     parts = []
     for one, others, function in _measures(scene):
         weights = _shown(one.values, scene, others, function) * one.volumes
-        kept = (weights > 0) & np.isfinite(weights) & _kept(scene, one.points)
+        kept = (weights > 0) & np.isfinite(weights) & scene.options["clip"].keeps(one.points)
         if kept.any():
             parts.append((one.points[kept], weights[kept], float(np.median(one.reaches[kept]))))
     if not parts:
@@ -133,17 +133,6 @@ def _connected(picture: NDArray[np.bool_]) -> NDArray[np.int64]:
             return parts
         # The cell that a number came from may know a larger one by now: fewer steps through long parts.
         parts = np.where(picture, grown.ravel()[np.maximum(grown.ravel() - 1, 0)].reshape(picture.shape), 0)
-
-
-def _kept(scene: Scene, points: Floats) -> NDArray[np.bool_]:
-    """Return which points the scene's clip keeps."""
-    clip = scene.options["clip"]
-    kept = np.ones(len(points), bool)
-    for normal, offset in clip.planes:
-        kept &= points @ np.asarray(normal) >= offset
-    if clip.box is not None:
-        kept &= np.all((points >= clip.box[0]) & (points <= clip.box[1]), axis=1)
-    return kept
 
 
 def _measures(scene: Scene) -> Iterator[tuple[Measure, Sequence[Field], TransferFunction]]:

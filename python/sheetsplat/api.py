@@ -19,6 +19,7 @@ from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.image import Image
 from sheetsplat.look.compose import compose_scene, suggested_look
 from sheetsplat.look.decades import in_decades
+from sheetsplat.look.strays import without_strays
 from sheetsplat.look.surface import surface_text
 from sheetsplat.notices import warn
 from sheetsplat.options.camera import CameraOptions
@@ -190,7 +191,9 @@ def _scene(data: object, options: Any, outputs: Iterable[str], quality: Choice, 
     fields = to_fields(Path(data) if isinstance(data, str) else data, **pick(OpenOptions, options))
     look = {**suggested_look(data, look), **look}
     mode = choice("render: mode", "composite" if look.get("mode") is None else look["mode"], MODES)
-    fields = quality.kernels(in_decades(fields, look, options.get("log")), made=_is_made(data))
+    framed = options.get("camera") is None and options.get("target") is None
+    fields = without_strays(in_decades(fields, look, options.get("log")), look, framed=framed)
+    fields = quality.kernels(fields, made=_is_made(data))
     # False has the same effect as leaving the option out.
     asked = [name for name, value in pick_given(LookOptions, options).items() if value is not False]
     ignored = unused(mode, [*asked, *outputs])

@@ -20,6 +20,9 @@ from sheetsplat.options.core import check_names, filled
 from sheetsplat.orientation import Z_UP, Orientation
 from sheetsplat.scene import Scene
 
+# Digits of positions that a picture needs at least, in slice distances: with fewer, kernels are not where they were.
+_COARSEST = 0.5
+
 
 def fitting_depth_cue(scene: Scene, camera: Camera, color: Vector = (0.0, 0.0, 0.0), strength: float = 0.8) -> DepthCue:
     """Return a depth cue from the nearest to the farthest corner of the fields' box, as far as the camera sees it."""
@@ -57,6 +60,8 @@ def compose_camera(thing: object, size: tuple[int, int], **options: Unpack[Camer
     Of a scene it shows what can be seen under the transfer function, of anything else the box around the supports.
     """
     check_names("render", options, CameraOptions)
+    if isinstance(thing, Scene):
+        _check_digits(thing)
     given: dict[str, Any] = filled(CameraOptions, options)
     target = given.pop("target")
     if target is None:
@@ -69,6 +74,18 @@ def compose_camera(thing: object, size: tuple[int, int], **options: Unpack[Camer
     if camera.kind == "perspective":
         return Camera.perspective(eye, middle, camera.up, fov_y=camera.fov_y, near=camera.near)
     return Camera.orthographic(eye, middle, camera.up, height=camera.height)
+
+
+def _check_digits(scene: Scene) -> None:
+    """Raise InvalidInput where data lie so far from 0 that their positions have no digits left for slices."""
+    farthest = float(np.abs(np.asarray(bounds_of(scene))).max()) if not _is_empty(scene) else 0.0
+    if np.spacing(farthest) > _COARSEST * scene.slice_spacing:
+        raise complain(
+            "the data cannot be drawn where they are",
+            f"positions up to {farthest:g}, which float64 resolves to {np.spacing(farthest):.3g}",
+            f"a resolution finer than the slice distance, {scene.slice_spacing:.3g}",
+            "subtract a common offset from all positions",
+        )
 
 
 def orientation_of(thing: object) -> Orientation:

@@ -48,8 +48,8 @@ class Pick:
     field
         Number of the field with the nearest kernel, in the scene.
     kernel
-        Number of the kernel in that field whose centre is nearest among those that reach the position; of volumes the
-        number of the sample in ``values.ravel()``.
+        Number of the kernel in that field whose centre is nearest among those that reach the position, in the data
+        where the picture left kernels out (`Field.trim`); of volumes the number of the sample in ``values.ravel()``.
     sample
         (k, j, i) of that sample; None for scattered kernels.
     """
@@ -274,7 +274,8 @@ def _pick_at(fields: tuple[Field, ...], first: int, ray: _Ray, depth: float, opa
     sample = _sample(field, kernel) if isinstance(field, RegularField) and kernel >= 0 else None
     value = sum(float(values[0]) for values, _, _ in probes)
     gradient = triple("gradient", sum(slopes[0] for _, slopes, _ in probes))
-    return Pick(triple("position", point[0]), depth, value, gradient, opacity, first + which, kernel, sample)
+    number_in_data = field.trim.number_in_data(kernel)
+    return Pick(triple("position", point[0]), depth, value, gradient, opacity, first + which, number_in_data, sample)
 
 
 def _sample(field: RegularField, kernel: int) -> tuple[int, int, int]:

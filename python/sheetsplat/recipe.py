@@ -22,9 +22,11 @@ from sheetsplat.camera import Camera
 from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
 from sheetsplat.errors import Error, InvalidInput, complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields.trim import Trim
 from sheetsplat.light import Light, Material
+from sheetsplat.look.strays import trimmed
 from sheetsplat.options.core import checked, definitions
-from sheetsplat.options.data import OpenOptions
+from sheetsplat.options.data import FITS, OpenOptions
 from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions
 from sheetsplat.quantity import Quantity, notes_of
@@ -51,6 +53,14 @@ _RENDERER = tuple(name for name in definitions(RendererClassOptions) if name not
 _OF_VOLUMES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
 _OF_ELLIPSOIDS = ("normalization", "w0", "falloff", "min_scale")
 _OPENED = tuple(name for name in definitions(OpenOptions) if name != "grid")
+# What options of fields can be.
+_ABOVE_0 = ("w0", "falloff", "radius", "min_scale", "spacing", "neighbors", "support", "shape")
+_WORDS = {
+    "normalization": ("none", "lattice", "threshold"),
+    "lattice": ("cartesian", "bcc"),
+    "nan": ("error", "skip"),
+    "fit": FITS,
+}
 _KINDS: dict[str, tuple[type[Field], tuple[str, ...]]] = {
     "RegularField": (RegularField, _OF_VOLUMES),
     "EllipsoidField": (EllipsoidField, _OF_ELLIPSOIDS),
@@ -87,6 +97,8 @@ class FieldRecipe:
         What scalar and lengths are.
     ghost_points
         Distance and weight of its ghost points, or None.
+    trim
+        What was left out of the data.
     """
 
     kind: str
@@ -94,6 +106,7 @@ class FieldRecipe:
     opened: Mapping[str, Any]
     quantity: Quantity = Quantity()
     ghost_points: tuple[float, float] | None = None
+    trim: Trim = Trim()
 
     @classmethod
     def of(cls, field: Field) -> FieldRecipe:
@@ -101,7 +114,14 @@ class FieldRecipe:
         kind = type(field).__name__
         options = {name: getattr(field, name) for name in _KINDS[kind][1]}
         ghosts = field.ghost_options if isinstance(field, EllipsoidField) else None
-        return cls(kind, options, dict(field.opened), field.quantity, ghosts)
+        return cls(kind, options, dict(field.opened), field.quantity, ghosts, field.trim)
+
+    def _trimmed(self, path: str | os.PathLike[str], field: Field) -> Field:
+        """Return a field without what was left out of the one of the picture."""
+        if self.trim.kernels and self.trim.kernels[-1] >= field.size:
+            found = f"{field.size} kernels"
+            raise complain(f"{path} is no data for this picture", found, f"more than {self.trim.kernels[-1]} of them")
+        return trimmed(field, self.trim)
 
     def open(self, path: str | os.PathLike[str], **options: Any) -> Field:
         """Return the field of a file, opened as this one was; `options` of `sheetsplat.open` replace what they name."""
@@ -117,7 +137,7 @@ class FieldRecipe:
         own = {} if self.kind == "EllipsoidField" and self.opened else self.options
         given = {**own, **self.opened, **options}
         given = {name: value for name, value in given.items() if value is not None and value is not False}
-        field: Field = open_field(path, given).opened_with(self.opened)
+        field: Field = self._trimmed(path, open_field(path, given).opened_with(self.opened))
         if isinstance(field, EllipsoidField) and self.ghost_points is not None:
             return field.with_ghost_points(distance=self.ghost_points[0], weight=self.ghost_points[1])
         return field
@@ -390,19 +410,39 @@ def _fields(value: Any) -> tuple[FieldRecipe, ...]:
 
 
 def _field(value: Any) -> FieldRecipe:
-    given = _mapping("fields", value, tuple(one.name for one in fields(FieldRecipe)), all_of_them=True)
+    names = tuple(one.name for one in fields(FieldRecipe))
+    # Earlier pictures left nothing out.
+    whole_fields = {"trim": {}, **value} if isinstance(value, dict) else value
+    given = _mapping("fields", whole_fields, names, all_of_them=True)
     kind, ghosts = given["kind"], given["ghost_points"]
     if not isinstance(kind, str) or kind not in _KINDS:
         raise _damaged(f"fields: kind: {shown(kind)}", " or ".join(_KINDS))
-    options = _simple("options", _mapping("options", given["options"], _KINDS[kind][1]))
-    opened = _simple("opened", _mapping("opened", given["opened"], _OPENED))
+    options = _usable("options", _simple("options", _mapping("options", given["options"], _KINDS[kind][1])))
+    opened = _usable("opened", _simple("opened", _mapping("opened", given["opened"], _OPENED)))
     quantity = _object("quantity", Quantity, given["quantity"])
     if ghosts is not None:
         parts = _list("ghost_points", ghosts, 2)
-        if len(parts) != 2 or not all(_is_number(part) for part in parts):
-            raise _damaged(f"ghost_points: {shown(ghosts)}", "two numbers, or null")
+        numbers = len(parts) == 2 and all(_is_number(part) for part in parts)
+        if kind != "EllipsoidField" or not (numbers and 1.0 <= parts[0] <= 2.0 and 0.0 < parts[1] <= 1e300):
+            wanted = "a distance from 1 to 2 and a weight above 0, of an EllipsoidField; or null"
+            raise _damaged(f"ghost_points: {shown(ghosts)} of a {kind}", wanted)
         ghosts = (float(parts[0]), float(parts[1]))
-    return FieldRecipe(kind, options, opened, quantity, ghosts)
+    return FieldRecipe(kind, options, opened, quantity, ghosts, _trim(given["trim"], kind))
+
+
+def _trim(value: Any, kind: str) -> Trim:
+    given = _mapping("trim", value, tuple(one.name for one in fields(Trim)))
+    kernels = _list("trim: kernels", given.get("kernels", []), LONGEST)
+    rising = all(type(one) is int for one in kernels) and all(a < b for a, b in itertools.pairwise([-1, *kernels]))
+    if not rising or (kernels and kind != "EllipsoidField"):
+        raise _damaged(f"trim: kernels: {shown(kernels)} of a {kind}", "rising numbers, of an EllipsoidField")
+    limits = given.get("limits")
+    if limits is None:
+        return Trim(tuple(kernels))
+    two = isinstance(limits, list) and len(limits) == 2 and all(map(_is_number, limits))
+    if not two or not limits[0] <= limits[1]:
+        raise _damaged(f"trim: limits: {shown(limits)}", "two numbers that do not fall, or null")
+    return Trim(tuple(kernels), (float(limits[0]), float(limits[1])))
 
 
 def _is_number(value: Any) -> bool:
@@ -416,6 +456,20 @@ def _simple(key: str, given: Mapping[str, Any]) -> dict[str, Any]:
         if not simple and not (isinstance(value, list) and len(value) <= 3 and all(map(_is_number, value))):
             raise _damaged(f"{key}: {name}: {shown(value)}", "a text, a number, or up to three numbers")
     return {name: _tuples(value) for name, value in given.items()}
+
+
+def _usable(key: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Return options of a field, or InvalidInput where one of them is none that a field can have."""
+    for name, value in given.items():
+        parts = value if isinstance(value, tuple) else (value,)
+        usable, wanted = True, ""
+        if name in _ABOVE_0:
+            usable, wanted = value is None or all(_is_number(part) and part > 0 for part in parts), "above 0"
+        elif name in _WORDS:
+            usable, wanted = value is None or value in _WORDS[name], "one of: " + ", ".join(_WORDS[name])
+        if not usable:
+            raise _damaged(f"{key}: {name}: {shown(value)}", wanted)
+    return given
 
 
 def _renderer(value: Any) -> dict[str, Any]:

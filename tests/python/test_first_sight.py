@@ -62,7 +62,7 @@ def test_samples_beyond_all_pictures_are_told(rng, value):
     # Far from 0, so that they are not shown as logarithms.
     values = 1 + fuzzy_ball(rng, 16)
     values[3, 4, 5] = value
-    with pytest.warns(ss.PictureWarning, match=f'few values up to {re.escape(f"{value:g}")}.*nan="skip"'):
+    with pytest.warns(ss.PictureWarning, match=f'1 sample, {re.escape(f"{value:g}")} at.*nan="skip"'):
         ss.render(values, **SMALL)
     values[3, 4, 5] = np.nan
     assert shown(ss.render(values, nan="skip", **SMALL)) > 0.1

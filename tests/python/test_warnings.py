@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 from command_line import run
 
 import sheetsplat as ss
+from sheetsplat.recipe import Recipe
 from sheetsplat.tiles import render_tiles
 
 SMALL = {"size": (20, 16), "backend": "reference"}
@@ -136,29 +138,93 @@ def test_parts_of_pictures_do_not_warn(ball, tmp_path):
     assert len(caught(lambda: renderer.render(scene, AWAY, (8, 8)))) == 1
 
 
-@pytest.mark.parametrize("far", [1e4, 1e6])
-def test_kernels_far_from_all_others_are_told(far: float) -> None:
-    """The distance of slices is at least a share of the extent, so that one stray kernel makes the others coarse."""
+STRAY: dict[str, Any] = {"size": 32, "backend": "cpu"}
+
+
+def cloud(*strays: tuple[int, float]) -> ss.EllipsoidField:
+    """Return a cloud of 200 kernels, and strays inserted at their numbers, at their x."""
     rng = np.random.default_rng(0)
-    near = rng.normal(size=(200, 3))
-    options: dict[str, Any] = {"size": 16, "backend": "cpu"}
-
-    def told(centers: np.ndarray[Any, Any]) -> list[str]:
-        field = ss.EllipsoidField(centers, np.full(len(centers), 0.5), values=rng.random(len(centers)))
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            ss.render(field, **options)
-        return [str(one.message) for one in caught if "few kernels lie so far" in str(one.message)]
-
-    assert not told(near)
-    assert len(told(np.concatenate([near, [[far, 0, 0]]]))) == 1
+    centers, values = rng.normal(size=(200, 3)), 1.0 + rng.random(200)
+    for number, x in strays:
+        centers, values = np.insert(centers, number, [[x, 0, 0]], axis=0), np.insert(values, number, 1.5)
+    return ss.EllipsoidField(centers, np.full(len(centers), 0.5), values=values)
 
 
-@pytest.mark.parametrize("value", [1e10, 1e20, 1e30])
-def test_a_sample_beyond_all_pictures_is_told(value: float) -> None:
-    z, y, x = np.mgrid[0:10, 0:10, 0:10] - 4.5
-    samples = np.exp(-(x * x + y * y + z * z) / 10)
+def told_of(action: Any) -> tuple[Any, list[str]]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = action()
+    return result, [str(one.message) for one in caught]
+
+
+@pytest.mark.parametrize("far", [1e4, -1e7, 1e30])
+def test_a_kernel_far_from_all_others_is_left_out(far: float) -> None:
+    """Slices are at least a share of the extent apart: with it the others would fall between them."""
+    plain, none = told_of(lambda: ss.render(cloud(), **STRAY))
+    assert none == []
+    found, told = told_of(lambda: ss.render(cloud((77, far)), **STRAY))
+    assert len(told) == 1 and "1 of 201 kernels, number 77 at" in told[0] and "slice_spacing=" in told[0]
+    assert np.array_equal(found.rgba, plain.rgba) and found.plan.slice_spacing == plain.plan.slice_spacing
+    # Numbers of kernels stay those of the data.
+    one, other = found.pick(16, 16), plain.pick(16, 16)
+    assert one.kernel == other.kernel + (other.kernel >= 77)
+    assert found.recipe.fields[0].trim.kernels == (77,) and Recipe.from_json(found.recipe.to_json()) == found.recipe
+    assert pickle.loads(pickle.dumps(found)) == found
+
+
+def test_strays_stay_where_they_are_asked_for() -> None:
+    for options in ({"slice_spacing": 5.0}, {"target": (1e4, 0, 0)}, {"camera": ss.Camera.fit(cloud((77, 1e4)))}):
+        assert ss.render(cloud((77, 1e4)), **options, **STRAY).recipe.fields[0].trim.kernels == ()
+    # A few are strays, more of them are a part of the data.
+    few = ss.render(cloud((3, 1e4), (77, -1e4), (202, 1e6)), **STRAY)
+    assert few.recipe.fields[0].trim.kernels == (3, 77, 202)
+    many = ss.render(cloud(*((n, 1e4) for n in range(4))), **STRAY)
+    assert many.recipe.fields[0].trim.kernels == ()
+
+
+def test_strays_of_several_fields_are_told() -> None:
+    _, told = told_of(lambda: ss.render([cloud((77, 1e4)), cloud((5, 1e4))], **STRAY))
+    assert any("few kernels lie so far" in one for one in told)
+
+
+def test_a_picture_without_strays_is_made_again(tmp_path: Path) -> None:
+    data, first, again = tmp_path / "a.npz", tmp_path / "a.png", tmp_path / "b.png"
+    ss.io.save_npz(cloud((77, 1e5)), data)
+    stderr = run("render", data, "-o", first, "--size", "32", "--backend", "reference").stderr
+    assert "left out" in stderr and "--slice-spacing" in stderr
+    run("render", first, data, "-o", again)
+    assert first.read_bytes() == again.read_bytes()
+    ss.io.save_npz(ss.EllipsoidField([[0, 0, 0]], [1.0], values=[1.0]), data)
+    assert "more than 77 of them" in run("render", first, data, "-o", again, code=1).stderr
+
+
+@pytest.mark.parametrize("value", [1e10, 1e20, -1e30])
+def test_a_sample_beyond_all_pictures_is_told_and_hides_nothing(value: float) -> None:
+    z, y, x = np.mgrid[0:24, 0:24, 0:24] - 11.5
+    samples = np.exp(-(x * x + y * y + z * z) / 40)
+    plain = ss.render(samples, **STRAY)
     samples[2, 3, 4] = value
-    with pytest.warns(ss.PictureWarning, match="nothing else can be seen"):
-        image = ss.render(samples, size=16, backend="cpu")
+    image, told = told_of(lambda: ss.render(samples, **STRAY))
+    assert len(told) == 1 and f"{value:g} at [2, 3, 4]" in told[0] and "clim" in told[0]
     assert not [note for note in image.plan.notes if "log" in note]
+    assert np.abs(image.rgba - plain.rgba).max() < 0.1 and image.clim == pytest.approx(plain.clim, rel=0.05)
+    assert image.recipe.fields[0].trim.limits == pytest.approx((samples.min() if value > 0 else 0, 1), abs=0.02)
+    assert Recipe.from_json(image.recipe.to_json()) == image.recipe
+    # Limits that reach so far show it.
+    _, told = told_of(lambda: ss.render(samples, clim=sorted((0.0, value)), **STRAY))
+    assert not [one for one in told if "no picture shows" in one]
+
+
+def test_an_empty_picture_of_few_values_says_so() -> None:
+    values = np.zeros((20, 20, 20))
+    values[3, 3, 3] = 1e12
+    scene = ss.Scene(ss.RegularField(values), [(1e11, 0, 0, 0, 0), (1e12, 1, 1, 1, 1e-30)])
+    with pytest.warns(ss.PictureWarning, match="only 1 of 8000 values have an opacity; nearly all lie between 0 and 0"):
+        ss.Renderer("reference").render(scene, ss.Camera.fit(scene, margin=100.0), (8, 8))
+
+
+def test_data_that_lie_too_far_from_0_are_told_what_to_do() -> None:
+    rng = np.random.default_rng(1)
+    field = ss.EllipsoidField(rng.random((10, 3)) + 4e30, np.ones(10), values=np.ones(10))
+    with pytest.raises(ss.InvalidInput, match="subtract a common offset"):
+        ss.render(field, **STRAY)

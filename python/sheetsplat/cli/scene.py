@@ -113,6 +113,7 @@ def prepare(path: Path, options: dict[str, Any]) -> tuple[Scene, Camera, Rendere
     from sheetsplat import api
     from sheetsplat._checks import image_size
     from sheetsplat.look.decades import in_decades
+    from sheetsplat.look.strays import without_strays
     from sheetsplat.quality.choose import Choice
     from sheetsplat.renderer import Renderer
 
@@ -122,7 +123,8 @@ def prepare(path: Path, options: dict[str, Any]) -> tuple[Scene, Camera, Rendere
         look = _look(options)
     opened = file_options(options)
     quality = Choice("render", {name: value for name, value in options.items() if value is not None})
-    fields = quality.kernels(in_decades(api.to_fields(path, **opened), look, opened["log"]), made=False)
+    fields = in_decades(api.to_fields(path, **opened), look, opened["log"])
+    fields = quality.kernels(without_strays(fields, look, framed=options["target"] is None), made=False)
     with usage_errors():
         scene, camera = _seen(fields, look, options, size, quality)
         return scene, camera, Renderer(**{**pick(RendererOptions, options), "effects": effects}), size

@@ -15,6 +15,7 @@ from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import Bounds, instance, numbers, shown, triple
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain, unusable
+from sheetsplat.fields.trim import Trim
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
@@ -35,6 +36,7 @@ def _restored(kind: type[Field], parts: dict[str, Any]) -> Field:
     field._quantity = parts.pop("quantity")
     field._opened = MappingProxyType(parts.pop("opened"))
     field._orientation = parts.pop("orientation")
+    field._trim = parts.pop("trim")
     field._restore(parts)
     return field
 
@@ -45,13 +47,14 @@ class Field(ABC):
     Made by `RegularField` and `EllipsoidField`.
     """
 
-    __slots__ = ("_falloff", "native", "_normalization", "_opened", "_orientation", "_quantity", "_w0")
+    __slots__ = ("_falloff", "native", "_normalization", "_opened", "_orientation", "_quantity", "_trim", "_w0")
     _falloff: float
     native: _sheetsplat.RegularField | _sheetsplat.EllipsoidField
     _normalization: str
     _opened: Mapping[str, Any]
     _orientation: Orientation | None
     _quantity: Quantity
+    _trim: Trim
     _w0: float
 
     def __init__(self) -> None:
@@ -85,7 +88,12 @@ class Field(ABC):
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
         """Pickle by arrays, which protocol 5 hands over as buffers."""
-        told = {"quantity": self._quantity, "opened": dict(self._opened), "orientation": self._orientation}
+        told = {
+            "quantity": self._quantity,
+            "opened": dict(self._opened),
+            "orientation": self._orientation,
+            "trim": self._trim,
+        }
         return _restored, (type(self), {**self._parts(), **told})
 
     def __copy__(self) -> Self:
@@ -129,6 +137,12 @@ class Field(ABC):
     def opened_with(self, options: Mapping[str, Any]) -> Self:
         """Return the same field with the options of `sheetsplat.open` that made it, for the pictures of it."""
         return self._with(_opened=MappingProxyType(dict(options)))
+
+    trim = Forwarded[Trim]("_trim", "What `sheetsplat.render` left out of the data; most fields are whole.")
+
+    def with_trim(self, trim: Trim) -> Self:
+        """Return the same field with what was left out of the data it was made of."""
+        return self._with(_trim=trim)
 
     def _with(self, **changes: Any) -> Self:
         made = object.__new__(type(self))

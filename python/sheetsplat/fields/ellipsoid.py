@@ -14,6 +14,7 @@ from sheetsplat._properties import Forwarded
 from sheetsplat.errors import Words, complain, option_ref, unusable
 from sheetsplat.fields.axes import axes_of_covariances, axes_of_frames
 from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
+from sheetsplat.fields.trim import Trim
 from sheetsplat.quantity import Quantity
 
 _FEWER = "use fewer kernels at a time"
@@ -136,7 +137,7 @@ class EllipsoidField(Field):
         self._falloff = number("EllipsoidField: falloff", falloff)
         self._min_scale = optional_number("EllipsoidField: min_scale", min_scale)
         self._cell_volume = optional_number("EllipsoidField: cell_volume", cell_volume)
-        self._quantity, self._opened, self._orientation = Quantity(), NOT_OPENED, None
+        self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
         self._ghosts, self._ghost_options = 0, None
         if values is None:
             raise _no_rows("values")
@@ -366,6 +367,7 @@ class EllipsoidField(Field):
         )
         field._min_scale = self._min_scale
         field._quantity, field._opened, field._orientation = self._quantity, self._opened, self._orientation
+        field._trim = self._trim
         field._ghosts, field._ghost_options = count, (away, mass)
         return field
 

@@ -12,6 +12,7 @@ from sheetsplat._checks import Triple, Vector, as_array, choice, number, triple,
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
 from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
+from sheetsplat.fields.trim import Trim
 from sheetsplat.quantity import Quantity
 
 Lattice = Literal["cartesian", "bcc"]
@@ -157,7 +158,7 @@ class RegularField(Field):
         prefilter: bool = False,
         nan: NanPolicy = "error",
     ) -> None:
-        self._quantity, self._opened, self._orientation = Quantity(), NOT_OPENED, None
+        self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
         self._spacing = triple("RegularField: spacing", spacing)
         self._origin = triple("RegularField: origin", origin)
         self._lattice = choice("RegularField: lattice", lattice, ("cartesian", "bcc"))
@@ -227,6 +228,7 @@ class RegularField(Field):
             del options["normalization"]
         made = RegularField(self.values if values is None else values, **{**options, **changes})
         made._quantity, made._opened, made._orientation = self._quantity, self._opened, self._orientation
+        made._trim = self._trim
         return made
 
     values = Forwarded[NDArray[Any]](

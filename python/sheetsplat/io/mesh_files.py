@@ -281,7 +281,7 @@ class _BinaryRows(_Rows):
         self._path, self._order, self._content, self._at = path, header.order, content, header.length
 
     def _array(self, element: str, kind: Any, count: int) -> NDArray[Any]:
-        dtype = np.dtype(kind).newbyteorder(self._order)  # type: ignore[arg-type]
+        dtype = np.dtype(kind).newbyteorder(self._order)
         left = len(self._content) - self._at
         if count * dtype.itemsize > left:
             wanted = f"{count * dtype.itemsize}, as the header and the lists say"
@@ -304,7 +304,8 @@ class _BinaryRows(_Rows):
         """Return the rows of an element whose lists are as long as those of its first row, else None."""
         if not element.count:
             return {one.name: [] for one in element.properties}
-        start, kinds = self._at, []
+        start = self._at
+        kinds: list[Any] = []
         for at, one in enumerate(element.properties):
             if not one.counts:
                 kinds.append((f"p{at}", one.kind))

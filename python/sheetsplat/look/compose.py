@@ -14,6 +14,7 @@ from sheetsplat.fields import EllipsoidField, Field, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
 from sheetsplat.look.histogram import Look
+from sheetsplat.look.strays import COARSE, kernel_spacing
 from sheetsplat.look.surface import surface_limits
 from sheetsplat.notices import warn
 from sheetsplat.options.core import COLORED, check_names, pick_given
@@ -24,8 +25,6 @@ from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
-# Slices so many times as far apart as kernels call for miss much of them.
-_COARSE = 2.0
 # Percentiles of coordinates between which most centres lie, and the share of the whole extent below which the others
 # are far away.
 _MOST_CENTRES = (0.5, 99.5)
@@ -94,9 +93,8 @@ def _warn_of_strays(scene: Scene) -> None:
     for field in scene.fields:
         if not isinstance(field, EllipsoidField) or not field.size:
             continue
-        thinnest = field.scales if field.scales.ndim == 1 else field.scales.min(axis=1)
-        wanted = 0.5 * float(np.median(thinnest))
-        if not scene.slice_spacing > _COARSE * wanted > 0.0:
+        wanted = kernel_spacing(field)
+        if not scene.slice_spacing > COARSE * wanted > 0.0:
             continue
         low, high = np.percentile(field.centers, _MOST_CENTRES, axis=0)
         lower, upper = field.centre_bounds

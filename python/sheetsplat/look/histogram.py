@@ -137,6 +137,28 @@ def beyond_pictures(samples: NDArray[Any]) -> tuple[float, float, float] | None:
     return (worst, low, high) if abs(worst) > _RESOLVED * (high - low) + max(abs(low), abs(high)) else None
 
 
+def within_pictures(samples: NDArray[Any], values: tuple[float, float]) -> tuple[float, float] | None:
+    """Return the range of samples without those beyond what a picture of the others can resolve; None without such.
+
+    Parameters
+    ----------
+    samples
+        Any number of axes.
+    values
+        The smallest and the largest of them.
+    """
+    inner = _inner_range(_samples(samples)) if samples.dtype.kind == "f" or samples.dtype.itemsize > 2 else None
+    if inner is None:
+        return None
+    low, high = inner
+    most = _RESOLVED * (high - low) + max(abs(low), abs(high))
+    if max(abs(values[0]), abs(values[1])) < most:
+        return None
+    usual = samples[np.abs(samples) < most]
+    few = usual.size + max(1, round(_OUTLYING * samples.size)) >= samples.size - int(np.isnan(samples).sum())
+    return (float(usual.min()), float(usual.max())) if few else None
+
+
 def _are_alone(samples: NDArray[Any], marked: NDArray[np.bool_]) -> bool:
     """Return whether most of the marked samples of a volume have no marked neighbour; True for samples of no volume."""
     if samples.ndim != 3:

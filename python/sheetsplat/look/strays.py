@@ -1,0 +1,142 @@
+"""Kernels and samples that would hide everything else: which they are, and fields without them.
+
+Conventions, section 3, let one kernel far from all others make slices coarse; and sums cannot resolve values beside one
+that is ten decades larger. A picture whose options leave this open is one of the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat.errors import Words, option_ref
+from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields.trim import Trim
+from sheetsplat.look.histogram import within_pictures
+from sheetsplat.notices import warn
+from sheetsplat.options.core import COLORED
+
+# Strays: at most one in so many kernels, or a few, at least so many times as far from the middle as all others.
+_ONE_IN = 1000
+_A_FEW = 3
+_FAR = 10.0
+# Of fewer kernels than this none is a stray, of fewer than the second number one at most.
+_FEWEST, _SEVERAL = 20, 100
+# Slices so many times as far apart as kernels call for miss much of them.
+COARSE = 2.0
+# Options whose numbers are values of the field, and may be meant for the largest.
+_IN_VALUES = ("transfer_function", "iso_value", "gradient_opacity")
+
+
+def kernel_spacing(field: EllipsoidField) -> float:
+    """Return the distance of slices that the kernels call for, whatever their extent. Conventions, section 3."""
+    thinnest = field.scales if field.scales.ndim == 1 else field.scales.min(axis=1)
+    return 0.5 * float(np.median(thinnest))
+
+
+def without_strays(fields: Sequence[Field], look: Mapping[str, Any], *, framed: bool) -> list[Field]:
+    """Return fields without what would hide everything else, and warn of what is left out.
+
+    Parameters
+    ----------
+    fields
+        Of a picture.
+    look
+        Its options of scene and colours that were given.
+    framed
+        Whether the camera is chosen by what is seen. One that is given may look at the strays.
+    """
+    shown = list(fields)
+    if look.get("mode", "composite") in COLORED and not any(look.get(name) is not None for name in _IN_VALUES):
+        shown = [_within(one, look.get("clim")) for one in shown]
+    if framed and look.get("slice_spacing") is None and len(shown) == 1 and isinstance(shown[0], EllipsoidField):
+        shown = [_near(shown[0])]
+    return shown
+
+
+def trimmed(field: Field, trim: Trim) -> Field:
+    """Return a field of some data without what a trim leaves out."""
+    if not trim:
+        return field
+    values: NDArray[Any] = field.values if isinstance(field, EllipsoidField | RegularField) else np.empty(0)
+    if trim.limits is not None:
+        values = np.clip(values, *trim.limits).astype(values.dtype)
+    if isinstance(field, RegularField):
+        return field.replace(values).with_trim(trim)
+    made = cast(EllipsoidField, field)
+    kept = np.setdiff1d(np.arange(made.size), trim.kernels)
+    names = ("normalization", "w0", "falloff", "min_scale", "cell_volume")
+    options: Any = {name: getattr(made, name) for name in names}
+    rotations, weights = (None if rows is None else rows[kept] for rows in (made.rotations, made.weights))
+    fewer = EllipsoidField(made.centers[kept], made.scales[kept], rotations, values[kept], weights=weights, **options)
+    told = made.quantity
+    fewer = fewer.with_quantity(told.name, told.unit, told.length_unit, told.floor)
+    return fewer.with_orientation(made.orientation).opened_with(made.opened).with_trim(trim)
+
+
+def _within(field: Field, clim: Any) -> Field:
+    """Return a field whose values a picture can resolve beside each other."""
+    known = isinstance(field, RegularField) or isinstance(field, EllipsoidField) and not field.ghosts
+    if not known or not field.size:
+        return field
+    values: NDArray[Any] = field.values  # type: ignore[attr-defined]
+    limits = within_pictures(values, field.value_range)
+    if limits is None or _reaches(clim, limits):
+        return field
+    low, high = limits
+    wrong = np.flatnonzero((values < low) | (values > high))
+    at: Any = int(wrong[0])
+    worst = float(values.reshape(-1)[at])
+    volume = values.ndim == 3
+    if volume:
+        at = [int(part) for part in np.unravel_index(at, values.shape)]
+    advice: Words = "to leave it out, make it NaN with " + option_ref("nan", "skip") + "; " if volume else Words()
+    what = "sample" if volume else "kernel"
+    warn(
+        f"{len(wrong)} {what}{'s' * (len(wrong) > 1)}, {worst:g} at {at}{' and others' * (len(wrong) > 1)}, "
+        f"{'lie' if len(wrong) > 1 else 'lies'} so far beyond all others, {low:g} to {high:g}, that no picture shows "
+        f"both: drawn as {min(max(worst, low), high):g}; " + advice + "to see it, pass " + option_ref("clim")
+    )
+    return trimmed(field, Trim(limits=(low, high)))
+
+
+def _reaches(clim: Any, limits: tuple[float, float]) -> bool:
+    """Return whether limits of colours that were given go far beyond some values; whoever reads them checks them."""
+    try:
+        first, last = (float(part) for part in clim)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    width = limits[1] - limits[0]
+    return bool(first < limits[0] - 100.0 * width or last > limits[1] + 100.0 * width)
+
+
+def _near(field: EllipsoidField) -> EllipsoidField:
+    """Return a field without the few kernels far away that alone make its slices coarse."""
+    if field.ghosts or field.size < _FEWEST:
+        return field
+    wanted = kernel_spacing(field)
+    if not field.default_slice_spacing > COARSE * wanted > 0.0:
+        return field
+    few = max(1 if field.size < _SEVERAL else _A_FEW, field.size // _ONE_IN)
+    # Scaled, so that no square overflows.
+    middle, largest = np.median(field.centers, axis=0), float(np.abs(field.centers).max()) or 1.0
+    away = np.linalg.norm((field.centers - middle) / largest, axis=1)
+    reach = float(np.partition(away, field.size - 1 - few)[field.size - 1 - few])
+    far = np.flatnonzero(away > _FAR * reach)
+    if not len(far) or not reach > 0.0:
+        return field
+    first = ", ".join(f"{part:g}" for part in field.centers[far[0]])
+    others = f" and {len(far) - 1} more" * (len(far) > 1)
+    warn(
+        f"{len(far)} of {field.size} kernels, number {field.trim.number_in_data(int(far[0]))} at ({first}){others}, "
+        f"left out: more than {_FAR:g} times as far out as all others, so that slices would be "
+        f"{field.default_slice_spacing:.3g} apart instead of {wanted:.3g}; to keep them, pass "
+        + option_ref("slice_spacing", f"{wanted:.3g}")
+    )
+    kept = trimmed(field, Trim(kernels=tuple(far.tolist())))
+    assert isinstance(kept, EllipsoidField)
+    # Values beyond the limits were replaced before.
+    return kept.with_trim(Trim(kept.trim.kernels, field.trim.limits))

@@ -125,14 +125,14 @@ class FieldRecipe:
 
     def open(self, path: str | os.PathLike[str], **options: Any) -> Field:
         """Return the field of a file, opened as this one was; `options` of `sheetsplat.open` replace what they name."""
-        from sheetsplat.io.formats import SCATTERED, find_format
+        from sheetsplat.io.formats import find_format
         from sheetsplat.io.opening import open_field
 
         raw = any(name in options or name in self.opened for name in ("shape", "dtype"))
         form = find_format(path, raw_options=raw, name=options.get("name"), grid="grid" in options)
-        if (form in SCATTERED) != (self.kind == "EllipsoidField"):
+        if form.scattered != (self.kind == "EllipsoidField"):
             raise complain(
-                f"{path} is no data for this picture", f"a file of format {form}", f"what makes a {self.kind}"
+                f"{path} is no data for this picture", f"a file of format {form.name}", f"what makes a {self.kind}"
             )
         own = {} if self.kind == "EllipsoidField" and self.opened else self.options
         given = {**own, **self.opened, **options}

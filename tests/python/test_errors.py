@@ -240,7 +240,7 @@ def test_missing_packages_are_named(tmp_path, monkeypatch, module, package, name
     start = {"a.nrrd": b"NRRD0004\ntype: uint8\n", "a.h5": b"\x89HDF\r\n\x1a\n"}[name]
     (tmp_path / name).write_bytes(start + bytes(300))
     monkeypatch.setitem(sys.modules, module, None)
-    for reader in [one for one in sys.modules if one.startswith("sheetsplat.io.") and "sph" in one]:
+    for reader in [one for one in sys.modules if one.startswith("sheetsplat.io.") and "hdf5" in one]:
         monkeypatch.delitem(sys.modules, reader)
     with pytest.raises(ss.Unsupported, match=f"no package {package}.*pip install {package}"):
         ss.open(tmp_path / name)

@@ -159,15 +159,13 @@ def _shown(look: Look, quantity: Quantity) -> dict[str, Any]:
 def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     """Return the properties of a file: sizes, ranges, histogram, memory, and its automatic look."""
     from sheetsplat.fields import Lattice, RegularField, as_samples
-    from sheetsplat.io import SCATTERED
     from sheetsplat.io.kernels import logarithm
     from sheetsplat.io.opening import kind_of, open_scattered, read_regular
     from sheetsplat.look.decades import floor_of_samples
     from sheetsplat.look.histogram import choose_for
 
     given = {name: value for name, value in file_options(options).items() if value or isinstance(value, str)}
-    kind = kind_of(path, given)
-    if kind in SCATTERED:
+    if kind_of(path, given).scattered:
         data, field = open_scattered(path, given)
         told = {"points": len(data.points), "scalar": data.scalar, "scalars": list(data.scalars)}
         what = {"file": str(path), "format": data.format, **told, "details": data.details}

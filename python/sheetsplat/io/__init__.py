@@ -4,18 +4,20 @@ Files are not trusted: nothing is unpickled, sizes are checked before memory is 
 by what the header says. `formats` lists the formats; `opening` reads files of any of them.
 """
 
-from sheetsplat.io.formats import SCATTERED, find_format
+from sheetsplat.io.formats import Format
 from sheetsplat.io.kernels import field_of
 from sheetsplat.io.opening import read_scattered, read_volume
 from sheetsplat.io.records import Scattered, Volume
+from sheetsplat.io.source import Folder, Source
 from sheetsplat.io.tables import save_npz
 
 __all__ = [
-    "SCATTERED",
+    "Folder",
+    "Format",
     "Scattered",
+    "Source",
     "Volume",
     "field_of",
-    "find_format",
     "read_scattered",
     "read_volume",
     "save_npz",

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,14 @@ from sheetsplat._checks import Triple, shown, triple
 from sheetsplat.errors import option_ref
 from sheetsplat.io.checks import Where, unreadable
 from sheetsplat.io.records import Floats
+from sheetsplat.orientation import Orientation
 
 _ADVICE = "resample the volume to such axes"
 # Largest distance of an even coordinate from its place, in steps: that of float32 degrees to a tenth.
 _UNEVEN = 2e-3
+# Largest cosine between axes at right angles, and entry by which axes differ from those of the world (0.06 degrees).
+_SKEWED = 1e-3
+_TURNED = 1e-3
 # Resampled axes have at most this many times as many samples.
 _FINER = 4
 
@@ -138,6 +143,13 @@ def on_even_axes(
     return Placed(values, triple("spacing", spacing), triple("origin", origin), details)
 
 
+@dataclass(frozen=True)
+class Turned(Placed):
+    """Samples as in `Placed`, and the orientation of a body in them."""
+
+    orientation: Orientation | None = None
+
+
 def _interpolated(where: Where, values: NDArray[Any], along: int, old: Floats, new: Floats) -> NDArray[Any]:
     """Return the samples at other coordinates along an axis, linear between the nearest two."""
     kind = np.dtype(np.float32 if values.dtype.kind != "f" and values.dtype.itemsize <= 2 else np.float64)
@@ -152,3 +164,58 @@ def _interpolated(where: Where, values: NDArray[Any], along: int, old: Floats, n
     result *= 1 - share
     result += share * values.take(lower + 1, axis=along)
     return result
+
+
+def nearest_the_world(
+    path: Where,
+    what: str,
+    steps: Floats,
+    origin: Floats,
+    values: NDArray[Any],
+    orientation: Orientation | None,
+) -> Turned:
+    """Return a volume whose axes are turned against those of the world, with its own axes in the nearest order.
+
+    Where they are not turned, this is `along_the_world`. Otherwise the volume keeps its right-angled axes, each drawn
+    along the axis of the world nearest to it about the middle of the volume, and the orientation is turned instead:
+    nothing is interpolated.
+
+    Parameters
+    ----------
+    path, what, steps, origin, values
+        As for `along_the_world`; axes within 0.06 degrees of those of the world are taken for these.
+    orientation
+        Of the world; None: not known.
+
+    Raises
+    ------
+    InvalidInput
+        For axes that are not at right angles.
+    """
+    lengths = np.linalg.norm(steps, axis=1) if steps.shape == (3, 3) else np.zeros(3)
+    if not (np.all(np.isfinite(lengths)) and np.all(lengths > 0) and np.all(np.isfinite(origin))):
+        raise unreadable(path, f"{what} {shown(steps.tolist())}", "three directions")
+    units = steps / lengths[:, None]
+    if np.abs(units @ units.T - np.eye(3)).max() > _SKEWED:
+        raise unreadable(path, f"{what} {shown(steps.tolist())}", "directions at right angles", _ADVICE)
+    # The order and signs of axes with the largest sum of cosines.
+    order = max(permutations(range(3)), key=lambda one: sum(abs(units[row, one[row]]) for row in range(3)))
+    signs = np.sign(units[range(3), order])
+    plain = np.zeros((3, 3))
+    plain[range(3), order] = signs * lengths
+    # Rows: axes of the world, nearly, in their order; columns: the world.
+    frame = np.zeros((3, 3))
+    frame[order, :] = units * signs[:, None]
+    if np.abs(frame - np.eye(3)).max() <= _TURNED:
+        return Turned(*along_the_world(path, what, plain, origin, values), {}, orientation)
+    half = (np.array(values.shape[::-1]) - 1) / 2.0
+    middle = origin + half @ steps
+    placed = along_the_world(path, what, plain, middle - half @ plain, values)
+    angle = math.degrees(math.acos(min(1.0, max(-1.0, (float(np.trace(frame)) - 1.0) / 2.0))))
+    details = {"turned": f"drawn along its own axes, {angle:.1f} degrees off those of the world"}
+    _log.info("%s: %s", path, details["turned"])
+    if orientation is not None:
+        up = triple("up", frame @ np.asarray(orientation.up))
+        front = None if orientation.front is None else triple("front", frame @ np.asarray(orientation.front))
+        orientation = Orientation(up, front)
+    return Turned(*placed, details, orientation)

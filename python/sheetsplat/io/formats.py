@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+import functools
+import importlib.metadata
+import logging
 import os
 import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from sheetsplat.errors import complain
-from sheetsplat.io.source import Source
+from sheetsplat.io.source import Folder, Source, opened
 
 _RAW_SUFFIXES = (".raw", ".bin", ".dat", ".img", ".vol")
 _META_SUFFIXES = (".mhd", ".mha")
 _TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_NETCDF = (b"CDF\x01", b"CDF\x02", b"CDF\x05")
+# Files of a folder by which its format is recognized: where all must be of it, and where others may lie beside them.
+_FEW, _MANY = 3, 200
 _ZIP = (b"PK\x03\x04", b"PK\x05\x06")
 _XML = (b"<?xml", b"<VTKFile", b"<!--", b"<!DOCTYPE")
+#: Entry points by which other packages add formats.
+ENTRY_POINTS = "sheetsplat.readers"
 # Bytes by which a format is recognized.
 _HEAD = 256
 # Bytes in which the root element of an XML file, or the elements of a PLY file, are looked for.
 _LONG_HEAD = 1 << 14
+
+_log = logging.getLogger("sheetsplat")
 
 
 @dataclass(frozen=True)
@@ -33,10 +42,12 @@ class Format:
     name
         Short name.
     reader
-        "module:function", imported when a file is read. The function takes a `Source` and `options`, and returns a
-        `Volume`, or `Scattered` for scattered data.
+        "module:function", imported when a file is read. The function takes a `Source`, or a `Folder`, and `options`,
+        and returns a `Volume`, or `Scattered` for scattered data.
     recognizes
         Whether a file is of this format, by its first bytes or its suffix.
+    recognizes_folder
+        Whether a folder is.
     options
         Keyword arguments that the reader takes.
     scattered
@@ -45,6 +56,8 @@ class Format:
         Whether it is recognized although the caller gives shape and dtype of raw samples.
     shown
         How lists of formats name it.
+    parts
+        Whether FILE:/part stands for one part of a file.
     """
 
     name: str
@@ -54,9 +67,14 @@ class Format:
     scattered: bool = False
     beats_raw: bool = False
     shown: str = ""
+    recognizes_folder: Callable[[Folder], bool] = lambda _: False
+    parts: bool = False
 
-    def read(self, source: Source, **options: Any) -> Any:
-        """Return what the reader makes of a file."""
+    def read(self, source: Source | Folder, **options: Any) -> Any:
+        """Return what the reader makes of a file or a folder."""
+        if source.inner and not self.parts:
+            found = f"{source.path}:{source.inner}, a part of a file of format {self.name}"
+            raise complain("the part cannot be read", found, "a file that is a whole, or HDF5, NetCDF or Zarr")
         return pkgutil.resolve_name(self.reader)(source, **options)
 
 
@@ -91,6 +109,63 @@ def _is_mesh(source: Source) -> bool:
     return source.suffix == ".obj" and b"\0" not in head and bool(head.strip())
 
 
+def _is_nifti(source: Source) -> bool:
+    head = source.head(_LONG_HEAD)
+    return head[344:348] in (b"n+1\0", b"ni1\0") or head[4:8] in (b"n+2\0", b"ni2\0")
+
+
+def _is_dicom(source: Source) -> bool:
+    return source.head(_HEAD)[128:132] == b"DICM"
+
+
+def _is_mrc(source: Source) -> bool:
+    return source.head(_HEAD)[208:212] == b"MAP "
+
+
+def _hdf5_kind(source: Source) -> str:
+    """Return "netcdf", "vtkhdf", "volume" or "particles" for an HDF5 file, else ""."""
+    if not source.head(_HEAD).startswith(_HDF5):
+        return ""
+    kind: str = pkgutil.resolve_name(_IO + "hdf5_volumes:kind_of")(source)
+    return kind
+
+
+def _is_netcdf(source: Source) -> bool:
+    return source.head(_HEAD).startswith(_NETCDF) or _hdf5_kind(source) == "netcdf"
+
+
+def _every(is_one: Callable[[Source], bool]) -> Callable[[Folder], bool]:
+    """Return whether a folder has files, and the first ones are of a kind."""
+
+    def recognizes(folder: Folder) -> bool:
+        found = folder.files()
+        for path in found[:_FEW]:
+            with Source(path) as source:
+                if not is_one(source):
+                    return False
+        return bool(found)
+
+    return recognizes
+
+
+def _some(is_one: Callable[[Source], bool]) -> Callable[[Folder], bool]:
+    """Return whether a folder has a file of a kind among its first ones."""
+
+    def recognizes(folder: Folder) -> bool:
+        for path in folder.files()[:_MANY]:
+            with Source(path) as source:
+                if is_one(source):
+                    return True
+        return False
+
+    return recognizes
+
+
+def _is_zarr(folder: Folder) -> bool:
+    return any((folder.path / name).is_file() for name in (".zarray", ".zgroup", ".zattrs", "zarr.json"))
+
+
+_is_tiff = _begins(b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _IO = "sheetsplat.io."
 # The first format that recognizes a file is used.
 FORMATS: tuple[Format, ...] = (
@@ -98,6 +173,49 @@ FORMATS: tuple[Format, ...] = (
     Format("npz", _IO + "numpy_files:read_npz", _begins(*_ZIP), ("name",), beats_raw=True, shown=".npz"),
     Format("nrrd", _IO + "nrrd_files:read", _begins(b"NRRD"), beats_raw=True, shown="NRRD"),
     Format("metaimage", _IO + "metaimage:read", _is_metaimage, beats_raw=True, shown="MetaImage (.mhd, .mha)"),
+    Format("nifti", _IO + "nifti:read", _is_nifti, beats_raw=True, shown="NIfTI (.nii, .hdr)"),
+    Format(
+        "dicom",
+        _IO + "dicom:read",
+        _is_dicom,
+        ("name",),
+        beats_raw=True,
+        shown="DICOM series (a folder, or one of its files)",
+        recognizes_folder=_some(_is_dicom),
+    ),
+    Format(
+        "tiff",
+        _IO + "tiff:read",
+        _is_tiff,
+        beats_raw=True,
+        shown="TIFF stacks (a file, or a folder of slices)",
+        recognizes_folder=_every(_is_tiff),
+    ),
+    Format("mrc", _IO + "mrc:read", _is_mrc, beats_raw=True, shown="MRC"),
+    Format(
+        "netcdf",
+        _IO + "netcdf:read",
+        _is_netcdf,
+        ("name", "resample"),
+        shown="NetCDF",
+        parts=True,
+    ),
+    Format(
+        "hdf5 volume",
+        _IO + "hdf5_volumes:read",
+        lambda source: _hdf5_kind(source) == "volume",
+        ("name",),
+        shown="HDF5 with volumes (FILE:/dataset)",
+        parts=True,
+    ),
+    Format(
+        "zarr",
+        _IO + "zarr_folders:read",
+        options=("name",),
+        shown="Zarr and OME-Zarr (FOLDER:/array)",
+        recognizes_folder=_is_zarr,
+        parts=True,
+    ),
     Format(
         "hdf5",
         _IO + "sph_hdf5:read",
@@ -146,13 +264,47 @@ LISTED_REGULAR = ", ".join(one.shown for one in FORMATS if not one.scattered)
 LISTED_SCATTERED = ", ".join(one.shown for one in FORMATS if one.scattered)
 
 
-def format_of(source: Source, *, raw_options: bool = False) -> Format:
+@functools.cache
+def of_others() -> tuple[Format, ...]:
+    """Return the formats of other packages: `Format` objects behind entry points of the group sheetsplat.readers."""
+    found = []
+    points: Any = importlib.metadata.entry_points(group=ENTRY_POINTS)
+    for point in points:
+        try:
+            one: Any = point.load()
+        except Exception as error:
+            _log.warning("the reader %s cannot be loaded: %s", point.value, error)
+            continue
+        if isinstance(one, Format):
+            found.append(one)
+        else:
+            _log.warning("the reader %s is a %s, not a sheetsplat.io.Format", point.value, type(one).__name__)
+    return tuple(found)
+
+
+def _recognized(source: Source | Folder, *, raw_options: bool) -> Format | None:
+    def is_of(one: Format) -> bool:
+        if isinstance(source, Folder):
+            return one.recognizes_folder(source)
+        return (one.beats_raw or not raw_options) and one.recognizes(source)
+
+    # Entry points are looked up only where no own format fits.
+    return next(filter(is_of, FORMATS), None) or next(filter(is_of, of_others()), None)
+
+
+def format_of(source: Source | Folder, *, raw_options: bool = False) -> Format:
     """Return the format of a file by its content, then by its suffix; InvalidInput where there is none."""
-    if raw_options and source.suffix in _RAW_SUFFIXES:
+    if raw_options and source.suffix in _RAW_SUFFIXES and isinstance(source, Source):
         return BY_NAME["raw"]
-    for one in FORMATS:
-        if (one.beats_raw or not raw_options) and one.recognizes(source):
-            return one
+    found = _recognized(source, raw_options=raw_options)
+    if found is not None:
+        return found
+    if isinstance(source, Folder):
+        raise complain(
+            f"{source.path} cannot be read",
+            "a folder",
+            "a regular file, or a folder of a DICOM series, of TIFF slices, or of a Zarr array",
+        )
     if raw_options:
         return BY_NAME["raw"]
     raise complain(
@@ -163,18 +315,18 @@ def format_of(source: Source, *, raw_options: bool = False) -> Format:
     )
 
 
-def find_format(path: str | os.PathLike[str], *, raw_options: bool, name: str | None, grid: bool = False) -> str:
-    """Return the format of a file by its content, then by its suffix; one of `SCATTERED` for scattered data.
+def find_format(path: str | os.PathLike[str], *, raw_options: bool, name: str | None, grid: bool = False) -> Format:
+    """Return the format of a file by its content, then by its suffix.
 
     `raw_options` says whether the caller describes raw samples, `grid` whether a PLOT3D grid is given. An .npz file
     with an array "centers" holds ellipsoids unless the caller gives the `name` of an array.
     """
     if grid:
-        return "plot3d"
-    with Source(Path(path)) as source:
-        found = format_of(source, raw_options=raw_options).name
-        if found == "npz" and name is None:
+        return BY_NAME["plot3d"]
+    with opened(path) as source:
+        found = format_of(source, raw_options=raw_options)
+        if found.name == "npz" and name is None and isinstance(source, Source):
             from sheetsplat.io import tables
 
-            return "ellipsoids" if tables.holds_ellipsoids(source) else found
+            return BY_NAME["ellipsoids"] if tables.holds_ellipsoids(source) else found
         return found

@@ -16,10 +16,10 @@ from sheetsplat._checks import shown
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.io.checks import Where, unreadable
-from sheetsplat.io.formats import BY_NAME, SCATTERED, find_format, format_of
+from sheetsplat.io.formats import SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
 from sheetsplat.io.records import Scattered, Volume
-from sheetsplat.io.source import Source
+from sheetsplat.io.source import opened
 
 # Options of regular volumes alone, and of scattered data alone.
 REGULAR = ("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter", "nan")
@@ -52,8 +52,8 @@ def read_volume(
     offset
         For raw samples: bytes before the first one.
     name
-        For .npz: the array to take, where the file has several with three axes. For .vti: the array, one column of one
-        (NAME_x), or the length of a vector; the file's own scalars unless given.
+        The array to take, where the file has several. For .vti: the array, one column of one (NAME_x), or the length of
+        a vector; the file's own scalars unless given. For DICOM the series, for OME-Zarr the channel.
 
     resample
         For formats with coordinates: interpolate samples at uneven ones.
@@ -68,7 +68,7 @@ def read_volume(
         Where the file cannot be read.
     """
     options = given(shape=shape, dtype=dtype, offset=offset or None, name=name, resample=resample or None)
-    with Source(Path(path)) as source:
+    with opened(path) as source:
         found = format_of(source, raw_options="shape" in options or "dtype" in options)
         if found.scattered:
             advice = "open it with sheetsplat.open, which converts it to ellipsoids"
@@ -80,7 +80,7 @@ def read_volume(
             raise complain(failed, refused, "them only for raw samples; this file has a header")
         if name is not None and "name" not in found.options:
             refused = option_ref("name") + " for a single array"
-            raise complain(failed, refused, "it only for .npz and .vti", option="name")
+            raise complain(failed, refused, "it only for .npz, .vti and other files with several arrays", option="name")
         if resample and "resample" not in found.options:
             wanted = "it only for formats with coordinates"
             raise complain(failed, option_ref("resample") + f" for a file of format {found.name}", wanted)
@@ -120,7 +120,7 @@ def read_scattered(
     Error
         Where a file cannot be read.
     """
-    found = BY_NAME[find_format(path, raw_options=False, name=None, grid=grid is not None)]
+    found = find_format(path, raw_options=False, name=None, grid=grid is not None)
     if not found.scattered:
         raise unreadable(Path(path), f"a file of format {found.name}", "scattered data: " + ", ".join(SCATTERED))
     options = given(grid=grid, scalar=scalar, particles=particles, support=support)
@@ -128,7 +128,7 @@ def read_scattered(
         refused = option_ref(name) + f" for a file of format {found.name}"
         raise complain(f"{path} cannot be read with these options", refused, "it only for HDF5", option=name)
     # Numbers that are not finite are errors of the readers.
-    with Source(Path(path)) as source, np.errstate(all="ignore"):
+    with opened(path) as source, np.errstate(all="ignore"):
         data: Scattered = found.read(source, **options)
         return data
 
@@ -153,17 +153,17 @@ def refused_for(where: Where, record: Volume | Scattered, options: Mapping[str, 
         _refuse(where, options, SCATTERED_ONLY, "a regular volume")
 
 
-def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> str:
-    """Return a file's format, "plot3d" where a grid is given; InvalidInput for options that do not belong to it."""
+def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Format:
+    """Return a file's format, PLOT3D where a grid is given; InvalidInput for options that do not belong to it."""
     raw = any(name in options for name in ("shape", "dtype"))
     grid = options.get("grid") is not None
     found = find_format(path, raw_options=raw, name=options.get("name"), grid=grid)
-    if found in SCATTERED:
-        _refuse(path, options, REGULAR, f"scattered data ({found})")
+    if found.scattered:
+        _refuse(path, options, REGULAR, f"scattered data ({found.name})")
     else:
-        _refuse(path, options, SCATTERED_ONLY, f"a regular volume ({found})")
-        if found != "vti":
-            _refuse(path, options, ("scalar",), f"a volume of format {found}")
+        _refuse(path, options, SCATTERED_ONLY, f"a regular volume ({found.name})")
+        if "name" not in found.options:
+            _refuse(path, options, ("scalar",), f"a volume of format {found.name}")
         elif "scalar" in options and "name" in options:
             raise complain(
                 f"{path} cannot be opened with these options", option_refs(("scalar", "name")), "one of them"
@@ -231,6 +231,6 @@ def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Regu
 
 
 def _field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
-    if kind_of(path, options) in SCATTERED:
+    if kind_of(path, options).scattered:
         return open_scattered(path, options)[1]
     return _of_volume(read_regular(path, options), options)

@@ -7,6 +7,7 @@ import contextlib
 import gzip
 import io
 import os
+import re
 import stat
 import zlib
 from collections.abc import Iterator
@@ -24,6 +25,8 @@ from sheetsplat.errors import Error, OutOfMemory, Words, complain, missing_packa
 DEFLATE_RATIO = 1032
 _DEFLATE_SLACK = 4096
 _CHUNK = 1 << 22
+_MOST_FILES = 100_000
+_NUMBERS = re.compile("([0-9]{1,18})")
 
 
 @contextlib.contextmanager
@@ -114,11 +117,13 @@ class Source(contextlib.ExitStack):
         Whether it is gzipped.
     stream
         The decompressed bytes, seekable.
+    inner
+        Where the caller asks for one part of the file, its name: "/group/density".
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, inner: str = "") -> None:
         super().__init__()
-        self.path = path
+        self.path, self.inner = path, inner
         self.suffix = (Path(path.stem) if path.suffix.lower() == ".gz" else path).suffix.lower()
         try:
             self._file: BinaryIO = _regular(path)
@@ -164,6 +169,47 @@ class Source(contextlib.ExitStack):
             return Payload(self, cast(BinaryIO, bz2.BZ2File(self.stream)), None)
         bound = self.at_most() * DEFLATE_RATIO + _DEFLATE_SLACK
         return Payload(self, _gzip(self.stream) if encoding == "gzip" else _zlib(self.stream), bound)
+
+
+class Folder(contextlib.ExitStack):
+    """A folder whose files are read as one thing. Its context is `guarded`.
+
+    Attributes
+    ----------
+    path, suffix, inner
+        As those of a `Source`.
+    """
+
+    def __init__(self, path: Path, inner: str = "") -> None:
+        super().__init__()
+        self.path, self.inner = path, inner
+        self.suffix = path.suffix.lower()
+        self.enter_context(guarded(path))
+
+    def files(self) -> list[Path]:
+        """Return the regular files in it by their names, hidden ones left out; InvalidInput for too many."""
+        found = []
+        for number, entry in enumerate(os.scandir(self.path)):
+            if number >= _MOST_FILES:
+                raise complain(f"{self.path} cannot be read", f"more than {_MOST_FILES} files", "fewer")
+            if not entry.name.startswith(".") and entry.is_file():
+                found.append(Path(entry.path))
+        return sorted(found, key=_by_numbers)
+
+
+def _by_numbers(path: Path) -> list[tuple[int, str]]:
+    """Return a key by which slice2 comes before slice10."""
+    return [(int(part) if part.isdigit() and part.isascii() else -1, part) for part in _NUMBERS.split(path.name)]
+
+
+def opened(path: str | os.PathLike[str]) -> Source | Folder:
+    """Open a file, a folder, or a part of either: FILE:/part. Errors are those of `Source`."""
+    text = os.fspath(path)
+    file, colon, inner = text.rpartition(":/")
+    if not colon or os.path.lexists(text) or not os.path.exists(file):
+        file, inner = text, ""
+    there = Folder if os.path.isdir(file) else Source
+    return there(Path(file), f"/{inner}" if inner else "")
 
 
 class Payload:

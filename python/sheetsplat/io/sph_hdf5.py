@@ -5,24 +5,22 @@ Names of Arepo, GIZMO and SWIFT are also known. Links to other files, external s
 
 from __future__ import annotations
 
-import io
 import logging
 import math
-import struct
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import h5py  # type: ignore[import-untyped, unused-ignore]
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import option_ref
 from sheetsplat.io.checks import finite_points, finite_values, listed, require_rows, unreadable
+from sheetsplat.io.hdf5_access import inside, read_dataset, seekable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
-from sheetsplat.io.source import DEFLATE_RATIO, Source
+from sheetsplat.io.source import Source
 
 _DEFAULT = "PartType0"
 _PLACE = ("Coordinates", "Position", "Positions")
@@ -30,7 +28,6 @@ _SMOOTHING = ("SmoothingLength", "SmoothingLengths", "Hsml")
 _MASS = ("Masses", "Mass")
 _DENSITY = ("Density", "Densities")
 _MOST_DATASETS = 1000
-_MOST_LINKS = 16
 # Radii of supports in smoothing lengths: Gadget, Arepo and GIZMO; SWIFT (cubic spline); Gasoline and ChaNGa.
 _SUPPORTS = (1.0, 1.825742, 2.0)
 _PROBES = 64
@@ -38,59 +35,6 @@ _PROBES = 64
 _AGREEMENT = 0.1
 
 _log = logging.getLogger("sheetsplat")
-
-
-def _end_of_file(source: Source) -> int:
-    """Return the file's length according to its superblock (HDF5 file format specification, II.A)."""
-    head = source.head(64)
-    version = head[8] if len(head) > 13 else -1
-    if version in (0, 1):
-        width, at = head[13], 24 if version == 0 else 28
-        at += 2 * width
-    elif version in (2, 3):
-        width = head[9]
-        at = 12 + 2 * width
-    else:
-        raise unreadable(source.path, f"an HDF5 superblock of version {version}", "version 0, 1, 2 or 3")
-    if width not in (4, 8) or len(head) < at + width:
-        raise unreadable(source.path, f"an HDF5 superblock with offsets of {width} bytes", "offsets of 4 or 8 bytes")
-    return int(struct.unpack_from("<Q" if width == 8 else "<I", head, at)[0])
-
-
-def _seekable(source: Source) -> Path | BinaryIO:
-    """Return the file, or the decompressed bytes of a gzipped one, at most as many as its superblock says."""
-    end = _end_of_file(source)
-    if not source.packed:
-        return source.path
-    return io.BytesIO(source.payload("raw").array(np.dtype(np.uint8), end).tobytes())
-
-
-def _inside(path: Path, start: Any, name: str, links: int = _MOST_LINKS) -> Any:
-    """Return the object of this file with a name relative to `start`, link by link; None where there is none.
-
-    No other file is opened: InvalidInput for an external link on the way, through soft links too. At most `links` soft
-    links are followed.
-    """
-    here = start.file if name.startswith("/") else start
-    for part in name.split("/"):
-        if part in ("", "."):
-            continue
-        if not isinstance(here, h5py.Group):
-            return None
-        raw = part.encode("utf-8", "surrogateescape")
-        if not here.id.links.exists(raw):
-            return None
-        kind = here.id.links.get_info(raw).type
-        where = f"{here.name.rstrip('/')}/{part}"
-        if kind == h5py.h5l.TYPE_HARD:
-            here = here[part]
-        elif kind == h5py.h5l.TYPE_SOFT and links > 0:
-            target = here.id.links.get_val(raw).decode("utf-8", "surrogateescape")
-            here = _inside(path, here, target, links - 1)
-        else:
-            what = "a chain of links at" if kind == h5py.h5l.TYPE_SOFT else "a link to another file at"
-            raise unreadable(path, f"{what} {shown(where)}", "its data in this file", "copy them into it")
-    return here
 
 
 class _Group:
@@ -103,7 +47,7 @@ class _Group:
         if len(names) > _MOST_DATASETS:
             raise unreadable(path, f"{len(names)} entries in {name}", f"at most {_MOST_DATASETS}")
         for one in names:
-            entry = _inside(path, group, one)
+            entry = inside(path, group, one)
             if isinstance(entry, h5py.Dataset) and entry.dtype.kind in "iuf" and entry.ndim in (1, 2):
                 self._datasets[one] = entry
         place = self.first(_PLACE)
@@ -131,17 +75,8 @@ class _Group:
         if one.shape[0] != self.count:
             wanted = f"{self.count}, as {self._name}/{self.place} has"
             raise unreadable(self._path, f"{what} of {one.shape[0]} rows", wanted)
-        if one.is_virtual or one.external:
-            raise unreadable(self._path, f"{what} in another file", "the numbers in this file", "copy them into it")
-        # Chunks that were not written have no stored bytes.
-        needed = math.prod(one.shape) * one.dtype.itemsize
-        stored = one.id.get_storage_size()
-        if needed > (stored if one.chunks is None else stored * DEFLATE_RATIO):
-            raise unreadable(self._path, f"{stored} stored bytes of {what}", f"{needed} bytes, as its shape says")
         # For the dataset, and float64 of it.
-        _memory.require(needed + math.prod(one.shape) * 8, f"{what} of {self._path}")
-        rows: NDArray[Any] = one[()]
-        return rows
+        return read_dataset(self._path, one, what, spare=8 * math.prod(one.shape))
 
     def column(self, names: tuple[str, ...]) -> Floats | None:
         """Return the first of these datasets that exists, as float64; None where it has several columns."""
@@ -153,7 +88,7 @@ class _Group:
 
 def _mass_table(path: Path, file: Any, name: str) -> float:
     """Return the common mass of all particles of a group, 0 where the file has none."""
-    header = _inside(path, file, "Header")
+    header = inside(path, file, "Header")
     if header is None:
         return 0.0
     try:
@@ -221,9 +156,9 @@ def read(
     """
     path = source.path
     name = _DEFAULT if particles is None else particles
-    opened = _seekable(source)
+    opened = seekable(source)
     with h5py.File(opened, "r") as file:
-        group = _inside(path, file, name)
+        group = inside(path, file, name)
         if not isinstance(group, h5py.Group) or group == file:
             groups = [one for one in file if one != "Header"]
             found = f"no group {shown(name)}, but {listed(groups) or 'nothing'}"

@@ -128,7 +128,10 @@ class FileOptions(TypedDict, total=False):
         ),
     ]
     offset: Annotated[int, Option("Raw samples: number of bytes before the first one.", default=0, value=Whole(0))]
-    name: Annotated[str | None, Option("The array of an .npz file to take.")]
+    name: Annotated[
+        str | None,
+        Option("The array to take of a file with several volumes; of DICOM the series, of OME-Zarr the channel."),
+    ]
     scalar: Annotated[
         str | None,
         Option(

@@ -1,0 +1,84 @@
+"""Volumes in HDF5 files: one dataset with three axes, FILE:/group/dataset."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import h5py  # type: ignore[import-untyped, unused-ignore]
+import numpy as np
+
+from sheetsplat._checks import shown, triple
+from sheetsplat.errors import option_ref
+from sheetsplat.io.checks import listed, printable, unreadable
+from sheetsplat.io.hdf5_access import inside, read_dataset, seekable, walk
+from sheetsplat.io.records import Volume
+from sheetsplat.io.source import Source
+from sheetsplat.quantity import Quantity
+
+_NETCDF_SUFFIXES = (".nc", ".nc4", ".cdf", ".netcdf")
+
+
+def _attribute(one: Any, name: str) -> Any:
+    """Return an attribute of numbers or text; None where there is none, or it is anything else."""
+    if name not in one.attrs:
+        return None
+    kind = one.attrs.get_id(name)
+    if kind.shape not in ((), (1,), (3,)) or kind.dtype.kind not in "iufSO":
+        return None
+    return one.attrs[name]
+
+
+def _is_volume(one: Any) -> bool:
+    return one.ndim >= 3 and sum(size > 1 for size in one.shape) <= 3 and one.dtype.kind in "biuf"
+
+
+def kind_of(source: Source) -> str:
+    """Return what an HDF5 file holds: "netcdf"; "volume", with no group of particles beside one; else "particles"."""
+    if source.inner:
+        return "netcdf" if source.suffix in _NETCDF_SUFFIXES else "volume"
+    with h5py.File(seekable(source), "r") as file:
+        if "_NCProperties" in file.attrs or source.suffix in _NETCDF_SUFFIXES:
+            return "netcdf"
+        if any(name.startswith("PartType") for name in file):
+            return "particles"
+        return "volume" if any(map(_is_volume, walk(source.path, file))) else "particles"
+
+
+def read(source: Source, name: str | None = None) -> Volume:
+    """Read a dataset with three axes, those of size 1 aside: FILE:/dataset or `name`, else the only one.
+
+    An attribute ``element_size_um`` (z, y, x) gives the spacing; ``long_name`` and ``units`` label the colour bar.
+
+    Raises InvalidInput where there is none or more than one, for links to other files, and for sizes beyond what is
+    stored.
+    """
+    path = source.path
+    wanted = source.inner or name
+    with h5py.File(seekable(source), "r") as file:
+        known = [one for one in walk(path, file) if _is_volume(one)]
+        names = listed([f"{one.name} {one.shape}" for one in known])
+        if wanted is not None:
+            chosen = inside(path, file, wanted)
+            if not isinstance(chosen, h5py.Dataset) or not _is_volume(chosen):
+                found = f"no dataset {shown(wanted)} of real numbers with three axes"
+                raise unreadable(path, found, f"one of: {names}" if known else "one")
+        elif len(known) == 1:
+            chosen = known[0]
+        else:
+            advice = f"choose one, {path.name}:{known[0].name}, or pass " + option_ref("name", "...")
+            raise unreadable(path, f"{len(known)} datasets with three axes: {names}", "one of them", advice)
+        values = read_dataset(path, chosen, str(chosen.name))
+        values = values.reshape([size for size in values.shape if size > 1] if values.ndim > 3 else values.shape)
+        values = values.reshape((1,) * (3 - values.ndim) + values.shape)
+        title = str(chosen.name).rsplit("/", 1)[-1]
+        label = printable(_attribute(chosen, "long_name")) or printable(title)
+        quantity = Quantity(label, printable(_attribute(chosen, "units")))
+        size = _attribute(chosen, "element_size_um")
+        spacing = (1.0, 1.0, 1.0)
+        if size is not None:
+            steps = np.asarray(size, dtype=np.float64).reshape(-1)[::-1]
+            if steps.shape != (3,) or not np.all(np.isfinite(steps)) or np.any(steps <= 0):
+                raise unreadable(path, f"element_size_um = {shown(size)}", "three numbers above 0")
+            spacing = triple("element_size_um", steps)
+            quantity = Quantity(quantity.name, quantity.unit, "µm")
+        return Volume(values, spacing, format="hdf5", details={"content": str(chosen.name)}, quantity=quantity)

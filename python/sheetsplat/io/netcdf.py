@@ -1,0 +1,61 @@
+"""NetCDF files: classic ones through SciPy, those of version 4 through h5netcdf, both as xarray's Datasets."""
+
+from __future__ import annotations
+
+import io
+from pathlib import PurePosixPath
+from typing import Any
+
+import h5py  # type: ignore[import-untyped, unused-ignore]
+import numpy as np
+
+from sheetsplat import _memory
+from sheetsplat.io.hdf5_access import seekable, walk
+from sheetsplat.io.records import Volume
+from sheetsplat.io.source import Source
+from sheetsplat.io.xarray_data import read_set
+
+
+def _classic(source: Source) -> Any:
+    """Return the bytes of a classic file; its length is known before memory is taken."""
+    size = source.length(_memory.available())
+    return io.BytesIO(source.payload("raw").array(np.dtype(np.uint8), size).tobytes())
+
+
+def read(source: Source, name: str | None = None, resample: bool = False) -> Volume:
+    """Read a variable with three dimensions: FILE:/group/variable or `name`, else the only one.
+
+    Coordinates, names, units and missing values are those of the CF conventions; see `xarray_data.read_array`.
+
+    Raises InvalidInput where there is none or more than one, for uneven coordinates unless `resample` is true, and for
+    links to other files.
+    """
+    import xarray  # type: ignore[import-not-found, unused-ignore]
+
+    # Times stay numbers, with their units.
+    options: dict[str, Any] = {"decode_times": False}
+    group = ""
+    if source.inner:
+        place = PurePosixPath(source.inner)
+        group, name = str(place.parent).strip("/"), place.name
+    if source.head(3) == b"CDF":
+        opened, engine = _classic(source), "scipy"
+    else:
+        import h5netcdf  # type: ignore[import-not-found, import-untyped, unused-ignore]  # noqa: F401
+
+        opened, engine = seekable(source), "h5netcdf"
+        with h5py.File(opened, "r") as file:
+            # h5netcdf follows links.
+            walk(source.path, file, strict=True)
+        options |= {"group": group or None, "phony_dims": "access"}
+    with xarray.open_dataset(opened, engine=engine, **options) as data:
+        found = read_set(data, source.path, name, resample)
+    return Volume(
+        np.asarray(found.values),
+        found.spacing,
+        found.origin,
+        "netcdf",
+        found.details,
+        found.quantity,
+        found.orientation,
+    )

@@ -1,0 +1,298 @@
+"""Zarr and OME-Zarr in folders: an array with three axes, or the scale of a picture that fits into memory.
+
+The metadata are read here before Zarr reads them: codecs that run code or unpack without a bound are refused, and so
+are links out of the folder.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import struct
+import zlib
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from sheetsplat import _memory
+from sheetsplat._checks import shown, triple
+from sheetsplat.errors import Unsupported, complain, option_ref
+from sheetsplat.io.checks import checked_shape, listed, printable, unreadable
+from sheetsplat.io.records import Volume
+from sheetsplat.io.source import DEFLATE_RATIO, Folder
+from sheetsplat.quantity import Quantity
+
+_LONGEST_METADATA = 1 << 20
+_MOST_FILES = 1_000_000
+_SLACK = 4096
+# Filters that neither run code nor change sizes by much.
+_PLAIN = ("bytes", "endian", "transpose", "crc32c", "crc32", "shuffle", "delta", "bitround", "fixedscaleoffset",
+          "adler32", "fletcher32")  # fmt: skip
+# Compressors whose data say how long they are unpacked, and those with a known ratio.
+_PACKED = ("blosc", "zstd", "lz4", "zlib", "gzip")
+_UNITS = {"micrometer": "µm", "nanometer": "nm", "millimeter": "mm", "meter": "m", "angstrom": "Å"}
+# Of the memory that is available, the share that the samples of a picture may take: they are copied and prefiltered.
+_SHARE = 0.2
+
+
+def _metadata(path: Path, name: str) -> dict[str, Any]:
+    file = path / name
+    if not file.is_file() or file.is_symlink():
+        return {}
+    with file.open("rb") as stream:
+        text = stream.read(_LONGEST_METADATA + 1)
+    found = json.loads(text) if len(text) <= _LONGEST_METADATA else None
+    if not isinstance(found, dict):
+        raise unreadable(file, "metadata that are no object, or too long", "the metadata of a Zarr array or group")
+    return found
+
+
+def _attributes(path: Path) -> dict[str, Any]:
+    newer = _metadata(path, "zarr.json").get("attributes")
+    return newer if isinstance(newer, dict) else _metadata(path, ".zattrs")
+
+
+def _is_array(path: Path) -> bool:
+    return (path / ".zarray").is_file() or _metadata(path, "zarr.json").get("node_type") == "array"
+
+
+def _below(root: Path, name: object) -> Path:
+    """Return a folder inside of the root by its path; InvalidInput for others."""
+    parts = str(name).strip("/").split("/")
+    if not isinstance(name, str) or any(part in ("", ".", "..") or "\0" in part or "\\" in part for part in parts):
+        raise unreadable(root, f"a path {shown(name)}", "the path of an array in this folder")
+    return root.joinpath(*parts)
+
+
+def _codecs(path: Path) -> list[tuple[str, Any]]:
+    """Return the codecs of an array by name; InvalidInput for those that are not known."""
+    older = _metadata(path, ".zarray")
+    if older:
+        listed_codecs = [*(older.get("filters") or []), *([older["compressor"]] if older.get("compressor") else [])]
+        found = [(str(one.get("id", "")), one) for one in listed_codecs]
+    else:
+        found = [(str(one.get("name", "")), one) for one in _metadata(path, "zarr.json").get("codecs") or []]
+    for name, _ in found:
+        if name.removeprefix("numcodecs.") not in (*_PLAIN, *_PACKED):
+            known = ", ".join((*_PACKED, *_PLAIN))
+            raise complain(f"{path} cannot be read", f"the codec {shown(name)}", f"one of {known}", kind=Unsupported)
+    return found
+
+
+def _unpacked_size(codec: str, stream: BinaryIO, most: int) -> int:
+    """Return how long a chunk says that it unpacks to; of deflated ones how long it does, not beyond `most` + 1."""
+    if codec in ("zlib", "gzip"):
+        # Both headers are recognized.
+        return len(zlib.decompressobj(47).decompress(stream.read(), most + 1))
+    head = stream.read(18)
+    if codec == "blosc":
+        return int(struct.unpack_from("<I", head, 4)[0]) if len(head) >= 16 else 0
+    if codec == "lz4":
+        return int(struct.unpack_from("<I", head)[0]) if len(head) >= 4 else 0
+    return _frame_size(head)
+
+
+def _frame_size(head: bytes) -> int:
+    """Return the size that the header of a zstd frame states (RFC 8878, section 3.1.1.1); 2^62 where it does not."""
+    if len(head) < 6 or head[:4] != b"\x28\xb5\x2f\xfd":
+        return 0
+    flags = head[4]
+    single, width = flags & 0x20, (0, 2, 4, 8)[flags >> 6]
+    if not width and single:
+        width = 1
+    at = 5 + (0 if single else 1) + (0, 1, 2, 4)[flags & 3]
+    if not width or len(head) < at + width:
+        return 2**62
+    return int.from_bytes(head[at : at + width], "little") + (256 if width == 2 else 0)
+
+
+def _check_chunks(path: Path, chunk: int, codecs: list[tuple[str, Any]]) -> None:
+    """Raise InvalidInput for links, and for chunks that unpack to more than a chunk has."""
+    packer = next((name.removeprefix("numcodecs.") for name, _ in reversed(codecs) if name not in _PLAIN), "")
+    count = 0
+    most = 2 * chunk + _SLACK
+    # What deflate may unpack to at most is looked at only where that would be much.
+    much = max(most, _memory.available() // 4)
+    for folder, names, files in os.walk(path):
+        for name in (*names, *files):
+            count += 1
+            where = os.path.join(folder, name)
+            if count > _MOST_FILES:
+                raise unreadable(path, f"more than {_MOST_FILES} files", "larger chunks")
+            if os.path.islink(where):
+                raise unreadable(path, f"a link, {shown(name)}", "chunks in the folder itself")
+        for name in files:
+            if name.startswith(".z") or name == "zarr.json":
+                continue
+            where = os.path.join(folder, name)
+            size = os.stat(where).st_size
+            if size > most:
+                raise unreadable(path, f"a chunk of {size} bytes", f"at most {most}")
+            if not packer or (packer in ("zlib", "gzip") and size * DEFLATE_RATIO <= much):
+                continue
+            with open(where, "rb") as stream:
+                found = _unpacked_size(packer, stream, most)
+            if found > most:
+                raise unreadable(path, f"a chunk that unpacks to {found} bytes or more", f"at most {most}")
+
+
+def _sizes(path: Path) -> tuple[tuple[int, ...], np.dtype[Any], tuple[int, ...]]:
+    """Return shape, type and chunks of an array from its metadata."""
+    older = _metadata(path, ".zarray")
+    newer = _metadata(path, "zarr.json") if not older else {}
+    if newer:
+        kind, shape = newer.get("data_type"), newer.get("shape")
+        grid = newer.get("chunk_grid") or {}
+        chunks = (grid.get("configuration") or {}).get("chunk_shape")
+    else:
+        kind, shape, chunks = older.get("dtype"), older.get("shape"), older.get("chunks")
+    try:
+        dtype = np.dtype(kind) if isinstance(kind, str) else None
+    except (TypeError, ValueError, SyntaxError):
+        dtype = None
+    if dtype is None or dtype.kind not in "biuf":
+        raise unreadable(path, f"samples of type {shown(kind)}", "integers, booleans or real floating-point numbers")
+    return checked_shape(path, shape, "shape"), dtype, checked_shape(path, chunks, "chunks")
+
+
+def _read_array(path: Path, index: tuple[Any, ...]) -> Any:
+    """Return a part of an array after all checks."""
+    import zarr  # type: ignore[import-not-found, unused-ignore]
+
+    shape, dtype, chunks = _sizes(path)
+    _check_chunks(path, math.prod(chunks) * dtype.itemsize, _codecs(path))
+    picked = math.prod(size for size, one in zip(shape, index, strict=True) if one == slice(None))
+    _memory.require(2 * (picked + math.prod(chunks)) * dtype.itemsize, f"the samples of {path}")
+    store = zarr.storage.LocalStore(path, read_only=True)
+    return np.asarray(zarr.open_array(store=store, mode="r")[index])
+
+
+def _plain(path: Path) -> Volume:
+    """Return an array with three axes, those of size 1 aside."""
+    shape, _, _ = _sizes(path)
+    index = tuple(0 if size == 1 and number < len(shape) - 3 else slice(None) for number, size in enumerate(shape))
+    axes = sum(one == slice(None) for one in index)
+    if axes != 3:
+        advice = "choose one channel or one time step" if axes > 3 else ""
+        raise unreadable(path, f"{axes} axes, shape {shape}", "three axes, values[k, j, i]", advice)
+    told = _attributes(path)
+    label = printable(told.get("long_name")) or ("" if path.suffix == ".zarr" else printable(path.name))
+    quantity = Quantity(label, printable(told.get("units")))
+    return Volume(_read_array(path, index), format="zarr", details={"content": path.name}, quantity=quantity)
+
+
+def _channel(path: Path, count: int, told: dict[str, Any], name: str | None) -> int:
+    """Return the number of the channel that is asked for by label or number, else of the only one."""
+    entries = (told.get("omero") or {}).get("channels") or []
+    labels = [printable(one.get("label")) if isinstance(one, dict) else "" for one in entries]
+    names = [labels[at] if at < len(labels) and labels[at] else str(at) for at in range(min(count, 1000))]
+    if name is None and count == 1:
+        return 0
+    if name in names:
+        return names.index(name)
+    if name is not None and name.isascii() and name.isdigit() and len(name) < 9 and int(name) < count:
+        return int(name)
+    advice = "pass " + option_ref("name", "...") + ", its label or its number"
+    found = f"{count} channels: {listed(names)}"
+    raise unreadable(path, found, "one of them", advice, option="name")
+
+
+def _multiscale(path: Path, told: dict[str, Any], name: str | None) -> Volume:
+    """Return the finest scale of an OME-Zarr image that fits into memory (specification 0.4 and 0.5)."""
+    image = told["multiscales"][0]
+    axes = [str(one["name"] if isinstance(one, dict) else one).lower() for one in image["axes"]]
+    units = [printable(one.get("unit")) if isinstance(one, dict) else "" for one in image["axes"]]
+    levels = image["datasets"]
+    if sorted(axes)[-3:] != ["x", "y", "z"] or len(axes) > 5 or len(set(axes)) != len(axes):
+        raise unreadable(path, f"axes {', '.join(axes)}", "x, y and z, and at most a time and a channel")
+    limit = _SHARE * _memory.available()
+    chosen = None
+    level: dict[str, Any] = {}
+    for number, level in enumerate(levels):
+        place = _below(path, level["path"])
+        shape, dtype, _ = _sizes(place)
+        if len(shape) != len(axes):
+            raise unreadable(place, f"shape {shape}", f"{len(axes)} axes, {', '.join(axes)}")
+        size = dtype.itemsize * math.prod(count for count, axis in zip(shape, axes, strict=True) if axis in "xyz")
+        if size <= limit or number == len(levels) - 1:
+            chosen = (place, shape, number)
+            break
+    if chosen is None:
+        raise unreadable(path, "no scale", "at least one")
+    place, shape, number = chosen
+    index: list[Any] = []
+    for axis, count in zip(axes, shape, strict=True):
+        if axis in "xyz":
+            index.append(slice(None))
+        elif axis == "c":
+            index.append(_channel(path, count, told, name))
+        elif count == 1:
+            index.append(0)
+        else:
+            raise unreadable(path, f"{count} steps along {axis}", "one", "choose one of them")
+    values = _read_array(place, tuple(index))
+    spatial = [axis for axis in axes if axis in "xyz"]
+    steps, start = _transforms(path, axes, level, image)
+    order = [spatial.index(axis) for axis in "zyx"]
+    same = {unit for axis, unit in zip(axes, units, strict=True) if axis in "xyz"}
+    unit = same.pop() if len(same) == 1 else ""
+    return Volume(
+        values.transpose(order),
+        triple("scale", [steps[axis] for axis in "xyz"]),
+        triple("translation", [start[axis] for axis in "xyz"]),
+        "ome-zarr",
+        {"scale": f"{number} of 0 to {len(levels) - 1}, {place.name}"},
+        Quantity(length_unit=_UNITS.get(unit, unit)),
+    )
+
+
+def _transforms(path: Path, axes: list[str], level: Any, image: Any) -> tuple[dict[str, float], dict[str, float]]:
+    steps, start = dict.fromkeys(axes, 1.0), dict.fromkeys(axes, 0.0)
+    for one in (*(level.get("coordinateTransformations") or []), *(image.get("coordinateTransformations") or [])):
+        kind = one.get("type")
+        if kind not in ("scale", "translation"):
+            continue
+        numbers = [float(number) for number in one[kind]]
+        if len(numbers) != len(axes) or not all(map(math.isfinite, numbers)) or (kind == "scale" and min(numbers) <= 0):
+            raise unreadable(path, f"{kind} {shown(numbers)}", f"{len(axes)} finite numbers, scales above 0")
+        for axis, number in zip(axes, numbers, strict=True):
+            if kind == "scale":
+                steps[axis] *= number
+                start[axis] *= number
+            else:
+                start[axis] += number
+    return steps, start
+
+
+def read(source: Folder, name: str | None = None) -> Volume:
+    """Read an array of a Zarr folder, or an OME-Zarr image: the finest scale whose samples take a fifth of the memory.
+
+    FOLDER:/array chooses an array of a group. Of an image `name` chooses the channel, by label or number.
+
+    Raises
+    ------
+    InvalidInput
+        For groups with several arrays, other than three axes, several time steps, links, and chunks that unpack to more
+        than their size.
+    Unsupported
+        For codecs that run code, or unpack without a bound.
+    """
+    root = _below(source.path, source.inner) if source.inner else source.path
+    if _is_array(root):
+        if name is not None:
+            wanted = "it for groups and images"
+            raise unreadable(root, option_ref("name") + " for a single array", wanted, option="name")
+        return _plain(root)
+    told = _attributes(root)
+    told = told.get("ome", told)
+    if isinstance(told, dict) and isinstance(told.get("multiscales"), list) and told["multiscales"]:
+        return _multiscale(root, told, name)
+    if name is not None:
+        return _plain(_below(root, name))
+    arrays = sorted(one.name for one in root.iterdir() if one.is_dir() and not one.is_symlink() and _is_array(one))
+    if len(arrays) != 1:
+        advice = f"choose one, {source.path}:/{arrays[0]}" if arrays else ""
+        raise unreadable(root, f"{len(arrays)} arrays: {listed(arrays)}", "one of them", advice)
+    return _plain(root / arrays[0])

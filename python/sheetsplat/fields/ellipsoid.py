@@ -157,17 +157,30 @@ class EllipsoidField(Field):
         # The arrays that the field keeps, and the smallest semi-axes for their median.
         doubles = 5 + (3 if sizes.ndim == 2 else 1) + (4 if turns is not None else 0) + (1 if masses is not None else 0)
         _memory.require(8 * doubles * count, f"a field of {count} ellipsoids", _FEWER)
-        self.native = _sheetsplat.EllipsoidField(
-            places,
-            sizes,
-            turns,
-            heights,
-            weights=masses,
+        self.native = self._made(places, sizes, turns, heights, masses)
+
+    def _made(
+        self,
+        centers: NDArray[Any],
+        scales: NDArray[Any],
+        rotations: NDArray[Any] | None,
+        values: NDArray[Any],
+        weights: NDArray[Any] | None,
+        *,
+        unit_rotations: bool = False,
+    ) -> _sheetsplat.EllipsoidField:
+        return _sheetsplat.EllipsoidField(
+            centers,
+            scales,
+            rotations,
+            values,
+            weights=weights,
             normalization=self._normalization,
             w0=self._w0,
             falloff=self._falloff,
             min_scale=self._min_scale,
             cell_volume=self._cell_volume,
+            unit_rotations=unit_rotations,
         )
 
     def _parts(self) -> dict[str, Any]:
@@ -177,16 +190,7 @@ class EllipsoidField(Field):
     def _restore(self, parts: dict[str, Any]) -> None:
         for name in _PARTS:
             setattr(self, name, parts[name])
-        self.native = _sheetsplat.EllipsoidField(
-            *(parts[name] for name in ("centers", "scales", "rotations", "values")),
-            weights=parts["weights"],
-            normalization=self._normalization,
-            w0=self._w0,
-            falloff=self._falloff,
-            min_scale=self._min_scale,
-            cell_volume=self._cell_volume,
-            unit_rotations=True,
-        )
+        self.native = self._made(*(parts[name] for name in _ARRAYS), unit_rotations=True)
 
     @classmethod
     def from_covariances(

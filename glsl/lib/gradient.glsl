@@ -3,6 +3,8 @@
 uniform vec2 gradient_scale;    // reference length over twice the pixel's width (perspective: its slope) and over twice the spacing
 #ifdef SLOPES
 #include "lib/slopes.glsl"
+#else
+#include "lib/differences.glsl"
 #endif
 
 // rho: of the slabs at the pixel; slope: of its ray, in perspective. The first and the last slab have no gradient.
@@ -11,20 +13,14 @@ void gradients_at(ivec2 at, float rho[SLABS], vec2 slope, out vec3 gradient[SLAB
     vec3 slopes[SLABS];
     slopes_at(at, rho, slopes);
 #else
-    float left[SLABS];
-    float right[SLABS];
-    float above[SLABS];
-    float below[SLABS];
-    rho_at(at - ivec2(1, 0), left);
-    rho_at(at + ivec2(1, 0), right);
-    rho_at(at - ivec2(0, 1), above);
-    rho_at(at + ivec2(0, 1), below);
+    vec2 beside[SLABS];
+    differences_at(at, beside);
 #endif
     for (int c = 1; c < SLABS - 1; ++c) {
 #ifdef SLOPES
         vec3 change = slopes[c];
 #else
-        vec3 change = vec3(right[c] - left[c], above[c] - below[c], rho[c + 1] - rho[c - 1]);
+        vec3 change = vec3(beside[c], rho[c + 1] - rho[c - 1]);
 #endif
 #ifdef PERSPECTIVE
         float t = first_depth + float(c) * slice_spacing;

@@ -1,5 +1,6 @@
-// What is left of light at a point: numbers on grids in the world, linear in between, that hold it or, in mode isosurface, rho. One buffer holds them all, since textures of three
-// dimensions end at sizes that grids go beyond, and hardware mixes with 8 fractional bits. Source: conventions, section 10.
+// What is left of light at a point, from grids in the world whose numbers are linear in between: what is left or, in mode isosurface, rho.
+// One buffer holds all grids, since textures of three dimensions end at sizes that grids go beyond, and hardware mixes with 8 fractional
+// bits. Source: conventions, section 10.
 
 uniform samplerBuffer volume_texture;
 uniform int volume_first[VOLUMES];  // element of the buffer that a grid begins with

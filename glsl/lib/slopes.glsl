@@ -3,6 +3,9 @@
 
 #ifndef ANALYTIC
 uniform int last_slab; // of all
+#ifndef FINE_XY
+#include "lib/differences.glsl"
+#endif
 #endif
 
 uniform SHEET x_front_texture;
@@ -91,14 +94,8 @@ void slopes_at(ivec2 at, float rho[SLABS], out vec3 change[SLABS]) {
     }
 #endif
 #else
-    float left[SLABS];
-    float right[SLABS];
-    float above[SLABS];
-    float below[SLABS];
-    rho_at(at - ivec2(1, 0), left);
-    rho_at(at + ivec2(1, 0), right);
-    rho_at(at - ivec2(0, 1), above);
-    rho_at(at + ivec2(0, 1), below);
+    vec2 beside[SLABS];
+    differences_at(at, beside);
 #endif
 #ifdef FINE_Z
     float along[SLABS];
@@ -119,7 +116,7 @@ void slopes_at(ivec2 at, float rho[SLABS], out vec3 change[SLABS]) {
 #ifdef FINE_XY
         change[c] = vec3(across[c], upwards[c], rho[c + 1] - rho[c - 1]);
 #else
-        change[c] = vec3(right[c] - left[c], above[c] - below[c], rho[c + 1] - rho[c - 1]);
+        change[c] = vec3(beside[c], rho[c + 1] - rho[c - 1]);
 #endif
 #ifdef FINE_Z
         // At both ends of the stack one of the two neighbours is 0, and their difference exact.

@@ -9,8 +9,8 @@ uniform int transfer_lasts[GROUPS];
 #define transfer_range transfer_ranges[group]
 #define transfer_last transfer_lasts[group]
 #define INDEX_ROW group
-#define COLOR_ROW 2 * group
-#define VALUE_ROW 2 * group + 1
+#define COLOR_ROW (2 * group)
+#define VALUE_ROW (2 * group + 1)
 #else
 uniform vec2 transfer_range;         // first value, cells per unit of value
 uniform int transfer_last;           // last point

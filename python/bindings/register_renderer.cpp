@@ -5,10 +5,6 @@
 #include <optional>
 #include <thread>
 
-#if defined(__unix__) || defined(__APPLE__)
-#include <unistd.h>
-#endif
-
 #include "convert.hpp"
 #include "registrars.hpp"
 #include "released.hpp"
@@ -33,14 +29,6 @@ const std::map<std::string, Tagging> taggings{{"auto", Tagging::automatic},
                                               {"off", Tagging::off}};
 const std::map<std::string, Packing> packings{
     {"auto", Packing::automatic}, {"paper", Packing::paper}, {"wide", Packing::wide}};
-
-long this_process() {
-#if defined(__unix__) || defined(__APPLE__)
-    return static_cast<long>(getpid());
-#else
-    return 0;
-#endif
-}
 
 /// Between slices: signals and the caller's callback. Taking the GIL after every slice would make threads of Python
 /// stutter, so that calls in quick succession are let through unseen.
@@ -155,7 +143,7 @@ class LockedRenderer {
     class Hold {
       public:
         explicit Hold(LockedRenderer& owner) : owner_(owner), lock_(owner.mutex_) {
-            owner_.holding_process_ = this_process();
+            owner_.held_after_forks_ = Released::forks();
             owner_.holder_ = std::this_thread::get_id();
         }
         ~Hold() { owner_.holder_ = std::thread::id(); }
@@ -173,7 +161,7 @@ class LockedRenderer {
         if (holder == std::thread::id()) {
             return;
         }
-        if (holding_process_ != this_process()) {
+        if (held_after_forks_ != Released::forks()) {
             throw Unsupported(Complaint{"Renderer: this renderer cannot be used here",
                                         "a process that was forked while another thread drew with it",
                                         "a process that is forked between pictures",
@@ -188,7 +176,7 @@ class LockedRenderer {
 
     std::mutex mutex_;
     std::atomic<std::thread::id> holder_{};
-    std::atomic<long> holding_process_{0};
+    std::atomic<int> held_after_forks_{0};
     Renderer renderer_;
 };
 

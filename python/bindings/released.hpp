@@ -61,13 +61,24 @@ class Released {
         }));
 #if defined(__unix__) || defined(__APPLE__)
         // A forked process has none of its parent's other threads.
-        pthread_atfork(nullptr, nullptr, [] { active() = 0; });
+        pthread_atfork(nullptr, nullptr, [] {
+            active() = 0;
+            ++fork_count();
+        });
 #endif
     }
+
+    /// How many forks lie between the process that imported the module and this one: threads and locks are those of a
+    /// process with the same number.
+    [[nodiscard]] static int forks() { return fork_count().load(); }
 
   private:
     /// Threads in these scopes.
     static std::atomic<int>& active() {
+        static std::atomic<int> count{0};
+        return count;
+    }
+    static std::atomic<int>& fork_count() {
         static std::atomic<int> count{0};
         return count;
     }

@@ -18,12 +18,11 @@ void TileLoop::run(const std::function<void(double)>& progress) {
     const std::int64_t passes = scope_.steps.passes;
     scope_.gl.Viewport(0, 0, scope_.tile.target_width(), scope_.tile.target_height());
     // Slabs before the first one are read, but no pass divides them: there rho is 0.
-    std::vector<float> empty(static_cast<std::size_t>(targets.shape().groups), 0.0F);
-    for (std::size_t field = 0; field < scope_.plan.own_sheets.size(); ++field) {
-        if (scope_.plan.own_sheets[field] >= 0) {
-            empty[group_drawn_of(*scope_.job.scene, field)] -=
-                scope_.pivots[static_cast<std::size_t>(scope_.plan.own_sheets[field])];
-        }
+    const Scene& scene = *scope_.job.scene;
+    const std::vector<double> pivots = group_pivots(scope_.plan, scene);
+    std::vector<float> empty;
+    for (const Group& group : groups_drawn(scene)) {
+        empty.push_back(-static_cast<float>(pivots[empty.size()] / scope_.plan.unit_of(group.first)));
     }
     targets.clear_all(empty);
     // Slabs that no batch was drawn to yet stay clear: those before the first slice and after the last.

@@ -21,23 +21,13 @@ class LatticeValues final : public PointValues {
   public:
     explicit LatticeValues(std::shared_ptr<const Field> field)
         : field_(std::move(field)), samples_(*as_regular(field_.get())), normaliser_(*field_, 1.0),
-          semi_axes_(samples_.semi_axes_world()), origin_(samples_.options().origin),
-          bcc_(samples_.lattice() == Lattice::bcc) {
-        const Vec3& spacing = samples_.options().spacing;
-        step_ = bcc_ ? Vec3(spacing.x, spacing.x, 0.5 * spacing.x) : spacing;
-    }
+          semi_axes_(samples_.semi_axes_world()), origin_(samples_.options().origin), step_(step_of(samples_)),
+          bcc_(samples_.lattice() == Lattice::bcc) {}
 
     /// Whether its kernels are small enough.
     static bool serves(const RegularField& field) {
-        const Vec3& spacing = field.options().spacing;
-        const double nearest = field.lattice() == Lattice::bcc ? 0.5 * spacing.x : 0.0;
-        for (int axis = 0; axis < 3; ++axis) {
-            const double step = nearest > 0.0 ? nearest : spacing[axis];
-            if (2.0 * field.semi_axes_world()[axis] / step + 4.0 > static_cast<double>(most_along)) {
-                return false;
-            }
-        }
-        return true;
+        const Vec3 along = 2.0 * field.semi_axes_world() / step_of(field) + 4.0;
+        return std::max({along.x, along.y, along.z}) <= static_cast<double>(most_along);
     }
 
     [[nodiscard]] Value at(const Vec3& world) const override {
@@ -85,6 +75,12 @@ class LatticeValues final : public PointValues {
         std::array<double, most_along> squared, gaussian;
     };
 
+    /// Between samples of a row, rows of a layer, and layers.
+    static Vec3 step_of(const RegularField& field) {
+        const Vec3& spacing = field.options().spacing;
+        return field.lattice() == Lattice::bcc ? Vec3(spacing.x, spacing.x, 0.5 * spacing.x) : spacing;
+    }
+
     [[nodiscard]] Along along(double from, int axis, std::size_t samples) const {
         const double middle = from / step_[axis], reach = semi_axes_[axis] / step_[axis];
         const double most = static_cast<double>(samples);
@@ -103,7 +99,7 @@ class LatticeValues final : public PointValues {
     std::shared_ptr<const Field> field_;
     const RegularField& samples_;
     reference::Normaliser normaliser_;
-    Vec3 semi_axes_, origin_, step_{1.0};
+    Vec3 semi_axes_, origin_, step_;
     bool bcc_;
 };
 

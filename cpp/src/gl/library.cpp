@@ -19,6 +19,7 @@ std::string last_reason(const std::string& name) {
 
 // A library from a Python wheel lies in one folder with its dependencies but has no search path to them, because the
 // wheel loads them itself. Dependencies that the linker does not find are opened from that folder; at most `left`.
+// Which one it misses the linker says in its message alone: where that is worded otherwise, nothing is opened.
 void* open_with_neighbours(const std::string& path, int& left, std::string& reason) {
     const std::size_t slash = path.rfind('/');
     while (true) {

@@ -197,8 +197,8 @@ bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const Draw
     for (const auto& field : scene.fields) {
         negative = negative || (field->size() > 0 && field->value_range()[0] < 0.0);
     }
-    // (Of a single group.) Between ends of 0 the cubic is an eighth of the largest value at most, and has the other
-    // sign.
+    // Between ends of 0 the cubic is an eighth of the largest value at most, and has the other sign. Scenes of second
+    // order have one transfer function.
     const double overshoot = 0.125 * sums.largest;
     return plan.second_order && !scene.transfer_function.transparent_over(-overshoot, negative ? overshoot : 0.0);
 }

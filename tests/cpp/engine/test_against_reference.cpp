@@ -432,7 +432,7 @@ TEST_P(CloseUps, AreTheReferencesPicture) {
     uneven.spacing = Vec3(1.0, 0.6, 2.3);
     RegularFieldOptions thresholded;
     thresholded.normalization = Normalization::threshold;
-    const auto stretched = blobs(uneven), cube = blobs({}), weighted = blobs(thresholded);
+    const auto stretched = blobs(uneven), cube = blobs({}), few = blobs({}, 7), weighted = blobs(thresholded);
     for (const Projection projection : {Projection::orthographic, Projection::perspective}) {
         const std::string words = std::string(sampling == Sampling::slab ? " slab" : " point") +
                                   (projection == Projection::perspective ? " persp " : " ortho ") + to_string(way);
@@ -454,15 +454,17 @@ TEST_P(CloseUps, AreTheReferencesPicture) {
         for (const double zoom : {0.1, 1e-3}) {
             Scene close = scene_of(weighted);
             close.slice_spacing = zoom == 0.1 ? 1.0 : 0.05;
-            expect_alike(close, zoomed(*weighted, zoom), {8, 8}, "threshold zoom " + std::to_string(zoom));
+            expect_alike(close, zoomed(*weighted, zoom), {5, 4}, "threshold zoom " + std::to_string(zoom));
         }
         for (const double zoom : {0.1, 1e-2, 1e-3, 1e-4, 1e-6}) {
             expect_alike(scene_of(cube), zoomed(*cube, zoom), {16, 16}, "zoom " + std::to_string(zoom));
         }
+        // A thousand slices are many even of few kernels.
         for (const double spacing : {0.3, 0.1, 0.01}) {
-            Scene thin = scene_of(cube);
+            const auto& field = spacing < 0.1 ? few : cube;
+            Scene thin = scene_of(field);
             thin.slice_spacing = spacing;
-            expect_alike(thin, askew(*cube, projection), {16, 14}, "slices " + std::to_string(spacing));
+            expect_alike(thin, askew(*field, projection), {16, 14}, "slices " + std::to_string(spacing));
         }
     }
 }

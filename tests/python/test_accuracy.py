@@ -198,6 +198,7 @@ def test_json_and_text(report: AccuracyReport) -> None:
     assert "rows measured" in repr(report)
 
 
+@pytest.mark.slow
 def test_the_plot(report: AccuracyReport, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     path = tmp_path / "accuracy.png"

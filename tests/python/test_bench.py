@@ -282,6 +282,7 @@ def test_windows_of_the_huge_picture_lie_across_tiles(rng: np.random.Generator) 
     assert all(crosses(column) or crosses(row) for column, row in found[16:32])
 
 
+@pytest.mark.slow
 def test_import_and_memory_run_in_new_processes(tmp_path: Path) -> None:
     startup = BENCHES["startup"].run(_options(tmp_path))
     assert 0.0 < startup.rows[0]["least"] <= startup.rows[0]["seconds"]

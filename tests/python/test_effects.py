@@ -156,6 +156,7 @@ def test_what_the_plan_left_out_changes_nothing_when_forced_on(backend: str, for
         assert {"fine_gradient", "compensation", "opacity_buffer", "precise_sections"} <= drawn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_what_the_plan_left_out_changes_nothing_on_measured_data(
     backend: str, data_dir: Path, forced: Callable[[str], Forced]
@@ -370,6 +371,7 @@ def test_what_effects_owe_is_the_budget(backend: str) -> None:
         assert all(effect.on for effect in plan.effects if effect.error > 0)
 
 
+@pytest.mark.slow
 def test_costs_are_measured() -> None:
     """Each effect that can be turned the other way has milliseconds; what the scene needs costs something."""
     values = np.random.default_rng(3).random((24, 24, 24), dtype=np.float32)

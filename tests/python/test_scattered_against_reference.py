@@ -351,6 +351,7 @@ def test_pictures_that_are_wrong_by_a_little_fail(change: str) -> None:
     assert not within(found, bounds_of(name)), found
 
 
+@pytest.mark.slow
 def test_scenes_are_gentle_where_they_should_be_and_show_something() -> None:
     """Most scenes are held to the tighter bound, and all but two have something in their picture."""
     names = list(scattered.SCENES)

@@ -39,13 +39,24 @@ constexpr std::size_t most_scattered = 200'000;
 constexpr std::size_t batch = 512;
 /// What is stated over what was measured: other pixels may be worse than those that were looked at.
 constexpr double reserve = 1.25;
-/// Points that add less than this to a pixel are passed over.
-constexpr double least_share = 1e-3;
+/// Points that add less than this to a pixel are passed over. Of those that add less than `small_share`, so many are
+/// looked at, each for several, that the mean stays what it is.
+constexpr double least_share = 1e-4, small_share = 0.02;
 /// Where kernels are at least so many elements in radius, rho between elements is no farther from theirs than this
 /// share of what they differ by.
 constexpr double least_radius_of_cells = 2.0, margin_of_cell = 0.5;
 /// What is left of light where it no longer matters how much.
 constexpr double dark = 1e-4;
+
+/// What numbers between 0 and 1 follow from a pixel and a slice: alike on every machine, unlike for neighbours.
+double chance(int column, int row, std::int64_t slice) {
+    auto bits = static_cast<std::uint64_t>(column) * 0x9E3779B97F4A7C15ULL +
+                static_cast<std::uint64_t>(row) * 0xC2B2AE3D27D4EB4FULL +
+                static_cast<std::uint64_t>(slice) * 0x165667B19E3779F9ULL;
+    bits = (bits ^ (bits >> 30)) * 0xBF58476D1CE4E5B9ULL;
+    bits = (bits ^ (bits >> 27)) * 0x94D049BB133111EBULL;
+    return static_cast<double>((bits ^ (bits >> 31)) >> 11) * 0x1p-53;
+}
 
 double least_semi_axis(const Field& field) {
     const EllipsoidField* ellipsoids = as_ellipsoids(&field);
@@ -59,6 +70,7 @@ double least_semi_axis(const Field& field) {
 class View {
   public:
     View(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+         const LightVolume* absorption, LightErrorProbe::BlocksOf& blocks,
          std::vector<std::shared_ptr<const PointValues>> values)
         : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan),
           volumes_(volumes), values_(std::move(values)), surfaces_(!volumes.groups.empty()), groups_(scene_.groups()),
@@ -72,12 +84,17 @@ class View {
             to_lights_.push_back(world_direction(light, camera_));
         }
         if (surfaces_) {
-            const double step = 1.0 / glm::length(volumes.groups.front()->per_step[0]);
-            resolved_ = std::all_of(scene_.fields.begin(), scene_.fields.end(), [step](const auto& field) {
-                return field->size() == 0 || least_semi_axis(*field) >= least_radius_of_cells * step;
-            });
+            resolved_ = shows_kernels(*volumes.groups.front());
             lines_ =
                 make_surface_lines(scene_, camera_, *volumes.groups.front(), frame_.slice_spacing, plan_.value_unit);
+            for (const auto& group : volumes.groups) {
+                find_sides(blocks(*group));
+            }
+        } else if (absorption != nullptr && !plan_.filter && shows_kernels(*absorption) &&
+                   std::none_of(groups_.begin(), groups_.end(),
+                                [](const Group& group) { return group.transfer_function->has_steps(); })) {
+            absorption_ = absorption;
+            absorbing_ = &blocks(*absorption);
         }
         if (scene_.ambient_occlusion) {
             occlusion_steps_ = occlusion_steps(*scene_.ambient_occlusion, frame_.slice_spacing);
@@ -112,8 +129,11 @@ class View {
         double alpha = 0.0;
         for (std::int64_t n = ray.first - (between ? 1 : 0); n <= ray.last && alpha < scene_.opacity_stop; ++n) {
             if (surfaces_) {
-                add_crossings(ray, n, values, occlusion, alpha, off);
-            } else {
+                if (!on_one_side(ray, n)) {
+                    add_crossings(ray, n, values, occlusion, alpha, off);
+                }
+            } else if (!clear_at(ray.point(frame_.depth_of(n))) ||
+                       (between && !clear_at(ray.point(frame_.depth_of(n + 1))))) {
                 add_slice(ray, n, values, occlusion, alpha, off);
             }
         }
@@ -184,10 +204,72 @@ class View {
         return values;
     }
 
+    /// Whether a grid shows every kernel.
+    [[nodiscard]] bool shows_kernels(const LightVolume& grid) const {
+        double step = 0.0;
+        for (const Vec3& per_step : grid.per_step) {
+            step = std::max(step, 1.0 / glm::length(per_step));
+        }
+        return std::all_of(scene_.fields.begin(), scene_.fields.end(), [step](const auto& field) {
+            return field->size() == 0 || least_semi_axis(*field) >= least_radius_of_cells * step;
+        });
+    }
+
+    /// Blocks of a grid of rho that lie on one side of every surface: absorbed_below there; of others `mixed`.
+    static constexpr double mixed = -1.0;
+    struct Sides {
+        const LightBlocks* blocks;
+        std::vector<double> below;
+    };
+
+    void find_sides(const LightBlocks& blocks) {
+        Sides sides{&blocks, {}};
+        for (const LightBlocks::Range& range : blocks.ranges()) {
+            const auto least = static_cast<double>(range.least), greatest = static_cast<double>(range.greatest);
+            const double margin = margin_of_cell * (greatest - least);
+            const double below = lines_.absorbed_below(least - margin);
+            sides.below.push_back(resolved_ && below == lines_.absorbed_below(greatest + margin) ? below : mixed);
+        }
+        sides_.push_back(std::move(sides));
+    }
+
+    [[nodiscard]] double side_at(std::size_t group, const Vec3& place) const {
+        return sides_[group].below[sides_[group].blocks->at(place)];
+    }
+
+    /// Whether a slice and the next lie in blocks on the same side of all surfaces.
+    [[nodiscard]] bool on_one_side(const Ray& ray, std::int64_t n) const {
+        const LightVolume& grid = *volumes_.groups.front();
+        const Vec3 front = grid.place_of(ray.point(frame_.depth_of(n)));
+        const Vec3 back = grid.place_of(ray.point(frame_.depth_of(n + 1)));
+        for (std::size_t group = 0; group < groups_.size(); ++group) {
+            const double side = side_at(group, front);
+            if (side == mixed || side != side_at(group, back)) {
+                return false;
+            }
+        }
+        return true;
+    }
+
+    /// Whether a point lies where the grid of absorption shows nothing around.
+    [[nodiscard]] bool clear_at(const Vec3& world) const {
+        return absorbing_ != nullptr &&
+               !(absorbing_->ranges()[absorbing_->at(absorption_->place_of(world))].greatest > 0.0F);
+    }
+
     /// On which side of each surface a point is: rho where the grid leaves that open, else the grid's.
     [[nodiscard]] PointValues::Value side_of(std::size_t group, const Vec3& world) const {
         const LightVolume& grid = *volumes_.groups[group];
-        const LightVolume::Around around = grid.around(grid.place_of(world));
+        const Vec3 place = grid.place_of(world);
+        const std::size_t block = sides_[group].blocks->at(place);
+        if (sides_[group].below[block] != mixed) {
+            return {plan_.value_unit * static_cast<double>(sides_[group].blocks->ranges()[block].least), false};
+        }
+        return side_in_cell(group, world, grid.around(place));
+    }
+
+    [[nodiscard]] PointValues::Value side_in_cell(std::size_t group, const Vec3& world,
+                                                  const LightVolume::Around& around) const {
         const double margin = margin_of_cell * (around.greatest - around.least);
         const bool sure = resolved_ && lines_.absorbed_below(around.least - margin) ==
                                            lines_.absorbed_below(around.greatest + margin);
@@ -237,7 +319,7 @@ class View {
             const Spot spot{front_depth + crossing.share * frame_.slice_spacing, crossing.group,
                             groups_[crossing.group].transfer_function->at(crossing.iso->value).color, share,
                             over_slices / (2.0 * frame_.slice_spacing)};
-            shade(ray, spot, occlusion, off);
+            shade(ray, n, spot, occlusion, off);
             alpha += share;
         }
     }
@@ -282,7 +364,7 @@ class View {
         const double share = (1.0 - alpha) * -std::expm1(-extinction);
         for (Spot& spot : spots) {
             spot.share *= share / weights;
-            shade(ray, spot, occlusion, off);
+            shade(ray, n, spot, occlusion, off);
         }
         alpha += share;
     }
@@ -302,11 +384,11 @@ class View {
         return -gradient / std::max({glm::length(gradient), weakest, 1e-300});
     }
 
-    void shade(const Ray& ray, const Spot& spot, bool occlusion, Off& off) const {
-        if (spot.share < least_share) {
+    void shade(const Ray& ray, std::int64_t slice, const Spot& spot, bool occlusion, Off& off) const {
+        if (spot.share < least_share || chance(ray.column, ray.row, slice) * small_share >= spot.share) {
             return;
         }
-        double share = spot.share;
+        double share = std::max(spot.share, small_share);
         if (scene_.depth_cue) {
             const DepthCue& cue = *scene_.depth_cue;
             share *= 1.0 - cue.strength * std::clamp((spot.depth - cue.start) / (cue.end - cue.start), 0.0, 1.0);
@@ -377,17 +459,28 @@ class View {
     [[nodiscard]] double line_off(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const {
         const Vec3 place = volumes_.groups.front()->place_of(world);
         const double last = std::min(lines_.last_step(place, step), steps);
-        double absorbed = 0.0;
+        double absorbed = 0.0, drawn = 0.0;
         for (std::size_t group = 0; group < groups_.size(); ++group) {
-            double before = 0.0;
-            for (double point = 1.0; point <= last && absorbed < SurfaceLines::opaque; point += 1.0) {
-                const Vec3 at = world + point * frame_.slice_spacing * direction;
-                const double here = lines_.absorbed_below(side_of(group, at).rho / plan_.value_unit);
+            double before = 0.0, drawn_before = 0.0;
+            for (double point = 1.0; point <= last; point += 1.0) {
+                if (absorbed >= SurfaceLines::opaque && drawn >= SurfaceLines::opaque) {
+                    break;
+                }
+                const Vec3 there = place + point * step;
+                double here = side_at(group, there), drawn_here = here;
+                if (here == mixed) {
+                    const LightVolume::Around around = volumes_.groups[group]->around(there);
+                    const Vec3 at = world + point * frame_.slice_spacing * direction;
+                    drawn_here = lines_.absorbed_below(around.number);
+                    here = lines_.absorbed_below(side_in_cell(group, at, around).rho / plan_.value_unit);
+                }
                 absorbed += point > 1.0 ? std::abs(here - before) : 0.0;
+                drawn += point > 1.0 ? std::abs(drawn_here - drawn_before) : 0.0;
                 before = here;
+                drawn_before = drawn_here;
             }
         }
-        return lines_.left_along(volumes_, place, step, steps) - SurfaceLines::left_of(absorbed);
+        return SurfaceLines::left_of(drawn) - SurfaceLines::left_of(absorbed);
     }
 
     /// What the definition leaves of light in mode composite.
@@ -403,7 +496,7 @@ class View {
         double left = 1.0;
         for (double step = 1.0; step <= last && left > dark; step += 1.0) {
             const Vec3 point = world + step * frame_.slice_spacing * direction;
-            if (!keeps(point)) {
+            if (clear_at(point) || !keeps(point)) {
                 continue;
             }
             for (std::size_t group = 0; group < groups_.size(); ++group) {
@@ -432,7 +525,10 @@ class View {
     std::vector<Vec3> to_lights_; ///< world
     std::array<Vec3, directions_around> around_ = around_world();
     SurfaceLines lines_;
-    bool resolved_ = false; ///< the grid of rho shows every kernel
+    bool resolved_ = false;    ///< the grid of rho shows every kernel
+    std::vector<Sides> sides_; ///< of each group, mode isosurface
+    const LightVolume* absorption_ = nullptr; ///< null: not used
+    const LightBlocks* absorbing_ = nullptr;
     double occlusion_steps_ = 0.0;
 };
 
@@ -457,7 +553,8 @@ bool LightErrorProbe::is_cheap(const Request& request, const Prepared& prepared)
     return kernels <= most_scattered;
 }
 
-LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes) {
+LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+                                    const std::shared_ptr<const LightVolume>& absorption) {
     std::vector<Known> known;
     std::vector<std::shared_ptr<const PointValues>> values;
     for (const auto& field : request.scene.fields) {
@@ -472,7 +569,23 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     }
     known_ = std::move(known);
 
-    const View view(request, prepared, volumes, std::move(values));
+    BlocksOf blocks = [this, &volumes, &absorption](const LightVolume& volume) -> const LightBlocks& {
+        std::shared_ptr<const LightVolume> owner = absorption;
+        for (const auto& group : volumes.groups) {
+            owner = group.get() == &volume ? group : owner;
+        }
+        blocks_.erase(std::remove_if(blocks_.begin(), blocks_.end(),
+                                     [](const auto& entry) { return entry.first.expired(); }),
+                      blocks_.end());
+        for (const auto& [of, found] : blocks_) {
+            if (of.lock() == owner) {
+                return *found;
+            }
+        }
+        blocks_.emplace_back(owner, std::make_unique<const LightBlocks>(volume));
+        return *blocks_.back().second;
+    };
+    const View view(request, prepared, volumes, absorption.get(), blocks, std::move(values));
     const Size size = request.size;
     const std::size_t pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
     const bool surfaces = request.scene.mode == Mode::isosurface;

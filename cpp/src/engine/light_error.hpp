@@ -2,13 +2,16 @@
 // float64 from the kernels, at points that pixels of the picture show. Source: conventions, section 10.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "draw.hpp"
 #include "point_values.hpp"
 #include "sheetsplat/image.hpp"
+#include "view/light_blocks.hpp"
 #include "view/light_volume.hpp"
 
 namespace sheetsplat {
@@ -25,7 +28,11 @@ class LightErrorProbe {
     /// Whether that takes less time than a picture: of very many scattered kernels a grid would have to be made.
     [[nodiscard]] static bool is_cheap(const Request& request, const Prepared& prepared);
     /// Throws OutOfMemory, Cancelled.
-    LightErrors errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes);
+    /// absorption: what the volumes were made from, where it is still there.
+    LightErrors errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+                       const std::shared_ptr<const LightVolume>& absorption);
+    /// The blocks of one of these volumes.
+    using BlocksOf = std::function<const LightBlocks&(const LightVolume&)>;
 
   private:
     struct Known {
@@ -33,6 +40,8 @@ class LightErrorProbe {
         std::shared_ptr<const PointValues> values;
     };
     std::vector<Known> known_; ///< of the fields of the last scene, unfiltered
+    /// Of volumes that still exist.
+    std::vector<std::pair<std::weak_ptr<const LightVolume>, std::unique_ptr<const LightBlocks>>> blocks_;
 };
 
 /// Puts measured errors in the place of the plan's estimates.

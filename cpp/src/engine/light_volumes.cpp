@@ -1,17 +1,23 @@
 #include "light_volumes.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <new>
 #include <utility>
 
 #include <glm/geometric.hpp>
 
+#include "backend_choice.hpp"
 #include "base/clock.hpp"
+#include "base/poll.hpp"
+#include "base/threads.hpp"
 #include "plan/limits_common.hpp"
 #include "same_scene.hpp"
 #include "sheetsplat/error.hpp"
+#include "view/light_march.hpp"
 #include "view/surface_lines.hpp"
 
 namespace sheetsplat {
@@ -48,8 +54,12 @@ double light_step(const Frame& frame) {
     return frame.slice_spacing * std::exp2(std::floor(std::log2(pixels)));
 }
 
-/// Grid step of ambient occlusion, which is a mean over directions and may be coarser.
-double open_step(double slice_spacing, double steps) { return slice_spacing * std::clamp(0.25 * steps, 1.0, 2.0); }
+/// Grid step of ambient occlusion, which is a mean over directions and may be coarser: a quarter of its radius, up to
+/// two slice distances or half of the step that pixels call for.
+double open_step(const Frame& frame, double steps) {
+    const double most = std::max(2.0, 0.5 * light_step(frame) / frame.slice_spacing);
+    return frame.slice_spacing * std::exp2(std::floor(std::log2(std::clamp(0.25 * steps, 1.0, most))));
+}
 
 /// Grid step of rho in mode isosurface, in slice distances: half of one moves the edges of shadows by a few hundredths
 /// of a sample distance.
@@ -143,13 +153,21 @@ void draw_into(const Request& request, const DrawPlan& plan, const Indexed& inde
     draw(job);
 }
 
-/// -ln of what is left of light on its way to the planes of a volume.
-LightVolume absorption(const Request& request, const DrawPlan& plan, const Indexed& indexed, const Prepared& prepared,
-                       const Reach& reach, const LightView& view, backend_cpu::CpuRenderer& processor) {
+/// -ln(1 - alpha) of a slice distance, on a grid along the world's axes with a step of about `step`.
+LightVolume absorption_grid(const Request& request, const DrawPlan& plan, const Indexed& indexed, const Prepared& prepared,
+                       const Reach& reach, double step, double elements, backend_cpu::CpuRenderer& processor) {
+    const LightView view = view_of(request.scene, Vec3(0.0, 0.0, 1.0), step, elements, reach);
     const Frame frame = make_frame(request.scene, view.camera, view.size, reach);
     LightVolume volume;
     draw_into(request, plan, indexed, prepared, view.camera, frame,
               [&](const backend_cpu::Job& job) { processor.absorb(job, view.every, volume); });
+    // Sums up to each plane become means over the slices from plane to plane, which lie half their number before it.
+    const std::size_t plane = volume.index(0, 0, 1);
+    const float per_slice = 1.0F / static_cast<float>(view.every);
+    for (std::size_t element = volume.values.size(); element-- > plane;) {
+        volume.values[element] = per_slice * (volume.values[element] - volume.values[element - plane]);
+    }
+    volume.origin += 0.5 * (view.every + 1) * frame.slice_spacing * view.camera.back_world();
     return volume;
 }
 
@@ -177,85 +195,6 @@ LightVolume scalars(const Request& request, const DrawPlan& plan, const Group& g
     return volume;
 }
 
-/// Replaces the absorption in front of each point by the sum of two transmittances: of the `steps` slices before the
-/// point, and of as many behind it.
-void look_around(int every, double steps, LightVolume& volume) {
-    const std::size_t plane = static_cast<std::size_t>(volume.counts[0]) * static_cast<std::size_t>(volume.counts[1]);
-    const int planes = volume.counts[2];
-    const std::vector<float> sums = std::move(volume.values);
-    volume.values.assign(sums.size(), 0.0F);
-    /// Absorption before a slice, between two planes.
-    struct Between {
-        const float* from;
-        const float* to;
-        float share;
-        [[nodiscard]] float at(std::size_t element) const {
-            return from[element] + share * (to[element] - from[element]);
-        }
-    };
-    const auto before = [&](double slice) {
-        const double place = std::clamp(slice / every, 0.0, static_cast<double>(planes - 1));
-        const int whole = std::min(static_cast<int>(place), std::max(planes - 2, 0));
-        const auto start = [&](int number) { return sums.data() + static_cast<std::size_t>(number) * plane; };
-        return Between{start(whole), start(std::min(whole + 1, planes - 1)), static_cast<float>(place - whole)};
-    };
-    for (int n = 0; n < planes; ++n) {
-        const double slice = static_cast<double>(n) * every;
-        const Between far = before(slice - steps), here = before(slice);
-        const Between after = before(slice + 1.0), behind = before(slice + 1.0 + steps);
-        float* out = volume.values.data() + static_cast<std::size_t>(n) * plane;
-        for (std::size_t element = 0; element < plane; ++element) {
-            const float ahead = here.at(element) - far.at(element), past = behind.at(element) - after.at(element);
-            // exp is skipped for empty space, which is most of it.
-            out[element] = (ahead > 0.0F ? std::exp(-ahead) : 1.0F) + (past > 0.0F ? std::exp(-past) : 1.0F);
-        }
-    }
-}
-
-/// The world's directions, one of each opposite pair.
-std::array<Vec3, 7> directions() {
-    const double third = 1.0 / std::sqrt(3.0);
-    return {Vec3(1.0, 0.0, 0.0),       Vec3(0.0, 1.0, 0.0),        Vec3(0.0, 0.0, 1.0),
-            Vec3(third, third, third), Vec3(third, third, -third), Vec3(third, -third, third),
-            Vec3(-third, third, third)};
-}
-
-/// A grid along the world's axes over all supports, empty.
-LightVolume world_grid(const Scene& scene, double step, double elements) {
-    const Box box = supports_world(scene);
-    LightVolume volume;
-    const Vec3 extent = box.extent();
-    for (;; step *= coarser) {
-        const Vec3 counts = glm::ceil(extent / step) + 2.0;
-        if (counts.x * counts.y * counts.z <= elements) {
-            for (int axis = 0; axis < 3; ++axis) {
-                volume.counts[static_cast<std::size_t>(axis)] = static_cast<int>(counts[axis]);
-                Vec3 per_step(0.0);
-                per_step[axis] = 1.0 / step;
-                volume.per_step[static_cast<std::size_t>(axis)] = per_step;
-            }
-            volume.origin = box.centre() - 0.5 * step * (counts - 1.0);
-            break;
-        }
-    }
-    volume.values.assign(static_cast<std::size_t>(volume.counts[0]) * static_cast<std::size_t>(volume.counts[1]) *
-                             static_cast<std::size_t>(volume.counts[2]),
-                         0.0F);
-    return volume;
-}
-
-void add(const LightVolume& from, LightVolume& to) {
-    const Vec3 steps(1.0 / to.per_step[0].x, 1.0 / to.per_step[1].y, 1.0 / to.per_step[2].z);
-    std::size_t element = 0;
-    for (int w = 0; w < to.counts[2]; ++w) {
-        for (int v = 0; v < to.counts[1]; ++v) {
-            for (int u = 0; u < to.counts[0]; ++u, ++element) {
-                to.values[element] += static_cast<float>(from.at(to.origin + Vec3(u, v, w) * steps));
-            }
-        }
-    }
-}
-
 bool same_opacities(const std::vector<TransferPoint>& a, const std::vector<TransferPoint>& b) {
     return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const TransferPoint& x, const TransferPoint& y) {
         return x.value == y.value && x.opacity == y.opacity;
@@ -271,14 +210,21 @@ bool LightVolumeCache::Origin::operator==(const Origin& other) const {
            precision == other.precision;
 }
 
-template <class Serves, class Make>
-std::shared_ptr<const LightVolume> LightVolumeCache::find(const Serves& serves, const Make& make) {
-    auto found = std::find_if(entries_.begin(), entries_.end(), serves);
+template <class Make>
+std::shared_ptr<const LightVolume> LightVolumeCache::find(const Entry& wanted, std::size_t& used, const Make& make) {
+    auto found = std::find_if(entries_.begin(), entries_.end(), [&](const Entry& entry) {
+        return entry.of == wanted.of && entry.group == wanted.group && entry.direction == wanted.direction &&
+               entry.step == wanted.step && entry.radius == wanted.radius && entry.origin == wanted.origin;
+    });
     if (found == entries_.end()) {
-        entries_.push_back(make());
+        Entry made = wanted;
+        made.volume = std::make_shared<const LightVolume>(make());
+        // (Others may have been found or made for it.)
+        entries_.push_back(std::move(made));
         found = std::prev(entries_.end());
     }
     std::rotate(entries_.begin(), found, std::next(found));
+    ++used;
     return entries_.front().volume;
 }
 
@@ -329,7 +275,7 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
     const double spacing = prepared.frame.slice_spacing;
     const bool by_surfaces = prepared.plan.mode == Mode::isosurface;
     const std::vector<Group> casting = by_surfaces ? scene.groups() : std::vector<Group>{};
-    const std::size_t grids = by_surfaces ? casting.size() : (prepared.plan.shadows ? scene.lights.size() : 0) + 1;
+    const std::size_t grids = by_surfaces ? casting.size() : (prepared.plan.shadows ? scene.lights.size() : 0) + 2;
     const double elements = std::min(static_cast<double>(most_light_elements),
                                      static_cast<double>(most_light_elements_of_all) / static_cast<double>(grids));
     try {
@@ -340,77 +286,61 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
             of_rho.clip = Clip{};
             of_rho.reference_length = 0.0;
             for (std::size_t number = 0; number < casting.size(); ++number) {
-                const auto group = static_cast<int>(number);
-                of_rho.groups = {casting[number].first, casting[number].last};
-                volumes.groups.push_back(
-                    find([&](const Entry& entry) { return entry.group == group && entry.origin == of_rho; },
-                         [&] {
-                             Entry entry;
-                             entry.origin = of_rho;
-                             entry.group = group;
-                             entry.volume = std::make_shared<const LightVolume>(
-                                 scalars(request, through_group(prepared.plan, scene, casting[number]), casting[number],
-                                         indexed, prepared, reach, elements, processor));
-                             return entry;
-                         }));
-                ++used;
+                Entry wanted{of_rho, Entry::Of::rho};
+                wanted.origin.groups = {casting[number].first, casting[number].last};
+                wanted.group = number;
+                volumes.groups.push_back(find(wanted, used, [&] {
+                    return scalars(request, through_group(prepared.plan, scene, casting[number]), casting[number],
+                                   indexed, prepared, reach, elements, processor);
+                }));
             }
         }
-        if (!by_surfaces && prepared.plan.shadows && prepared.frame.slices > 0) {
-            const double step = light_step(prepared.frame);
-            for (const Light& light : scene.lights) {
-                const Vec3 direction = world_direction(light, request.camera);
-                volumes.lights.push_back(find(
-                    [&](const Entry& entry) {
-                        return entry.group < 0 && entry.direction == direction && entry.step == step &&
-                               entry.origin == origin;
-                    },
-                    [&] {
-                        LightVolume made = absorption(request, plan, indexed, prepared, reach,
-                                                      view_of(scene, direction, step, elements, reach), processor);
-                        for (float& value : made.values) {
-                            value = std::exp(-std::min(value, 80.0F));
-                        }
-                        return Entry{origin,
-                                     -1,
-                                     direction,
-                                     step,
-                                     0.0,
-                                     light.space == LightSpace::eye,
-                                     std::make_shared<const LightVolume>(std::move(made))};
-                    }));
-                ++used;
-            }
-        }
-        if (!by_surfaces && prepared.plan.ambient_occlusion && prepared.frame.slices > 0) {
-            const double steps = occlusion_steps(*scene.ambient_occlusion, spacing);
-            volumes.openness = find(
-                [&](const Entry& entry) {
-                    return entry.group < 0 && entry.direction == Vec3(0.0) && entry.radius == steps &&
-                           entry.origin == origin;
-                },
-                [&] {
-                    const auto most_elements = static_cast<double>(most_occlusion_elements);
-                    LightVolume open = world_grid(scene, open_step(spacing, steps), most_elements);
-                    const double step = 1.0 / open.per_step[0].x;
-                    for (const Vec3& direction : directions()) {
-                        const LightView view = view_of(scene, direction, step, 4.0 * most_elements, reach);
-                        LightVolume around = absorption(request, plan, indexed, prepared, reach, view, processor);
-                        look_around(view.every, steps, around);
-                        add(around, open);
-                    }
-                    for (float& value : open.values) {
-                        value *= 1.0F / 14.0F;
-                    }
-                    return Entry{origin,
-                                 -1,
-                                 Vec3(0.0),
-                                 step,
-                                 steps,
-                                 false,
-                                 std::make_shared<const LightVolume>(std::move(open))};
+        if (!by_surfaces && prepared.frame.slices > 0) {
+            OwnPool pool;
+            const auto threads = [&]() -> ThreadPool& {
+                if (!pool) {
+                    pool.reset(new ThreadPool(thread_count(request.options.threads)));
+                }
+                return *pool;
+            };
+            const std::function<void()> poll = [&request] { report_progress(request.progress, 0.0); };
+            const auto absorbed = [&](double step) {
+                Entry wanted{origin, Entry::Of::absorption};
+                wanted.step = step;
+                return find(wanted, used, [&] {
+                    return absorption_grid(request, plan, indexed, prepared, reach, step, elements, processor);
                 });
-            ++used;
+            };
+            const double step = light_step(prepared.frame);
+            for (std::size_t number = 0; prepared.plan.shadows && number < scene.lights.size(); ++number) {
+                const Light& light = scene.lights[number];
+                Entry wanted{origin, Entry::Of::transmittance};
+                wanted.direction = world_direction(light, request.camera);
+                wanted.step = step;
+                wanted.turns = light.space == LightSpace::eye;
+                volumes.lights.push_back(find(wanted, used, [&] {
+                    return transmittance(*absorbed(step), wanted.direction, spacing, threads(), poll);
+                }));
+            }
+            if (prepared.plan.ambient_occlusion) {
+                Entry wanted{origin, Entry::Of::openness};
+                wanted.radius = occlusion_steps(*scene.ambient_occlusion, spacing);
+                wanted.step = open_step(prepared.frame, wanted.radius);
+                volumes.openness = find(wanted, used, [&] {
+                    // From a grid twice as fine where slices are, and there is none of this step.
+                    const bool same = prepared.plan.shadows && step == wanted.step;
+                    const bool finer = !same && wanted.step >= 2.0 * spacing;
+                    std::shared_ptr<const LightVolume> grid = absorbed(finer ? 0.5 * wanted.step : wanted.step);
+                    if (finer) {
+                        grid = std::make_shared<const LightVolume>(halved(*grid));
+                    }
+                    while (grid->values.size() > most_occlusion_elements) {
+                        grid = std::make_shared<const LightVolume>(halved(*grid));
+                    }
+                    const std::array<Vec3, directions_around> around = around_world();
+                    return openness(*grid, {around.begin(), around.end()}, wanted.radius, spacing, threads(), poll);
+                });
+            }
         }
     } catch (const std::bad_alloc&) {
         throw OutOfMemory(Complaint{"shadows or ambient occlusion cannot be drawn", "not enough memory",
@@ -418,6 +348,10 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                                     "leave out " + option_ref("shadows") + " and " + option_ref("ambient_occlusion")});
     }
     tidy(scene, used);
+    const auto grid = std::find_if(entries_.begin(), entries_.end(), [&](const Entry& entry) {
+        return entry.of == Entry::Of::absorption && entry.origin == origin;
+    });
+    absorption_ = grid != entries_.end() ? grid->volume : nullptr;
     std::size_t bytes = 0;
     for (const Entry& entry : entries_) {
         bytes += entry.volume->bytes();

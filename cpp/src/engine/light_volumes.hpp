@@ -1,6 +1,6 @@
-// Volumes for shadows and ambient occlusion: transmittance towards each light, and the mean transmittance of each
-// point's surroundings, on grids; in mode isosurface rho itself, in which surfaces are found. Made by the processor for
-// all backends. Source: conventions, section 10.
+// Volumes for shadows and ambient occlusion: absorption on a grid along the world's axes, and from it transmittance
+// towards each light and the mean transmittance of each point's surroundings; in mode isosurface rho, in which surfaces
+// are found. Made by the processor for all backends. Source: conventions, section 10.
 #pragma once
 
 #include <array>
@@ -22,6 +22,8 @@ class LightVolumeCache {
     /// seconds_light and bytes_light. Throws OutOfMemory, Cancelled.
     LightVolumes of(const Request& request, const Prepared& prepared, const Indexed& indexed, const Reach& reach,
                     backend_cpu::CpuRenderer& processor, Image& image);
+    /// The grid of absorption of the last volumes of(); null where there is none, or no longer.
+    [[nodiscard]] std::shared_ptr<const LightVolume> absorption() const { return absorption_.lock(); }
 
   private:
     /// What a volume was made from; the fields are kept so that no other one gets their address.
@@ -38,22 +40,31 @@ class LightVolumeCache {
         [[nodiscard]] bool operator==(const Origin& other) const;
     };
     struct Entry {
+        enum class Of {
+            rho,
+            absorption,    ///< -ln(1 - alpha) of a slice distance
+            transmittance, ///< towards a light
+            openness,
+        };
         Origin origin;
-        int group = -1;      ///< of which rho is kept; -1: light is
-        Vec3 direction{0.0}; ///< world, towards the light; openness: 0
-        double step = 0.0;   ///< what an element spans, world units
-        double radius = 0.0; ///< of ambient occlusion, in slice distances
-        bool turns = false;  ///< with the camera
-        std::shared_ptr<const LightVolume> volume;
+        Of of = Of::rho;
+        std::size_t group = 0; ///< of which rho is kept
+        Vec3 direction{0.0};   ///< of transmittance: world, towards the light
+        double step = 0.0;     ///< what an element was to span, world units; rho: 0
+        double radius = 0.0;   ///< of openness, in slice distances
+        bool turns = false;    ///< with the camera
+        std::shared_ptr<const LightVolume> volume = nullptr;
     };
 
-    /// Puts the entry first for which `serves` holds, or a new one.
-    template <class Serves, class Make>
-    std::shared_ptr<const LightVolume> find(const Serves& serves, const Make& make);
+    /// Puts the entry first that is as `wanted`, or a new one with the volume make(), and counts it. What make() finds
+    /// here is counted too.
+    template <class Make>
+    std::shared_ptr<const LightVolume> find(const Entry& wanted, std::size_t& used, const Make& make);
     /// Drops volumes of other fields and of lights that turn with the camera, and all beyond the limits of memory.
     void tidy(const Scene& scene, std::size_t used);
 
     std::vector<Entry> entries_; ///< the last used ones first
+    std::weak_ptr<const LightVolume> absorption_;
 };
 
 } // namespace sheetsplat

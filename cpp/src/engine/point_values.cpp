@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <utility>
+#include <variant>
 
 #include "reference/points.hpp"
 #include "reference/screen.hpp"
@@ -16,13 +17,20 @@ namespace {
 
 /// Samples along one axis that may reach a point.
 constexpr std::size_t most_along = 32;
+/// Gaussians of neighbours follow from each other below this: else the first one may be nothing to float64.
+constexpr double steep_falloff = 200.0;
 
 class LatticeValues final : public PointValues {
   public:
     explicit LatticeValues(std::shared_ptr<const Field> field)
         : field_(std::move(field)), samples_(*as_regular(field_.get())), normaliser_(*field_, 1.0),
           semi_axes_(samples_.semi_axes_world()), origin_(samples_.options().origin), step_(step_of(samples_)),
-          bcc_(samples_.lattice() == Lattice::bcc) {}
+          bcc_(samples_.lattice() == Lattice::bcc) {
+        for (int axis = 0; axis < 3; ++axis) {
+            const double apart = step_[axis] / semi_axes_[axis];
+            ratios_[axis] = std::exp(-2.0 * samples_.kernel().falloff * apart * apart);
+        }
+    }
 
     /// Whether its kernels are small enough.
     static bool serves(const RegularField& field) {
@@ -42,30 +50,7 @@ class LatticeValues final : public PointValues {
             columns[1] = along(from.x - 0.5 * step_.x, 0, ni);
             rows[1] = along(from.y - 0.5 * step_.y, 1, nj);
         }
-        const Kernel& kernel = samples_.kernel();
-        const double edge = kernel.edge();
-        double d = 0.0, w = 0.0;
-        bool empty = true;
-        for (std::size_t z = 0; z < layers.count; ++z) {
-            const std::size_t k = layers.first + z, shifted = bcc_ ? k % 2 : 0;
-            for (std::size_t y = 0; y < rows[shifted].count; ++y) {
-                const double squared = layers.squared[z] + rows[shifted].squared[y];
-                const double gaussian = layers.gaussian[z] * rows[shifted].gaussian[y];
-                const Along& row = columns[shifted];
-                for (std::size_t x = 0; squared < 1.0 && x < row.count; ++x) {
-                    if (squared + row.squared[x] < 1.0) {
-                        const double value = samples_.value(row.first + x, rows[shifted].first + y, k);
-                        if (!std::isnan(value)) {
-                            const double g = gaussian * row.gaussian[x] - edge;
-                            d += value * g;
-                            w += g;
-                            empty = false;
-                        }
-                    }
-                }
-            }
-        }
-        return {normaliser_.rho(d * kernel.gain(), w * kernel.gain()), empty};
+        return std::visit([&](const auto& values) { return sum(values, layers, columns, rows); }, samples_.samples());
     }
 
   private:
@@ -81,6 +66,40 @@ class LatticeValues final : public PointValues {
         return field.lattice() == Lattice::bcc ? Vec3(spacing.x, spacing.x, 0.5 * spacing.x) : spacing;
     }
 
+    template <class Values>
+    [[nodiscard]] Value sum(const Values& values, const Along& layers, const std::array<Along, 2>& columns,
+                            const std::array<Along, 2>& rows) const {
+        const auto [nk, nj, ni] = samples_.shape();
+        const double edge = edge_;
+        const bool holes = samples_.has_holes();
+        double d = 0.0, w = 0.0;
+        bool empty = true;
+        for (std::size_t z = 0; z < layers.count; ++z) {
+            const std::size_t k = layers.first + z, shifted = bcc_ ? k % 2 : 0;
+            const Along& row = columns[shifted];
+            for (std::size_t y = 0; y < rows[shifted].count; ++y) {
+                const double left = 1.0 - (layers.squared[z] + rows[shifted].squared[y]);
+                if (!(left > 0.0)) {
+                    continue;
+                }
+                const double gaussian = layers.gaussian[z] * rows[shifted].gaussian[y];
+                const auto* samples = values.data() + (k * nj + rows[shifted].first + y) * ni + row.first;
+                for (std::size_t x = 0; x < row.count; ++x) {
+                    if (row.squared[x] < left) {
+                        const auto value = static_cast<double>(samples[x]);
+                        if (!holes || !std::isnan(value)) {
+                            const double g = gaussian * row.gaussian[x] - edge;
+                            d += value * g;
+                            w += g;
+                            empty = false;
+                        }
+                    }
+                }
+            }
+        }
+        return {normaliser_.rho(d * gain_, w * gain_), empty};
+    }
+
     [[nodiscard]] Along along(double from, int axis, std::size_t samples) const {
         const double middle = from / step_[axis], reach = semi_axes_[axis] / step_[axis];
         const double most = static_cast<double>(samples);
@@ -88,10 +107,20 @@ class LatticeValues final : public PointValues {
         found.first = static_cast<std::size_t>(std::clamp(std::ceil(middle - reach), 0.0, most));
         const auto past = static_cast<std::size_t>(std::clamp(std::floor(middle + reach) + 1.0, 0.0, most));
         found.count = std::min(past > found.first ? past - found.first : 0, most_along);
+        // Each Gaussian from the one before: the ratios of neighbours have one ratio.
+        const double falloff = samples_.kernel().falloff, apart = -1.0 / reach;
+        const double start = (from - static_cast<double>(found.first) * step_[axis]) / semi_axes_[axis];
+        double gaussian = 0.0, ratio = 0.0;
+        if (found.count > 0) {
+            gaussian = std::exp(-falloff * start * start);
+            ratio = std::exp(-falloff * apart * (2.0 * start + apart));
+        }
         for (std::size_t n = 0; n < found.count; ++n) {
             const double offset = (from - static_cast<double>(found.first + n) * step_[axis]) / semi_axes_[axis];
             found.squared[n] = offset * offset;
-            found.gaussian[n] = std::exp(-samples_.kernel().falloff * found.squared[n]);
+            found.gaussian[n] = falloff < steep_falloff ? gaussian : std::exp(-falloff * found.squared[n]);
+            gaussian *= ratio;
+            ratio *= ratios_[axis];
         }
         return found;
     }
@@ -100,6 +129,8 @@ class LatticeValues final : public PointValues {
     const RegularField& samples_;
     reference::Normaliser normaliser_;
     Vec3 semi_axes_, origin_, step_;
+    Vec3 ratios_{1.0}; ///< of the ratios of neighbouring Gaussians along an axis
+    double edge_ = samples_.kernel().edge(), gain_ = samples_.kernel().gain();
     bool bcc_;
 };
 

@@ -205,7 +205,7 @@ bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bo
             const LightVolumes volumes = light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
             measured_ = std::make_unique<MeasuredLight>(MeasuredLight{{request.scene, request.camera, request.size},
                                                                       plan.backend,
-                                                                      light_probe_.errors(request, prepared, volumes)});
+                                                                      light_probe_.errors(request, prepared, volumes, light_.absorption())});
         } catch (const OutOfMemory&) {
             // The estimate stands.
             return false;

@@ -69,9 +69,8 @@ double least_semi_axis(const Field& field) {
 
 class View {
   public:
-    View(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
-         const LightVolume* absorption, LightErrorProbe::BlocksOf& blocks,
-         std::vector<std::shared_ptr<const PointValues>> values)
+    View(const Request& request, const Prepared& prepared, const LightVolumes& volumes, const LightVolume* absorption,
+         LightErrorProbe::BlocksOf& blocks, std::vector<std::shared_ptr<const PointValues>> values)
         : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan),
           volumes_(volumes), values_(std::move(values)), surfaces_(!volumes.groups.empty()), groups_(scene_.groups()),
           screen_(camera_, request.size), clipping_(scene_, camera_), box_(supports_world(scene_)),
@@ -525,8 +524,8 @@ class View {
     std::vector<Vec3> to_lights_; ///< world
     std::array<Vec3, directions_around> around_ = around_world();
     SurfaceLines lines_;
-    bool resolved_ = false;    ///< the grid of rho shows every kernel
-    std::vector<Sides> sides_; ///< of each group, mode isosurface
+    bool resolved_ = false;                   ///< the grid of rho shows every kernel
+    std::vector<Sides> sides_;                ///< of each group, mode isosurface
     const LightVolume* absorption_ = nullptr; ///< null: not used
     const LightBlocks* absorbing_ = nullptr;
     double occlusion_steps_ = 0.0;
@@ -574,9 +573,9 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
         for (const auto& group : volumes.groups) {
             owner = group.get() == &volume ? group : owner;
         }
-        blocks_.erase(std::remove_if(blocks_.begin(), blocks_.end(),
-                                     [](const auto& entry) { return entry.first.expired(); }),
-                      blocks_.end());
+        blocks_.erase(
+            std::remove_if(blocks_.begin(), blocks_.end(), [](const auto& entry) { return entry.first.expired(); }),
+            blocks_.end());
         for (const auto& [of, found] : blocks_) {
             if (of.lock() == owner) {
                 return *found;

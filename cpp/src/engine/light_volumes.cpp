@@ -154,8 +154,9 @@ void draw_into(const Request& request, const DrawPlan& plan, const Indexed& inde
 }
 
 /// -ln(1 - alpha) of a slice distance, on a grid along the world's axes with a step of about `step`.
-LightVolume absorption_grid(const Request& request, const DrawPlan& plan, const Indexed& indexed, const Prepared& prepared,
-                       const Reach& reach, double step, double elements, backend_cpu::CpuRenderer& processor) {
+LightVolume absorption_grid(const Request& request, const DrawPlan& plan, const Indexed& indexed,
+                            const Prepared& prepared, const Reach& reach, double step, double elements,
+                            backend_cpu::CpuRenderer& processor) {
     const LightView view = view_of(request.scene, Vec3(0.0, 0.0, 1.0), step, elements, reach);
     const Frame frame = make_frame(request.scene, view.camera, view.size, reach);
     LightVolume volume;

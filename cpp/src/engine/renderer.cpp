@@ -203,9 +203,10 @@ bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bo
             Image image;
             const Indexed indexed = find_drawn(request, prepared, prepared.frame);
             const LightVolumes volumes = light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
-            measured_ = std::make_unique<MeasuredLight>(MeasuredLight{{request.scene, request.camera, request.size},
-                                                                      plan.backend,
-                                                                      light_probe_.errors(request, prepared, volumes, light_.absorption())});
+            measured_ = std::make_unique<MeasuredLight>(
+                MeasuredLight{{request.scene, request.camera, request.size},
+                              plan.backend,
+                              light_probe_.errors(request, prepared, volumes, light_.absorption())});
         } catch (const OutOfMemory&) {
             // The estimate stands.
             return false;

@@ -35,8 +35,8 @@ LightBlocks::LightBlocks(const LightVolume& volume) {
         for (std::size_t v = 0; v < elements[1]; ++v, values += elements[0]) {
             const Blocks high = blocks_of(v, counts_[1]);
             for (std::size_t block = 0; block < counts_[0]; ++block) {
-                const auto [least, greatest] = std::minmax_element(
-                    values + block * edge, values + std::min(block * edge + edge + 1, elements[0]));
+                const auto [least, greatest] =
+                    std::minmax_element(values + block * edge, values + std::min(block * edge + edge + 1, elements[0]));
                 row[block] = {*least, *greatest};
             }
             for (std::size_t z = deep.first; z <= deep.last; ++z) {

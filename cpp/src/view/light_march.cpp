@@ -20,8 +20,8 @@ constexpr float boundless = 1e30F;
 /// e^-x of more than this is 0.
 constexpr float all_gone = 80.0F;
 
-/// e^-x for x >= 0 with a relative error below 1e-6: 2^y for y = -x / ln 2 with y's whole part as exponent, and a Taylor
-/// polynomial of the rest. Loops over it become vectors.
+/// e^-x for x >= 0 with a relative error below 1e-6: 2^y for y = -x / ln 2 with y's whole part as exponent, and a
+/// Taylor polynomial of the rest. Loops over it become vectors.
 inline float left_of(float absorbed) {
     constexpr float per_ln_2 = 1.44269504F;
     const float y = -per_ln_2 * std::min(absorbed, all_gone);
@@ -45,8 +45,8 @@ Between between(double place) {
     return {static_cast<int>(whole), static_cast<float>(place - whole)};
 }
 
-/// What four numbers in a row count for a place between the two in the middle: Catmull and Rom's cubic, which keeps what
-/// lines would smooth.
+/// What four numbers in a row count for a place between the two in the middle: Catmull and Rom's cubic, which keeps
+/// what lines would smooth.
 std::array<float, 4> weights(float part) {
     const float p = part, p2 = p * p, p3 = p2 * p;
     return {-0.5F * p + p2 - 0.5F * p3, 1.0F - 2.5F * p2 + 1.5F * p3, 0.5F * p + 2.0F * p2 - 1.5F * p3,
@@ -68,8 +68,8 @@ void mix_along(const float* from, float part, std::size_t count, float most, flo
     }
 }
 
-/// Rays through a grid, plane by plane away from the light. Ray r of an axis across meets plane p at the element's place
-/// r - offset(p).
+/// Rays through a grid, plane by plane away from the light. Ray r of an axis across meets plane p at the element's
+/// place r - offset(p).
 class Rays {
   public:
     /// An axis across the rays.
@@ -116,7 +116,8 @@ class Rays {
                static_cast<std::size_t>(row) * rows_.stride;
     }
     [[nodiscard]] std::size_t bands() const {
-        return static_cast<std::size_t>((rows_.rays - shared_rows + band_rows - shared_rows - 1) / (band_rows - shared_rows));
+        return static_cast<std::size_t>((rows_.rays - shared_rows + band_rows - shared_rows - 1) /
+                                        (band_rows - shared_rows));
     }
 
   private:
@@ -474,8 +475,8 @@ LightVolume transmittance(const LightVolume& absorption, const Vec3& towards_lig
     const Filled filled(absorption, rays);
     LightVolume left = like(absorption);
     pool.run(
-        rays.bands(),
-        [&](std::size_t number, int) { follow(Band(absorption, rays, filled, number), rays, left); }, poll);
+        rays.bands(), [&](std::size_t number, int) { follow(Band(absorption, rays, filled, number), rays, left); },
+        poll);
     sharpen(left, pool, poll);
     return left;
 }

@@ -10,8 +10,8 @@
 
 namespace sheetsplat {
 
-/// Blocks of 4 x 4 x 4 cells, the elements on their faces included: a number looked up at a place in a block lies in the
-/// block's range.
+/// Blocks of 4 x 4 x 4 cells, the elements on their faces included: a number looked up at a place in a block lies in
+/// the block's range.
 class LightBlocks {
   public:
     struct Range {

@@ -1,7 +1,8 @@
 // Light on its way through a grid of absorption: what is left of it at each element, and how open the surroundings of
 // each element are. Rays run from plane to plane of the grid along the axis that is nearest to the light's direction,
-// each ray a column of a sheared grid: absorption is interpolated from a plane's elements to the rays, and transmittance
-// back, so that nothing is smoothed more than twice however far the light comes. Source: conventions, section 10.
+// each ray a column of a sheared grid: absorption is interpolated from a plane's elements to the rays, and
+// transmittance back, so that nothing is smoothed more than twice however far the light comes. Source: conventions,
+// section 10.
 #pragma once
 
 #include <functional>

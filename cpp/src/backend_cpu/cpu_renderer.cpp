@@ -264,19 +264,19 @@ struct CpuRenderer::State {
         }
         std::size_t part = 0;
         bool any = false;
+        room.lattices.clear();
         for (std::size_t lattice = 0; lattice < job.regular.size(); ++lattice, ++part) {
             const Buckets<RowPart>& rows = sorted->lattices[lattice].parts;
-            functions.feed_rows(*job.regular[lattice].view, *job.regular[lattice].runs, *job.frame, job.plan->sampling,
-                                rows.begin(tile), rows.end(tile), shape, room.kernels[part]);
-            any = any || !room.kernels[part].sections.empty();
-            room.kernels_drawn += room.kernels[part].counted;
+            room.kernels[part].clear();
+            room.lattices.push_back({job.regular[lattice].view, job.regular[lattice].runs, job.frame,
+                                     job.plan->sampling, rows.begin(tile), rows.end(tile)});
+            any = any || rows.begin(tile) != rows.end(tile);
         }
         for (std::size_t field = 0; field < job.ellipsoids.size(); ++field, ++part) {
             const Buckets<std::uint32_t>& kernels = sorted->scattered[field].indices;
             functions.feed_kernels(*job.ellipsoids[field].view, kernels.begin(tile), kernels.end(tile), shape,
                                    room.kernels[part]);
             any = any || !room.kernels[part].sections.empty();
-            room.kernels_drawn += room.kernels[part].counted;
         }
         clear_picture(*job.plan, shape, room);
         if (any) {
@@ -290,6 +290,9 @@ struct CpuRenderer::State {
                 room.zeros.assign(elements, T(0));
             }
             functions.run(setup, shape, room, between);
+        }
+        for (const TileKernels<T>& kernels : room.kernels) {
+            room.kernels_drawn += kernels.counted;
         }
         if (setup.record == nullptr) {
             finish_scalars(*job.plan, shape, room.planes);

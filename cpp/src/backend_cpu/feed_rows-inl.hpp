@@ -20,31 +20,34 @@
 #include "backend_cpu/tile_task.hpp"
 #include "feed-inl.hpp"
 #include "hwy/highway.h"
+#include "live-inl.hpp"
+#include "splat_target-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
-/// Kernels of a lattice for a tile, by first slices.
+/// Kernels of a lattice for a tile, by first slices, in batches of slices from front to back: those of which nothing
+/// can be seen any more when their batch begins are left out.
 template <class T>
 class RowFeed {
   public:
-    RowFeed(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling,
-            const TileShape& tile, TileKernels<T>& kernels)
-        : view_(view), runs_(runs), frame_(frame), slab_(sampling == Sampling::slab), tile_(tile), kernels_(kernels),
-          perspective_(frame.projection == Projection::perspective),
-          basis_(view.to_unit * glm::dvec2(frame.pixel, 0.0), view.to_unit * glm::dvec2(0.0, -frame.pixel)),
-          origin_(origin_of(tile, frame)), per_spacing_(1.0 / frame.slice_spacing),
-          per_half_depth_(1.0 / view.half_depth), reach_(view.half_depth * per_spacing_ + (slab_ ? 0.5 : 0.0)),
-          last_slice_(static_cast<double>(frame.slices - 1)), own_(tile, frame) {
+    RowFeed(const LatticeRows& rows, const TileShape& tile, TileKernels<T>& kernels)
+        : view_(*rows.view), runs_(*rows.runs), frame_(*rows.frame), slab_(rows.sampling == Sampling::slab),
+          begin_(rows.begin), end_(rows.end), tile_(tile), kernels_(kernels),
+          perspective_(frame_.projection == Projection::perspective),
+          basis_(view_.to_unit * glm::dvec2(frame_.pixel, 0.0), view_.to_unit * glm::dvec2(0.0, -frame_.pixel)),
+          origin_(origin_of(tile, frame_)), half_x_(view_.extent_x / frame_.pixel),
+          half_y_(view_.extent_y / frame_.pixel), per_pixel_(1.0 / frame_.pixel),
+          per_spacing_(1.0 / frame_.slice_spacing), per_half_depth_(1.0 / view_.half_depth),
+          reach_(view_.half_depth * per_spacing_ + (slab_ ? 0.5 : 0.0)), step_(-view_.step_i.z * per_spacing_),
+          per_step_(std::abs(step_) > 1e-9 ? 1.0 / step_ : 0.0), last_slice_(static_cast<double>(frame_.slices - 1)),
+          own_(tile, frame_) {
         // Per slice: the point moves along the ray, and the sphere's centre leans away.
-        const glm::dvec2 ray = perspective_ ? view.to_unit * origin_ : glm::dvec2(0.0);
-        const glm::dvec2 drift = frame.slice_spacing * (ray + per_half_depth_ * view.shear);
+        const glm::dvec2 ray = perspective_ ? view_.to_unit * origin_ : glm::dvec2(0.0);
+        const glm::dvec2 drift = frame_.slice_spacing * (ray + per_half_depth_ * view_.shear);
         step_slice_ =
-            Vec3(glm::dot(basis_.q1, drift), glm::dot(basis_.q2, drift), -frame.slice_spacing * per_half_depth_);
-        step_unit_ = unit_at(view.first_eye + view.step_i) - unit_at(view.first_eye);
-    }
-
-    void run(const RowPart* begin, const RowPart* end) {
+            Vec3(glm::dot(basis_.q1, drift), glm::dot(basis_.q2, drift), -frame_.slice_spacing * per_half_depth_);
+        step_unit_ = unit_at(view_.first_eye + view_.step_i) - unit_at(view_.first_eye);
         kernels_.clear();
         RowShape<T> shape;
         shape.X = static_cast<T>(basis_.X);
@@ -56,11 +59,21 @@ class RowFeed {
         kernels_.shapes.assign(1, shape);
         kernels_.weight = static_cast<T>(view_.weight_scale);
         kernels_.last_slice = static_cast<std::int32_t>(frame_.slices - 1);
-        if (slab_) {
-            one_by_one(begin, end);
+        at_once_ = slab_ || !plan_batches();
+    }
+
+    [[nodiscard]] bool ended() const { return batch_ == batches_; }
+    /// Kernels that begin before this slice have been fed.
+    [[nodiscard]] std::int64_t next() const { return static_cast<std::int64_t>(least_) + batch_ * length_; }
+
+    /// Adds the kernels of one more batch behind what there is.
+    void feed(const Live& live) {
+        if (at_once_) {
+            one_by_one();
         } else {
-            in_order(begin, end);
+            in_order(live);
         }
+        ++batch_;
     }
 
   private:
@@ -71,67 +84,66 @@ class RowFeed {
         const glm::dvec2 plane = view_.to_unit * from - s * view_.shear;
         return Vec3(glm::dot(basis_.q1, plane), glm::dot(basis_.q2, plane), s);
     }
-
-    /// A stretch of drawn samples.
-    struct Stretch {
-        std::size_t row;
-        std::uint32_t begin, end;
-        double depth, step; ///< in slices from slice 0
-        Vec3 eye;
-    };
-
-    template <class Visit>
-    void for_each_stretch(const RowPart* begin, const RowPart* end, const Visit& visit) const {
-        const auto& dims = view_.field->shape();
-        std::size_t samples = 0;
-        for (const RowPart* part = begin; part != end; ++part) {
-            samples += part->end - part->begin;
-            if (samples >= samples_between_polls && kernels_.poll) {
-                kernels_.poll();
-                samples = 0;
-            }
-            const Run* past = runs_.end(part->row);
-            const Run* run = runs_.begin(part->row);
-            if (past - run > 8) {
-                run = std::partition_point(run, past, [&](const Run& r) { return r.end <= part->begin; });
-            }
-            for (; run != past && run->begin < part->end; ++run) {
-                Stretch stretch;
-                stretch.row = part->row;
-                stretch.begin = std::max(run->begin, part->begin);
-                stretch.end = std::min(run->end, part->end);
-                if (stretch.begin >= stretch.end) {
-                    continue;
-                }
-                stretch.eye = view_.eye_position(stretch.begin, part->row % dims[1], part->row / dims[1]);
-                stretch.depth = (-stretch.eye.z - frame_.first_depth) * per_spacing_;
-                stretch.step = -view_.step_i.z * per_spacing_;
-                visit(stretch);
-            }
-        }
+    [[nodiscard]] Vec3 eye_of(std::size_t row, std::uint32_t sample) const {
+        const std::size_t rows = view_.field->shape()[1];
+        return view_.eye_position(sample, row % rows, row / rows);
     }
-
+    [[nodiscard]] HWY_INLINE double depth_of(const Vec3& eye) const {
+        return (-eye.z - frame_.first_depth) * per_spacing_;
+    }
     [[nodiscard]] HWY_INLINE double first_of(double depth) const { return std::max(std::ceil(depth - reach_), 0.0); }
     [[nodiscard]] HWY_INLINE double last_of(double depth) const {
         return std::min(std::floor(depth + reach_), last_slice_);
     }
 
-    /// How many of a stretch's centres lie in the tile's own part of the picture.
-    [[nodiscard]] std::size_t owned(const Stretch& stretch) const {
-        const std::uint32_t count = stretch.end - stretch.begin;
-        if (perspective_) {
-            std::size_t sum = 0;
-            for (std::uint32_t i = 0; i < count; ++i) {
-                const Vec3 eye = stretch.eye + static_cast<double>(i) * view_.step_i;
-                const double depth = std::max(-eye.z, frame_.first_depth);
-                sum += own_.hold((eye.x / depth - origin_.x) / frame_.pixel, (origin_.y - eye.y / depth) / frame_.pixel)
-                           ? 1U
-                           : 0U;
+    void poll_after(std::size_t samples) {
+        looked_at_ += samples;
+        if (looked_at_ >= samples_between_polls && kernels_.poll) {
+            kernels_.poll();
+            looked_at_ = 0;
+        }
+    }
+
+    /// Calls visit(begin, end) for the drawn samples of a part of a row that lie between two numbers.
+    template <class Visit>
+    HWY_INLINE void for_each_run(const RowPart& part, std::uint32_t begin, std::uint32_t end,
+                                 const Visit& visit) const {
+        const Run* past = runs_.end(part.row);
+        const Run* run = runs_.begin(part.row);
+        if (past - run > 8) {
+            run = std::partition_point(run, past, [&](const Run& r) { return r.end <= begin; });
+        }
+        for (; run != past && run->begin < end; ++run) {
+            if (run->end > begin) {
+                visit(*run, std::max(run->begin, begin), std::min(run->end, end));
             }
+        }
+    }
+
+    /// How many drawn samples of a part of a row have their centres in the tile's own part of the picture.
+    [[nodiscard]] std::size_t owned(const RowPart& part) const {
+        std::size_t sum = 0;
+        if (perspective_) {
+            for_each_run(part, part.begin, part.end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
+                for (std::uint32_t i = begin; i < end; ++i) {
+                    const Vec3 eye = eye_of(part.row, i);
+                    const double depth = std::max(-eye.z, frame_.first_depth);
+                    sum += own_.hold((eye.x / depth - origin_.x) / frame_.pixel,
+                                     (origin_.y - eye.y / depth) / frame_.pixel)
+                               ? 1U
+                               : 0U;
+                }
+            });
             return sum;
         }
-        double low = 0.0, high = static_cast<double>(count);
+        // From the row's first sample on, and in pixels of the picture, so that neighbouring tiles cut at one sample.
+        const Vec3 eye = eye_of(part.row, 0);
+        double low = part.begin, high = part.end;
         const auto cut = [&](double at, double step, double from, double to) {
+            if (std::abs(step) < 1e-30) {
+                high = at >= from && at < to ? high : low;
+                return;
+            }
             if (step < 0.0) {
                 at = -at;
                 step = -step;
@@ -139,195 +151,340 @@ class RowFeed {
                 from = -from;
                 to = -to;
             }
-            if (step == 0.0) {
-                high = at >= from && at < to ? high : low;
-                return;
-            }
-            low = std::max(low, std::ceil((from - at) / step));
-            high = std::min(high, std::ceil((to - at) / step));
+            const double per_step = 1.0 / step;
+            low = std::max(low, std::ceil((from - at) * per_step));
+            high = std::min(high, std::ceil((to - at) * per_step));
         };
-        cut((stretch.eye.x - origin_.x) / frame_.pixel, view_.step_i.x / frame_.pixel, own_.left, own_.right);
-        cut((origin_.y - stretch.eye.y) / frame_.pixel, -view_.step_i.y / frame_.pixel, own_.top, own_.bottom);
-        return high > low ? static_cast<std::size_t>(high - low) : 0;
+        const double left = tile_.x - 0.5, top = tile_.y - 0.5;
+        cut(eye.x * per_pixel_ + 0.5 * frame_.size.width, view_.step_i.x * per_pixel_, own_.left + left,
+            own_.right + left);
+        cut(0.5 * frame_.size.height - eye.y * per_pixel_, -view_.step_i.y * per_pixel_, own_.top + top,
+            own_.bottom + top);
+        if (low < high) {
+            for_each_run(part, static_cast<std::uint32_t>(low), static_cast<std::uint32_t>(high),
+                         [&](const Run&, std::uint32_t begin, std::uint32_t end) { sum += end - begin; });
+        }
+        return sum;
     }
 
-    /// Samples that are looked at together.
-    static constexpr std::uint32_t block = 64;
-
-    template <class Visit>
-    static HWY_INLINE void for_each_block(const Stretch& stretch, const Visit& visit) {
-        const std::uint32_t count = stretch.end - stretch.begin;
-        for (std::uint32_t from = 0; from < count; from += block) {
-            visit(from, std::min(block, count - from));
+    /// Sorts the parts of rows by the batches that their samples begin in; false where there are too few samples for so
+    /// many slices.
+    bool plan_batches() {
+        RowBatches& rows = kernels_.rows;
+        const auto parts = static_cast<std::size_t>(end_ - begin_);
+        // First slices; what rounding moves to the next one is found in the next one too.
+        std::vector<double>& firsts = rows.firsts;
+        firsts.resize(2 * parts);
+        rows.eyes.resize(parts);
+        double least = std::numeric_limits<double>::infinity(), most = -1.0;
+        std::size_t count = 0;
+        for (std::size_t number = 0; number < parts; ++number) {
+            const RowPart& part = begin_[number];
+            const Vec3 eye = eye_of(part.row, part.begin);
+            rows.eyes[number] = {eye.x, eye.y, eye.z};
+            const double depth = depth_of(eye);
+            const double far = depth + static_cast<double>(part.end - 1 - part.begin) * step_;
+            firsts[2 * number] = std::max(first_of(std::min(depth, far)) - 1.0, 0.0);
+            firsts[2 * number + 1] = std::min(first_of(std::max(depth, far)) + 1.0, last_slice_);
+            least = std::min(least, firsts[2 * number]);
+            most = std::max(most, firsts[2 * number + 1]);
+            count += part.end - part.begin;
+            kernels_.counted += owned(part);
+            poll_after(part.end - part.begin);
         }
+        if (!(least <= most)) {
+            batches_ = 0;
+            return true;
+        }
+        if (most - least > static_cast<double>(4 * count + 1024)) {
+            return false;
+        }
+        least_ = least;
+        past_ = most + 1.0;
+        length_ = std::max<std::int64_t>(batch_slices, static_cast<std::int64_t>((past_ - least_) / most_batches) + 1);
+        const double per_batch = 1.0 / static_cast<double>(length_);
+        batches_ = static_cast<std::int64_t>((past_ - 1.0 - least_) * per_batch) + 1;
+        rows.offset.assign(static_cast<std::size_t>(batches_) + 2, 0);
+        const auto for_each_batch = [&](std::size_t number, const auto& visit) {
+            if (firsts[2 * number] <= firsts[2 * number + 1]) {
+                const auto last = static_cast<std::size_t>((firsts[2 * number + 1] - least_) * per_batch);
+                for (auto at = static_cast<std::size_t>((firsts[2 * number] - least_) * per_batch); at <= last; ++at) {
+                    visit(at);
+                }
+            }
+        };
+        for (std::size_t number = 0; number < parts; ++number) {
+            for_each_batch(number, [&](std::size_t batch) { ++rows.offset[batch + 2]; });
+        }
+        for (std::size_t batch = 2; batch < rows.offset.size(); ++batch) {
+            rows.offset[batch] += rows.offset[batch - 1];
+        }
+        rows.parts.resize(rows.offset.back());
+        for (std::size_t number = 0; number < parts; ++number) {
+            for_each_batch(number, [&](std::size_t batch) {
+                rows.parts[rows.offset[batch + 1]++] = static_cast<std::uint32_t>(number);
+            });
+        }
+        return true;
     }
 
-    /// First slices, counted from `least`; those beyond `most` under the one after it. A function of its own: inlined
-    /// twice, it could be rounded in two ways, and kernels would not find the places that were counted for them.
-    HWY_NOINLINE void slots_of(const Stretch& stretch, std::uint32_t from, std::uint32_t samples, double least,
-                               double most, std::int32_t* slots) const {
-        for (std::uint32_t i = 0; i < samples; ++i) {
-            const auto along = static_cast<double>(static_cast<std::int32_t>(from + i));
-            const double first = first_of(stretch.depth + along * stretch.step);
-            slots[i] = static_cast<std::int32_t>(std::min(std::max(first, least), most + 1.0) - least);
+    /// Whether anything can still be seen of samples begin ... end - 1 of a row.
+    [[nodiscard]] HWY_INLINE bool seen(const Live& live, const Vec3& from, std::uint32_t count) const {
+        if (live.rows == nullptr) {
+            return true;
         }
+        const Vec3 to = from + static_cast<double>(count - 1) * view_.step_i;
+        const SheetBox box = box_between(from, to);
+        // Boxes as the splat loops find them, in T, and a little more.
+        const int x0 = whole(box.left - 0.01, live.rect.x0, live.rect.x1);
+        const int y0 = whole(box.top - 0.01, live.rect.y0, live.rect.y1);
+        const int x1 = whole(box.right + 1.01, live.rect.x0, live.rect.x1);
+        const int y1 = whole(box.bottom + 1.01, live.rect.y0, live.rect.y1);
+        return x0 < x1 && y0 < y1 && live.sees(x0, y0, x1, y1);
     }
 
     /// Point sampling: two passes, the first one to count, so that every kernel is written once, where it belongs.
-    void in_order(const RowPart* begin, const RowPart* end) {
-        double least = std::numeric_limits<double>::infinity(), most = -1.0;
-        std::size_t count = 0;
-        for_each_stretch(begin, end, [&](const Stretch& stretch) {
-            const double far = stretch.depth + static_cast<double>(stretch.end - stretch.begin - 1) * stretch.step;
-            least = std::min({least, first_of(stretch.depth), first_of(far)});
-            most = std::max({most, first_of(stretch.depth), first_of(far)});
-            count += stretch.end - stretch.begin;
-            kernels_.counted += owned(stretch);
-        });
-        if (count == 0 || !(least <= last_slice_)) {
-            return;
-        }
-        // A kernel that ends on a slice may have been rounded to the other side of it here.
-        least = std::max(least - 1.0, 0.0);
-        most = std::min(most + 1.0, last_slice_);
-        const std::size_t starts = static_cast<std::size_t>(most - least) + 1;
-        if (starts > 4 * count + 1024) {
-            one_by_one(begin, end);
-            return;
-        }
-        // (Kernels behind the last slice, or between two, are counted under the slice after their own last one.)
+    void in_order(const Live& live) {
+        RowBatches& rows = kernels_.rows;
+        const auto batch = static_cast<std::size_t>(batch_);
+        const double least = least_ + static_cast<double>(batch_ * length_);
+        const double past = std::min(least + static_cast<double>(length_), past_);
+        const auto slots = static_cast<std::int32_t>(past - least);
         auto& places = kernels_.places;
-        places.assign(starts + 2, 0);
-        std::int32_t slots[block];
-        for_each_stretch(begin, end, [&](const Stretch& stretch) {
-            for_each_block(stretch, [&](std::uint32_t from, std::uint32_t samples) {
-                slots_of(stretch, from, samples, least, most, slots);
-                for (std::uint32_t i = 0; i < samples; ++i) {
-                    ++places[static_cast<std::size_t>(slots[i]) + 1];
+        // (Kernels of other batches, or between two slices, are counted under the slot after the last one.)
+        places.assign(static_cast<std::size_t>(slots) + 2, 0);
+        rows.stretches.clear();
+        rows.pieces.clear();
+        rows.slots.clear();
+        const auto& dims = view_.field->shape();
+        for (std::uint32_t at = rows.offset[batch]; at < rows.offset[batch + 1]; ++at) {
+            const RowPart& part = begin_[rows.parts[at]];
+            std::uint32_t begin = part.begin, end = part.end;
+            const auto& place = rows.eyes[rows.parts[at]];
+            const Vec3 eye(place[0], place[1], place[2]);
+            narrow(depth_of(eye), least, past, begin, end);
+            if (begin >= end) {
+                continue;
+            }
+            poll_after(end - begin);
+            if (!seen(live, eye + static_cast<double>(begin - part.begin) * view_.step_i, end - begin)) {
+                continue;
+            }
+            for_each_run(part, begin, end, [&](const Run& run, std::uint32_t run_begin, std::uint32_t run_end) {
+                // Numbers do not depend on where batches begin.
+                const std::uint32_t start = std::max(run.begin, part.begin);
+                const auto stretch = static_cast<std::uint32_t>(rows.stretches.size());
+                bool any = false;
+                const Vec3 first = eye_of(part.row, start);
+                for (std::uint32_t i = run_begin; i < run_end; i += fed_together) {
+                    const std::uint32_t count = std::min(fed_together, run_end - i);
+                    if (seen(live, first + static_cast<double>(i - start) * view_.step_i, count)) {
+                        rows.pieces.push_back({stretch, i - start, count});
+                        any = true;
+                    }
+                }
+                if (any) {
+                    const Vec3 unit = unit_at(first);
+                    rows.stretches.push_back(
+                        {part.row * dims[2] + start, depth_of(first), step_, {unit.x, unit.y, unit.z}});
                 }
             });
-        });
-        for (std::size_t start = 1; start <= starts + 1; ++start) {
+        }
+        // Samples in loops that the compiler makes vectors of.
+        rows.slots.resize(rows.pieces.size() * fed_together);
+        std::int32_t* slot = rows.slots.data();
+        for (const RowBatches::Piece& piece : rows.pieces) {
+            const RowBatches::Stretch& stretch = rows.stretches[piece.stretch];
+            // (Of what is beyond the piece too.)
+            for (std::uint32_t i = 0; i < fed_together; ++i) {
+                const auto along = static_cast<double>(static_cast<std::int32_t>(piece.from + i));
+                const double first = first_of(stretch.depth + along * stretch.step) - least;
+                slot[i] = static_cast<std::int32_t>(first < 0.0 ? past - least : std::min(first, past - least));
+            }
+            for (std::uint32_t i = 0; i < piece.count; ++i) {
+                ++places[static_cast<std::size_t>(slot[i]) + 1];
+            }
+            slot += fed_together;
+            poll_after(piece.count);
+        }
+        const std::size_t before = kernels_.sections.size();
+        for (std::size_t start = 1; start < places.size(); ++start) {
             places[start] += places[start - 1];
         }
-        const std::size_t kept = places[starts];
-        kernels_.sections.resize(places[starts + 1]);
-        const auto& dims = view_.field->shape();
-        const double value_scale = view_.value_scale;
-        const double per_slice = frame_.slice_spacing * per_half_depth_;
-        Section<T>* sections = kernels_.sections.data();
-        std::visit(
-            [&](const auto& data) {
-                for_each_stretch(begin, end, [&](const Stretch& stretch) {
-                    const auto* values = data.data() + stretch.row * dims[2] + stretch.begin;
-                    const Vec3 unit = unit_at(stretch.eye);
-                    for_each_block(stretch, [&](std::uint32_t from, std::uint32_t samples) {
-                        slots_of(stretch, from, samples, least, most, slots);
-                        // Numbers first, in loops that the compiler makes vectors of; then each to its place.
-                        T a1[block], a2[block], s[block], value[block];
-                        for (std::uint32_t i = 0; i < samples; ++i) {
-                            const auto along = static_cast<double>(static_cast<std::int32_t>(from + i));
-                            const double first = static_cast<double>(slots[i]) + least;
-                            a1[i] = static_cast<T>(unit.x + along * step_unit_.x + first * step_slice_.x);
-                            a2[i] = static_cast<T>(unit.y + along * step_unit_.y + first * step_slice_.y);
-                            s[i] = static_cast<T>((stretch.depth + along * stretch.step - first) * per_slice);
-                            value[i] = static_cast<T>(static_cast<double>(values[from + i]) * value_scale);
-                        }
-                        const auto origin = static_cast<std::int32_t>(least);
-                        for (std::uint32_t i = 0; i < samples; ++i) {
-                            Section<T>& section = sections[places[static_cast<std::size_t>(slots[i])]++];
-                            section.a1 = a1[i];
-                            section.a2 = a2[i];
-                            section.s = s[i];
-                            section.value = value[i];
-                            section.first = slots[i] + origin;
-                        }
-                    });
-                });
-            },
-            view_.field->samples());
-        kernels_.sections.resize(kept);
+        const std::size_t kept = places[static_cast<std::size_t>(slots)];
+        kernels_.sections.resize(before + places.back());
+        std::visit([&](const auto& data) { write(data.data(), least, kernels_.sections.data() + before); },
+                   view_.field->samples());
+        kernels_.sections.resize(before + kept);
     }
 
-    /// With the pixels that each can touch; sorted afterwards.
-    void one_by_one(const RowPart* begin, const RowPart* end) {
+    /// Leaves out samples of a part of a row that begin on no slice least <= n < past; some of them may stay.
+    HWY_INLINE void narrow(double depth, double least, double past, std::uint32_t& begin, std::uint32_t& end) const {
+        if (!(std::abs(step_) > 1e-9)) {
+            return;
+        }
+        // Samples begin on the slice behind depth - reach: a whole one less, and one more for rounding.
+        double from = (least - 2.0 + reach_ - depth) * per_step_, to = (past + 1.0 + reach_ - depth) * per_step_;
+        if (from > to) {
+            std::swap(from, to);
+        }
+        const double count = static_cast<double>(end - begin);
+        // Samples that begin in front of slice 0 begin there.
+        from = least <= 0.0 && step_ > 0.0 ? 0.0 : from;
+        to = least <= 0.0 && step_ < 0.0 ? count : to;
+        from = std::min(std::max(std::floor(from), 0.0), count);
+        to = std::min(std::max(std::ceil(to) + 1.0, 0.0), count);
+        end = begin + static_cast<std::uint32_t>(to);
+        begin += static_cast<std::uint32_t>(from);
+    }
+
+    template <class Value>
+    void write(const Value* values, double least, Section<T>* sections) {
+        const RowBatches& rows = kernels_.rows;
+        const double value_scale = view_.value_scale;
+        const double per_slice = frame_.slice_spacing * per_half_depth_;
+        const auto origin = static_cast<std::int32_t>(least);
+        const std::int32_t* slot = rows.slots.data();
+        for (const RowBatches::Piece& piece : rows.pieces) {
+            const RowBatches::Stretch& stretch = rows.stretches[piece.stretch];
+            const Value* here = values + stretch.first_sample + piece.from;
+            // Numbers first; then each to its place.
+            T a1[fed_together], a2[fed_together], s[fed_together], value[fed_together];
+            for (std::uint32_t i = 0; i < piece.count; ++i) {
+                value[i] = static_cast<T>(static_cast<double>(here[i]) * value_scale);
+            }
+            for (std::uint32_t i = 0; i < fed_together; ++i) {
+                const auto along = static_cast<double>(static_cast<std::int32_t>(piece.from + i));
+                const double first = static_cast<double>(slot[i]) + least;
+                a1[i] = static_cast<T>(stretch.unit[0] + along * step_unit_.x + first * step_slice_.x);
+                a2[i] = static_cast<T>(stretch.unit[1] + along * step_unit_.y + first * step_slice_.y);
+                s[i] = static_cast<T>((stretch.depth + along * stretch.step - first) * per_slice);
+            }
+            for (std::uint32_t i = 0; i < piece.count; ++i) {
+                Section<T>& section = sections[kernels_.places[static_cast<std::size_t>(slot[i])]++];
+                section.a1 = a1[i];
+                section.a2 = a2[i];
+                section.s = s[i];
+                section.value = value[i];
+                section.first = slot[i] + origin;
+            }
+            slot += fed_together;
+            poll_after(piece.count);
+        }
+    }
+
+    /// With the pixels that each can touch, all at once; sorted afterwards.
+    void one_by_one() {
         const auto& dims = view_.field->shape();
-        const double half_x = view_.extent_x / frame_.pixel, half_y = view_.extent_y / frame_.pixel;
         const double spacing = frame_.slice_spacing;
         const T weight = static_cast<T>(view_.weight_scale);
         kernels_.counted = 0;
+        const auto add_run = [&](const auto* values, const Vec3& eye, std::uint32_t count) {
+            const double start = depth_of(eye);
+            const Vec3 unit = unit_at(eye);
+            for (std::uint32_t i = 0; i < count; ++i) {
+                const auto along = static_cast<double>(i);
+                const double depth = start + along * step_;
+                const double first = first_of(depth), last = last_of(depth);
+                SectionExtra<T> extra;
+                if (!(first <= last) || !place(box_of(eye + along * view_.step_i, first, last), tile_, extra)) {
+                    continue;
+                }
+                extra.weight = weight;
+                extra.last = static_cast<std::int32_t>(last);
+                Section<T> section;
+                section.first = static_cast<std::int32_t>(first);
+                section.a1 = static_cast<T>(unit.x + along * step_unit_.x + first * step_slice_.x);
+                section.a2 = static_cast<T>(unit.y + along * step_unit_.y + first * step_slice_.y);
+                section.s = static_cast<T>((depth - first) * spacing * per_half_depth_);
+                section.value = static_cast<T>(static_cast<double>(values[i]) * view_.value_scale);
+                kernels_.unsorted.push_back(section);
+                kernels_.unsorted_extras.push_back(extra);
+            }
+        };
         std::visit(
             [&](const auto& data) {
-                for_each_stretch(begin, end, [&](const Stretch& stretch) {
-                    kernels_.counted += owned(stretch);
-                    const auto* values = data.data() + stretch.row * dims[2] + stretch.begin;
-                    const Vec3 unit = unit_at(stretch.eye);
-                    for (std::uint32_t i = 0; i < stretch.end - stretch.begin; ++i) {
-                        const auto along = static_cast<double>(i);
-                        const double depth = stretch.depth + along * stretch.step;
-                        const double first = first_of(depth), last = last_of(depth);
-                        SectionExtra<T> extra;
-                        if (!(first <= last) ||
-                            !place(box_of(stretch.eye + along * view_.step_i, first, last, half_x, half_y), tile_,
-                                   extra)) {
-                            continue;
-                        }
-                        extra.weight = weight;
-                        extra.last = static_cast<std::int32_t>(last);
-                        Section<T> section;
-                        section.first = static_cast<std::int32_t>(first);
-                        section.a1 = static_cast<T>(unit.x + along * step_unit_.x + first * step_slice_.x);
-                        section.a2 = static_cast<T>(unit.y + along * step_unit_.y + first * step_slice_.y);
-                        section.s = static_cast<T>((depth - first) * spacing * per_half_depth_);
-                        section.value = static_cast<T>(static_cast<double>(values[i]) * view_.value_scale);
-                        kernels_.unsorted.push_back(section);
-                        kernels_.unsorted_extras.push_back(extra);
-                    }
-                });
+                for (const RowPart* part = begin_; part != end_; ++part) {
+                    kernels_.counted += owned(*part);
+                    poll_after(part->end - part->begin);
+                    for_each_run(
+                        *part, part->begin, part->end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
+                            add_run(data.data() + part->row * dims[2] + begin, eye_of(part->row, begin), end - begin);
+                        });
+                }
             },
             view_.field->samples());
         kernels_.sort();
     }
 
-    [[nodiscard]] SheetBox box_of(const Vec3& eye, double first, double last, double half_x, double half_y) const {
+    /// What samples on a line between two places can touch.
+    [[nodiscard]] HWY_INLINE SheetBox box_between(const Vec3& a, const Vec3& b) const {
         if (!perspective_) {
-            const double x = (eye.x - origin_.x) / frame_.pixel, y = (origin_.y - eye.y) / frame_.pixel;
-            return {x - half_x, x + half_x, y - half_y, y + half_y};
+            const double x = (a.x - origin_.x) * per_pixel_, y = (origin_.y - a.y) * per_pixel_;
+            const double to_x = (b.x - origin_.x) * per_pixel_, to_y = (origin_.y - b.y) * per_pixel_;
+            return {std::min(x, to_x) - half_x_, std::max(x, to_x) + half_x_, std::min(y, to_y) - half_y_,
+                    std::max(y, to_y) + half_y_};
         }
-        const double spacing = frame_.slice_spacing;
-        const double near = std::max(-eye.z - view_.half_depth, frame_.first_depth + first * spacing - view_.slab_half);
-        const double far =
-            std::max(near, std::min(-eye.z + view_.half_depth, frame_.first_depth + last * spacing + view_.slab_half));
-        if (near <= 1e-9 * spacing) {
+        const double near = std::max(std::min(-a.z, -b.z) - view_.half_depth, frame_.first_depth - view_.slab_half);
+        const double far = std::max(near, std::max(-a.z, -b.z) + view_.half_depth);
+        return in_perspective(near, far, std::min(a.x, b.x) - view_.extent_x, std::max(a.x, b.x) + view_.extent_x,
+                              std::min(-a.y, -b.y) - view_.extent_y, std::max(-a.y, -b.y) + view_.extent_y);
+    }
+
+    /// What is between edges in eye space and between two depths.
+    [[nodiscard]] SheetBox in_perspective(double near, double far, double left, double right, double top,
+                                          double bottom) const {
+        if (near <= 1e-9 * frame_.slice_spacing) {
             return {0.0, tile_.width + 1.0, 0.0, tile_.height + 1.0};
         }
         // (c +- e) / t is monotonic in t, so that the extremes lie at the nearest or farthest depth.
         const auto lowest = [&](double edge) { return std::min(edge / near, edge / far); };
         const auto highest = [&](double edge) { return std::max(edge / near, edge / far); };
-        return {(lowest(eye.x - view_.extent_x) - origin_.x) / frame_.pixel,
-                (highest(eye.x + view_.extent_x) - origin_.x) / frame_.pixel,
-                (origin_.y + lowest(-eye.y - view_.extent_y)) / frame_.pixel,
-                (origin_.y + highest(-eye.y + view_.extent_y)) / frame_.pixel};
+        return {(lowest(left) - origin_.x) / frame_.pixel, (highest(right) - origin_.x) / frame_.pixel,
+                (origin_.y + lowest(top)) / frame_.pixel, (origin_.y + highest(bottom)) / frame_.pixel};
+    }
+
+    [[nodiscard]] SheetBox box_of(const Vec3& eye, double first, double last) const {
+        if (!perspective_) {
+            const double x = (eye.x - origin_.x) / frame_.pixel, y = (origin_.y - eye.y) / frame_.pixel;
+            return {x - half_x_, x + half_x_, y - half_y_, y + half_y_};
+        }
+        const double spacing = frame_.slice_spacing;
+        const double near = std::max(-eye.z - view_.half_depth, frame_.first_depth + first * spacing - view_.slab_half);
+        const double far =
+            std::max(near, std::min(-eye.z + view_.half_depth, frame_.first_depth + last * spacing + view_.slab_half));
+        return in_perspective(near, far, eye.x - view_.extent_x, eye.x + view_.extent_x, -eye.y - view_.extent_y,
+                              -eye.y + view_.extent_y);
     }
 
     const FieldView& view_;
     const VisibleRuns& runs_;
     const Frame& frame_;
     bool slab_;
+    const RowPart* begin_;
+    const RowPart* end_;
     const TileShape& tile_;
     TileKernels<T>& kernels_;
     bool perspective_;
     RowBasis basis_;
     glm::dvec2 origin_;
-    double per_spacing_, per_half_depth_, reach_, last_slice_;
+    double half_x_, half_y_, per_pixel_;
+    double per_spacing_, per_half_depth_, reach_, step_, per_step_, last_slice_;
     OwnPlaces own_;
     Vec3 step_slice_{0.0}, step_unit_{0.0};
+    bool at_once_ = false;            ///< one batch, of all slices
+    double least_ = 0.0, past_ = 1.0; ///< slices that kernels begin on
+    std::int64_t length_ = 1;         ///< slices of a batch
+    std::int64_t batches_ = 1, batch_ = 0;
+    std::size_t looked_at_ = 0;
 };
 
 template <class T>
-void feed_rows(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling,
-               const RowPart* begin, const RowPart* end, const TileShape& tile, TileKernels<T>& kernels) {
-    RowFeed<T>(view, runs, frame, sampling, tile, kernels).run(begin, end);
+void feed_rows(const LatticeRows& rows, const TileShape& tile, TileKernels<T>& kernels) {
+    RowFeed<T> feed(rows, tile, kernels);
+    while (!feed.ended()) {
+        feed.feed(Live(tile));
+    }
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

@@ -22,18 +22,21 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// What of a tile's sheets can still be seen, in blocks of 8 by 8 pixels.
+/// What of a tile's sheets can still be seen.
 struct Live {
     static constexpr int blocks = 8;
     static constexpr int block_edge = 8;
 
     Rect rect;
-    std::uint64_t alive = ~std::uint64_t{0}; ///< bit 8 row + column
+    /// A bit for each pixel of a row of the sheets that is still read; null: all of them may be.
+    const std::uint64_t* rows = nullptr;
+    std::uint64_t alive = ~std::uint64_t{0}; ///< blocks of 8 by 8 pixels that hold such a pixel: bit 8 row + column
 
     explicit Live(const TileShape& shape) : rect{0, 0, shape.width + 2, shape.height + 2} {}
 
-    /// bits: a row of pixels each.
+    /// bits: a row of pixels each, kept by the caller.
     void set(const std::vector<std::uint64_t>& bits) {
+        rows = bits.data();
         alive = 0;
         for (std::size_t y = 0; y < bits.size(); ++y) {
             std::uint64_t row = bits[y];
@@ -46,23 +49,31 @@ struct Live {
         }
     }
 
-    /// Whether some block that a box touches is alive. Pixels beyond column 63 and row 63 belong to the last blocks.
+    /// Whether some pixel of a box in the sheets is still read. Blocks are looked at first: most boxes are decided by
+    /// them.
     [[nodiscard]] HWY_INLINE bool sees(int x0, int y0, int x1, int y1) const {
-        if (alive == ~std::uint64_t{0}) {
+        if (rows == nullptr) {
             return true;
         }
-        const int left = std::min(x0 / block_edge, 7), right = std::min((x1 - 1) / block_edge, 7);
+        const int left = x0 / block_edge, right = (x1 - 1) / block_edge;
         const int top = std::min(y0 / block_edge, 7), bottom = std::min((y1 - 1) / block_edge, 7);
-        const std::uint64_t columns =
+        const std::uint64_t block_columns =
             ((std::uint64_t{2} << right) - (std::uint64_t{1} << left)) * 0x0101010101010101ULL;
-        const std::uint64_t rows = (~std::uint64_t{0} << (8 * top)) & (~std::uint64_t{0} >> (8 * (7 - bottom)));
-        return (alive & columns & rows) != 0;
+        const std::uint64_t block_rows = (~std::uint64_t{0} << (8 * top)) & (~std::uint64_t{0} >> (8 * (7 - bottom)));
+        if ((alive & block_columns & block_rows) == 0) {
+            return false;
+        }
+        std::uint64_t any = 0;
+        for (int y = y0; y < y1; ++y) {
+            any |= rows[y];
+        }
+        return (any & ((std::uint64_t{2} << (x1 - 1)) - (std::uint64_t{1} << x0))) != 0;
     }
 };
 
 /// Updates what of the sheets unfinished pixels still read, for themselves or for gradients.
 template <class T>
-void shrink(Live& live, T stop_at, const TileShape& shape, TileScratch<T>& scratch, bool look_at_blocks) {
+void shrink(Live& live, T stop_at, const TileShape& shape, TileScratch<T>& scratch, bool look_at_pixels) {
     const int* rows = scratch.planes.row_alive;
     int first = 0, past = shape.height;
     while (first < past && rows[first] == 0) {
@@ -73,7 +84,7 @@ void shrink(Live& live, T stop_at, const TileShape& shape, TileScratch<T>& scrat
     }
     live.rect.y0 = first;
     live.rect.y1 = past + 2;
-    if (shape.width + 2 > Live::blocks * Live::block_edge || !look_at_blocks) {
+    if (shape.width + 2 > Live::blocks * Live::block_edge || !look_at_pixels) {
         return;
     }
     // One bit a pixel that is alive, with its neighbours; then one a block.

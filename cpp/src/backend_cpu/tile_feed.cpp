@@ -61,24 +61,36 @@ std::size_t chunks_for(std::size_t items, std::size_t tiles) {
     return std::clamp<std::size_t>(items / 1024, 1, most);
 }
 
-/// Samples i of 0 ... count - 1 with low <= at + i step <= high.
 struct Samples {
     std::uint32_t begin, end;
 };
-Samples samples_between(double at, double step, double low, double high, std::uint32_t begin, std::uint32_t end) {
-    if (step == 0.0) {
-        return at >= low && at <= high ? Samples{begin, end} : Samples{0, 0};
+
+/// A coordinate of samples, at + i step.
+class Line {
+  public:
+    explicit Line(double step) : step_(step), per_step_(std::abs(step) > 1e-30 ? 1.0 / step : 0.0) {}
+    /// Samples i of begin ... end - 1 with low <= at + i step <= high.
+    [[nodiscard]] Samples between(double at, double low, double high, std::uint32_t begin, std::uint32_t end) const {
+        if (per_step_ == 0.0) {
+            return at >= low && at <= high ? Samples{begin, end} : Samples{0, 0};
+        }
+        const double a = (low - at) * per_step_, b = (high - at) * per_step_;
+        // Rounding must not lose a sample: one more on each side costs next to nothing. (Of numbers that are not
+        // negative the integer part is the floor, which takes a function call here.)
+        const auto clamped = [&](double sample) {
+            return std::clamp(sample, static_cast<double>(begin), static_cast<double>(end));
+        };
+        const double from = clamped(std::min(a, b) - 1e-3), to = clamped(std::max(a, b) + (1.0 + 1e-3));
+        auto first = static_cast<std::uint32_t>(from);
+        first += static_cast<double>(first) < from ? 1U : 0U;
+        const auto last = static_cast<std::uint32_t>(to);
+        return first < last ? Samples{first, last} : Samples{0, 0};
     }
-    double from = (low - at) / step, to = (high - at) / step;
-    if (from > to) {
-        std::swap(from, to);
-    }
-    // Rounding must not lose a sample: one more on each side costs next to nothing.
-    from = std::clamp(std::ceil(from - 1e-3), static_cast<double>(begin), static_cast<double>(end));
-    to = std::clamp(std::floor(to + 1e-3) + 1.0, static_cast<double>(begin), static_cast<double>(end));
-    const auto first = static_cast<std::uint32_t>(from), last = static_cast<std::uint32_t>(to);
-    return first < last ? Samples{first, last} : Samples{0, 0};
-}
+    [[nodiscard]] double step() const { return step_; }
+
+  private:
+    double step_, per_step_;
+};
 
 /// The smallest and largest x / t for x between low and high, and t between near and far, both > 0.
 struct Interval {
@@ -133,17 +145,19 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
     const double first_depth = frame.depth_of(0) - view.slab_half;
     const double last_depth = frame.depth_of(frame.slices - 1) + view.slab_half;
     const auto columns = static_cast<std::size_t>(layout.columns());
+    const double per_pixel = 1.0 / frame.pixel;
+    const Line line_x(view.step_i.x * per_pixel), line_y(-view.step_i.y * per_pixel);
 
     const auto orthographic_row = [&](std::uint32_t row, std::uint32_t begin, std::uint32_t end, const auto& emit) {
         const Vec3 eye = view.eye_position(0, row % shape[1], row / shape[1]);
-        const double x = eye.x / frame.pixel + axis_x, y = axis_y - eye.y / frame.pixel;
-        const double dx = view.step_i.x / frame.pixel, dy = -view.step_i.y / frame.pixel;
+        const double x = eye.x * per_pixel + axis_x, y = axis_y - eye.y * per_pixel;
+        const double dx = line_x.step(), dy = line_y.step();
         const double y_begin = y + begin * dy, y_end = y + (end - 1) * dy;
         const TileLayout::Range down =
             layout.down().between(std::min(y_begin, y_end) - half_y, std::max(y_begin, y_end) + half_y);
         for (int tile_row = down.first; tile_row <= down.last; ++tile_row) {
-            const Samples in_row = samples_between(y, dy, layout.top(tile_row) - 0.5 - half_y,
-                                                   layout.top(tile_row + 1) + 0.5 + half_y, begin, end);
+            const Samples in_row = line_y.between(y, layout.top(tile_row) - 0.5 - half_y,
+                                                  layout.top(tile_row + 1) + 0.5 + half_y, begin, end);
             if (in_row.begin >= in_row.end) {
                 continue;
             }
@@ -152,8 +166,8 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
                 layout.across().between(std::min(x_begin, x_end) - half_x, std::max(x_begin, x_end) + half_x);
             for (int tile_column = across.first; tile_column <= across.last; ++tile_column) {
                 const Samples here =
-                    samples_between(x, dx, layout.left(tile_column) - 0.5 - half_x,
-                                    layout.left(tile_column + 1) + 0.5 + half_x, in_row.begin, in_row.end);
+                    line_x.between(x, layout.left(tile_column) - 0.5 - half_x,
+                                   layout.left(tile_column + 1) + 0.5 + half_x, in_row.begin, in_row.end);
                 if (here.begin < here.end) {
                     emit(static_cast<std::size_t>(tile_row) * columns + static_cast<std::size_t>(tile_column),
                          RowPart{row, here.begin, here.end});

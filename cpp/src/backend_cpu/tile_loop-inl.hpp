@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "backend_cpu/tile_task.hpp"
+#include "feed_rows-inl.hpp"
 #include "hwy/highway.h"
 #include "live-inl.hpp"
 #include "resolve-inl.hpp"
@@ -32,7 +33,12 @@ class TileLoop {
   public:
     TileLoop(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch)
         : setup_(setup), shape_(shape), scratch_(scratch), ring_(scratch.ring.data(), setup.channels, shape),
-          live_(shape) {}
+          live_(shape) {
+        feeds_.reserve(scratch.lattices.size());
+        for (std::size_t part = 0; part < scratch.lattices.size(); ++part) {
+            feeds_.emplace_back(scratch.lattices[part], shape, scratch.kernels[part]);
+        }
+    }
 
     void run(const std::function<bool()>& between) {
         std::int64_t n = next_start();
@@ -77,15 +83,40 @@ class TileLoop {
   private:
     static constexpr std::int64_t none = std::numeric_limits<std::int64_t>::max();
 
-    [[nodiscard]] std::int64_t next_start() const {
+    /// The next slice that a kernel begins on.
+    [[nodiscard]] std::int64_t next_start() {
         std::int64_t next = none;
         for (std::size_t part = 0; part < scratch_.kernels.size(); ++part) {
+            while (next_[part] >= scratch_.kernels[part].sections.size() && feeds(part)) {
+                feed(part);
+            }
             const auto& sections = scratch_.kernels[part].sections;
             if (next_[part] < sections.size()) {
                 next = std::min<std::int64_t>(next, sections[next_[part]].first);
             }
         }
         return next;
+    }
+
+    /// Whether the part is a lattice that is not fed to its end.
+    [[nodiscard]] bool feeds(std::size_t part) const { return part < feeds_.size() && !feeds_[part].ended(); }
+
+    /// Replaces the kernels of a lattice, all of which are drawn, by those of the next slices.
+    void feed(std::size_t part) {
+        TileKernels<T>& kernels = scratch_.kernels[part];
+        auto& carried = scratch_.carried;
+        carried.clear();
+        for (auto& again : scratch_.again) {
+            for (Again& entry : again) {
+                if (entry.part == part) {
+                    carried.push_back(kernels.sections[entry.section]);
+                    entry.section = static_cast<std::uint32_t>(carried.size() - 1);
+                }
+            }
+        }
+        kernels.sections.assign(carried.begin(), carried.end());
+        next_[part] = carried.size();
+        feeds_[part].feed(live_);
     }
 
     /// Adds what starts at slice n, or is drawn again from there on; false where `between` said so.
@@ -100,6 +131,9 @@ class TileLoop {
         const std::size_t waiting = again.size();
         for (std::size_t part = 0; part < scratch_.kernels.size(); ++part) {
             const PartProfile<T>& profile = setup_.parts[part];
+            while (feeds(part) && feeds_[part].next() <= n) {
+                feed(part);
+            }
             const TileKernels<T>& kernels = scratch_.kernels[part];
             if (!again_of(again, waiting, part) &&
                 (next_[part] >= kernels.sections.size() || kernels.sections[next_[part]].first > n)) {
@@ -281,7 +315,7 @@ class TileLoop {
         const int alive = scratch_.planes.alive;
         shade_slab(*setup_.shading, shape_, window, scratch_.planes);
         if (setup_.stops && scratch_.planes.alive != alive) {
-            shrink(live_, setup_.shading->stop, shape_, scratch_, ++changes_ % 4 == 0);
+            shrink(live_, setup_.shading->stop, shape_, scratch_, ++changes_ % 2 == 0);
         }
     }
 
@@ -308,6 +342,7 @@ class TileLoop {
     TileScratch<T>& scratch_;
     SheetRing<T> ring_;
     Live live_;
+    std::vector<RowFeed<T>> feeds_; ///< of the lattices, the first parts
     std::vector<SheetWindow<T>> later_ = std::vector<SheetWindow<T>>(setup_.groups.size() - 1);
     unsigned asked_ = 0;
     unsigned changes_ = 0;

@@ -283,6 +283,75 @@ TEST(CpuRenderer, WhatIsHiddenIsLeftOutAndNothingElse) {
     EXPECT_LT(drawn_of[0], 0.85 * drawn_of[1]);
 }
 
+/// An opaque plate with holes in front of a ball, some samples of which are left out, and a coarser lattice in the same
+/// place: what is seen through holes is fed however late its slices come, and nothing behind the plate is drawn.
+TEST(CpuRenderer, WhatIsSeenThroughHolesIsFed) {
+    constexpr std::size_t n = 22;
+    std::vector<float> samples(n * n * n);
+    for (std::size_t k = 0; k < n; ++k) {
+        for (std::size_t j = 0; j < n; ++j) {
+            for (std::size_t i = 0; i < n; ++i) {
+                const Vec3 at = Vec3(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k)) - 10.5;
+                const bool hole = glm::length(glm::dvec2(at.x - 2.0, at.y + 1.0)) < 3.5 || (i > 16 && j > 16);
+                const bool plate = k >= 17 && k < 20 && !hole;
+                const bool lost = i % 5 == 0 && j % 4 == 1 && k % 6 == 2;
+                samples[(k * n + j) * n + i] = lost ? std::nanf("")
+                                               : plate
+                                                   ? 1.0F
+                                                   : static_cast<float>(std::max(0.0, 0.9 - 0.08 * glm::length(at)));
+            }
+        }
+    }
+    RegularFieldOptions options;
+    options.nan = NanPolicy::skip;
+    const auto plate = std::make_shared<const RegularField>(samples, std::array<std::size_t, 3>{n, n, n}, options);
+    RegularFieldOptions coarse;
+    coarse.spacing = Vec3(2.0);
+    coarse.origin = Vec3(1.0, 0.5, 0.3);
+    const auto other = ball(9, coarse);
+    const Camera above = Camera::orthographic(plate->supports_world().centre() + Vec3(3.0, 5.0, 40.0),
+                                              plate->supports_world().centre(), Vec3(0, 1, 0), 26.0);
+    const std::vector<Camera> cameras{above, askew(*plate, Projection::orthographic),
+                                      Camera::perspective(above.eye(), above.target(), Vec3(0, 1, 0), 40.0, 0.5),
+                                      test::inside(*plate)};
+    for (std::size_t view = 0; view < cameras.size(); ++view) {
+        for (const int kind : {0, 1, 2}) {
+            Shot shot = shot_of({plate}, cameras[view]);
+            shot.size = {64, 47};
+            shot.outputs = {false, true};
+            shot.scene.transfer_function = test::dense();
+            shot.scene.opacity_stop = 0.95;
+            // A kernel meets more slices than a batch has, and there are many batches.
+            shot.scene.reference_length = 1.0;
+            shot.scene.slice_spacing = kind == 0 ? 0.2 : 0.5;
+            if (kind == 1) {
+                shot.scene.fields.push_back(other);
+            }
+            if (kind == 2) {
+                clip(shot.scene);
+            }
+            const std::string name = "view " + std::to_string(view) + ", kind " + std::to_string(kind);
+            const reference::Picture judge = test::reference_of(shot);
+            const CpuDrawing exact(shot, Precision::float64), usual(shot, Precision::float32);
+            const Image image = exact.draw({62, 1});
+            std::size_t differ = 0;
+            for (std::size_t at = 0; at < judge.rgba.size(); ++at) {
+                differ += std::abs(static_cast<double>(image.rgba[at]) - judge.rgba[at]) > 1e-6 ? 1U : 0U;
+            }
+            EXPECT_LE(differ, 4U) << name;
+            const Image first = usual.draw({20, 1});
+            EXPECT_LT(distance(first, judge).rms, 1e-4) << name;
+            const Image again = usual.draw({20, 3});
+            EXPECT_EQ(first.rgba, again.rgba) << name;
+            EXPECT_EQ(first.depth, again.depth) << name;
+            Shot endless = shot;
+            endless.scene.opacity_stop = 1.0;
+            const double all = CpuDrawing(endless, Precision::float32).draw({20, 1}).stats.at("sections_drawn");
+            EXPECT_LT(first.stats.at("sections_drawn"), (view == 0 && kind != 2 ? 0.8 : 1.0) * all) << name;
+        }
+    }
+}
+
 /// \int g along a ray that passes at distance p (in radii) of a ball's centre, in radii.
 double chord_sum(const Kernel& kernel, double p) {
     if (p >= 1.0) {

@@ -210,8 +210,9 @@ void check_sums(const Shot& shot, const CpuDrawing& drawing, double most_error, 
         const TileShape shape = layout.shape(tile);
         TileKernels<T> kernels;
         if (!job.regular.empty()) {
-            functions.feed_rows(*job.regular[0].view, *job.regular[0].runs, frame, shot.scene.sampling,
-                                rows.begin(tile), rows.end(tile), shape, kernels);
+            functions.feed_rows({job.regular[0].view, job.regular[0].runs, &frame, shot.scene.sampling,
+                                 rows.begin(tile), rows.end(tile)},
+                                shape, kernels);
         } else {
             functions.feed_kernels(*job.ellipsoids[0].view, indices.begin(tile), indices.end(tile), shape, kernels);
         }
@@ -370,8 +371,9 @@ TEST(Feed, CanBeEndedAmongManyKernels) {
                 if (!job.regular.empty()) {
                     const Buckets<RowPart> rows =
                         bucket_rows(*job.regular[0].view, *job.regular[0].runs, drawing.frame(), layout, pool, ask);
-                    functions.feed_rows(*job.regular[0].view, *job.regular[0].runs, drawing.frame(),
-                                        shot.scene.sampling, rows.begin(0), rows.end(0), shape, kernels);
+                    functions.feed_rows({job.regular[0].view, job.regular[0].runs, &drawing.frame(),
+                                         shot.scene.sampling, rows.begin(0), rows.end(0)},
+                                        shape, kernels);
                 } else {
                     const Buckets<std::uint32_t> indices = bucket_kernels(
                         *job.ellipsoids[0].view, *job.ellipsoids[0].visible, layout, functions.rects, pool, ask);

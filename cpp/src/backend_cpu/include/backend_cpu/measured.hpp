@@ -25,6 +25,12 @@ constexpr int most_edge = 160;
 
 /// Slices that one drawing of a kernel covers; a kernel that meets more is drawn again.
 constexpr int covered_slices = 8;
+/// Slices whose kernels of a lattice are fed at once: what is hidden by then is not fed. More than covered_slices. Most
+/// batches of a tile, so that few kernels over very many slices take little room.
+constexpr int batch_slices = 16;
+constexpr int most_batches = 512;
+/// Neighbouring samples of a row that are fed or left out together.
+constexpr std::uint32_t fed_together = 16;
 /// Sheets of the ring: what a drawing covers, and the four slices around an interval.
 constexpr int ring_slots = 16;
 

@@ -7,6 +7,7 @@
 // [NM06]'s equations 8 to 19 in place of their quadratic form.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -40,7 +41,33 @@ struct SectionExtra {
     std::int16_t x0 = 0, y0 = 0, x1 = 0, y1 = 0; ///< pixels of the tile's sheets that it can touch: x0 <= x < x1
 };
 
-/// The kernels of one field in one tile, by their first slices.
+/// Room for feeding the rows of a lattice in batches of slices (feed_rows-inl.hpp).
+struct RowBatches {
+    std::vector<std::array<double, 3>> eyes; ///< of each part of a row, the eye position of its first sample
+    std::vector<double> firsts;        ///< of each part of a row, the least and greatest first slice of its samples
+    std::vector<std::uint32_t> offset; ///< batches + 2
+    std::vector<std::uint32_t> parts;  ///< numbers, batch by batch
+    struct Stretch {
+        std::size_t first_sample;
+        double depth, step; ///< in slices from slice 0
+        double unit[3];     ///< of the first sample
+    };
+    std::vector<Stretch> stretches; ///< of one batch
+    /// Samples of a stretch that are looked at together.
+    struct Piece {
+        std::uint32_t stretch, from, count;
+    };
+    std::vector<Piece> pieces;
+    std::vector<std::int32_t> slots; ///< first slices of the samples of all pieces, counted from the batch's own
+
+    [[nodiscard]] std::size_t bytes() const {
+        return eyes.capacity() * sizeof(eyes[0]) + firsts.capacity() * sizeof(double) +
+               (offset.capacity() + parts.capacity()) * sizeof(std::uint32_t) + stretches.capacity() * sizeof(Stretch) +
+               pieces.capacity() * sizeof(Piece) + slots.capacity() * sizeof(std::int32_t);
+    }
+};
+
+/// The kernels of one field in one tile, by their first slices; of lattices those of some slices at a time.
 template <class T>
 struct TileKernels {
     std::vector<Section<T>> sections;
@@ -53,6 +80,7 @@ struct TileKernels {
     std::vector<SectionExtra<T>> unsorted_extras;
     std::vector<RowShape<T>> unsorted_shapes;
     std::vector<std::uint32_t> places;
+    RowBatches rows;
     /// Called now and then while kernels are added; what it throws ends that. May be empty.
     std::function<void()> poll;
     std::size_t counted = 0; ///< kernels whose centres are in this tile (or beyond the picture, next to it)
@@ -72,7 +100,7 @@ struct TileKernels {
         return (sections.capacity() + unsorted.capacity()) * sizeof(Section<T>) +
                (extras.capacity() + unsorted_extras.capacity()) * sizeof(SectionExtra<T>) +
                (shapes.capacity() + unsorted_shapes.capacity()) * sizeof(RowShape<T>) +
-               places.capacity() * sizeof(std::uint32_t);
+               places.capacity() * sizeof(std::uint32_t) + rows.bytes();
     }
 };
 

@@ -96,26 +96,39 @@ struct LineAllocator {
 template <class T>
 using LineVector = std::vector<T, LineAllocator<T>>;
 
+/// The parts of a lattice's rows that reach into a tile.
+struct LatticeRows {
+    const FieldView* view = nullptr;
+    const VisibleRuns* runs = nullptr;
+    const Frame* frame = nullptr;
+    Sampling sampling = Sampling::point;
+    const RowPart* begin = nullptr;
+    const RowPart* end = nullptr;
+};
+
 /// What a thread needs for a tile; kept from tile to tile.
 template <class T>
 struct TileScratch {
-    std::vector<TileKernels<T>> kernels; ///< one a part
+    std::vector<TileKernels<T>> kernels; ///< one a part, lattices first
+    std::vector<LatticeRows> lattices;   ///< fed by the loop, some slices at a time
     LineVector<T> ring;                  ///< [slot][channel][element]
     LineVector<T> zeros;                 ///< a sheet
     LineVector<T> picture;               ///< planes
     std::vector<int> row_alive;
-    std::vector<std::uint64_t> alive_rows; ///< a bit for each pixel of a row of the sheets that is still looked at
+    std::vector<std::uint64_t> alive_rows; ///< a bit for each pixel of a row of the sheets that is still read
     struct Again {
         std::uint32_t part, section;
     };
     std::vector<Again> again[covered_slices]; ///< to be drawn again, by slice
+    std::vector<Section<T>> carried;          ///< room for those of them that one batch leaves to the next
     TilePicture<T> planes;
     // Counts of one frame.
     std::uint64_t sections_drawn = 0; ///< kernel times slice
     std::uint64_t kernels_drawn = 0;
 
     [[nodiscard]] std::size_t bytes() const {
-        std::size_t sum = (ring.capacity() + zeros.capacity() + picture.capacity()) * sizeof(T);
+        std::size_t sum = carried.capacity() * sizeof(Section<T>) +
+                          (ring.capacity() + zeros.capacity() + picture.capacity()) * sizeof(T);
         for (const auto& part : kernels) {
             sum += part.bytes();
         }
@@ -126,14 +139,14 @@ struct TileScratch {
 /// What is compiled for each instruction set.
 template <class T>
 struct TileFunctions {
-    /// Kernels of a lattice for a tile, by first slices. Throws OutOfMemory or std::bad_alloc.
-    void (*feed_rows)(const FieldView& view, const VisibleRuns& runs, const Frame& frame, Sampling sampling,
-                      const RowPart* begin, const RowPart* end, const TileShape& tile, TileKernels<T>& kernels);
+    /// All kernels of a lattice for a tile at once, by first slices, for tests. Throws std::bad_alloc.
+    void (*feed_rows)(const LatticeRows& rows, const TileShape& tile, TileKernels<T>& kernels);
     RectsFunction rects;
     /// Scattered kernels for a tile, by first slices.
     void (*feed_kernels)(const EllipsoidView& view, const std::uint32_t* begin, const std::uint32_t* end,
                          const TileShape& tile, TileKernels<T>& kernels);
-    /// Splats, shades and composites one tile whose kernels are in scratch.kernels and whose picture is cleared.
+    /// Splats, shades and composites one tile whose scattered kernels are in scratch.kernels, whose lattices are in
+    /// scratch.lattices, and whose picture is cleared. Throws std::bad_alloc.
     /// between is called between slices; returning false (or throwing) ends the tile.
     void (*run)(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch,
                 const std::function<bool()>& between);

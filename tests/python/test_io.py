@@ -7,6 +7,7 @@ import gzip
 import io
 import os
 import stat
+import time
 import zipfile
 import zlib
 
@@ -505,3 +506,51 @@ def test_wrong_types_of_raw_samples(tmp_path, dtype):
     (tmp_path / "v.raw").write_bytes(bytes(64))
     with pytest.raises(ss.InvalidInput, match="the type of the samples cannot be used"):
         ss.open(tmp_path / "v.raw", shape=(4, 4, 4), dtype=dtype)
+
+
+def test_skipped_parts_have_a_budget(tmp_path, monkeypatch):
+    """A small packed file may unpack to gigabytes; what the header skips of them is bounded before any is read."""
+    from sheetsplat.io import source
+
+    path = tmp_path / "a.nrrd"
+    samples = VALUES.tobytes()
+    bomb = gzip.compress(b"\n" * 50_000_000, 9)
+    for fields, told in (
+        ({"line_skip": 10**9}, "at most 1000000 lines"),
+        ({"line_skip": 60_000_000}, "at most 1000000 lines"),
+        ({"byte_skip": 10**9, "encoding": "gzip"}, "bytes before the samples"),
+        ({"byte_skip": 10**15}, "bytes before the samples"),
+    ):
+        packed = fields.get("encoding") == "gzip"
+        path.write_bytes(nrrd_header(**fields).encode() + (bomb if packed else b"\n" * 100))
+        began = time.process_time()
+        with pytest.raises(ss.InvalidInput, match=told):
+            ss.open(path)
+        assert time.process_time() - began < 2.0
+    # Lines of any length count by their bytes.
+    monkeypatch.setattr("sheetsplat.io.nrrd_files.MOST_SKIPPED", 1000)
+    path.write_bytes(nrrd_header(line_skip=3).encode() + b"x" * 5000 + b"\n\n\n" + samples)
+    with pytest.raises(ss.InvalidInput, match="at most 1000 bytes"):
+        ss.open(path)
+    assert source.MOST_SKIPPED > 10**8
+    # Within the budget they are skipped, in plain and in packed files.
+    for compress in (bytes, gzip.compress):
+        encoding = "raw" if compress is bytes else "gzip"
+        path.write_bytes(nrrd_header(byte_skip=7, encoding=encoding).encode() + compress(b"1234567" + samples))
+        assert np.array_equal(ss.open(path, prefilter=False).values, VALUES)
+
+
+def test_metaimage_says_what_its_samples_and_lengths_are(tmp_path):
+    def opened(**fields):
+        path = tmp_path / "a.mha"
+        path.write_bytes(meta_header(**fields).encode() + VALUES.astype("<i2").tobytes())
+        return read_volume(path), ss.open(path, prefilter=False)
+
+    volume, field = opened(Modality="MET_MOD_CT", DistanceUnits="mm", Comment="a head", Name="head")
+    assert field.quantity == ss.Quantity("CT number", "HU", "mm")
+    assert volume.details == {"name": "head", "comment": "a head", "modality": "MET_MOD_CT", "distanceunits": "mm"}
+    assert opened(Modality="MET_MOD_MR")[1].quantity == ss.Quantity()
+    assert opened(DistanceUnits="?", Modality="MET_MOD_UNKNOWN")[0].details == {}
+    # Shifted numbers, and those that cannot be below 0, are not in Hounsfield units.
+    for fields in ({"ElementToIntensityFunctionOffset": "-1024"}, {"ElementType": "MET_USHORT"}):
+        assert opened(Modality="MET_MOD_CT", **fields)[1].quantity.unit == ""

@@ -15,8 +15,9 @@ from sheetsplat.framing import compose_camera
 from sheetsplat.io.pictures import read_picture
 from sheetsplat.look.compose import compose_scene
 from sheetsplat.look.empty import why_empty
-from sheetsplat.look.surface import surface_color
+from sheetsplat.look.surface import surface_color, surface_text
 
+RED = [(0, 1, 0, 0, 0), (1, 1, 0, 0, 1)]
 SMALL = {"size": (24, 24), "backend": "reference", "quality": "draft"}
 BACKEND = ["--backend", "reference", "--size", "12"]
 
@@ -254,6 +255,13 @@ def test_a_quality_cannot_change_a_scene(ball):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         ss.render(scene, size=24, backend="reference")
+
+
+def test_many_surfaces_are_told_in_few_words(ball):
+    scene = ss.Scene(ss.RegularField(ball), RED, mode="isosurface", iso_value=[(n / 5000, 0.01) for n in range(4096)])
+    text = surface_text(scene)
+    assert text.count("isosurface at") == 4 and len(text) < 400
+    assert text.endswith("and 4092 more, all between 0 and 0.819")
 
 
 def test_iso_values_from_an_iterator(ball):

@@ -50,7 +50,8 @@ def _fill(mesh: ClosedMesh, spacing: float, levels: int) -> tuple[Floats, Floats
     across = np.maximum(np.rint((upper - lower) / spacing), 1.0)
     wide = block * np.ceil(across / block)
     total = float(np.prod(wide))
-    _memory.require(int(min(total * 8.0, 2.0**62)), f"a grid of {total:.3g} cells in which the solid is filled")
+    what = f"a grid of {total:.3g} cells in which the solid is filled"
+    _memory.require(int(min(total * 8.0, 2.0**62)), what, "use larger cells: a larger spacing, or fewer kernels")
     nx, ny, nz = (int(part) for part in wide)
     origin = 0.5 * (lower + upper) - spacing * (0.5 * across + (wide - across) // 2)
     # In cavities the winding numbers of shells cancel.

@@ -50,7 +50,7 @@ def read_triangles(source: Source) -> tuple[Floats, Numbers]:
     length = source.length(_memory.available() // _PARSED + 1)
     if header is not None:
         _check_length(path, header, length)
-    _memory.require(length * _PARSED, f"the mesh of {path}")
+    _memory.require(length * _PARSED, f"the mesh of {path}", "use a mesh of fewer triangles")
     source.stream.seek(0)
     content = source.stream.read()
     vertices, corners, counts, where = _of_obj(path, content) if header is None else _of_ply(path, header, content)

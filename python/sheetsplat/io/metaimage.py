@@ -15,9 +15,17 @@ from sheetsplat.io.checks import beside, checked_shape, floats, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
 from sheetsplat.orientation import PATIENT, Orientation
+from sheetsplat.quantity import Quantity
 
 _HEADER_LIMIT = 1 << 16
 _NAMES = "CHAR UCHAR SHORT USHORT INT UINT LONG ULONG LONG_LONG ULONG_LONG FLOAT DOUBLE"
+# Fields that become details of the volume, and values that say nothing.
+_TOLD = (
+    *("Name", "Comment", "Modality", "DistanceUnits"),
+    *("ElementToIntensityFunctionSlope", "ElementToIntensityFunctionOffset"),
+)
+_NOTHING = ("", "?", "MET_MOD_UNKNOWN")
+_LONGEST, _LONGEST_UNIT = 200, 32
 _IDENTITY = "1 0 0 0 1 0 0 0 1"
 _CODES = "i1 u1 i2 u2 i4 u4 i4 u4 i8 u8 f4 f8"
 _TYPES = {f"MET_{name}": code for name, code in zip(_NAMES.split(), _CODES.split(), strict=True)}
@@ -122,7 +130,30 @@ def read(source: Source) -> Volume:
             values = _samples(samples, 0, dtype, count, packed=packed, skip=skip)
     steps = np.reshape(matrix, (3, 3)) * np.abs(spacing)[:, np.newaxis]
     placed = along_the_world(path, "TransformMatrix", steps, np.asarray(origin), values.reshape(sizes[::-1]))
-    return Volume(*placed, "metaimage", orientation=_orientation(fields, turned=turned))
+    details = {name.lower(): fields[name][:_LONGEST] for name in _TOLD if fields.get(name, "") not in _NOTHING}
+    return Volume(*placed, "metaimage", details, _quantity(fields, dtype), _orientation(fields, turned=turned))
+
+
+def _quantity(fields: dict[str, str], dtype: np.dtype[Any]) -> Quantity:
+    """Return what the samples and the lengths are, as far as the header says.
+
+    Samples of CT are Hounsfield units where they can be below 0 and no function to intensities is stated; others may be
+    shifted.
+    """
+    unit = fields.get("DistanceUnits", "")
+    length_unit = unit if unit.isprintable() and unit not in _NOTHING and len(unit) <= _LONGEST_UNIT else ""
+    shifted = fields.get("ElementToIntensityFunctionSlope", "1"), fields.get("ElementToIntensityFunctionOffset", "0")
+    as_they_are = all(_number(text) == usual for text, usual in zip(shifted, (1.0, 0.0), strict=True))
+    if fields.get("Modality") == "MET_MOD_CT" and dtype.kind in "if" and as_they_are:
+        return Quantity("CT number", "HU", length_unit)
+    return Quantity(length_unit=length_unit)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def _samples(source: Source, start: int, dtype: np.dtype[Any], count: int, *, packed: bool, skip: int) -> Any:

@@ -20,12 +20,14 @@ from sheetsplat.errors import InvalidInput
 from sheetsplat.io.axes import along_the_world
 from sheetsplat.io.checks import beside, checked_shape, sides, unreadable
 from sheetsplat.io.records import Volume
-from sheetsplat.io.source import Source
+from sheetsplat.io.source import MOST_SKIPPED, Source
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
 _HEADER_LIMIT = 1 << 20
 _LONGEST_UNIT = 32
+# Lines before the samples: more than any header of another program has.
+_MOST_LINES = 1_000_000
 # Fields that become details of the volume.
 _TOLD: tuple[str, ...] = ("content", "space", "encoding")
 _ENCODINGS = {
@@ -130,11 +132,17 @@ def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...]
     byte_skip = _field(header, "byte skip", "byteskip") or 0
     if line_skip < 0 or byte_skip < -1 or (byte_skip == -1 and (encoding != "raw" or source.packed)):
         raise unreadable(source.path, f"line skip {line_skip}, byte skip {byte_skip}", "numbers that are not negative")
+    if line_skip > _MOST_LINES:
+        raise unreadable(source.path, f"line skip {line_skip}", f"at most {_MOST_LINES} lines before the samples")
     source.stream.seek(start)
+    skipped = 0
     for _ in range(line_skip):
-        if not source.stream.readline(_HEADER_LIMIT):
-            wanted = f"{line_skip} lines before the samples"
-            raise unreadable(source.path, "fewer lines than the header skips", wanted)
+        line = source.stream.readline(_HEADER_LIMIT)
+        skipped += len(line)
+        if not line or skipped > MOST_SKIPPED:
+            found = f"{skipped} bytes of lines that the header skips" if line else "fewer lines than the header skips"
+            wanted = f"{line_skip} lines before the samples, of at most {MOST_SKIPPED} bytes"
+            raise unreadable(source.path, found, wanted)
     if byte_skip == -1:
         source.stream.seek(max(start, source.path.stat().st_size - count * dtype.itemsize))
         byte_skip = 0

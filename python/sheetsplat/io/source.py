@@ -27,6 +27,8 @@ _DEFLATE_SLACK = 4096
 _CHUNK = 1 << 22
 _MOST_FILES = 100_000
 _NUMBERS = re.compile("([0-9]{1,18})")
+#: Most bytes before the samples that are unpacked and thrown away: more than headers of other programs have.
+MOST_SKIPPED = 1 << 28
 
 
 @contextlib.contextmanager
@@ -229,7 +231,16 @@ class Payload:
         self._wanted, self._advice = wanted, advice
 
     def skip(self, count: int) -> None:
-        """Skip decompressed bytes."""
+        """Skip decompressed bytes: those of plain files at once, `MOST_SKIPPED` of packed ones at most."""
+        if self._bound is not None and count > self._bound:
+            raise self._short(count, self._bound, "bytes before the samples", about=not self._exact)
+        if self._exact:
+            self._stream.seek(count, os.SEEK_CUR)
+            self._bound = (self._bound or 0) - count
+            return
+        if count > MOST_SKIPPED:
+            wanted = f"at most {MOST_SKIPPED} in a packed file"
+            raise complain(f"{self._source.path} cannot be read", f"{count} bytes before the samples", wanted)
         left = count
         while left > 0 and (piece := self._stream.read(min(left, _CHUNK))):
             left -= len(piece)

@@ -27,9 +27,12 @@ _OWN = ("centers", "scales", "radii", "rotations", "weights")
 _NUMBERS = ("w0", "falloff", "cell_volume")
 # Arrays of positions, three numbers a row.
 _CENTERS = ("centers", "points", "positions", "position", "coordinates")
-_CHUNK = 1 << 22
+# Characters that are parsed at once: Ctrl-C waits for them, some 30 ms.
+_CHUNK = 1 << 18
+_LONGEST_LINE = 1 << 22
 _MOST_COLUMNS = 512
 _LONGEST_HEADER = 1 << 16
+_FEWER = "use a table of fewer rows or columns"
 
 
 def holds_ellipsoids(source: Source) -> bool:
@@ -156,17 +159,17 @@ def _rows(source: Source, part: str | None, columns: int) -> Floats:
     while True:
         piece = source.stream.read(_CHUNK)
         # For the numbers, and their text during parsing.
-        _memory.require(8 * len(piece) + 8 * columns * row, f"the rows of {source.path}")
+        _memory.require(8 * len(piece) + 8 * columns * row, f"the rows of {source.path}", _FEWER)
         whole, cut, rest = (rest + piece).rpartition(b"\n") if piece else (rest, b"", b"")
-        if len(rest) > _CHUNK:
-            raise unreadable(source.path, f"a line of more than {_CHUNK} characters", "lines of numbers")
+        if len(rest) > _LONGEST_LINE:
+            raise unreadable(source.path, f"a line of more than {_LONGEST_LINE} characters", "lines of numbers")
         if whole.strip():
             block = _numbers(source, whole, part, columns, row)
             blocks.append(block)
             row += len(block)
         if not piece:
             break
-    _memory.require(8 * columns * row, f"{row} rows of {source.path}")
+    _memory.require(8 * columns * row, f"{row} rows of {source.path}", _FEWER)
     return np.concatenate(blocks) if blocks else np.empty((0, columns))
 
 

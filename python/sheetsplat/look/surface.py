@@ -16,6 +16,8 @@ SURFACE_SHARE = 0.7
 # of the range the lowest gives way down to the second number.
 _SEVERAL = (0.3, 0.95)
 _LEAST_SHARE = 0.15
+# Surfaces that are told one by one.
+_TOLD = 4
 # Least width of such limits as a share of the range of values: narrower ones cannot be told apart on a colour bar.
 _NARROWEST = 0.05
 
@@ -71,10 +73,13 @@ def _limits_of_several(fields: Sequence[Field], lowest: float, highest: float) -
 def surface_text(scene: Scene) -> str:
     """Return in words which iso value and which colour a scene's surface has."""
     surfaces = []
-    for value, opacity in scene.surfaces:
+    for value, opacity in scene.surfaces[:_TOLD]:
         red, green, blue = (round(255 * min(max(part, 0.0), 1.0)) for part in surface_color(scene, value))
         faint = f", opacity {opacity:g}" if opacity < 1.0 else ""
         surfaces.append(f"isosurface at {value:g}, colour #{red:02x}{green:02x}{blue:02x}{faint}")
+    if len(scene.surfaces) > _TOLD:
+        values = [value for value, _ in scene.surfaces]
+        surfaces.append(f"and {len(values) - _TOLD} more, all between {min(values):g} and {max(values):g}")
     return "; ".join(surfaces)
 
 

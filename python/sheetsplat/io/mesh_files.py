@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ Numbers = NDArray[np.int64]
 _PARSED = 40
 _FACES = ("vertex_indices", "vertex_index")
 _ADVICE = "the file is damaged or cut off; fetch it again"
+# Lines that are converted at once: Ctrl-C waits for them.
+_ROWS = 20_000
 # Larger numbers of vertices than any that memory holds.
 _MOST = 2**48
 
@@ -107,7 +110,7 @@ def _of_obj(path: Path, content: bytes) -> _Mesh:
     counts: list[int] = []
     lines: list[int] = []
     carried = b""
-    for number, line in enumerate(content.split(b"\n"), 1):
+    for number, line in enumerate(io.BytesIO(content), 1):
         if line.rstrip().endswith(b"\\"):
             carried += line.rstrip()[:-1] + b" "
             continue
@@ -210,18 +213,29 @@ class _TextRows(_Rows):
 
     def __init__(self, path: Path, header: Header, content: bytes) -> None:
         self._path = path
-        self._lines = iter(content[header.length :].split(b"\n"))
+        self._lines = io.BytesIO(content)
+        self._lines.seek(header.length)
         self.line = header.lines + 1
 
     def take(self, element: Element) -> dict[str, Any]:
-        words = [line.split() for line in islice(self._lines, element.count)]
-        first, self.line = self.line, self.line + len(words)
-        if len(words) == element.count and (not words or words[-1]):
+        blocks: list[dict[str, Any]] = []
+        for done in range(0, element.count, _ROWS):
+            count = min(_ROWS, element.count - done)
+            words = [line.split() for line in islice(self._lines, count)]
+            first, self.line = self.line, self.line + len(words)
             try:
-                return self._columns(element, words)
+                if len(words) < count:
+                    raise ValueError
+                blocks.append(self._columns(element, words))
             except (ValueError, OverflowError):
-                pass
-        raise self._fault(element, words, first)
+                raise self._fault(element, words, first, done) from None
+        found: dict[str, Any] = {}
+        for one in element.properties:
+            parts = [block[one.name] for block in blocks]
+            found[one.name] = (
+                [row for part in parts for row in part] if element.has_lists else np.concatenate([np.empty(0), *parts])
+            )
+        return found
 
     def _columns(self, element: Element, words: list[list[bytes]]) -> dict[str, Any]:
         if not element.has_lists:
@@ -249,8 +263,8 @@ class _TextRows(_Rows):
         if at != len(row):
             raise ValueError
 
-    def _fault(self, element: Element, words: list[list[bytes]], first: int) -> Error:
-        """Return the error for the first row that is not what the header says."""
+    def _fault(self, element: Element, words: list[list[bytes]], first: int, done: int) -> Error:
+        """Return the error for the first row that is not what the header says; `done`: how many rows were before."""
         for number, row in enumerate(words):
             if not row:
                 break
@@ -262,9 +276,11 @@ class _TextRows(_Rows):
                     f"a number of entries and the entries of {one.name}" if one.counts else one.name
                     for one in element.properties
                 )
-                return _unreadable(self._path, f"{told} in {element.name} {number}, line {first + number}", wanted)
+                return _unreadable(
+                    self._path, f"{told} in {element.name} {done + number}, line {first + number}", wanted
+                )
         full = next((number for number, row in enumerate(words) if not row), len(words))
-        found = f"{full} of {element.name} up to line {first + full}"
+        found = f"{done + full} of {element.name} up to line {first + full}"
         return _unreadable(self._path, found, f"{element.count}, as the header says")
 
     def finish(self) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat import _memory
 from sheetsplat._checks import Triple, shown, triple
 from sheetsplat.errors import InvalidInput
 from sheetsplat.io.axes import along_the_world
@@ -26,6 +27,8 @@ from sheetsplat.quantity import Quantity
 
 _HEADER_LIMIT = 1 << 20
 _LONGEST_UNIT = 32
+# Characters of ascii samples that are read at once, and the most of one number.
+_PIECE, _LONGEST_WORD = 1 << 18, 1024
 # Lines before the samples: more than any header of another program has.
 _MOST_LINES = 1_000_000
 # Fields that become details of the volume.
@@ -157,13 +160,26 @@ def _read_text(source: Source, dtype: np.dtype[Any], count: int) -> NDArray[Any]
     # A number and its separator take from two to forty characters.
     if count * 2 - 1 > source.at_most():
         raise unreadable(source.path, f"at most {source.at_most()} characters of samples", f"{count} numbers")
-    words = source.stream.read(count * 40).split()
-    if len(words) < count:
-        raise unreadable(source.path, f"{len(words)} numbers", f"{count} numbers, as the header says")
-    # Numbers that the type cannot represent are errors; NumPy would only warn.
-    with warnings.catch_warnings(), np.errstate(over="raise", invalid="raise"):
-        warnings.simplefilter("ignore")
-        return np.array(words[:count]).astype(dtype)
+    _memory.require(count * dtype.itemsize, f"the samples of {source.path}")
+    values = np.empty(count, dtype)
+    filled, rest = 0, b""
+    while filled < count:
+        piece = source.stream.read(_PIECE)
+        words = (rest + piece).split()
+        rest = words.pop() if piece and words and not piece[-1:].isspace() else b""
+        if len(rest) > _LONGEST_WORD:
+            raise unreadable(source.path, f"{len(rest)} characters without a separator", "numbers")
+        words = words[: count - filled]
+        # Numbers that the type cannot represent are errors; NumPy would only warn.
+        with warnings.catch_warnings(), np.errstate(over="raise", invalid="raise"):
+            warnings.simplefilter("ignore")
+            values[filled : filled + len(words)] = np.array(words).astype(dtype) if words else ()
+        filled += len(words)
+        if not piece:
+            break
+    if filled < count:
+        raise unreadable(source.path, f"{filled} numbers", f"{count} numbers, as the header says")
+    return values
 
 
 def read(source: Source) -> Volume:

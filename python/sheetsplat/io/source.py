@@ -24,9 +24,10 @@ from sheetsplat.errors import Error, OutOfMemory, Words, complain, missing_packa
 # Largest compression ratio of deflate (RFC 1951: a match of 258 bytes in two bits), and a margin for short files.
 DEFLATE_RATIO = 1032
 _DEFLATE_SLACK = 4096
-_CHUNK = 1 << 22
 _MOST_FILES = 100_000
 _NUMBERS = re.compile("([0-9]{1,18})")
+# Bytes that are unpacked at once: Ctrl-C waits for them, some 30 ms where bzip2 packed noise.
+_CHUNK = 1 << 19
 #: Most bytes before the samples that are unpacked and thrown away: more than headers of other programs have.
 MOST_SKIPPED = 1 << 28
 

@@ -31,6 +31,7 @@ class ObjectKind:
 _IO = "sheetsplat.io."
 _TABLE = _IO + "tables:read_columns"
 _ARRAY = _IO + "lazy_arrays:read"
+_VTK = _IO + "vtk_objects:"
 # By the first part of the module in which a class is defined, and its name.
 _KINDS: dict[tuple[str, str], ObjectKind] = {
     ("xarray", "DataArray"): ObjectKind("the DataArray", _IO + "xarray_data:read_array", ("resample",)),
@@ -38,6 +39,14 @@ _KINDS: dict[tuple[str, str], ObjectKind] = {
     ("dask", "Array"): ObjectKind("the dask array", _ARRAY),
     ("zarr", "Array"): ObjectKind("the Zarr array", _ARRAY),
     ("h5py", "Dataset"): ObjectKind("the HDF5 dataset", _ARRAY),
+    ("vtkmodules", "vtkImageData"): ObjectKind("the image", _VTK + "read_image", ("scalar",)),
+    ("vtkmodules", "vtkRectilinearGrid"): ObjectKind(
+        "the rectilinear grid", _VTK + "read_rectilinear", ("scalar", "resample")
+    ),
+    ("vtkmodules", "vtkStructuredGrid"): ObjectKind("the structured grid", _VTK + "read_structured", ("scalar",)),
+    ("vtkmodules", "vtkUnstructuredGrid"): ObjectKind("the grid", _VTK + "read_unstructured", ("scalar",)),
+    ("vtkmodules", "vtkPolyData"): ObjectKind("the surface", _VTK + "read_surface", ("scalar",)),
+    ("vtkmodules", "vtkMultiBlockDataSet"): ObjectKind("the blocks", _VTK + "read_blocks", ("scalar", "resample")),
     ("builtins", "dict"): ObjectKind("the dict", _TABLE, ("scalar",)),
     ("collections", "Mapping"): ObjectKind("the mapping", _TABLE, ("scalar",)),
     ("pandas", "DataFrame"): ObjectKind("the DataFrame", _TABLE, ("scalar",)),

@@ -78,7 +78,8 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
     ----------
     path
         The file; its format is found by content, then by suffix. Or an xarray DataArray or Dataset, a dask, Zarr or
-        h5py array, or a pandas or polars DataFrame or a dict of columns x, y, z and others (data.md).
+        h5py array, a PyVista or VTK data set, or a pandas or polars DataFrame or a dict of columns x, y, z and
+        others (data.md).
     **options
         Those of OpenOptions.
 

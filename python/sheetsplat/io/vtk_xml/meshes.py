@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,34 +11,9 @@ from sheetsplat.io.checks import finite_points, finite_values, require_rows, unr
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import column_of
 from sheetsplat.io.source import Source
+from sheetsplat.io.vtk_cells import Cells, centroids_of, volumes_of
 from sheetsplat.io.vtk_xml.arrays import ArrayReader
 from sheetsplat.io.vtk_xml.document import KINDS, Piece, parse_document
-
-_log = logging.getLogger("sheetsplat")
-
-# By VTK's number of a cell type: its corners in the order of the tetrahedron, hexahedron, wedge or pyramid.
-_VOLUMES = {
-    10: (0, 1, 2, 3),
-    11: (0, 1, 3, 2, 4, 5, 7, 6),
-    12: (0, 1, 2, 3, 4, 5, 6, 7),
-    13: (0, 1, 2, 3, 4, 5),
-    14: (0, 1, 2, 3, 4),
-}
-# Linear types up to this one have no volume.
-_FLAT = 9
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Point numbers of all cells, one cell after another, the end of each, and their types (none for surfaces)."""
-
-    connectivity: NDArray[np.int64]
-    ends: NDArray[np.int64]
-    types: NDArray[np.int64]
-
-    def sizes(self) -> NDArray[np.int64]:
-        """Return how many points each cell has."""
-        return np.diff(self.ends, prepend=0)
 
 
 def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) -> Cells:
@@ -72,31 +45,6 @@ def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) 
         if group == "Cells":
             types.append(numbers(group, "types", cells))
     return Cells(*map(np.concatenate, (lists, ends, types)))
-
-
-def _volumes(path: Path, cells: Cells, offset: int) -> list[NDArray[np.int64]] | None:
-    """Return the cells with a volume, (M, corners) for each type; None where one has an unknown type."""
-    sizes, found = cells.sizes(), []
-    for kind in np.unique(cells.types[cells.types > _FLAT]):
-        corners = _VOLUMES.get(int(kind))
-        of_kind = np.flatnonzero(cells.types == kind)
-        if corners is None:
-            _log.info("%s: cells of VTK's type %d are not used, nor is the mesh", path, kind)
-            return None
-        wrong = sizes[of_kind][sizes[of_kind] != len(corners)]
-        if wrong.size:
-            raise unreadable(path, f"a cell of type {kind} with {wrong[0]} points", f"{len(corners)} points")
-        starts = cells.ends[of_kind] - len(corners)
-        found.append(cells.connectivity[starts[:, None] + np.asarray(corners)] + offset)
-    return found
-
-
-def _centroids(points: Floats, cells: Cells) -> Floats:
-    sizes = cells.sizes()
-    owner = np.repeat(np.arange(sizes.size), sizes)
-    corners = points[cells.connectivity].T
-    sums = np.stack([np.bincount(owner, along, minlength=sizes.size) for along in corners], axis=1)
-    return np.asarray(sums / np.maximum(sizes, 1)[:, None])
 
 
 def read(source: Source, scalar: str | None = None) -> Scattered:
@@ -134,12 +82,12 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         if where == "CellData":
             full = cells.sizes() > 0
             rows = reader.named(piece, where, base, full.size)
-            points.append(_centroids(here, cells)[full])
+            points.append(centroids_of(here, cells)[full])
             values.append(column_of(rows, column)[full])
             continue
         points.append(here)
         values.append(column_of(reader.named(piece, where, base, count), column))
-        own = _volumes(path, cells, offset)
+        own = volumes_of(path, cells, offset)
         mesh = None if mesh is None or own is None else mesh + own
         offset += count
     details = {"scalar of": "the cells, at their centroids" if where == "CellData" else "the points"}

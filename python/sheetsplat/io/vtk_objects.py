@@ -148,15 +148,17 @@ def read_structured(data: Any, where: Where, scalar: str | None = None) -> Scatt
     counts = [0, 0, 0]
     data.GetDimensions(counts)
     ni, nj, nk = counts
-    numbers = np.arange(ni * nj * nk).reshape(nk, nj, ni)
+    numbers = np.arange(ni * nj * nk, dtype=np.int64).reshape(nk, nj, ni)
     low, high = slice(None, -1), slice(1, None)
-    corners = [(low, low, low), (low, low, high), (low, high, high), (low, high, low)]
+    corners: list[tuple[slice, ...]] = [(low, low, low), (low, low, high), (low, high, high), (low, high, low)]
     corners += [(high, *rest) for _, *rest in corners]
-    hexahedra = np.stack([numbers[one].reshape(-1) for one in corners], axis=1)
+    hexahedra: NDArray[np.int64] = np.stack([numbers[one].reshape(-1) for one in corners], axis=1)
     if chosen.of_cells and hexahedra.shape[0] != chosen.values.size:
         raise unreadable(where, "values of cells without a volume", "values of points", "use cell_data_to_point_data()")
     count = len(hexahedra)
-    cells = Cells(hexahedra.reshape(-1), 8 * np.arange(1, count + 1), np.full(count, 12))
+    cells = Cells(
+        hexahedra.reshape(-1), 8 * np.arange(1, count + 1, dtype=np.int64), np.full(count, 12, dtype=np.int64)
+    )
     return _scattered(where, points, cells, chosen, "vtk structured grid", [hexahedra] if count else None)
 
 

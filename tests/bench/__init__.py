@@ -67,5 +67,6 @@ BENCHES: dict[str, Bench] = {
         "max_error",
         "huge",
         "cliffs",
+        "interactive",
     )
 }

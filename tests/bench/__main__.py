@@ -40,7 +40,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--scale", type=float, default=1.0, help="share of the usual edge of generated volumes (1)")
     add("--reference-seconds", type=float, default=10.0, help="approximate time allowed for a reference picture (10)")
     add("--pictures", type=Path, help="folder for the pictures")
-    add("--output", type=Path, help="folder for NAME.txt and NAME.json")
+    add("--output", "--out", type=Path, help="folder for NAME.txt, NAME.md and NAME.json")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON instead of tables")
     form.add_argument("--markdown", action="store_true", help="print tables as Markdown")
@@ -119,6 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if given.output is not None:
             given.output.mkdir(parents=True, exist_ok=True)
             _write(given.output / f"{name}.txt", report.table())
+            _write(given.output / f"{name}.md", report.markdown())
             _write(given.output / f"{name}.json", report.to_json())
     return 1 if given.check and not reached else 0
 

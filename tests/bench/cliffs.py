@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 import sheetsplat as ss
-from bench.effect_costs import EFFECTS, VIEWS, Conditions, Subject, judged, measure, pairs, quiet
-from bench.measure import attempt, data_file, device_of, renderer_for
+from bench import cliffs_small
+from bench.effect_costs import EFFECTS, VIEWS, Conditions, Subject, surface
+from bench.measure import data_file, device_of, renderer_for
 from bench.quality import measured
 from bench.report import Options, Report, Row, columns, environment
 from bench.scenes import ellipsoids, spheres
 from sheetsplat import datasets
 from sheetsplat.look.compose import compose_scene
 
-# Seconds after which no further view of an effect, or of a pair, is timed.
-_LONGEST, _LONGEST_OF_PAIR = 6.0, 0.8
-_VIEWS_OF_PAIR = 2
 # How many of the steepest are listed.
 _LISTED = 10
 # Edge of the generated volume that stands in for the measured one.
 _STAND_IN = 200
+# Times that the small fields are measured for what is stored.
+_PASSES = 3
 # Kernels of the large set of 3D Gaussians.
 _COPIED = 3_000_000
 
@@ -113,8 +112,9 @@ SCATTERED: Mapping[str, Callable[[Options], tuple[str, ss.Field]]] = {
     "gaussians": _gaussians,
 }
 
-#: Fields and effects that can be measured alone; "single": no pairs.
-ROWS = (*FIELDS, "scattered", *SCATTERED, "single", *EFFECTS)
+#: Fields and effects that can be measured alone; "single": no pairs; "small": two small fields, "store": for later runs
+#: to compare with.
+ROWS = (*FIELDS, "scattered", *SCATTERED, "single", *EFFECTS, "small", "store")
 
 
 def subject_of(options: Options, name: str) -> Subject:
@@ -130,28 +130,44 @@ def _wanted(options: Options) -> tuple[list[str], list[str]]:
     return fields, [name for name in EFFECTS if name in asked] or list(EFFECTS)
 
 
-def surface(subject: Subject, names: Sequence[str], options: Options, *, paired: bool) -> list[Row]:
-    """Time effects on a field, and then pairs of them."""
-    conditions = Conditions(options.backend, options.size)
-    plain = conditions.renderer()
-    plain.render(subject.base, subject.camera(VIEWS), size=options.size)
-    alone: dict[str, float] = {}
+def _rows(options: Options) -> tuple[list[Row], list[str]]:
+    """Return the rows of the fields and effects that are wanted, and what the fields are."""
+    fields, names = _wanted(options)
+    conditions = Conditions(options.backend, options.size, min(VIEWS, options.views), tell=options.say)
     rows: list[Row] = []
+    titles: list[str] = []
+    for name in fields:
+        options.say(name)
+        try:
+            subject = subject_of(options, name)
+        except FileNotFoundError as error:
+            rows.append({"field": name, "row": "all", "remark": f"skipped: {error}"})
+            continue
+        titles.append(f"{name}: {subject.title}, slices {subject.base.slice_spacing:.3g} apart")
+        paired = name in FIELDS and "single" not in options.rows
+        rows += surface(subject, names, conditions, names if paired else [])
+    return rows, titles
 
-    def timed(names: tuple[str, ...], frames: int, seconds: float) -> Row:
-        options.say(f"{subject.name}: {', '.join(names)}")
-        run = partial(measure, subject, names, conditions, plain, frames=min(frames, options.views), seconds=seconds)
-        return {"field": subject.name, "row": " + ".join(names), "effects": list(names)} | attempt(
-            lambda: judged(quiet(run), names, alone)
-        )
 
-    for name in names:
-        rows.append(timed((name,), VIEWS, _LONGEST))
-        if "ratio" in rows[-1]:
-            alone[name] = rows[-1]["ratio"]
-    for both in pairs(subject, [name for name in names if name in alone]) if paired else ():
-        rows.append(timed(both, _VIEWS_OF_PAIR, _LONGEST_OF_PAIR))
-    return rows
+def _small_rows(options: Options, *, store: bool) -> tuple[list[Row], list[str]]:
+    """Return the rows of the small fields, beside the stored ratios or to store them."""
+    rows: list[Row] = []
+    passes = _PASSES if store else 1
+    found: dict[str, list[cliffs_small.Ratios]] = {}
+    for name in cliffs_small.FIELDS:
+        subject = cliffs_small.subject_of(name)
+        several = [cliffs_small.measured(subject, options.say) for _ in range(passes)]
+        found[name] = [cliffs_small.ratios(those) for those in several]
+        rows += several[-1]
+    if store:
+        cliffs_small.store({name: cliffs_small.medians(those) for name, those in found.items()})
+        return rows, [f"The medians of {passes} passes are stored in {cliffs_small.STORED.name}."]
+    stored = cliffs_small.stored_ratios()
+    for row in rows:
+        known = stored.get(row["field"], {}).get(row["row"])
+        if known is not None:
+            row["stored"], row["stored_first"] = known
+    return rows, [f"Small fields, at {cliffs_small.SIZE[0]}x{cliffs_small.SIZE[1]}, by one thread."]
 
 
 def steepest(rows: Sequence[Row], count: int = _LISTED) -> list[str]:
@@ -168,25 +184,16 @@ def steepest(rows: Sequence[Row], count: int = _LISTED) -> list[str]:
 def run(options: Options) -> Report:
     """Measure the fields and effects that are wanted."""
     options = options.preferring("cpu")
-    fields, names = _wanted(options)
-    rows: list[Row] = []
-    titles: list[str] = []
-    for name in fields:
-        options.say(name)
-        try:
-            subject = subject_of(options, name)
-        except FileNotFoundError as error:
-            rows.append({"field": name, "row": "all", "remark": f"skipped: {error}"})
-            continue
-        titles.append(f"{name}: {subject.title}, slices {subject.base.slice_spacing:.3g} apart")
-        rows += surface(subject, names, options, paired="single" not in options.rows and name in FIELDS)
+    small = [name for name in ("small", "store") if name in options.rows]
+    rows, titles = _small_rows(options, store="store" in small) if small else _rows(options)
     listed = steepest(rows)
     return Report(
         name="cliffs",
         title=f"Effects over the plain lit composite, backend {options.backend}, {options.size[0]}x{options.size[1]}",
         columns=columns(
             "field, row=effect, ratio, first_ratio=first frame, expected=at most, expected_first=first at most, "
-            "over=over that, wall_ratio=elapsed, ms=cpu ms, plain_ms=plain cpu ms, frames, slices, precision, remark"
+            "over=over that, wall_ratio=elapsed, ms=cpu ms, plain_ms=plain cpu ms, frames, slices, precision, stored, "
+            "stored_first=stored first, remark"
         ),
         rows=rows,
         notes=[

@@ -8,13 +8,13 @@ import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 import sheetsplat as ss
-from bench.measure import Timing, away, clock
+from bench.measure import Timing, attempt, away, clock
 from bench.report import Row
 from sheetsplat.camera import bounds_of
 from sheetsplat.framing import fitting_depth_cue
@@ -25,6 +25,7 @@ from sheetsplat.quality.choose import Choice
 
 #: Views of the orbit that are timed at most; further ones make the first frames.
 VIEWS = 5
+_VIEWS_OF_PAIR = 2
 # Turns of the views about y and their rise, degrees: 13 apart, none of them along an axis.
 _FIRST_TURN, _TURN, _RISE = 35.0, 13.0, 20.0
 # Vertical angle of perspective cameras, degrees.
@@ -189,13 +190,22 @@ class Conditions:
         Backend that draws.
     size
         (width, height) of the pictures, pixels.
+    views
+        Number of views that are timed, at most `VIEWS`.
+    seconds
+        Processor time after which no further view of an effect is timed; the second number is that of a pair.
     settings
         Further options of all renderers.
+    tell
+        Called with a description of each row before it begins.
     """
 
     backend: str
     size: tuple[int, int]
+    views: int = VIEWS
+    seconds: tuple[float, float] = (6.0, 0.8)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    tell: Callable[[str], object] = lambda text: None
 
     def renderer(self, **settings: Any) -> ss.Renderer:
         """Return a renderer."""
@@ -220,7 +230,7 @@ def measure(
     frames
         Number of views that are timed, at most `VIEWS`.
     seconds
-        No further view is timed after so many seconds; one always is.
+        No further view is timed after so many seconds of processor time; one always is.
 
     Returns
     -------
@@ -233,7 +243,7 @@ def measure(
     settings = {name: value for effect in effects for name, value in effect.settings.items()}
     perspective = any(effect.perspective for effect in effects)
     size = conditions.size
-    began = time.perf_counter()
+    began = time.process_time()
     scene = subject.scene(effects, size)
     renderer = conditions.renderer(**settings)
     # The plain picture makes what does not depend on the effects: the index, and the threads.
@@ -246,7 +256,7 @@ def measure(
     for view in range(frames):
         beside.frame(plain, subject.base, subject.camera(view), size)
         picture = timing.frame(renderer, scene, subject.camera(view, perspective=perspective), size)
-        if time.perf_counter() - began > seconds:
+        if time.process_time() - began > seconds:
             break
     least, plain_least = (min(shot.cpu for shot in one.shots) for one in (timing, beside))
     walls = [min(shot.wall for shot in one.shots) for one in (timing, beside)]
@@ -262,11 +272,31 @@ def measure(
     }
 
 
-def quiet(measured: Callable[[], Row]) -> Row:
-    """Return what is measured, without warnings about the pictures' looks."""
+def timed(
+    subject: Subject, names: Sequence[str], conditions: Conditions, plain: ss.Renderer, alone: Mapping[str, float]
+) -> Row:
+    """Return the row of an effect, or of several together; `alone`: the ratios of single effects."""
+    conditions.tell(f"{subject.name}: {', '.join(names)}")
+    single = len(names) == 1
+    frames = conditions.views if single else min(_VIEWS_OF_PAIR, conditions.views)
+    seconds = conditions.seconds[0 if single else 1]
+    run = partial(measure, subject, names, conditions, plain, frames=frames, seconds=seconds)
     with warnings.catch_warnings():
+        # Looks are not what is measured.
         warnings.simplefilter("ignore", ss.PictureWarning)
-        return measured()
+        found = attempt(run)
+    row: Row = {"field": subject.name, "row": " + ".join(names), "effects": list(names), **found}
+    return judged(row, names, alone) if "ratio" in row else row
+
+
+def surface(subject: Subject, names: Sequence[str], conditions: Conditions, paired: Sequence[str]) -> list[Row]:
+    """Return the rows of some effects on a field, and of the pairs of some of them."""
+    plain = conditions.renderer()
+    plain.render(subject.base, subject.camera(VIEWS), size=conditions.size)
+    rows = [timed(subject, (name,), conditions, plain, {}) for name in names]
+    alone = {row["effects"][0]: row["ratio"] for row in rows if "ratio" in row}
+    both = pairs(subject, [name for name in paired if name in alone])
+    return rows + [timed(subject, names, conditions, plain, alone) for names in both]
 
 
 def judged(row: Row, names: Sequence[str], alone: Mapping[str, float]) -> Row:
@@ -280,11 +310,11 @@ def judged(row: Row, names: Sequence[str], alone: Mapping[str, float]) -> Row:
         above = [
             row[name] / wanted
             for name, wanted in (("ratio", effect.wanted), ("first_ratio", effect.wanted_first))
-            if wanted is not None and name in row
+            if wanted is not None
         ]
         row = {**row, "expected": effect.wanted, "expected_first": effect.wanted_first}
         return {**row, "over": max(above)} if above else row
-    if any(name not in alone for name in names) or "ratio" not in row:
+    if any(name not in alone for name in names):
         return row
     product = math.prod(max(1.0, alone[name]) for name in names)
     return {**row, "expected": product, "over": row["ratio"] / product}

@@ -15,8 +15,6 @@ from PIL import Image
 import sheetsplat as ss
 from bench import BENCHES, Goal, Options, Report
 from bench.__main__ import main
-from bench.cliffs import copied, steepest, subject_of
-from bench.effect_costs import EFFECTS, pairs
 from bench.ellipsoids import WAYS, at_equal_time
 from bench.error_estimate import summary
 from bench.huge import corners
@@ -437,59 +435,3 @@ def test_scattered_scaling_runs_in_new_processes(tmp_path: Path) -> None:
         assert row["per_kernel"] * row["row"] == pytest.approx(1e6 * row["resident"]) and row["cpu_ms"] > 0.0
     assert report.rows[0]["slices"] < report.rows[2]["slices"]
     assert not report.goals
-
-
-def test_effects_are_timed_alone_and_in_pairs(tmp_path: Path) -> None:
-    options = _options(
-        tmp_path, backend="cpu", size=(24, 24), rows=("tubes", "combustor", "perspective", "xray", "clip")
-    )
-    report = BENCHES["cliffs"].run(options)
-    skipped = report.rows.pop()
-    assert skipped["field"] == "combustor" and skipped["remark"].startswith("skipped")
-    names = ["perspective", "xray", "clip", "perspective + xray", "perspective + clip", "xray + clip"]
-    assert [row["row"] for row in report.rows] == names
-    by_name = {row["row"]: row for row in report.rows}
-    for row in report.rows:
-        assert row["ratio"] > 0.0 and row["first_ratio"] > 0.0 and row["ms"] > 0.0
-    for first, second in ((names[0], names[1]), (names[0], names[2])):
-        product = math.prod(max(1.0, by_name[name]["ratio"]) for name in (first, second))
-        pair = by_name[f"{first} + {second}"]
-        assert pair["expected"] == pytest.approx(product) and pair["over"] == pytest.approx(pair["ratio"] / product)
-    assert by_name["perspective"]["over"] == pytest.approx(by_name["perspective"]["ratio"] / 1.3)
-    assert len(steepest(report.rows, 2)) == 2
-    farthest = max(report.rows, key=lambda row: row["over"])
-    assert steepest(report.rows)[0].startswith(f"{farthest['row']} on tubes")
-
-
-def test_effects_that_exclude_each_other_make_no_pair(tmp_path: Path) -> None:
-    subject = subject_of(_options(tmp_path), "tubes")
-    found = set(pairs(subject, list(EFFECTS)))
-    assert ("perspective", "ewa") in found and ("shadows", "good") in found and ("isosurface", "shadows") in found
-    for pair in (
-        ("xray", "mip"),
-        ("xray", "shadows"),
-        ("mip", "depth cue"),
-        ("isosurface", "threshold"),
-        ("shadows", "threshold"),
-        ("preintegration", "second order"),
-    ):
-        assert pair not in found, pair
-
-
-def test_copies_of_a_field_lie_side_by_side() -> None:
-    one = ellipsoids(50, 20.0)
-    title, many = copied(one, 120)
-    assert many.size == 150 and title.startswith("3 ")
-    step = np.ptp(one.centers, axis=0)
-    assert many.centers[50:100] == pytest.approx(one.centers + [step[0], 0.0, 0.0])
-    assert many.centers[100:] == pytest.approx(one.centers + [0.0, step[1], 0.0])
-    assert np.array_equal(many.values[100:], one.values) and np.array_equal(many.rotations[:50], one.rotations)
-
-
-def test_both_cameras_show_the_middle_at_one_scale(tmp_path: Path) -> None:
-    subject = subject_of(_options(tmp_path), "tubes")
-    flat, deep = (subject.camera(2, perspective=perspective) for perspective in (False, True))
-    distance = math.dist(deep.eye, deep.target)
-    assert 2.0 * distance * math.tan(math.radians(0.5 * deep.fov_y)) == pytest.approx(flat.height)
-    towards = [np.subtract(camera.eye, camera.target) for camera in (flat, deep)]
-    assert towards[0] / np.linalg.norm(towards[0]) == pytest.approx(towards[1] / np.linalg.norm(towards[1]))

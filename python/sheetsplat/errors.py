@@ -37,7 +37,7 @@ _PACKAGES = {"PIL": "pillow", "flip_evaluator": "flip-evaluator", "nrrd": "pynrr
 # The extras of this package that install what it needs beside its dependencies.
 _EXTRAS = {
     "medical": ("nibabel", "pydicom"),
-    "science": ("xarray", "h5netcdf", "zarr", "numcodecs", "tifffile", "mrcfile", "meshio", "dask", "pandas"),
+    "science": ("xarray", "h5netcdf", "zarr", "numcodecs", "tifffile", "mrcfile", "dask", "pandas"),
     "pyvista": ("vtk", "vtkmodules", "pyvista"),
 }
 _CONSTANTS = {"true": "True", "false": "False", "none": "None", "...": "..."}

@@ -168,13 +168,10 @@ struct Slices {
         const typename Slab<T>::D d;
         const Table table(slab.group.transfer);
         return row.classify_by([&](int x, int number, auto seen, auto& color) {
-            typename Table::Place place;
-            V alpha = hn::IfThenElseZero(seen, table.opacity(d, slab.rho(d, 1, row.y, x), place));
-            alpha = hn::Mul(alpha, hn::IfThenElseZero(seen, hn::Load(d, row.faded + number)));
+            V alpha = opacity(d, slab, row, table, x, number, seen, color);
             if (slab.shading.correct) {
                 alpha = corrected_opacity(d, alpha, exponent_at<perspective>(d, slab, x, row.y));
             }
-            color = table.color(d, place);
             return alpha;
         });
     }
@@ -187,16 +184,24 @@ struct Slices {
         const Table table(slab.group.transfer);
         const V one = hn::Set(d, T(1)), most = hn::Set(d, T(1) - T(0x1p-24));
         return row.classify_by([&](int x, int number, auto seen, auto& color) {
-            typename Table::Place place;
-            V a = hn::IfThenElseZero(seen, table.opacity(d, slab.rho(d, 1, row.y, x), place));
-            a = hn::Mul(a, hn::IfThenElseZero(seen, hn::Load(d, row.faded + number)));
-            color = table.color(d, place);
+            const V a = opacity(d, slab, row, table, x, number, seen, color);
             hn::Store(absorption(d, hn::Min(a, most)), d, row.weight + number);
             const auto clear = hn::Lt(a, one);
             const V thin =
                 hn::Mul(exponent_at<perspective>(d, slab, x, row.y), absorption(d, hn::IfThenElseZero(clear, a)));
             return hn::IfThenElse(clear, thin, hn::Set(d, all_absorbed<T>));
         });
+    }
+
+  private:
+    /// Opacity per reference length, faded; 0 where nothing is seen.
+    template <class T, class D, class V = hn::Vec<D>>
+    static HWY_INLINE V opacity(D d, const Slab<T>& slab, const EffectRow<T>& row, const Table& table, int x,
+                                int number, hn::Mask<D> seen, Color<D>& color) {
+        typename Table::Place place;
+        const V own = hn::IfThenElseZero(seen, table.opacity(d, slab.rho(d, 1, row.y, x), place));
+        color = table.color(d, place);
+        return hn::Mul(own, hn::IfThenElseZero(seen, hn::Load(d, row.faded + number)));
     }
 };
 
@@ -220,9 +225,7 @@ struct Intervals {
         using V = typename Slab<T>::V;
         const typename Slab<T>::D d;
         return row.classify_by([&](int x, int number, auto seen, auto& color) {
-            const V front = slab.rho(d, 1, row.y, x), back = slab.rho(d, 2, row.y, x);
-            const V faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
-            const V mean = hn::Mul(ramp_absorption(d, slab.group.ramps, front, back, seen, color), faded);
+            const V mean = absorption_between(d, slab, row, x, number, seen, color);
             return opacity_of_absorption(d, hn::Mul(exponent_at<perspective>(d, slab, x, row.y), mean));
         });
     }
@@ -233,12 +236,21 @@ struct Intervals {
         using V = typename Slab<T>::V;
         const typename Slab<T>::D d;
         return row.classify_by([&](int x, int number, auto seen, auto& color) {
-            const V front = slab.rho(d, 1, row.y, x), back = slab.rho(d, 2, row.y, x);
-            const V faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
-            const V mean = hn::Mul(ramp_absorption(d, slab.group.ramps, front, back, seen, color), faded);
+            const V mean = absorption_between(d, slab, row, x, number, seen, color);
             hn::Store(mean, d, row.weight + number);
             return hn::Mul(exponent_at<perspective>(d, slab, x, row.y), mean);
         });
+    }
+
+  private:
+    /// Mean absorption per reference length, faded.
+    template <class T, class D, class V = hn::Vec<D>>
+    static HWY_INLINE V absorption_between(D d, const Slab<T>& slab, const EffectRow<T>& row, int x, int number,
+                                           hn::Mask<D> seen, Color<D>& color) {
+        const V faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
+        return hn::Mul(ramp_absorption(d, slab.group.ramps, slab.rho(d, 1, row.y, x), slab.rho(d, 2, row.y, x), seen,
+                                       color),
+                       faded);
     }
 };
 

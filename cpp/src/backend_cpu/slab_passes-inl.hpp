@@ -157,22 +157,30 @@ HWY_NOINLINE void find_crossings(const Slab<T>& slab) {
         });
 }
 
-/// Calls visit(x, y, numbers) for a sheet, row by row; clip: 0 where clipping takes the point.
+/// Calls visit(x, y, columns that clipping keeps) for vectors of the slice, row by row.
 template <bool clip, class T, class Visit>
-HWY_INLINE void for_each_in_sheet(const Slab<T>& slab, const T* sheet, const Visit& visit) {
-    const typename Slab<T>::D d;
+HWY_INLINE void for_each_kept(const Slab<T>& slab, const Visit& visit) {
     constexpr int lanes = Slab<T>::lanes;
     const Rect& rect = slab.window.rect;
     for (int y = rect.y0; y < rect.y1; ++y) {
         const Columns kept = clip ? slab.columns_kept(y, 0) : Columns{rect.x0, rect.x1};
         for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
-            auto value = hn::LoadU(d, sheet + slab.in_sheet(y) + x);
-            if constexpr (clip) {
-                value = hn::IfThenElseZero(slab.within(d, hn::Eq(value, value), x, kept), value);
-            }
-            visit(x, y, value);
+            visit(x, y, kept);
         }
     }
+}
+
+/// Calls visit(x, y, numbers) for a sheet, row by row; clip: 0 where clipping takes the point.
+template <bool clip, class T, class Visit>
+HWY_INLINE void for_each_in_sheet(const Slab<T>& slab, const T* sheet, const Visit& visit) {
+    const typename Slab<T>::D d;
+    for_each_kept<clip>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
+        auto value = hn::LoadU(d, sheet + slab.in_sheet(y) + x);
+        if constexpr (clip) {
+            value = hn::IfThenElseZero(slab.within(d, hn::Eq(value, value), x, kept), value);
+        }
+        visit(x, y, value);
+    });
 }
 
 /// Adds a sheet, times a step along the pixel's ray, to a plane: x-ray and coverage.
@@ -209,20 +217,15 @@ HWY_NOINLINE void raise_scalar(const Slab<T>& slab) {
 template <bool clip, class T, class Visit>
 HWY_INLINE void for_each_reached(const Slab<T>& slab, const Visit& visit) {
     const typename Slab<T>::D d;
-    constexpr int lanes = Slab<T>::lanes;
-    const Rect& rect = slab.window.rect;
-    for (int y = rect.y0; y < rect.y1; ++y) {
-        const Columns kept = clip ? slab.columns_kept(y, 0) : Columns{rect.x0, rect.x1};
-        for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
-            auto reached = hn::Ne(hn::LoadU(d, slab.sheets.weight[0] + slab.in_sheet(y) + x), hn::Zero(d));
-            if constexpr (clip) {
-                reached = slab.within(d, reached, x, kept);
-            }
-            if (!hn::AllFalse(d, reached)) {
-                visit(x, y, reached);
-            }
+    for_each_kept<clip>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
+        auto reached = hn::Ne(hn::LoadU(d, slab.sheets.weight[0] + slab.in_sheet(y) + x), hn::Zero(d));
+        if constexpr (clip) {
+            reached = slab.within(d, reached, x, kept);
         }
-    }
+        if (!hn::AllFalse(d, reached)) {
+            visit(x, y, reached);
+        }
+    });
 }
 
 /// The least scalar.

@@ -9,6 +9,7 @@
 #endif
 
 #include <algorithm>
+#include <cmath>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
@@ -33,7 +34,16 @@ HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, co
         const Rect& seen = splat.live.rect;
         const Rect box{std::max<int>(extra.x0, seen.x0), std::max<int>(extra.y0, seen.y0),
                        std::min<int>(extra.x1, seen.x1), std::min<int>(extra.y1, seen.y1)};
-        return box.empty() ? 0 : add_slabs<with_weight>(splat, section, extra.weight, shape, count, box);
+        if (box.empty()) {
+            return 0;
+        }
+        if constexpr (!slopes) {
+            if (is_upright(shape) && !splat.setup.perspective &&
+                splat.profile.root_falloff * std::abs(shape.ds) >= shortest_slab<T>) {
+                return add_upright_slabs<with_weight>(splat, section, extra.weight, shape, count, box);
+            }
+        }
+        return add_slabs<with_weight>(splat, section, extra.weight, shape, count, box);
     }
     if (is_upright(shape) && !splat.setup.perspective) {
         return add_spheres<with_weight>(splat, section, extra.weight, shape, T(1) / shape.X, count);

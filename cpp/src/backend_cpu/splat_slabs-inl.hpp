@@ -7,6 +7,7 @@
 #define SHEETSPLAT_CPU_SPLAT_SLABS_INL
 #endif
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -15,6 +16,7 @@
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
 #include "math-inl.hpp"
+#include "splat_spheres-inl.hpp"
 #include "splat_target-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -65,6 +67,15 @@ HWY_INLINE V closed_form(D d, V low, V high, V nearest, V rate, V beside) {
     const V b = erf(d, hn::Mul(rate, hn::Sub(high, nearest)));
     const V half_root_pi = hn::Set(d, T(0.88622692545275801));
     return hn::Mul(hn::Mul(beside, half_root_pi), hn::Div(hn::Sub(b, a), rate));
+}
+
+/// Adds a kernel's weight. Where a steep profile has nothing left, or a difference of two erf cancels, rays that meet
+/// the support still do: the point is not empty.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void add_reached(D d, V bell, hn::Mask<D> met, V weight, T* weights) {
+    const V least = hn::IfThenElseZero(met, hn::Set(d, std::numeric_limits<T>::min()));
+    const V added = hn::Max(hn::Mul(weight, hn::Max(bell, hn::Zero(d))), least);
+    hn::StoreU(hn::Add(hn::LoadU(d, weights), added), d, weights);
 }
 
 /// Means over slabs along the rays of the pixels: closed form over the chord where it is long against the Gaussian,
@@ -152,12 +163,7 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
                 const V rest = hn::Sub(mean, hn::Mul(edge, length));
                 add_bell<false>(d, rest, value, weight, to.value + at + x, nullptr);
                 if constexpr (with_weight) {
-                    // Where a steep profile has nothing left, or a difference of two erf cancels, the ray still
-                    // meets the support: the point is not empty.
-                    const V least = hn::IfThenElseZero(hn::Gt(length, zero), hn::Set(d, std::numeric_limits<T>::min()));
-                    T* weights = to.weight + at + x;
-                    const V added = hn::Max(hn::Mul(weight, hn::Max(rest, zero)), least);
-                    hn::StoreU(hn::Add(hn::LoadU(d, weights), added), d, weights);
+                    add_reached(d, rest, hn::Gt(length, zero), weight, to.weight + at + x);
                 }
             }
         }
@@ -167,6 +173,120 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
         }
     }
     return drawn;
+}
+
+/// The slabs of a kernel along rays that are one of its axes: where they end along it, from back to front as q3 falls,
+/// and the Gaussian's integral from 0 to there, over a slab's thickness.
+template <class T>
+struct SlabEnds {
+    static constexpr int room = covered_slices + 16;
+    HWY_ALIGN T place[room];
+    HWY_ALIGN T integral[room];
+    HWY_ALIGN T lowered[room]; ///< what the profile is lowered by, integrated likewise
+    T per_thickness;
+
+    template <class D>
+    HWY_INLINE SlabEnds(D d, T first_end, T step, int ends, T root_k, T edge) : per_thickness(T(-1) / step) {
+        using V = hn::Vec<D>;
+        const V half_root_pi = hn::Set(d, T(0.88622692545275801) * per_thickness / root_k);
+        for (int end = 0; end < ends; end += static_cast<int>(hn::Lanes(d))) {
+            const V at = hn::MulAdd(hn::Set(d, step), hn::Iota(d, static_cast<T>(end)), hn::Set(d, first_end));
+            hn::Store(at, d, place + end);
+            hn::Store(hn::Mul(half_root_pi, erf(d, hn::Mul(hn::Set(d, root_k), at))), d, integral + end);
+            hn::Store(hn::Mul(hn::Set(d, edge * per_thickness), at), d, lowered + end);
+        }
+    }
+};
+
+/// As separable_rows, of means over slabs: a difference of the profile's integral between the ends of each slab or, on
+/// rays that leave the kernel inside it, to where they do.
+template <bool with_weight, class D, class T>
+HWY_INLINE void upright_slabs(D d, const Target<T>* to, int count, const SlabEnds<T>& ends, const T* bell_y,
+                              const T* place_y2, T X, T at_x, T falloff_log2, T root_k, T edge_t, T value_t, T weight_t,
+                              int x0, int x1, int y0, int y1) {
+    using V = hn::Vec<D>;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+    const V value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
+    const V half_root_pi = hn::Set(d, T(0.88622692545275801) * ends.per_thickness / root_k);
+    const V edge = hn::Set(d, edge_t * ends.per_thickness), rate = hn::Set(d, root_k);
+    for (int x = x0; x < x1; x += lanes) {
+        const V q1 = hn::MulAdd(hn::Set(d, X), hn::Iota(d, static_cast<T>(x - x0)), hn::Set(d, at_x));
+        const V q1_squared = hn::Mul(q1, q1);
+        const V bell_x = exp2_nonpositive(d, hn::Mul(hn::Set(d, -falloff_log2), q1_squared));
+        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * to[0].stride + x;
+        for (int y = 0; y < y1 - y0; ++y, at += to[0].stride) {
+            const V squared = hn::Sub(hn::Sub(one, hn::Set(d, place_y2[y])), q1_squared);
+            const V half_chord = hn::Sqrt(hn::Max(squared, zero));
+            if (hn::AllTrue(d, hn::Le(squared, zero))) {
+                continue;
+            }
+            const V bell = hn::Mul(bell_x, hn::Set(d, bell_y[y]));
+            const V here = hn::Mul(bell, half_root_pi);
+            const V last = hn::MulSub(here, erf(d, hn::Mul(rate, half_chord)), hn::Mul(edge, half_chord));
+            const V back = hn::Neg(half_chord);
+            const auto integral_to = [&](int end) {
+                const V place = hn::Set(d, ends.place[end]);
+                const V inside =
+                    hn::MulSub(bell, hn::Set(d, ends.integral[end]), hn::Set(d, ends.lowered[end]));
+                return hn::IfThenElse(hn::Ge(place, half_chord), last,
+                                      hn::IfThenElse(hn::Le(place, back), hn::Neg(last), inside));
+            };
+            V before = integral_to(0);
+            for (int slice = 0; slice < count; ++slice) {
+                const V after = integral_to(slice + 1);
+                const V rest = hn::Sub(before, after);
+                add_bell<false>(d, rest, value, weight, to[slice].value + at, nullptr);
+                if constexpr (with_weight) {
+                    add_reached(d, rest,
+                                hn::And(hn::Lt(hn::Set(d, ends.place[slice + 1]), half_chord),
+                                        hn::Gt(hn::Set(d, ends.place[slice]), back)),
+                                weight, to[slice].weight + at);
+                }
+                before = after;
+            }
+        }
+    }
+}
+
+/// Kernels whose sections are upright ellipses in one place, in orthographic views: the profile is a product, and what
+/// depends on depth is the same for all pixels whose rays stay inside the kernel.
+template <bool with_weight, class T, bool slopes>
+HWY_INLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
+                                 int count, const Rect& box) {
+    if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
+        return 0;
+    }
+    const hn::CappedTag<T, 4> narrow;
+    const hn::CappedTag<T, 8> middling;
+    const hn::CappedTag<T, 16> wide;
+    const T k = splat.profile.falloff_log2, root_k = splat.profile.root_falloff, edge = splat.profile.edge;
+    HWY_ALIGN T bell_y[most_edge];
+    HWY_ALIGN T place_y2[most_edge];
+    const T at_y = section.a2 + shape.Y2 * static_cast<T>(box.y0);
+    bells(middling, k, at_y, shape.Y2, box.y1 - box.y0, bell_y);
+    for (int y = 0; y < box.y1 - box.y0; ++y) {
+        const T place = at_y + shape.Y2 * static_cast<T>(y);
+        place_y2[y] = place * place;
+    }
+    const T first_end = section.s + (static_cast<T>(splat.n - section.first) - T(0.5)) * shape.ds;
+    const SlabEnds<T> ends(wide, first_end, shape.ds, count + 1, root_k, edge);
+    const auto rows = [&](auto d) {
+        const int start = start_of<T>(box.x0, box.x1, static_cast<int>(hn::Lanes(d)));
+        upright_slabs<with_weight>(d, splat.targets, count, ends, bell_y, place_y2, shape.X,
+                                   section.a1 + shape.X * static_cast<T>(start), k, root_k, edge, section.value, weight,
+                                   start, box.x1, box.y0, box.y1);
+    };
+    const int width = box.x1 - box.x0;
+    if (width <= 4) {
+        rows(narrow);
+    } else if (width <= 24) {
+        rows(middling);
+    } else {
+        rows(wide);
+    }
+    splat.through[count - 1].add(box);
+    return count;
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

@@ -81,11 +81,6 @@ int slices_beyond(const DrawPlan& plan) {
            (uses_intervals(plan.mode, plan.preintegration) ? 1 : 0);
 }
 
-/// Whether what a classification of slices cannot show may still be left out: the cubic of second order overshoots.
-bool may_cull(const DrawPlan& plan) {
-    return plan.culling && !plan.coverage && !(plan.second_order && plan.preintegration);
-}
-
 /// Slice distances around a point that shows in which rho must be right: lines towards lights interpolate it there.
 constexpr double around_surfaces = 2.0;
 
@@ -97,7 +92,7 @@ VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan&
     query.transfer_function = is_scalar(plan.mode) ? nullptr : group.transfer_function;
     query.weights_matter = plan.weight || !plan.culling;
     // Where W > 0 decides, kernels without weight may not be drawn at all.
-    query.cull = may_cull(plan) || counts_weighted_slices(plan.mode);
+    query.cull = (plan.culling && !plan.coverage) || counts_weighted_slices(plan.mode);
     query.isosurface = plan.mode == Mode::isosurface;
     for (const IsoValue& iso : scene.iso_values) {
         if (iso.opacity > 0.0) {
@@ -105,6 +100,7 @@ VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan&
         }
     }
     query.alone = group.last - group.first == 1;
+    query.cubic = plan.second_order && plan.preintegration;
     query.reach_world = slices_beyond(plan) * frame.slice_spacing * slant;
     if (plan.gradient) {
         query.reach_world += std::max(frame.largest_pixel(), frame.slice_spacing * slant);
@@ -145,7 +141,7 @@ bool Decision::answers(const VisibilityQuery& other) const {
     return (function == nullptr ? points.empty() : same(points, function->points())) &&
            query.weights_matter == other.weights_matter && query.cull == other.cull &&
            query.isosurface == other.isosurface && query.iso_values == other.iso_values && query.alone == other.alone &&
-           reaches(query.reach_world, other.reach_world);
+           query.cubic == other.cubic && reaches(query.reach_world, other.reach_world);
 }
 
 const RunsEntry& FieldIndex::runs_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {

@@ -198,8 +198,15 @@ VisibleFrom visible_from(const VisibilityQuery& visibility) {
     const TransferFunction& transfer_function = *visibility.transfer_function;
     // Of a step at 0 only the side counts on which the values are.
     constexpr double least = std::numeric_limits<double>::denorm_min();
-    return {least_visible([&](double x) { return !transfer_function.transparent_over(least, x); }),
-            least_visible([&](double x) { return !transfer_function.transparent_over(-x, -least); })};
+    const VisibleFrom from{least_visible([&](double x) { return !transfer_function.transparent_over(least, x); }),
+                           least_visible([&](double x) { return !transfer_function.transparent_over(-x, -least); })};
+    if (visibility.cubic) {
+        constexpr double overshoot = 20.0 / 16.0;
+        // Outer slices count against the sign of their values.
+        const double either = std::min(from.above, from.below) / overshoot;
+        return {either, either};
+    }
+    return from;
 }
 
 void check_reach(const VisibilityQuery& query) {

@@ -20,6 +20,9 @@ struct VisibilityQuery {
     bool isosurface = false;
     std::vector<double> iso_values;
     bool alone = true; ///< false: other fields add to this one, so that only kernels that add nothing can be dropped
+    /// Values between slices are looked at too, on cubics through four slices (conventions, second order): up to
+    /// 9/16 + 9/16 + 1/16 + 1/16 times as large as the largest absolute value there.
+    bool cubic = false;
     /// World units, >= 0: how far a visible point may lie from the supports of kernels that matter to it. The sum of
     /// what stencils of gradients, crossings, pre-integrated intervals and slabs reach, and of twice what a filter
     /// widens a support by. In perspective a step of depth runs along the ray and is as much longer.

@@ -42,6 +42,36 @@ def test_an_effect_that_was_left_out_changes_nothing_when_forced(effect):
         regular.check(case, FLOAT32_HARD, backend="cpu", effects=(effect,))
 
 
+def test_second_order_shows_what_only_its_cubic_reaches():
+    """Between slices in a plateau and beyond its steep ends the cubic rises a quarter above all samples."""
+    values = np.full((14, 9, 9), -1.0, np.float32)
+    values[4:10] = 1.0
+    function = ss.TransferFunction([(1.05, 1, 0.5, 0, 0), (1.1, 1, 0.5, 0, 0.4), (2, 0, 1, 0, 0.4)])
+    scene = ss.Scene([ss.RegularField(values)], function, preintegration="second_order", slice_spacing=3.0, lights=())
+    camera = ss.Camera.fit(scene, direction=(0, 0, -1))
+    expected = ss.Renderer("reference").render(scene, camera, size=(24, 24))
+    assert expected.rgba.max() > 0.1
+    image = ss.Renderer("cpu").render(scene, camera, size=(24, 24))
+    assert_close(image.pixels, expected.pixels, FLOAT32_HARD, "cpu second order above all samples")
+    first_order = scene.replace(preintegration=True)
+    assert ss.Renderer("reference").render(first_order, camera, size=(24, 24)).rgba.max() == 0.0
+
+
+@pytest.mark.parametrize("projection", ["orthographic", "perspective"])
+def test_second_order_leaves_out_what_no_cubic_can_show(projection):
+    """Signed samples: outer slices count against their sign."""
+    values = np.random.default_rng(8).normal(0.0, 0.2, (16, 15, 14)).astype(np.float32)
+    values[5:7, 6:9, 5:8] = 1.0
+    values[10:12, 3:6, 8:11] = -1.0
+    function = ss.TransferFunction([(0.8, 1, 0.5, 0, 0), (0.9, 1, 0.5, 0, 0.6), (2, 0, 1, 0, 0.6)])
+    scene = ss.Scene([ss.RegularField(values)], function, preintegration="second_order")
+    camera = ss.Camera.fit(scene, direction=(0.3, -0.2, -1), kind=projection)
+    expected = ss.Renderer("reference").render(scene, camera, size=(40, 40))
+    image = ss.Renderer("cpu").render(scene, camera, size=(40, 40))
+    assert_close(image.pixels, expected.pixels, FLOAT32_HARD, f"cpu second order {projection}")
+    assert image.stats["kernels_drawn"] < values.size / 2
+
+
 @pytest.mark.parametrize("tile_size", [8, 13, 16])
 @pytest.mark.parametrize("case", regular.HARD, ids=str)
 def test_tiles_leave_no_seam(case, tile_size):

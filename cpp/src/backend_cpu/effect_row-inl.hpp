@@ -248,9 +248,9 @@ struct Intervals {
     static HWY_INLINE V absorption_between(D d, const Slab<T>& slab, const EffectRow<T>& row, int x, int number,
                                            hn::Mask<D> seen, Color<D>& color) {
         const V faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
-        return hn::Mul(ramp_absorption(d, slab.group.ramps, slab.rho(d, 1, row.y, x), slab.rho(d, 2, row.y, x), seen,
-                                       color),
-                       faded);
+        return hn::Mul(
+            ramp_absorption(d, slab.group.ramps, slab.rho(d, 1, row.y, x), slab.rho(d, 2, row.y, x), seen, color),
+            faded);
     }
 };
 

@@ -218,7 +218,8 @@ HWY_INLINE void upright_slabs(D d, const Target<T>* to, int count, const SlabEnd
         for (int y = 0; y < y1 - y0; ++y, at += to[0].stride) {
             const V squared = hn::Sub(hn::Sub(one, hn::Set(d, place_y2[y])), q1_squared);
             const V half_chord = hn::Sqrt(hn::Max(squared, zero));
-            if (hn::AllTrue(d, hn::Le(squared, zero))) {
+            const auto met = hn::Gt(squared, zero);
+            if (hn::AllFalse(d, met)) {
                 continue;
             }
             const V bell = hn::Mul(bell_x, hn::Set(d, bell_y[y]));
@@ -227,8 +228,7 @@ HWY_INLINE void upright_slabs(D d, const Target<T>* to, int count, const SlabEnd
             const V back = hn::Neg(half_chord);
             const auto integral_to = [&](int end) {
                 const V place = hn::Set(d, ends.place[end]);
-                const V inside =
-                    hn::MulSub(bell, hn::Set(d, ends.integral[end]), hn::Set(d, ends.lowered[end]));
+                const V inside = hn::MulSub(bell, hn::Set(d, ends.integral[end]), hn::Set(d, ends.lowered[end]));
                 return hn::IfThenElse(hn::Ge(place, half_chord), last,
                                       hn::IfThenElse(hn::Le(place, back), hn::Neg(last), inside));
             };
@@ -239,8 +239,8 @@ HWY_INLINE void upright_slabs(D d, const Target<T>* to, int count, const SlabEnd
                 add_bell<false>(d, rest, value, weight, to[slice].value + at, nullptr);
                 if constexpr (with_weight) {
                     add_reached(d, rest,
-                                hn::And(hn::Lt(hn::Set(d, ends.place[slice + 1]), half_chord),
-                                        hn::Gt(hn::Set(d, ends.place[slice]), back)),
+                                hn::And(met, hn::And(hn::Lt(hn::Set(d, ends.place[slice + 1]), half_chord),
+                                                     hn::Gt(hn::Set(d, ends.place[slice]), back))),
                                 weight, to[slice].weight + at);
                 }
                 before = after;

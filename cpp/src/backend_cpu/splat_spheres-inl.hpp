@@ -77,25 +77,37 @@ HWY_INLINE void lines(D d, T at, T step, int count, T* out) {
     }
 }
 
-/// As separable_rows of one slice, with the derivatives.
-template <bool with_weight, class D, class T = hn::TFromD<D>>
-HWY_INLINE void separable_slopes(D d, const Target<T>& to, const T* bell_x, const T* bell_y, T bell_z, const T* slope_x,
-                                 const T* slope_y, T slope_z, T edge_t, T value_t, T weight_t, T steep, int x0, int x1,
-                                 int y0, int y1) {
+/// As separable_rows, with the derivatives.
+template <bool with_weight, int slices, class D, class T = hn::TFromD<D>>
+HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z,
+                                 const T* slope_x, const T* slope_y, const T* slope_z, T edge_t, T value_t, T weight_t,
+                                 T steep, int x0, int x1, int y0, int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const auto edge = hn::Set(d, edge_t), value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
     const auto steep_value = hn::Set(d, steep * value_t), steep_weight = hn::Set(d, steep * weight_t);
-    const Target<T> sheets = to;
+    const std::ptrdiff_t stride = to[0].stride;
+    Target<T> sheets[slices];
+    T z[slices], steep_z[slices];
+    for (int slice = 0; slice < slices; ++slice) {
+        sheets[slice] = to[slice];
+        z[slice] = bell_z[slice];
+        steep_z[slice] = slope_z[slice];
+    }
     for (int x = x0; x < x1; x += lanes) {
-        const auto column = hn::Mul(hn::LoadU(d, bell_x + (x - x0)), hn::Set(d, bell_z));
-        Slope<D> slope{hn::LoadU(d, slope_x + (x - x0)), hn::Zero(d), hn::Set(d, slope_z)};
-        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * sheets.stride + x;
-        for (int y = 0; y < y1 - y0; ++y, at += sheets.stride) {
-            const auto bell = hn::Mul(column, hn::Set(d, bell_y[y]));
+        const auto column = hn::LoadU(d, bell_x + (x - x0));
+        Slope<D> slope{hn::LoadU(d, slope_x + (x - x0)), hn::Zero(d), hn::Zero(d)};
+        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * stride + x;
+        for (int y = 0; y < y1 - y0; ++y, at += stride) {
+            const auto here = hn::Mul(column, hn::Set(d, bell_y[y]));
             slope.row = hn::Set(d, slope_y[y]);
-            add_bell<with_weight>(d, hn::Sub(bell, edge), value, weight, sheets.value + at,
-                                  with_weight ? sheets.weight + at : nullptr);
-            add_slope<with_weight>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight, sheets, at);
+            for (int slice = 0; slice < slices; ++slice) {
+                const auto bell = hn::Mul(here, hn::Set(d, z[slice]));
+                slope.slice = hn::Set(d, steep_z[slice]);
+                add_bell<with_weight>(d, hn::Sub(bell, edge), value, weight, sheets[slice].value + at,
+                                      with_weight ? sheets[slice].weight + at : nullptr);
+                add_slope<with_weight>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight,
+                                       sheets[slice], at);
+            }
         }
     }
 }
@@ -139,61 +151,54 @@ HWY_INLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T
     }
     bells(middling, k, at_z, shape.ds, covered_slices, bell_z);
     splat.through[count - 1].add(box);
+    HWY_ALIGN T slope_x[slopes ? most_edge : 1];
+    HWY_ALIGN T slope_y[slopes ? most_edge : 1];
+    HWY_ALIGN T slope_z[slopes ? covered_slices + 16 : 1];
     if constexpr (slopes) {
-        HWY_ALIGN T slope_x[most_edge];
-        HWY_ALIGN T slope_y[most_edge];
-        HWY_ALIGN T slope_z[covered_slices + 16];
         lines(wide, at_x, shape.X, box.x1 - start, slope_x);
         lines(wide, at_y, shape.Y2, height, slope_y);
         lines(middling, at_z, shape.ds, covered_slices, slope_z);
-        const auto slice_by_slice = [&](auto d) {
-            for (int slice = 0; slice < count; ++slice) {
-                separable_slopes<with_weight>(d, splat.targets[slice], bell_x, bell_y, bell_z[slice], slope_x, slope_y,
-                                              slope_z[slice], splat.profile.edge, section.value, weight, splat.steep(),
-                                              start, box.x1, box.y0, box.y1);
-            }
-        };
-        if (size == 0) {
-            slice_by_slice(narrow);
-        } else if (size == 1) {
-            slice_by_slice(middling);
-        } else {
-            slice_by_slice(wide);
-        }
-    } else {
-        const auto rows = [&](auto d) {
-            for (int slice = 0; slice < count;) {
-                const auto add = [&](auto together) {
-                    separable_rows<with_weight, together.value>(d, splat.targets + slice, bell_x, bell_y,
-                                                                bell_z + slice, splat.profile.edge, section.value,
-                                                                weight, start, box.x1, box.y0, box.y1);
-                    slice += together.value;
-                };
-                switch (std::min(count - slice, 5)) {
-                case 1:
-                    add(std::integral_constant<int, 1>());
-                    break;
-                case 2:
-                    add(std::integral_constant<int, 2>());
-                    break;
-                case 3:
-                    add(std::integral_constant<int, 3>());
-                    break;
-                case 4:
-                    add(std::integral_constant<int, 4>());
-                    break;
-                default:
-                    add(std::integral_constant<int, 5>());
+    }
+    constexpr int most = slopes ? 2 : 5;
+    const auto rows = [&](auto d) {
+        for (int slice = 0; slice < count;) {
+            const auto add = [&](auto number) {
+                constexpr int together = std::min(static_cast<int>(number.value), most);
+                if constexpr (slopes) {
+                    separable_slopes<with_weight, together>(
+                        d, splat.targets + slice, bell_x, bell_y, bell_z + slice, slope_x, slope_y, slope_z + slice,
+                        splat.profile.edge, section.value, weight, splat.steep(), start, box.x1, box.y0, box.y1);
+                } else {
+                    separable_rows<with_weight, together>(d, splat.targets + slice, bell_x, bell_y, bell_z + slice,
+                                                          splat.profile.edge, section.value, weight, start, box.x1,
+                                                          box.y0, box.y1);
                 }
+                slice += together;
+            };
+            switch (std::min(count - slice, most)) {
+            case 1:
+                add(std::integral_constant<int, 1>());
+                break;
+            case 2:
+                add(std::integral_constant<int, 2>());
+                break;
+            case 3:
+                add(std::integral_constant<int, 3>());
+                break;
+            case 4:
+                add(std::integral_constant<int, 4>());
+                break;
+            default:
+                add(std::integral_constant<int, 5>());
             }
-        };
-        if (size == 0) {
-            rows(narrow);
-        } else if (size == 1) {
-            rows(middling);
-        } else {
-            rows(wide);
         }
+    };
+    if (size == 0) {
+        rows(narrow);
+    } else if (size == 1) {
+        rows(middling);
+    } else {
+        rows(wide);
     }
     return count;
 }

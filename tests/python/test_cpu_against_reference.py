@@ -42,6 +42,20 @@ def test_an_effect_that_was_left_out_changes_nothing_when_forced(effect):
         regular.check(case, FLOAT32_HARD, backend="cpu", effects=(effect,))
 
 
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("mode", ["minimum", "average"])
+def test_slabs_beside_a_kernel_are_empty(mode, precision):
+    """Rays that pass a kernel count no slab of it."""
+    values = np.random.default_rng(3).random((6, 7, 8)).astype(np.float32)
+    scene = ss.Scene(
+        [ss.RegularField(values)], ss.TransferFunction([(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)]), mode=mode, sampling="slab"
+    )
+    camera = ss.Camera.fit(scene, direction=(0.3, 0.5, -1))
+    expected = ss.Renderer("reference").render(scene, camera, size=(60, 50))
+    image = ss.Renderer("cpu", precision=precision).render(scene, camera, size=(60, 50))
+    assert_close(image.scalar, expected.scalar, FLOAT32, f"cpu slab {mode} {precision}")
+
+
 def test_second_order_shows_what_only_its_cubic_reaches():
     """Between slices in a plateau and beyond its steep ends the cubic rises a quarter above all samples."""
     values = np.full((14, 9, 9), -1.0, np.float32)
@@ -60,7 +74,7 @@ def test_second_order_shows_what_only_its_cubic_reaches():
 @pytest.mark.parametrize("projection", ["orthographic", "perspective"])
 def test_second_order_leaves_out_what_no_cubic_can_show(projection):
     """Signed samples: outer slices count against their sign."""
-    values = np.random.default_rng(8).normal(0.0, 0.2, (16, 15, 14)).astype(np.float32)
+    values = np.random.default_rng(8).normal(0.0, 0.1, (40, 15, 14)).astype(np.float32)
     values[5:7, 6:9, 5:8] = 1.0
     values[10:12, 3:6, 8:11] = -1.0
     function = ss.TransferFunction([(0.8, 1, 0.5, 0, 0), (0.9, 1, 0.5, 0, 0.6), (2, 0, 1, 0, 0.6)])

@@ -14,6 +14,7 @@
 #include <limits>
 
 #include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
 
 #include "backend_cpu/measured.hpp"
 #include "backend_cpu/tile_feed.hpp"
@@ -21,6 +22,7 @@
 #include "feed-inl.hpp"
 #include "hwy/highway.h"
 #include "live-inl.hpp"
+#include "plan/limits_common.hpp"
 #include "splat_target-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -41,13 +43,20 @@ class RowFeed {
           per_spacing_(1.0 / frame_.slice_spacing), per_half_depth_(1.0 / view_.half_depth),
           reach_(view_.half_depth * per_spacing_ + (slab_ ? 0.5 : 0.0)), step_(-view_.step_i.z * per_spacing_),
           per_step_(std::abs(step_) > 1e-9 ? 1.0 / step_ : 0.0), last_slice_(static_cast<double>(frame_.slices - 1)),
-          own_(tile, frame_) {
+          own_(tile, frame_), lean_(view_.half_depth * (glm::inverse(view_.to_unit) * view_.shear)) {
         // Per slice: the point moves along the ray, and the sphere's centre leans away.
         const glm::dvec2 ray = perspective_ ? view_.to_unit * origin_ : glm::dvec2(0.0);
         const glm::dvec2 drift = frame_.slice_spacing * (ray + per_half_depth_ * view_.shear);
         step_slice_ =
             Vec3(glm::dot(basis_.q1, drift), glm::dot(basis_.q2, drift), -frame_.slice_spacing * per_half_depth_);
         step_unit_ = unit_at(view_.first_eye + view_.step_i) - unit_at(view_.first_eye);
+        constexpr double infinity = std::numeric_limits<double>::infinity();
+        const auto rays = [&](int from, int size, int all) {
+            return glm::dvec2(from == 0 ? -infinity : (from - 0.5 * all) * frame_.pixel,
+                              from + size == all ? infinity : (from + size - 0.5 * all) * frame_.pixel);
+        };
+        own_rays_x_ = rays(tile.x, tile.width, frame_.size.width);
+        own_rays_y_ = rays(tile.y, tile.height, frame_.size.height);
         kernels_.clear();
         RowShape<T> shape;
         shape.X = static_cast<T>(basis_.X);
@@ -57,9 +66,15 @@ class RowFeed {
         shape.d2 = static_cast<T>(step_slice_.y);
         shape.ds = static_cast<T>(step_slice_.z);
         kernels_.shapes.assign(1, shape);
+        if (!view_.unfiltered) {
+            kernels_.reach_x = static_cast<T>(
+                reach_px(view_.extent_x, lean_.x, origin_.x, origin_.x + (tile_.width + 1) * frame_.pixel));
+            kernels_.reach_y = static_cast<T>(
+                reach_px(view_.extent_y, lean_.y, origin_.y, origin_.y - (tile_.height + 1) * frame_.pixel));
+        }
         kernels_.weight = static_cast<T>(view_.weight_scale);
         kernels_.last_slice = static_cast<std::int32_t>(frame_.slices - 1);
-        at_once_ = slab_ || !plan_batches();
+        at_once_ = slab_ || view_.unfiltered || !plan_batches();
     }
 
     [[nodiscard]] bool ended() const { return batch_ == batches_; }
@@ -84,6 +99,18 @@ class RowFeed {
         const glm::dvec2 plane = view_.to_unit * from - s * view_.shear;
         return Vec3(glm::dot(basis_.q1, plane), glm::dot(basis_.q2, plane), s);
     }
+    /// Half the extent of a support across a ray of slope f is |B^T (1, 0, f)|, which is convex in f: between the
+    /// tile's two outermost rays it is largest at one of them. lean: B's row of x (or y) times that of z.
+    [[nodiscard]] double reach_px(double extent, double lean, double f, double g) const {
+        if (!perspective_) {
+            return extent / frame_.pixel;
+        }
+        const auto across = [&](double slope) {
+            return std::max(0.0, extent * extent + slope * (2.0 * lean + slope * view_.half_depth * view_.half_depth));
+        };
+        return std::sqrt(std::max(across(f), across(g))) / frame_.pixel;
+    }
+
     [[nodiscard]] Vec3 eye_of(std::size_t row, std::uint32_t sample) const {
         const std::size_t rows = view_.field->shape()[1];
         return view_.eye_position(sample, row % rows, row / rows);
@@ -120,26 +147,11 @@ class RowFeed {
         }
     }
 
-    /// How many drawn samples of a part of a row have their centres in the tile's own part of the picture.
-    [[nodiscard]] std::size_t owned(const RowPart& part) const {
-        std::size_t sum = 0;
-        if (perspective_) {
-            for_each_run(part, part.begin, part.end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
-                for (std::uint32_t i = begin; i < end; ++i) {
-                    const Vec3 eye = eye_of(part.row, i);
-                    const double depth = std::max(-eye.z, frame_.first_depth);
-                    sum += own_.hold((eye.x / depth - origin_.x) / frame_.pixel,
-                                     (origin_.y - eye.y / depth) / frame_.pixel)
-                               ? 1U
-                               : 0U;
-                }
-            });
-            return sum;
-        }
-        // From the row's first sample on, and in pixels of the picture, so that neighbouring tiles cut at one sample.
-        const Vec3 eye = eye_of(part.row, 0);
-        double low = part.begin, high = part.end;
-        const auto cut = [&](double at, double step, double from, double to) {
+    /// Samples low <= i < high of a row.
+    struct Cut {
+        double low, high;
+        /// Those where from <= at + i step < to.
+        void keep(double at, double step, double from, double to) {
             if (std::abs(step) < 1e-30) {
                 high = at >= from && at < to ? high : low;
                 return;
@@ -154,15 +166,57 @@ class RowFeed {
             const double per_step = 1.0 / step;
             low = std::max(low, std::ceil((from - at) * per_step));
             high = std::min(high, std::ceil((to - at) * per_step));
+        }
+    };
+
+    /// How many drawn samples of a part of a row have their centres in the tile's own part of the picture.
+    [[nodiscard]] std::size_t owned(const RowPart& part) const {
+        std::size_t sum = 0;
+        const auto add = [&](const Cut& cut) {
+            if (cut.low < cut.high) {
+                for_each_run(part, static_cast<std::uint32_t>(cut.low), static_cast<std::uint32_t>(cut.high),
+                             [&](const Run&, std::uint32_t begin, std::uint32_t end) { sum += end - begin; });
+            }
         };
-        const double left = tile_.x - 0.5, top = tile_.y - 0.5;
-        cut(eye.x * per_pixel_ + 0.5 * frame_.size.width, view_.step_i.x * per_pixel_, own_.left + left,
-            own_.right + left);
-        cut(0.5 * frame_.size.height - eye.y * per_pixel_, -view_.step_i.y * per_pixel_, own_.top + top,
-            own_.bottom + top);
-        if (low < high) {
-            for_each_run(part, static_cast<std::uint32_t>(low), static_cast<std::uint32_t>(high),
-                         [&](const Run&, std::uint32_t begin, std::uint32_t end) { sum += end - begin; });
+        // From the row's first sample on, and in pixels of the picture, so that neighbouring tiles cut at one sample.
+        const Vec3 eye = eye_of(part.row, 0);
+        const double begin = part.begin, end = part.end;
+        if (!perspective_) {
+            Cut cut{begin, end};
+            const double left = tile_.x - 0.5, top = tile_.y - 0.5;
+            cut.keep(eye.x * per_pixel_ + 0.5 * frame_.size.width, view_.step_i.x * per_pixel_, own_.left + left,
+                     own_.right + left);
+            cut.keep(0.5 * frame_.size.height - eye.y * per_pixel_, -view_.step_i.y * per_pixel_, own_.top + top,
+                     own_.bottom + top);
+            add(cut);
+            return sum;
+        }
+        // Centres before the first slice are seen at its depth. Inside the tile's outermost rays linear functions are
+        // positive.
+        const auto inside = [&](double from, double past, double t, double step_t) {
+            constexpr double infinity = std::numeric_limits<double>::infinity();
+            Cut cut{from, past};
+            const auto between = [&](double w, double step_w, const glm::dvec2& rays) {
+                if (rays.x > -infinity) {
+                    cut.keep(w - rays.x * t, step_w - rays.x * step_t, 0.0, infinity);
+                }
+                if (rays.y < infinity) {
+                    cut.keep(w - rays.y * t, step_w - rays.y * step_t, -infinity, 0.0);
+                }
+            };
+            between(eye.x, view_.step_i.x, own_rays_x_);
+            between(-eye.y, -view_.step_i.y, own_rays_y_);
+            add(cut);
+        };
+        const double first = frame_.first_depth, depth = -eye.z, step = -view_.step_i.z;
+        const double met = std::abs(step) < 1e-30 ? (depth < first ? end : begin)
+                                                  : std::clamp(std::ceil((first - depth) / step), begin, end);
+        if (step < 0.0) {
+            inside(begin, met, depth, step);
+            inside(met, end, first, 0.0);
+        } else {
+            inside(begin, met, first, 0.0);
+            inside(met, end, depth, step);
         }
         return sum;
     }
@@ -386,18 +440,27 @@ class RowFeed {
                 const auto along = static_cast<double>(i);
                 const double depth = start + along * step_;
                 const double first = first_of(depth), last = last_of(depth);
+                if (!(first <= last)) {
+                    continue;
+                }
+                Section<T> section;
                 SectionExtra<T> extra;
-                if (!(first <= last) || !place(box_of(eye + along * view_.step_i, first, last), tile_, extra)) {
+                section.first = static_cast<std::int32_t>(first);
+                extra.last = static_cast<std::int32_t>(last);
+                const Vec3 place_eye = eye + along * view_.step_i;
+                const double value = static_cast<double>(values[i]) * view_.value_scale;
+                if (view_.unfiltered) {
+                    add_filtered(place_eye, value, section, extra);
+                    continue;
+                }
+                if (!place(box_of(place_eye, first, last, view_.extent_x, view_.extent_y), tile_, extra)) {
                     continue;
                 }
                 extra.weight = weight;
-                extra.last = static_cast<std::int32_t>(last);
-                Section<T> section;
-                section.first = static_cast<std::int32_t>(first);
                 section.a1 = static_cast<T>(unit.x + along * step_unit_.x + first * step_slice_.x);
                 section.a2 = static_cast<T>(unit.y + along * step_unit_.y + first * step_slice_.y);
                 section.s = static_cast<T>((depth - first) * spacing * per_half_depth_);
-                section.value = static_cast<T>(static_cast<double>(values[i]) * view_.value_scale);
+                section.value = static_cast<T>(value);
                 kernels_.unsorted.push_back(section);
                 kernels_.unsorted_extras.push_back(extra);
             }
@@ -415,6 +478,36 @@ class RowFeed {
             },
             view_.field->samples());
         kernels_.sort();
+    }
+
+    /// In perspective, a kernel with a shape of its own.
+    void add_filtered(const Vec3& eye, double value, Section<T>& section, SectionExtra<T>& extra) {
+        const WidenedShape shape =
+            widened(*view_.unfiltered, semi_axes_, filter_width(frame_, view_.field->kernel(), -eye.z));
+        const LatticeSection own = section_of(shape.rows);
+        if (!place(box_of(eye, section.first, extra.last, own.extent_x, own.extent_y), tile_, extra)) {
+            return;
+        }
+        const RowBasis basis(own.to_unit * glm::dvec2(frame_.pixel, 0.0), own.to_unit * glm::dvec2(0.0, -frame_.pixel));
+        const double depth = frame_.depth_of(section.first), step = frame_.slice_spacing / own.half_depth;
+        const double s = (-eye.z - depth) / own.half_depth;
+        const glm::dvec2 plane = own.to_unit * (depth * origin_ - glm::dvec2(eye.x, eye.y)) - s * own.shear;
+        const glm::dvec2 drift = own.to_unit * (frame_.slice_spacing * origin_) + step * own.shear;
+        section.a1 = static_cast<T>(glm::dot(basis.q1, plane));
+        section.a2 = static_cast<T>(glm::dot(basis.q2, plane));
+        section.s = static_cast<T>(s);
+        section.value = static_cast<T>(value * shape.amplitude);
+        extra.weight = static_cast<T>(std::max(view_.weight_scale * shape.amplitude, least_drawn_weight));
+        RowShape<T> row;
+        row.X = static_cast<T>(basis.X);
+        row.Y1 = static_cast<T>(basis.Y1);
+        row.Y2 = static_cast<T>(basis.Y2);
+        row.d1 = static_cast<T>(glm::dot(basis.q1, drift));
+        row.d2 = static_cast<T>(glm::dot(basis.q2, drift));
+        row.ds = static_cast<T>(-step);
+        kernels_.unsorted.push_back(section);
+        kernels_.unsorted_extras.push_back(extra);
+        kernels_.unsorted_shapes.push_back(row);
     }
 
     /// What samples on a line between two places can touch.
@@ -444,17 +537,17 @@ class RowFeed {
                 (origin_.y + lowest(top)) / frame_.pixel, (origin_.y + highest(bottom)) / frame_.pixel};
     }
 
-    [[nodiscard]] SheetBox box_of(const Vec3& eye, double first, double last) const {
+    [[nodiscard]] SheetBox box_of(const Vec3& eye, double first, double last, double extent_x, double extent_y) const {
         if (!perspective_) {
             const double x = (eye.x - origin_.x) / frame_.pixel, y = (origin_.y - eye.y) / frame_.pixel;
-            return {x - half_x_, x + half_x_, y - half_y_, y + half_y_};
+            const double half_x = extent_x / frame_.pixel, half_y = extent_y / frame_.pixel;
+            return {x - half_x, x + half_x, y - half_y, y + half_y};
         }
         const double spacing = frame_.slice_spacing;
         const double near = std::max(-eye.z - view_.half_depth, frame_.first_depth + first * spacing - view_.slab_half);
         const double far =
             std::max(near, std::min(-eye.z + view_.half_depth, frame_.first_depth + last * spacing + view_.slab_half));
-        return in_perspective(near, far, eye.x - view_.extent_x, eye.x + view_.extent_x, -eye.y - view_.extent_y,
-                              -eye.y + view_.extent_y);
+        return in_perspective(near, far, eye.x - extent_x, eye.x + extent_x, -eye.y - extent_y, -eye.y + extent_y);
     }
 
     const FieldView& view_;
@@ -471,6 +564,11 @@ class RowFeed {
     double half_x_, half_y_, per_pixel_;
     double per_spacing_, per_half_depth_, reach_, step_, per_step_, last_slice_;
     OwnPlaces own_;
+    Vec3 semi_axes_ = view_.field->semi_axes_world();
+    glm::dvec2 lean_; ///< B's rows of x and of y times that of z
+    /// The outermost rays of the tile's own part in perspective: x / depth and -y / depth. The same numbers in tiles
+    /// side by side.
+    glm::dvec2 own_rays_x_{0.0}, own_rays_y_{0.0};
     Vec3 step_slice_{0.0}, step_unit_{0.0};
     bool at_once_ = false;            ///< one batch, of all slices
     double least_ = 0.0, past_ = 1.0; ///< slices that kernels begin on

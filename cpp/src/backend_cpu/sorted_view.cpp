@@ -13,7 +13,8 @@ bool same_view(const Frame& a, const Frame& b) {
 
 bool same_place(const FieldView& a, const FieldView& b) {
     return a.field == b.field && a.first_eye == b.first_eye && a.step_i == b.step_i && a.step_j == b.step_j &&
-           a.step_k == b.step_k && a.slab_half == b.slab_half;
+           a.step_k == b.step_k && a.slab_half == b.slab_half && a.extent_x == b.extent_x && a.extent_y == b.extent_y &&
+           a.half_depth == b.half_depth;
 }
 
 bool same_place(const EllipsoidView& a, const Vec3& eye, const Vec3& right, const Vec3& up) {

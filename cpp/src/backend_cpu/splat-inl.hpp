@@ -14,6 +14,7 @@
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
 #include "splat_ellipses-inl.hpp"
+#include "splat_products-inl.hpp"
 #include "splat_slabs-inl.hpp"
 #include "splat_spheres-inl.hpp"
 #include "splat_target-inl.hpp"
@@ -25,6 +26,14 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 template <class T>
 HWY_INLINE bool is_upright(const RowShape<T>& shape) {
     return shape.Y1 == T(0) && shape.d1 == T(0) && shape.d2 == T(0);
+}
+
+/// Kernels of one shape that are products, but for those next to the eye.
+template <bool with_weight, class T>
+HWY_INLINE int add_products_or_ellipses(Splat<T, false>& splat, const Section<T>& section, T weight,
+                                        const ProductView<T>& view, int count) {
+    const int drawn = add_products<with_weight>(splat, section, weight, view, count);
+    return drawn >= 0 ? drawn : add_ellipses<with_weight>(splat, section, weight, view.shape, count);
 }
 
 template <bool with_weight, class T, bool slopes>
@@ -47,6 +56,15 @@ HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, co
     }
     if (is_upright(shape) && !splat.setup.perspective) {
         return add_spheres<with_weight>(splat, section, extra.weight, shape, T(1) / shape.X, count);
+    }
+    if constexpr (!slopes) {
+        if (splat.setup.perspective && shape.Y1 == T(0) && extra.x0 < extra.x1) {
+            const Rect& seen = splat.live.rect;
+            const Rect box{std::max<int>(extra.x0, seen.x0), std::max<int>(extra.y0, seen.y0),
+                           std::min<int>(extra.x1, seen.x1), std::min<int>(extra.y1, seen.y1)};
+            return add_products_in<with_weight>(box, T(0), T(0), splat, section, extra.weight,
+                                                product_view<T>(splat, shape, T(0), T(0), nullptr), count);
+        }
     }
     return add_ellipses<with_weight>(splat, section, extra.weight, shape, count);
 }

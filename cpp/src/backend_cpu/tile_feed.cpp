@@ -147,6 +147,8 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
     const auto columns = static_cast<std::size_t>(layout.columns());
     const double per_pixel = 1.0 / frame.pixel;
     const Line line_x(view.step_i.x * per_pixel), line_y(-view.step_i.y * per_pixel);
+    // Then short parts of rows are looked at, since all of one goes to every tile.
+    const bool slabs_reach_the_eye = perspective && first_depth <= 1e-9 * frame.slice_spacing;
 
     const auto orthographic_row = [&](std::uint32_t row, std::uint32_t begin, std::uint32_t end, const auto& emit) {
         const Vec3 eye = view.eye_position(0, row % shape[1], row / shape[1]);
@@ -175,18 +177,36 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
             }
         }
     };
-    const auto perspective_part = [&](std::uint32_t row, std::uint32_t begin, std::uint32_t end, const auto& emit) {
-        const Vec3 a = view.eye_position(begin, row % shape[1], row / shape[1]);
-        const Vec3 b = view.eye_position(end - 1, row % shape[1], row / shape[1]);
-        const double near = std::max(std::min(-a.z, -b.z) - view.half_depth, first_depth);
-        const double far = std::min(std::max(-a.z, -b.z) + view.half_depth, last_depth);
-        if (near > far) {
+    // Of a row seen in perspective, with w the coordinate along one axis of the picture and t the depth: a support
+    // meets the rays between w = low t and w = high t only if its centre is not farther from them than it reaches,
+    // which along the row are bounds on linear functions. (The extent across a ray of slope f is at most extent + |f|
+    // half_depth.)
+    const auto between_rays = [&](double w, double step_w, double t, double step_t, double extent, double low,
+                                  double high, const Samples& in) {
+        constexpr double infinity = std::numeric_limits<double>::infinity();
+        const Samples above =
+            Line(step_w - low * step_t)
+                .between(w - low * t, -(extent + std::abs(low) * view.half_depth), infinity, in.begin, in.end);
+        return Line(step_w - high * step_t)
+            .between(w - high * t, -infinity, extent + std::abs(high) * view.half_depth, above.begin, above.end);
+    };
+    const auto perspective_row = [&](std::uint32_t row, std::uint32_t begin, std::uint32_t end, const auto& emit) {
+        const Vec3 first = view.eye_position(0, row % shape[1], row / shape[1]);
+        const Samples deep =
+            Line(-view.step_i.z)
+                .between(-first.z, first_depth - view.half_depth, last_depth + view.half_depth, begin, end);
+        if (deep.begin >= deep.end) {
             return;
         }
-        TileLayout::Range across{0, layout.columns() - 1}, down{0, layout.rows() - 1};
+        const Vec3 a = first + static_cast<double>(deep.begin) * view.step_i;
+        const Vec3 b = first + static_cast<double>(deep.end - 1) * view.step_i;
+        const double near = std::max(std::min(-a.z, -b.z) - view.half_depth, first_depth);
+        const double far = std::max(near, std::min(std::max(-a.z, -b.z) + view.half_depth, last_depth));
         // A whole slab counts where its middle lies behind the near plane: it can reach through the eye, where every
         // ray starts.
-        if (near > 1e-9 * frame.slice_spacing) {
+        const bool through_eye = near <= 1e-9 * frame.slice_spacing;
+        TileLayout::Range across{0, layout.columns() - 1}, down{0, layout.rows() - 1};
+        if (!through_eye) {
             const Interval x =
                 over_depth(std::min(a.x, b.x) - view.extent_x, std::max(a.x, b.x) + view.extent_x, near, far);
             const Interval y =
@@ -195,9 +215,22 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
             down = layout.down().between(y.low / frame.pixel + axis_y - 1e-3, y.high / frame.pixel + axis_y + 1e-3);
         }
         for (int tile_row = down.first; tile_row <= down.last; ++tile_row) {
-            for (int tile_column = across.first; tile_column <= across.last; ++tile_column) {
-                emit(static_cast<std::size_t>(tile_row) * columns + static_cast<std::size_t>(tile_column),
-                     RowPart{row, begin, end});
+            const Samples in_row = through_eye
+                                       ? deep
+                                       : between_rays(-first.y, -view.step_i.y, -first.z, -view.step_i.z, view.extent_y,
+                                                      (layout.top(tile_row) - 0.5 - axis_y) * frame.pixel,
+                                                      (layout.top(tile_row + 1) + 0.5 - axis_y) * frame.pixel, deep);
+            for (int tile_column = across.first; in_row.begin < in_row.end && tile_column <= across.last;
+                 ++tile_column) {
+                const Samples here =
+                    through_eye ? deep
+                                : between_rays(first.x, view.step_i.x, -first.z, -view.step_i.z, view.extent_x,
+                                               (layout.left(tile_column) - 0.5 - axis_x) * frame.pixel,
+                                               (layout.left(tile_column + 1) + 0.5 - axis_x) * frame.pixel, in_row);
+                if (here.begin < here.end) {
+                    emit(static_cast<std::size_t>(tile_row) * columns + static_cast<std::size_t>(tile_column),
+                         RowPart{row, here.begin, here.end});
+                }
             }
         }
     };
@@ -214,8 +247,12 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
                                        orthographic_row(number, begin, end, emit);
                                        continue;
                                    }
-                                   for (std::uint32_t part = begin; part < end; part += part_length) {
-                                       perspective_part(number, part, std::min(part + part_length, end), emit);
+                                   if (slabs_reach_the_eye) {
+                                       for (std::uint32_t part = begin; part < end; part += part_length) {
+                                           perspective_row(number, part, std::min(part + part_length, end), emit);
+                                       }
+                                   } else {
+                                       perspective_row(number, begin, end, emit);
                                    }
                                }
                            });

@@ -174,37 +174,65 @@ class TileLoop {
                     draw_again(extra.last, number);
                 }
             };
-            // Kernels of a lattice in an orthographic view, most of which are of one shape and upright.
+            // Kernels of a lattice, which are of one shape: upright, or at least products.
             const RowShape<T>& first_shape = kernels.shapes.front();
-            const bool plain =
-                shared_shape && shared_extra && !setup_.slab && !setup_.perspective && is_upright(first_shape);
-            const T per_X = T(1) / first_shape.X, per_slice = T(-1) / first_shape.ds;
-            const auto draw_plain = [&](auto with_weight, std::uint32_t number) {
+            const bool alike = shared_shape && shared_extra && !setup_.slab;
+            const bool plain = alike && !setup_.perspective && is_upright(first_shape);
+            const bool products =
+                alike && !plain && !slopes && are_products(setup_, profile, kernels, shape_, n, lean_[part]);
+            const ProductView<T> view =
+                product_view(splat_part, first_shape, kernels.reach_x, kernels.reach_y, &lean_[part]);
+            const auto draw_alike = [&](auto upright, auto with_weight, std::uint32_t number) {
                 const Section<T>& section = kernels.sections[number];
-                const std::int64_t last = last_of(section, per_slice, kernels.last_slice);
+                const std::int64_t last = last_of(section, view.deep, kernels.last_slice);
                 const int count = slices_left(last);
                 if (count > 0) {
-                    drawn_ += static_cast<std::uint64_t>(
-                        add_spheres<with_weight.value>(splat_part, section, kernels.weight, first_shape, per_X, count));
+                    int drawn = 0;
+                    if constexpr (upright.value) {
+                        drawn = add_spheres<with_weight.value>(splat_part, section, kernels.weight, first_shape,
+                                                               view.per_X, count);
+                    } else {
+                        drawn = add_products_or_ellipses<with_weight.value>(splat_part, section, kernels.weight, view,
+                                                                            count);
+                    }
+                    drawn_ += static_cast<std::uint64_t>(drawn);
                     draw_again(last, number);
                 }
             };
-            // One slice can hold very many kernels. (Where the picture is given up, so are the sheets.)
-            const auto given_up = [&] { return ++asked_ % splats_between_polls == 0 && !between(); };
-            for (std::size_t entry = 0; entry < waiting; ++entry) {
-                if (again[entry].part == part) {
-                    draw(again[entry].section);
-                    if (given_up()) {
-                        return false;
+            // Calls use(draw) with how kernels of this part are drawn.
+            const auto with_way = [&](const auto& use) {
+                const auto in_way = [&](auto upright, auto with_weight) {
+                    return use([&](std::uint32_t number) { draw_alike(upright, with_weight, number); });
+                };
+                const bool weighs = profile.weight_channel >= 0;
+                if (plain) {
+                    return weighs ? in_way(std::true_type(), std::true_type())
+                                  : in_way(std::true_type(), std::false_type());
+                }
+                if constexpr (!slopes) {
+                    if (products) {
+                        return weighs ? in_way(std::false_type(), std::true_type())
+                                      : in_way(std::false_type(), std::false_type());
                     }
                 }
-            }
+                return use(draw);
+            };
+            // One slice can hold very many kernels. (Where the picture is given up, so are the sheets.)
+            const auto given_up = [&] { return ++asked_ % splats_between_polls == 0 && !between(); };
             std::size_t& next = next_[part];
             std::size_t past = next;
             while (past < kernels.sections.size() && kernels.sections[past].first <= n) {
                 ++past;
             }
-            const auto draw_all = [&](const auto& draw_one) {
+            const bool all_drawn = with_way([&](const auto& draw_one) {
+                for (std::size_t entry = 0; entry < waiting; ++entry) {
+                    if (again[entry].part == part) {
+                        draw_one(again[entry].section);
+                        if (given_up()) {
+                            return false;
+                        }
+                    }
+                }
                 for (; next < past; ++next) {
                     draw_one(static_cast<std::uint32_t>(next));
                     if (given_up()) {
@@ -212,11 +240,7 @@ class TileLoop {
                     }
                 }
                 return true;
-            };
-            const bool all_drawn = !plain ? draw_all(draw)
-                                   : profile.weight_channel >= 0
-                                       ? draw_all([&](std::uint32_t number) { draw_plain(std::true_type(), number); })
-                                       : draw_all([&](std::uint32_t number) { draw_plain(std::false_type(), number); });
+            });
             if (!all_drawn) {
                 return false;
             }
@@ -347,6 +371,7 @@ class TileLoop {
     unsigned asked_ = 0;
     unsigned changes_ = 0;
     std::vector<std::size_t> next_ = std::vector<std::size_t>(scratch_.kernels.size(), 0);
+    std::vector<LeanTables<T>> lean_ = std::vector<LeanTables<T>>(scratch_.kernels.size()); ///< one a part
     std::int64_t last_touched_ = -1;
     std::int64_t recorded_ = 0; ///< planes
     std::uint64_t drawn_ = 0;

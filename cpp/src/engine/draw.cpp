@@ -18,8 +18,8 @@ std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan
     std::vector<EllipsoidView> views;
     views.reserve(indexed.grids.size());
     for (std::size_t part = 0; part < indexed.grids.size(); ++part) {
-        views.emplace_back(*indexed.grids[part]->kernels, camera, frame, sampling,
-                           plan.filter ? Filter::ewa : Filter::none, plan.unit_of(indexed.grid_fields[part]), 1.0);
+        views.emplace_back(*indexed.grids[part]->kernels, camera, frame, sampling, filter_of(plan),
+                           plan.unit_of(indexed.grid_fields[part]), 1.0);
     }
     return views;
 }

@@ -7,6 +7,7 @@
 #include "backend_cpu/cpu_renderer.hpp"
 #include "cost_model.hpp"
 #include "field_index.hpp"
+#include "plan/filtered_lattices.hpp"
 #include "plan/make_plan.hpp"
 #include "sheetsplat/image.hpp"
 #include "sheetsplat/renderer.hpp"
@@ -54,6 +55,12 @@ struct Indexed {
     std::size_t visible = 0, all = 0, bytes = 0;
     LightVolumes volumes; ///< where the plan has shadows or ambient occlusion
 };
+
+inline Filter filter_of(const DrawPlan& plan) { return plan.filter ? Filter::ewa : Filter::none; }
+/// Whether the kernels of lattices are drawn as those of lattices, and not one by one.
+inline bool keeps_lattices(const DrawPlan& plan) {
+    return !plan.filter || filtered_lattices_stay(plan.summary.backend);
+}
 
 /// How the scattered kernels of a picture look to a camera, in the order of Indexed::grids. Refers to its arguments.
 std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan, const Camera& camera,

@@ -84,6 +84,18 @@ int slices_beyond(const DrawPlan& plan) {
 /// Slice distances around a point that shows in which rho must be right: lines towards lights interpolate it there.
 constexpr double around_surfaces = 2.0;
 
+/// Shortest and longest semi-axis of a field's kernels.
+std::array<double, 2> semi_axes_of(const Field& field) {
+    if (const EllipsoidField* ellipsoids = as_ellipsoids(&field)) {
+        return ellipsoids->scale_range();
+    }
+    const Vec3 axes = as_regular(&field)->semi_axes_world();
+    return {std::min({axes.x, axes.y, axes.z}), std::max({axes.x, axes.y, axes.z})};
+}
+
+/// Rounding of what the filter widens supports by.
+constexpr double filter_rounding = 1e-9;
+
 VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
     const Field& field = *scene.fields[number];
     const Group group = groups_drawn(scene)[group_drawn_of(scene, number)];
@@ -109,10 +121,14 @@ VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan&
         query.reach_world = std::max(query.reach_world, around_surfaces * frame.slice_spacing);
     }
     if (plan.filter) {
-        // Twice what it widens a support by, in any direction, at depths a little beyond the last slice too.
-        const FilterWidth width =
-            filter_width(frame, field.kernel(), frame.depth_of(std::max<std::int64_t>(frame.slices, 1) - 1));
-        query.reach_world += 4.0 * (2.0 * width.across + width.along);
+        // What it widens two supports by, in any direction, at centres behind the last slice too: at most what it adds
+        // to their shortest semi-axis.
+        const auto [shortest, longest] = semi_axes_of(field);
+        const double along = filter_width(frame, field.kernel(), 0.0).along;
+        const double deepest = frame.depth_of(std::max<std::int64_t>(frame.slices, 1) - 1) + std::hypot(longest, along);
+        const double wide = std::max(filter_width(frame, field.kernel(), deepest).across, along);
+        query.reach_world += 2.0 * (std::hypot(shortest, wide) - shortest) * (1.0 + filter_rounding);
+        query.filtered = true;
     }
     return query;
 }
@@ -141,7 +157,8 @@ bool Decision::answers(const VisibilityQuery& other) const {
     return (function == nullptr ? points.empty() : same(points, function->points())) &&
            query.weights_matter == other.weights_matter && query.cull == other.cull &&
            query.isosurface == other.isosurface && query.iso_values == other.iso_values && query.alone == other.alone &&
-           query.cubic == other.cubic && reaches(query.reach_world, other.reach_world);
+           query.cubic == other.cubic && query.filtered == other.filtered &&
+           reaches(query.reach_world, other.reach_world);
 }
 
 const RunsEntry& FieldIndex::runs_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {

@@ -142,7 +142,7 @@ void draw_into(const Request& request, const DrawPlan& plan, const Indexed& inde
     std::vector<FieldView> lattices;
     for (const std::size_t field : prepared.view_fields) {
         lattices.push_back(make_field_view(*as_regular(request.scene.fields[field].get()), camera, frame,
-                                           Sampling::point, plan.unit_of(field)));
+                                           Sampling::point, plan.unit_of(field), filter_of(plan)));
     }
     const std::vector<EllipsoidView> scattered = views_of(indexed, plan, camera, frame, Sampling::point);
     backend_cpu::Job job = cpu_job(request, prepared, indexed, lattices, scattered, camera, frame, plan);

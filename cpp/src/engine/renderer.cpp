@@ -119,9 +119,9 @@ Prepared Renderer::State::prepare(const Request& request) {
     set_prices(prepared.work, scene, request.camera.projection(), prepared.plan.precision == Precision::float64);
     for (std::size_t field = 0; field < scene.fields.size(); ++field) {
         const RegularField* regular = as_regular(scene.fields[field].get());
-        if (regular != nullptr && !prepared.plan.filter) {
+        if (regular != nullptr && keeps_lattices(prepared.plan)) {
             prepared.views.push_back(make_field_view(*regular, request.camera, prepared.frame, scene.sampling,
-                                                     prepared.plan.unit_of(field)));
+                                                     prepared.plan.unit_of(field), filter_of(prepared.plan)));
             prepared.view_fields.push_back(field);
         } else {
             prepared.ellipsoid_fields.push_back(field);

@@ -199,4 +199,8 @@ Ripple lattice_ripple(const RegularField& field) {
     return {std::clamp(least / constant, 0.0, 1.0), largest / constant};
 }
 
+double largest_filtered_sum(const RegularField& field) {
+    return gaussian_bound(geometry_of(field), field.kernel()) / field.lattice_constant();
+}
+
 } // namespace sheetsplat

@@ -10,6 +10,7 @@
 #include "occurring.hpp"
 #include "parts.hpp"
 #include "plan/charge_effects.hpp"
+#include "plan/filtered_lattices.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -339,8 +340,10 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         lattices = lattices || (ellipsoids == nullptr && !filtering);
         spheres = spheres || (ellipsoids != nullptr && ellipsoids->size() > 0 && ellipsoids->isotropic() && !filtering);
     }
-    effects.state(EffectId::scattered_kernels, view.kernels.ellipsoids || filtering,
+    const bool filtered_in_place = filtering && filtered_lattices_stay(backend);
+    effects.state(EffectId::scattered_kernels, view.kernels.ellipsoids || (filtering && !filtered_in_place),
                   view.kernels.ellipsoids ? "a field holds ellipsoids: each is sliced by itself"
+                  : filtered_in_place     ? "all fields are lattices, whose kernels the filter widens where they are"
                   : filtering             ? "the filter turns the samples of lattices into ellipsoids"
                                           : "all fields are lattices");
     effects.state(EffectId::slab_sampling, scene.sampling == Sampling::slab,

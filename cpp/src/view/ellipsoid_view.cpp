@@ -1,12 +1,12 @@
 #include "view/ellipsoid_view.hpp"
 
-#include <array>
 #include <cmath>
 #include <limits>
 
 #include <glm/geometric.hpp>
 #include <glm/vec2.hpp>
 
+#include "facts/widened.hpp"
 #include "plan/limits_gl.hpp"
 #include "plan/slab_nodes.hpp"
 
@@ -17,71 +17,6 @@ namespace {
 constexpr double log2_e = 1.4426950408889634;
 /// Powers of two that float32 has room for.
 constexpr double largest_exponent = 115.0;
-/// R of a QR factorisation of the stacked rows of B^T and diag(d), by Householder reflections: R^T R = B B^T + d^2.
-/// columns: 3 columns of 6 numbers. Returns R's rows.
-std::array<Vec3, 3> stacked_qr(std::array<std::array<double, 6>, 3> columns) {
-    std::array<Vec3, 3> r{Vec3(0.0), Vec3(0.0), Vec3(0.0)};
-    for (std::size_t c = 0; c < 3; ++c) {
-        double largest = 0.0;
-        for (std::size_t i = c; i < 6; ++i) {
-            largest = std::max(largest, std::abs(columns[c][i]));
-        }
-        if (largest == 0.0) {
-            continue;
-        }
-        double squares = 0.0;
-        for (std::size_t i = c; i < 6; ++i) {
-            const double part = columns[c][i] / largest;
-            squares += part * part;
-        }
-        const double length = largest * std::sqrt(squares);
-        const double alpha = columns[c][c] > 0.0 ? -length : length;
-        std::array<double, 6> reflector{};
-        for (std::size_t i = c; i < 6; ++i) {
-            reflector[i] = columns[c][i] / largest;
-        }
-        reflector[c] -= alpha / largest;
-        double norm = 0.0;
-        for (std::size_t i = c; i < 6; ++i) {
-            norm += reflector[i] * reflector[i];
-        }
-        for (std::size_t other = c; other < 3; ++other) {
-            double dot = 0.0;
-            for (std::size_t i = c; i < 6; ++i) {
-                dot += reflector[i] * columns[other][i];
-            }
-            for (std::size_t i = c; i < 6; ++i) {
-                columns[other][i] -= 2.0 * dot / norm * reflector[i];
-            }
-            r[c][static_cast<int>(other)] = columns[other][c];
-        }
-    }
-    return r;
-}
-
-struct Rows {
-    Vec3 x, y, z;
-};
-
-/// B' with B' B'^T = B B^T + diag(across^2, across^2, along^2), and sqrt(det B B^T / det B' B'^T).
-Rows widened(const Rows& b, double volume_root_log, const FilterWidth& width, double& amplitude) {
-    std::array<std::array<double, 6>, 3> columns{};
-    const std::array<const Vec3*, 3> rows{&b.x, &b.y, &b.z};
-    const std::array<double, 3> more{width.across, width.across, width.along};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        for (int i = 0; i < 3; ++i) {
-            columns[axis][static_cast<std::size_t>(i)] = (*rows[axis])[i];
-        }
-        columns[axis][3 + axis] = more[axis];
-    }
-    const std::array<Vec3, 3> r = stacked_qr(columns);
-    amplitude = std::exp(volume_root_log - std::log(std::abs(r[0].x)) - std::log(std::abs(r[1].y)) -
-                         std::log(std::abs(r[2].z)));
-    // B' = R^T.
-    return {Vec3(r[0].x, 0.0, 0.0), Vec3(r[0].y, r[1].y, 0.0), Vec3(r[0].z, r[1].z, r[2].z)};
-}
-
-double log_volume(const Vec3& axes) { return std::log(axes.x) + std::log(axes.y) + std::log(axes.z); }
 
 } // namespace
 
@@ -153,13 +88,12 @@ EyeKernel EllipsoidView::kernel(std::size_t i) const {
         return kernel;
     }
     const Mat3 m = field_->shape(i);
-    Rows rows{right_ * m, up_ * m, back_ * m};
-    double amplitude = 1.0;
+    WidenedShape shape{{right_ * m, up_ * m, back_ * m}, 1.0};
     if (filter_ == Filter::ewa) {
-        rows = widened(rows, log_volume(field_->semi_axes(i)), filter_at(center), amplitude);
+        shape = widened(shape.rows, field_->semi_axes(i), filter_at(center));
     }
-    EyeKernel kernel = slice_kernel(center, rows.x, rows.y, rows.z);
-    kernel.amplitude = amplitude;
+    EyeKernel kernel = slice_kernel(center, shape.rows.x, shape.rows.y, shape.rows.z);
+    kernel.amplitude = shape.amplitude;
     return kernel;
 }
 

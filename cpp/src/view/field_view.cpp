@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include <glm/geometric.hpp>
+
+#include "plan/limits_common.hpp"
+
 namespace sheetsplat {
 
 Vec3 FieldView::eye_position(std::size_t i, std::size_t j, std::size_t k) const {
@@ -15,9 +19,26 @@ Vec3 FieldView::eye_position(std::size_t i, std::size_t j, std::size_t k) const 
 }
 
 FieldView make_field_view(const RegularField& field, const Camera& camera, const Frame& frame, Sampling sampling,
-                          double value_unit) {
+                          double value_unit, Filter filter) {
     FieldView view;
-    static_cast<LatticeSection&>(view) = lattice_section(field, camera);
+    double amplitude = 1.0;
+    if (filter == Filter::none) {
+        static_cast<LatticeSection&>(view) = lattice_section(field, camera);
+    } else {
+        // The deepest kernels are the widest.
+        const ShapeRows rows = rows_of(field, camera);
+        const FilterWidth width =
+            filter_width(frame, field.kernel(),
+                         frame.depth_of(std::max<std::int64_t>(frame.slices, 1) - 1) +
+                             std::hypot(glm::length(rows.z), filter_width(frame, field.kernel(), 0.0).along));
+        const WidenedShape shape = widened(rows, field.semi_axes_world(), width);
+        static_cast<LatticeSection&>(view) = section_of(shape.rows);
+        amplitude = shape.amplitude;
+        if (frame.projection == Projection::perspective) {
+            view.unfiltered = rows;
+            amplitude = 1.0;
+        }
+    }
     view.field = &field;
     const Vec3 spacing = field.options().spacing;
     view.slab_half = sampling == Sampling::slab ? 0.5 * frame.slice_spacing : 0.0;
@@ -31,8 +52,8 @@ FieldView make_field_view(const RegularField& field, const Camera& camera, const
         view.odd_layer = 0.5 * (view.step_i + view.step_j);
     }
 
-    const double gain = field.kernel().gain();
-    view.weight_scale = gain;
+    const double gain = field.kernel().gain() * amplitude;
+    view.weight_scale = std::max(gain, least_drawn_weight);
     view.value_scale = gain / value_unit;
     if (field.normalization() == Normalization::lattice) {
         view.value_scale /= field.lattice_constant();

@@ -159,6 +159,27 @@ std::vector<std::shared_ptr<const Field>> fields() {
             test::cloud(60, 0.2, 300.0, 7, scattered)};
 }
 
+/// A pixel inside a section lies within the reach around the kernel's centre, unless the kernel is next to the eye.
+template <class T>
+void expect_in_reach(const TileKernels<T>& kernels, const Section<T>& section, const Frame& frame, int x, int y,
+                     const std::string& name) {
+    const RowShape<T>& shape = kernels.shapes.front();
+    const auto number = [](T value) { return static_cast<double>(value); };
+    const double steps = number(section.s) / -number(shape.ds);
+    double depth = 1.0;
+    if (frame.projection == Projection::perspective) {
+        depth = frame.depth_of(section.first) + steps * frame.slice_spacing;
+        if (depth < 2.0 * frame.slice_spacing / -number(shape.ds)) {
+            return;
+        }
+    }
+    const double middle_y = -(number(section.a2) + steps * number(shape.d2)) / (number(shape.Y2) * depth);
+    const double middle_x = -(number(section.a1) + steps * number(shape.d1)) / (number(shape.X) * depth) -
+                            number(shape.Y1) / number(shape.X) * middle_y;
+    EXPECT_LE(std::abs(x - middle_x), number(kernels.reach_x) / depth + 1e-3) << name;
+    EXPECT_LE(std::abs(y - middle_y), number(kernels.reach_y) / depth + 1e-3) << name;
+}
+
 /// Sums of sections at points of slices of a tile are those of kernels in the world, and slices and pixels that a
 /// section claims hold all of it.
 template <class T>
@@ -261,6 +282,9 @@ void check_sums(const Shot& shot, const CpuDrawing& drawing, double most_error, 
                                   along * static_cast<double>(form.d2);
                 const double q3 = static_cast<double>(section.s) + along * static_cast<double>(form.ds);
                 const double r2 = q1 * q1 + q2 * q2 + q3 * q3;
+                if (r2 < 1.0 && kernels.reach_x > 0) {
+                    expect_in_reach(kernels, section, frame, x, y, name);
+                }
                 sum += r2 < 1.0 ? static_cast<double>(section.value) * (std::exp(-k * r2) - std::exp(-k)) : 0.0;
             }
             met += exact != 0.0 ? 1U : 0U;

@@ -42,6 +42,8 @@ std::vector<Kind> kinds() {
         {"1:5", {cloud(60, 0.17, 5.0)}, false, false, 0.05},
         {"1:1000", {cloud(60, 0.12, 1000.0, 5, thin)}, true, false, 0.05, 0.2},
         {"ewa", {cloud(60, 0.12, 5.0)}, false, true, 0.08, 0.1},
+        {"ewa cartesian", {ball(9)}, false, true},
+        {"ewa unequal", {ball(7, unequal)}, false, true, 0.6},
         {"several", {ball(7, small), cloud(30, 0.15, 1.0), cloud(30, 0.15, 3.0, 8, thin)}, false, false, 0.06},
     };
 }

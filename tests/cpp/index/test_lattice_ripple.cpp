@@ -71,6 +71,41 @@ TEST(LatticeRipple, BoundsHoldAndAreNear) {
     }
 }
 
+// A filter widens kernels to ellipsoids of the same mass, of any orientation.
+TEST(LatticeRipple, FilteredSumsStayBelowTheirBound) {
+    Random random(11);
+    for (const auto& [radius, falloff] : {std::pair{2.0, 5.0}, {2.0, 8.0}, {1.2, 5.0}, {0.6, 3.0}}) {
+        const RegularField field(std::vector<float>{1.0F}, {1, 1, 1},
+                                 lattice_options(Lattice::cartesian, radius, falloff));
+        const double bound = largest_filtered_sum(field);
+        EXPECT_GE(bound, lattice_ripple(field).upper) << radius << " " << falloff;
+        for (int filter = 0; filter < 12; ++filter) {
+            const Vec3 along = glm::normalize(random.in_cube());
+            const double across = 0.4 * filter, deep = 3.0 * std::abs(random.in_cube().x);
+            // B B^T = r^2 + across^2 (1 - a a^T) + deep^2 a a^T; the inverse is of the same form.
+            const double side = radius * radius + across * across, depth = radius * radius + deep * deep;
+            const double amplitude = radius * radius * radius / (side * std::sqrt(depth));
+            const int reach = static_cast<int>(std::sqrt(std::max(side, depth))) + 2;
+            for (int point = 0; point < 12; ++point) {
+                const Vec3 at = point == 0 ? Vec3(0.0) : 0.5 * random.in_cube();
+                double sum = 0.0;
+                for (int z = -reach; z <= reach; ++z) {
+                    for (int y = -reach; y <= reach; ++y) {
+                        for (int x = -reach; x <= reach; ++x) {
+                            const Vec3 from = at - Vec3(x, y, z);
+                            const double part = glm::dot(from, along);
+                            const double r2 = (glm::dot(from, from) - part * part) / side + part * part / depth;
+                            sum += r2 < 1.0 ? std::exp(-falloff * r2) - std::exp(-falloff) : 0.0;
+                        }
+                    }
+                }
+                EXPECT_LE(amplitude * field.kernel().gain() * sum / field.lattice_constant(), bound)
+                    << radius << " " << falloff << " filter " << filter;
+            }
+        }
+    }
+}
+
 TEST(LatticeRipple, Gaps) {
     // Alone in its support, a kernel's peak is 1.
     for (const Lattice lattice : {Lattice::cartesian, Lattice::bcc}) {

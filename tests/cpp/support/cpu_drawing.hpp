@@ -101,6 +101,7 @@ class CpuDrawing {
     [[nodiscard]] const backend_cpu::Job& job() const { return job_; }
 
   private:
+    [[nodiscard]] Filter filter() const { return plan_.filter ? Filter::ewa : Filter::none; }
     void add(const std::shared_ptr<const Field>& field, std::size_t number) {
         if (const RegularField* lattice = as_regular(field.get())) {
             VisibilityQuery query;
@@ -108,13 +109,13 @@ class CpuDrawing {
             regular_.push_back(number);
             runs_.push_back(VisibleRuns::of(*lattice, query));
             views_.push_back(
-                make_field_view(*lattice, shot_.camera, frame_, shot_.scene.sampling, plan_.unit_of(number)));
+                make_field_view(*lattice, shot_.camera, frame_, shot_.scene.sampling, plan_.unit_of(number), filter()));
             return;
         }
         auto kernels = std::static_pointer_cast<const EllipsoidField>(field);
         visible_.emplace_back(kernels->size(), std::uint8_t{1});
-        ellipsoid_views_.emplace_back(*kernels, shot_.camera, frame_, shot_.scene.sampling,
-                                      plan_.filter ? Filter::ewa : Filter::none, plan_.unit_of(number), 1.0);
+        ellipsoid_views_.emplace_back(*kernels, shot_.camera, frame_, shot_.scene.sampling, filter(),
+                                      plan_.unit_of(number), 1.0);
         scattered_.emplace_back(number, std::move(kernels));
     }
 

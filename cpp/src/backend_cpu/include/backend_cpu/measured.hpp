@@ -53,6 +53,15 @@ constexpr int walked_rows = sizeof(T) == 4 ? 20 : 48;
 template <class T>
 constexpr T deepest_span = sizeof(T) == 4 ? T(118) : T(1000);
 
+// Splat loop of products. CpuRenderer.LeaningKernelsOfEverySize
+
+/// Kernels of one shape that reach farther from their centres are walked along columns.
+constexpr int largest_lean_px = 20;
+/// Powers of two that any factor of a kernel that leans may come to: the format has room for each, and for the product
+/// of the first two, which the third makes one that is no more than 1.
+template <class T>
+constexpr T deepest_lean = sizeof(T) == 4 ? T(100) : T(900);
+
 // Slab sampling. CpuRenderer.XRayOfOneKernelIsItsChordSum, Matrix
 
 /// Below this many of the Gaussian's own lengths a slab is integrated by quadrature: six nodes are exact there to the
@@ -76,7 +85,7 @@ constexpr std::size_t most_cells = 1U << 14;
 
 // Sorting by tiles. Feed.SectionsAreTheKernels, Feed.BucketsDoNotDependOnThreads
 
-/// Samples of a row that are sorted together in perspective.
+/// Samples of a row that are sorted together where slabs reach through the eye.
 constexpr std::uint32_t part_length = 32;
 /// Kernels ahead that are fetched into the cache: those of one tile are anywhere in memory.
 constexpr std::ptrdiff_t fetched_ahead = 12;

@@ -74,7 +74,11 @@ struct TileKernels {
     std::vector<SectionExtra<T>> extras; ///< empty, or as many as there are sections
     std::vector<RowShape<T>> shapes;     ///< one for all, or as many as there are sections
     T weight = 0;                        ///< of all where there are no extras
-    std::int32_t last_slice = -1;        ///< of the view
+    /// Half the extents of a support on the screen, in pixels: of all where there is one shape. In perspective times
+    /// the depth of its centre, and not less than that for centres at least twice as far away as it is deep. 0: not
+    /// known.
+    T reach_x = 0, reach_y = 0;
+    std::int32_t last_slice = -1; ///< of the view
     // Room for the sort.
     std::vector<Section<T>> unsorted;
     std::vector<SectionExtra<T>> unsorted_extras;
@@ -92,6 +96,7 @@ struct TileKernels {
         unsorted.clear();
         unsorted_extras.clear();
         unsorted_shapes.clear();
+        reach_x = reach_y = 0;
         counted = 0;
     }
     /// Moves what is unsorted to its place in the order of first slices; equal ones keep their order.

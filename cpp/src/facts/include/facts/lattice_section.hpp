@@ -4,6 +4,7 @@
 #include <glm/mat2x2.hpp>
 #include <glm/vec2.hpp>
 
+#include "facts/widened.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/field.hpp"
 
@@ -22,5 +23,9 @@ struct LatticeSection {
 };
 
 LatticeSection lattice_section(const RegularField& field, const Camera& camera);
+
+LatticeSection section_of(const ShapeRows& rows);
+/// B of a lattice's kernels: their semi-axes are the world's axes.
+ShapeRows rows_of(const RegularField& field, const Camera& camera);
 
 } // namespace sheetsplat

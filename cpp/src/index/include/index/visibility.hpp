@@ -23,6 +23,7 @@ struct VisibilityQuery {
     /// Values between slices are looked at too, on cubics through four slices (conventions, second order): up to
     /// 9/16 + 9/16 + 1/16 + 1/16 times as large as the largest absolute value there.
     bool cubic = false;
+    bool filtered = false; ///< a filter widens kernels at the same mass
     /// World units, >= 0: how far a visible point may lie from the supports of kernels that matter to it. The sum of
     /// what stencils of gradients, crossings, pre-integrated intervals and slabs reach, and of twice what a filter
     /// widens a support by. In perspective a step of depth runs along the ray and is as much longer.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "facts/frame.hpp"
 #include "facts/lattice_section.hpp"
@@ -20,11 +21,15 @@ struct FieldView : LatticeSection {
     double value_scale = 1.0;  ///< what a sample's value is multiplied by: gain / (C if lattice) / value unit
     double weight_scale = 1.0; ///< what a weight of 1 is multiplied by: gain
 
+    /// The EWA filter in perspective widens each kernel by the depth of its centre: B without it. The section and what
+    /// values are multiplied by are then those of the deepest kernels, and of none that is filtered.
+    std::optional<ShapeRows> unfiltered;
+
     [[nodiscard]] Vec3 eye_position(std::size_t i, std::size_t j, std::size_t k) const;
 };
 
 /// value_unit: the amount of rho that the sheets call 1.
 FieldView make_field_view(const RegularField& field, const Camera& camera, const Frame& frame, Sampling sampling,
-                          double value_unit);
+                          double value_unit, Filter filter = Filter::none);
 
 } // namespace sheetsplat

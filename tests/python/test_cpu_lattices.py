@@ -83,3 +83,15 @@ def test_filtered_lattices_stay_lattices(projection):
     effects = {effect.name: effect.on for effect in ss.Renderer("cpu").plan(scene, camera, size=SIZE).effects}
     assert effects["ewa_filter"]
     assert not effects["scattered_kernels"]
+
+
+@pytest.mark.parametrize("level", [0.9, 1.02, 1.1, 1.25])
+def test_filtered_lattices_in_perspective_lose_no_kernel_that_shows(level):
+    """Widths grow with depth, so that sums of equal samples rise above them: what is left out shows nowhere."""
+    field = ss.RegularField(np.ones((7, 8, 9)))
+    scene = ss.Scene(field, COLORS, mode="isosurface", iso_value=level, filter="ewa", slice_spacing=0.4)
+    camera = ss.Camera.perspective((4.1, 3.4, 9.0), (4.0, 3.5, 3.0), fov_y=100.0, near=0.1)
+    pictures = [
+        ss.Renderer("cpu", effects={"culling": on}).render(scene, camera, size=(24, 20)).pixels for on in (True, False)
+    ]
+    assert np.array_equal(*pictures)

@@ -126,9 +126,17 @@ VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan&
         const auto [shortest, longest] = semi_axes_of(field);
         const double along = filter_width(frame, field.kernel(), 0.0).along;
         const double deepest = frame.depth_of(std::max<std::int64_t>(frame.slices, 1) - 1) + std::hypot(longest, along);
-        const double wide = std::max(filter_width(frame, field.kernel(), deepest).across, along);
+        const double widest = filter_width(frame, field.kernel(), deepest).across;
+        const double wide = std::max(widest, along);
         query.reach_world += 2.0 * (std::hypot(shortest, wide) - shortest) * (1.0 + filter_rounding);
-        query.filtered = true;
+        if (as_regular(&field) != nullptr) {
+            // A kernel is nowhere more than the widest one in its place, times the quotient of their amplitudes: of two
+            // axes across the view, of which none was shorter than the shortest semi-axis.
+            const double nearest = frame.depth_of(0) - std::hypot(longest, along);
+            const double least = filter_width(frame, field.kernel(), nearest).across;
+            const double squared = shortest * shortest;
+            query.filter_gain = std::max(1.0, (squared + widest * widest) / (squared + least * least));
+        }
     }
     return query;
 }
@@ -157,7 +165,7 @@ bool Decision::answers(const VisibilityQuery& other) const {
     return (function == nullptr ? points.empty() : same(points, function->points())) &&
            query.weights_matter == other.weights_matter && query.cull == other.cull &&
            query.isosurface == other.isosurface && query.iso_values == other.iso_values && query.alone == other.alone &&
-           query.cubic == other.cubic && query.filtered == other.filtered &&
+           query.cubic == other.cubic && reaches(query.filter_gain, other.filter_gain) &&
            reaches(query.reach_world, other.reach_world);
 }
 
@@ -173,6 +181,7 @@ const RunsEntry& FieldIndex::runs_of(std::size_t number, const Scene& scene, con
             return **found;
         }
         query.reach_world = ahead((*found)->decided.query.reach_world, query.reach_world);
+        query.filter_gain = ahead((*found)->decided.query.filter_gain, query.filter_gain);
     }
     auto made = std::make_unique<RunsEntry>();
     made->field = field;

@@ -28,8 +28,9 @@ namespace sheetsplat {
 namespace {
 
 /// The most that rho can be for kernels of value 1, whichever of them are drawn.
-double largest_weight(const RegularField& field, bool filtered) {
-    const double normalised = filtered ? largest_filtered_sum(field) : lattice_ripple(field).upper;
+double largest_weight(const RegularField& field, double filter_gain) {
+    const double normalised =
+        filter_gain > 0.0 ? filter_gain * largest_filtered_sum(field) : lattice_ripple(field).upper;
     switch (field.normalization()) {
     case Normalization::none:
         return normalised * field.lattice_constant();
@@ -200,7 +201,7 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
             std::optional<Neighbourhood> neighbourhood;
             std::optional<BitRows> reached;
             if (!every_kernel) {
-                const double weight = largest_weight(field, query.filtered);
+                const double weight = largest_weight(field, query.filter_gain);
                 const SeedTest<T> test{least_from<T>(from.above / weight), greatest_to<T>(-from.below / weight)};
                 const auto [least, greatest] = field.value_range();
                 if (zeros || !test.takes_all(least, greatest)) {

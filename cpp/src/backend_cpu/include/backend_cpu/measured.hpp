@@ -53,7 +53,7 @@ constexpr int walked_rows = sizeof(T) == 4 ? 20 : 48;
 template <class T>
 constexpr T deepest_span = sizeof(T) == 4 ? T(118) : T(1000);
 
-// Splat loop of products. CpuRenderer.LeaningKernelsOfEverySize
+// Splat loop of products. tests/python/test_cpu_lattices.py
 
 /// Kernels of one shape that reach farther from their centres are walked along columns.
 constexpr int largest_lean_px = 20;

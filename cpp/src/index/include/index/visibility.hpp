@@ -23,7 +23,9 @@ struct VisibilityQuery {
     /// Values between slices are looked at too, on cubics through four slices (conventions, second order): up to
     /// 9/16 + 9/16 + 1/16 + 1/16 times as large as the largest absolute value there.
     bool cubic = false;
-    bool filtered = false; ///< a filter widens kernels at the same mass
+    /// 0: no filter. >= 1: a filter widens kernels at the same mass, by widths that differ from kernel to kernel (with
+    /// depth, in perspective) and so raise sums over the lattice by at most this factor.
+    double filter_gain = 0.0;
     /// World units, >= 0: how far a visible point may lie from the supports of kernels that matter to it. The sum of
     /// what stencils of gradients, crossings, pre-integrated intervals and slabs reach, and of twice what a filter
     /// widens a support by. In perspective a step of depth runs along the ray and is as much longer.

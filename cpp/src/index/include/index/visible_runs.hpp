@@ -44,9 +44,9 @@ struct Ripple {
     double lower = 1.0, upper = 1.0;
 };
 Ripple lattice_ripple(const RegularField& field);
-/// A bound of W / C from above, however far a filter widens the kernels: it multiplies the Fourier coefficients of
-/// Gaussians of the same mass, all of them positive, by at most 1, so that their sum is at most what it was at a
-/// lattice point.
+/// A bound of W / C from above, however far a filter widens the kernels, all of them alike: it multiplies the Fourier
+/// coefficients of Gaussians of the same mass, all of them positive, by at most 1, so that their sum is at most what it
+/// was at a lattice point.
 double largest_filtered_sum(const RegularField& field);
 
 } // namespace sheetsplat

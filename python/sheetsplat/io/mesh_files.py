@@ -1,4 +1,8 @@
-"""Triangles of .obj and .ply files. Every number is checked, and sizes are checked before memory is taken."""
+"""Triangles of .obj and .ply files. Every number is checked, and sizes are checked before memory is taken.
+
+Read here and not by trimesh, which takes damaged files for whole ones: faces of missing vertices, texts that end too
+soon.
+"""
 
 from __future__ import annotations
 

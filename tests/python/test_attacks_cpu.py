@@ -183,6 +183,7 @@ def test_the_unit_of_length_does_not_matter(unit: float, sampling: str) -> None:
     built, camera, size = scene_parts.build(ss, scene)
     image = ss.Renderer("cpu").render(built, camera, size=size)
     assert off_by(image, by_reference(scene))["p99_9"] <= FLOAT32_HARD[1]
+    assert image.stats["kernels_drawn"] == lattice["values"].size
 
 
 @pytest.mark.parametrize("mode", ["xray", "mip"])

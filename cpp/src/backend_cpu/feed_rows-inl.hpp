@@ -147,12 +147,15 @@ class RowFeed {
         }
     }
 
+    /// In any unit of length; what is too small for its inverse is 0.
+    static constexpr double least_step = std::numeric_limits<double>::min();
+
     /// Samples low <= i < high of a row.
     struct Cut {
         double low, high;
         /// Those where from <= at + i step < to.
         void keep(double at, double step, double from, double to) {
-            if (std::abs(step) < 1e-30) {
+            if (std::abs(step) < least_step) {
                 high = at >= from && at < to ? high : low;
                 return;
             }
@@ -209,8 +212,8 @@ class RowFeed {
             add(cut);
         };
         const double first = frame_.first_depth, depth = -eye.z, step = -view_.step_i.z;
-        const double met = std::abs(step) < 1e-30 ? (depth < first ? end : begin)
-                                                  : std::clamp(std::ceil((first - depth) / step), begin, end);
+        const double met = std::abs(step) < least_step ? (depth < first ? end : begin)
+                                                       : std::clamp(std::ceil((first - depth) / step), begin, end);
         if (step < 0.0) {
             inside(begin, met, depth, step);
             inside(met, end, first, 0.0);

@@ -68,7 +68,9 @@ struct Samples {
 /// A coordinate of samples, at + i step.
 class Line {
   public:
-    explicit Line(double step) : step_(step), per_step_(std::abs(step) > 1e-30 ? 1.0 / step : 0.0) {}
+    /// step: in any unit of length; what is too small for its inverse is 0.
+    explicit Line(double step)
+        : step_(step), per_step_(std::abs(step) >= std::numeric_limits<double>::min() ? 1.0 / step : 0.0) {}
     /// Samples i of begin ... end - 1 with low <= at + i step <= high.
     [[nodiscard]] Samples between(double at, double low, double high, std::uint32_t begin, std::uint32_t end) const {
         if (per_step_ == 0.0) {

@@ -7,6 +7,7 @@ soon.
 from __future__ import annotations
 
 import io
+from abc import ABC, abstractmethod
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -198,18 +199,18 @@ def _of_ply(path: Path, header: Header, content: bytes) -> _Mesh:
     return points, corners, counts, where
 
 
-class _Rows:
+class _Rows(ABC):
     """The rows of a file's elements, one element after the other."""
 
     line = 0
 
+    @abstractmethod
     def take(self, element: Element) -> dict[str, Any]:
         """Return the properties of the next element by name: arrays (N,); of lists (N, M), or a list of arrays."""
-        raise NotImplementedError
 
+    @abstractmethod
     def finish(self) -> None:
         """Raise InvalidInput where something is left."""
-        raise NotImplementedError
 
 
 class _TextRows(_Rows):

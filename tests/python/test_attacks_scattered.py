@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import gzip
 import random
-import time
 import warnings
 from collections.abc import Callable
 from functools import cache
@@ -230,13 +229,11 @@ def test_falloffs(falloff: float, filter_: Any, sampling: Any) -> None:
     assert_like_reference(renderer(), scene, camera_of(scene_parts.central()))
 
 
-def test_a_crowd_at_one_spot_is_looked_at_in_time() -> None:
-    """Naive counting would look at 3.3e8 pairs of places and kernels."""
+def test_a_crowd_at_one_spot_is_looked_at_from_fewer_places() -> None:
+    """At all places, 3.3e8 pairs of places and kernels would be looked at."""
     count = 20_000
     crowd = ss.EllipsoidField(np.full((count, 3), 0.1), np.full(count, 0.5), values=np.arange(count) / count)
-    began = time.process_time()
     low, high = automatic.choose([crowd]).clim
-    assert time.process_time() - began < 3
     assert 0.4 < low < 0.5 < high < 0.6
     sparse = field_of(12, 2_000, 8.0)
     assert automatic._affordable(sparse) == automatic._PLACES > 10 * automatic._affordable(crowd)

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from sheetsplat.accuracy import AccuracyRow as AccuracyRow
     from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
     from sheetsplat.ripple import lattice_ripple as lattice_ripple
+    from sheetsplat.scene_file import SceneFile as SceneFile
 
 __all__ = [
     "AccuracyReport",
@@ -78,6 +79,7 @@ __all__ = [
     "Renderer",
     "ScalarColors",
     "Scene",
+    "SceneFile",
     "TransferFunction",
     "Unsupported",
     "__version__",
@@ -98,6 +100,7 @@ logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
 _LATE = {
     "AccuracyReport": ("sheetsplat.accuracy.report", "AccuracyReport"),
     "AccuracyRow": ("sheetsplat.accuracy.report", "AccuracyRow"),
+    "SceneFile": ("sheetsplat.scene_file", "SceneFile"),
     "datasets": ("sheetsplat.datasets", None),
     "fit": ("sheetsplat.fit", None),
     "io": ("sheetsplat.io", None),

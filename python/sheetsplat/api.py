@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Unpack
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from sheetsplat._checks import choice, color, image_size, instance, names, parts, shown, whole
 from sheetsplat._objects import kind_of_object
+from sheetsplat.camera import Camera
 from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
@@ -26,7 +28,7 @@ from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, check_names, documented, filled, pick, pick_given
 from sheetsplat.options.data import FileOptions, OpenOptions
 from sheetsplat.options.picture import LookOptions, RenderOptions, unused
-from sheetsplat.options.renderer import OUTPUTS, RendererOptions
+from sheetsplat.options.renderer import OUTPUTS, Output, Progress, RendererOptions
 from sheetsplat.quality.choose import Choice
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
@@ -211,25 +213,34 @@ def _scene(data: object, options: Any, outputs: Iterable[str], quality: Choice, 
     return scene
 
 
-@documented(RenderOptions, chooses=True)
-def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOptions]) -> Image:
-    """Return a picture of an array, a file, a field or several fields. Options that are not given follow from the data.
+@dataclass(frozen=True)
+class Prepared:
+    """A picture that is not drawn yet: what was given, and what was chosen from the data.
 
-    Parameters
+    Attributes
     ----------
-    data
-        Array [k, j, i], path of a file, field, sequence of fields, anything else that `open` takes, or an object whose
-        method ``field()`` makes a field, as generated data sets have. A data set is shown as it suggests where no
-        colours are given. A scene is drawn as it is, with the options of the picture, the camera and the renderer only;
-        a quality changes nothing.
-    **options
-        Those of RenderOptions.
-
-    Raises
-    ------
-    Error
-        What opening, `Scene`, `Camera.fit` and `Renderer` raise.
+    scene, camera, size, renderer
+        What `Renderer.render` takes, and the renderer that draws it.
+    outputs, progress
+        As given.
     """
+
+    scene: Scene
+    camera: Camera
+    size: tuple[int, int]
+    renderer: Renderer
+    outputs: tuple[Output, ...] = ()
+    progress: Progress | None = None
+
+    def render(self) -> Image:
+        """Return the picture; raises what `Renderer.render` does."""
+        return self.renderer.render(
+            self.scene, self.camera, size=self.size, outputs=self.outputs, progress=self.progress
+        )
+
+
+def prepare(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOptions]) -> Prepared:
+    """Return what `render` draws, without drawing it: the same options and errors."""
     check_names("render", options, RenderOptions)
     picture = filled(RenderOptions, options)
     size = image_size(picture["size"])
@@ -249,4 +260,26 @@ def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOpt
     scene = quality.finished(scene, camera, size)
     if renderer is None:
         renderer = Renderer(**pick(RendererOptions, options))
-    return renderer.render(scene, camera, size=size, outputs=outputs, progress=picture["progress"])
+    return Prepared(scene, camera, size, renderer, outputs, picture["progress"])
+
+
+@documented(RenderOptions, chooses=True)
+def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOptions]) -> Image:
+    """Return a picture of an array, a file, a field or several fields. Options that are not given follow from the data.
+
+    Parameters
+    ----------
+    data
+        Array [k, j, i], path of a file, field, sequence of fields, anything else that `open` takes, or an object whose
+        method ``field()`` makes a field, as generated data sets have. A data set is shown as it suggests where no
+        colours are given. A scene is drawn as it is, with the options of the picture, the camera and the renderer only;
+        a quality changes nothing.
+    **options
+        Those of RenderOptions.
+
+    Raises
+    ------
+    Error
+        What opening, `Scene`, `Camera.fit` and `Renderer` raise.
+    """
+    return prepare(data, **options).render()

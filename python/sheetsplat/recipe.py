@@ -19,18 +19,16 @@ from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, shown, strength
 from sheetsplat._values import arguments_of
 from sheetsplat.camera import Camera
-from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
 from sheetsplat.errors import Error, InvalidInput, complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.fields.trim import Trim
-from sheetsplat.light import Light, Material
 from sheetsplat.look.strays import trimmed
 from sheetsplat.options.core import checked, definitions
 from sheetsplat.options.data import FITS, OpenOptions
 from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions
+from sheetsplat.plain_values import class_of, object_of, tuples
 from sheetsplat.quantity import Quantity, notes_of
-from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
@@ -39,14 +37,7 @@ FORMAT = 1
 #: Most characters of the text; more are neither written nor read.
 LONGEST = 1 << 20
 _MOST_FIELDS = 256
-# Options of a scene that are objects of these classes.
-_OBJECTS: dict[str, type] = {
-    "material": Material,
-    "clip": Clip,
-    "depth_cue": DepthCue,
-    "ambient_occlusion": AmbientOcclusion,
-    "scalar_colors": ScalarColors,
-}
+_MOST_OBJECTS = 4096
 # Settings of a renderer that belong to a machine, or that chose settings which are written themselves.
 _LEFT_OUT = ("device", "threads", "max_error", "max_seconds")
 _RENDERER = tuple(name for name in definitions(RendererClassOptions) if name not in _LEFT_OUT)
@@ -325,11 +316,6 @@ def _list(key: str, value: Any, most: int) -> list[Any]:
     return value
 
 
-def _tuples(value: Any) -> Any:
-    """Return lists as tuples, at any depth."""
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value
-
-
 def _check_version(form: Any, version: Any) -> None:
     if type(form) is not int or form != FORMAT:
         raise _damaged(f"format: {shown(form)}", f"{FORMAT}", "use the version of sheetsplat that wrote it")
@@ -385,31 +371,33 @@ def _object(key: str, kind: type, value: Any) -> Any:
     names = tuple(one.name for one in fields(kind) if one.init)
     given = _mapping(key, value, names)
     with _reading(key):
-        return kind(**{name: _tuples(part) for name, part in given.items()})
+        return object_of(kind, given)
 
 
 def _scene_options(value: Any) -> dict[str, Any]:
     given = dict(_mapping("scene", value, tuple(definitions(SceneOptions))))
     for name, part in given.items():
-        if name in _OBJECTS:
-            given[name] = None if part is None else _object(name, _OBJECTS[name], part)
-        elif name == "lights":
-            given[name] = tuple(_object("lights", Light, one) for one in _list("lights", part, 4096))
+        kind, several = class_of(definitions(SceneOptions)[name])
+        if kind is not None and several:
+            given[name] = tuple(_object(name, kind, one) for one in _list(name, part, _MOST_OBJECTS))
+        elif kind is not None:
+            given[name] = None if part is None else _object(name, kind, part)
         elif isinstance(part, dict):
             raise _damaged(f"scene: {name}: {shown(part)}", "a value, or a list of values")
         else:
-            given[name] = _tuples(part)
+            given[name] = tuples(part)
     return checked("scene", given, SceneOptions)
 
 
 def _fields(value: Any) -> tuple[FieldRecipe, ...]:
-    found = tuple(map(_field, _list("fields", value, _MOST_FIELDS)))
+    found = tuple(map(field_recipe_of, _list("fields", value, _MOST_FIELDS)))
     if not found:
         raise _damaged("fields: none", "at least one")
     return found
 
 
-def _field(value: Any) -> FieldRecipe:
+def field_recipe_of(value: Any) -> FieldRecipe:
+    """Return how a field was made, of what JSON says; InvalidInput, naming the key, for anything else."""
     names = tuple(one.name for one in fields(FieldRecipe))
     # Earlier pictures left nothing out.
     whole_fields = {"trim": {}, **value} if isinstance(value, dict) else value
@@ -455,7 +443,7 @@ def _simple(key: str, given: Mapping[str, Any]) -> dict[str, Any]:
         simple = value is None or isinstance(value, str | bool) or _is_number(value)
         if not simple and not (isinstance(value, list) and len(value) <= 3 and all(map(_is_number, value))):
             raise _damaged(f"{key}: {name}: {shown(value)}", "a text, a number, or up to three numbers")
-    return {name: _tuples(value) for name, value in given.items()}
+    return {name: tuples(value) for name, value in given.items()}
 
 
 def _usable(key: str, given: dict[str, Any]) -> dict[str, Any]:

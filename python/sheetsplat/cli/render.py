@@ -10,7 +10,7 @@ import click
 
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
-from sheetsplat.cli.scene import prepare, prepare_again
+from sheetsplat.cli.scene import given_keywords, is_scene_file, prepare, prepare_again, prepare_scene_file
 from sheetsplat.io.formats import LISTED_REGULAR, LISTED_SCATTERED
 from sheetsplat.options.renderer import Output
 
@@ -22,9 +22,11 @@ _HELP = f"""Render FILE into a picture.
 FILE is a volume: {LISTED_REGULAR} (these with --shape and --dtype). Or it is scattered data: {LISTED_SCATTERED}
 (--grid). Each may be gzipped.
 
-FILE may also be a picture that this command wrote (.png): then DATA is what it was made of, one file for each
-field, and the picture is made again. Options of files, of the renderer and --size may be given; all others are the
-picture's own.
+FILE may also be a scene file (.toml), which names its data; options that are given replace its own, and DATA its
+files. -o SCENE.toml writes one in place of a picture.
+
+Or FILE is a picture that this command wrote (.png): then DATA is what it was made of, one file for each field, and
+the picture is made again. Options of files, of the renderer and --size may be given; all others are the picture's own.
 
 Options whose help ends with names of modes are for these modes only.
 """
@@ -37,8 +39,8 @@ Options whose help ends with names of modes are for these modes only.
     "-o",
     "--output",
     type=_PATH,
-    required=True,
-    help="The picture: .png, .jpg, .tif, .webp, .exr or .npy.",
+    help="The picture: .png, .jpg, .tif, .webp, .exr or .npy; or .toml, a scene file.  [default: NAME.png of a scene "
+    "file NAME.toml; required for others]",
 )
 @click.option(
     "--depth", "depth_path", type=_PATH, help="Write the depth of opacity one half as well. [composite, isosurface]"
@@ -55,7 +57,7 @@ Options whose help ends with names of modes are for these modes only.
 def command(
     file: Path,
     data: tuple[Path, ...],
-    output: Path,
+    output: Path | None,
     depth_path: Path | None,
     coverage_path: Path | None,
     metadata: bool,
@@ -68,6 +70,14 @@ def command(
     from sheetsplat.io.png_text import is_png
     from sheetsplat.look.surface import surface_color, surface_text
 
+    if output is None:
+        if not is_scene_file(file):
+            raise click.UsageError("Missing option '-o' / '--output'.")
+        output = Path(f"{file.stem}.png")
+    if is_scene_file(output):
+        _write_scene(file, data, output, options)
+        say(f"{output}: a scene file; `sheetsplat render {output}` makes its picture", quiet=quiet)
+        return
     extra: dict[Output, Path] = {}
     if depth_path is not None:
         extra["depth"] = depth_path
@@ -80,14 +90,16 @@ def command(
             raise click.UsageError(f"{path}: a picture's name ends with {pictures.listed_suffixes(suffixes)}")
         pictures.check_folder(path)
     again = is_png(file)
-    if bool(data) != again:
+    if bool(data) != again and not is_scene_file(file):
         raise click.UsageError(
             f"{file} is a picture; name the data that it was made of after it"
             if again
             else f"{file} is no picture (.png) to make again from {data[0]}"
         )
     began = time.perf_counter()
-    if again:
+    if is_scene_file(file):
+        scene, camera, renderer, size = prepare_scene_file(file, data, options)
+    elif again:
         scene, camera, renderer, size = prepare_again(file, data, options)
     else:
         check_mode(options, tuple(extra))
@@ -111,3 +123,22 @@ def command(
             surface = {"iso_value": scene.iso_value, "color": list(surface_color(scene, scene.surfaces[0][0]))}
         report_json({**written, **surface, "seconds": seconds, "plan": image.plan.to_dict(), "stats": image.stats})
     say(f"{output}: {size[0]} x {size[1]} pixels by {image.plan.backend} in {seconds:.2f} s", quiet=quiet)
+
+
+def _write_scene(file: Path, data: tuple[Path, ...], output: Path, options: dict[str, Any]) -> None:
+    """Write the scene file of a picture that says how it was made, or of a file and the options that were given."""
+    from sheetsplat.io.png_text import is_png
+    from sheetsplat.recipe import Recipe
+    from sheetsplat.scene_file import SceneFile
+
+    check_outputs([output], [file, *data])
+    if is_scene_file(file):
+        raise click.UsageError(f"{file} is a scene file already")
+    if is_png(file):
+        scene = SceneFile.of(Recipe.read(file), data)
+    elif data:
+        raise click.UsageError(f"{file} is no picture (.png) to make again from {data[0]}")
+    else:
+        check_mode(options)
+        scene = SceneFile.of_options(file, **given_keywords(options))
+    scene.save(output)

@@ -14,7 +14,7 @@ from sheetsplat.cli.wording import usage_errors
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import definitions, pick
 from sheetsplat.options.data import OpenOptions
-from sheetsplat.options.picture import LookOptions
+from sheetsplat.options.picture import LookOptions, RenderOptions
 from sheetsplat.options.renderer import RendererOptions
 from sheetsplat.options.spelling import flag_of
 
@@ -108,8 +108,40 @@ def prepare_again(
     return scene, recipe.camera, Renderer(**{**recipe.renderer, **settings}), size
 
 
+def given_keywords(options: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments of `sheetsplat.render` that stand for what was given on the command line."""
+    context = click.get_current_context()
+    given = {name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
+    if "depth_cue_color" in given and options["depth_cue"] == "auto":
+        raise click.UsageError("--depth-cue-color with --depth-cue auto needs a file of data; give the depths")
+    with usage_errors():
+        values = {**options, **file_options(options), **_look(options), "effects": forced_effects(options["effects"])}
+    return {
+        name: values[name]
+        for name, defined in definitions(RenderOptions).items()
+        if any((one.parameter or name) in given for one in defined.spellings)
+    }
+
+
+def is_scene_file(path: Path) -> bool:
+    """Return whether a path is that of a scene file, by its name."""
+    return path.suffix.lower() == ".toml"
+
+
+def prepare_scene_file(
+    path: Path, data: Sequence[Path], options: dict[str, Any]
+) -> tuple[Scene, Camera, Renderer, tuple[int, int]]:
+    """Return scene, camera, renderer and size of a scene file, with what was given on the command line in its place."""
+    from sheetsplat.scene_file import SceneFile
+
+    made = SceneFile.read(path).prepare(list(data) or None, **given_keywords(options))
+    return made.scene, made.camera, made.renderer, made.size
+
+
 def prepare(path: Path, options: dict[str, Any]) -> tuple[Scene, Camera, Renderer, tuple[int, int]]:
     """Return scene, camera, renderer and size of a file and the values of `scene_options`."""
+    if is_scene_file(path):
+        return prepare_scene_file(path, (), options)
     from sheetsplat import api
     from sheetsplat._checks import image_size
     from sheetsplat.look.decades import in_decades

@@ -82,16 +82,13 @@ def _rises(numbers: Sequence[float]) -> bool:
 
 
 def _real(limits: values.Real) -> Parsed:
-    words = (("above", limits.above), ("below", limits.below), ("at most", limits.most))
-    within = " and ".join(f"{word} {limit:g}" for word, limit in words if math.isfinite(limit))
-
     def read(text: str) -> float:
         number = float(text)
-        if not (limits.above < number < limits.below and number <= limits.most):
+        if not limits.holds(number):
             raise ValueError
         return number
 
-    return Parsed("float", f"a finite number{' ' if within else ''}{within}", read)
+    return Parsed("float", limits.wanted, read)
 
 
 def _numbers(wanted: values.Numbers) -> Parsed:

@@ -17,8 +17,8 @@ from sheetsplat.renderer import Renderer
 _OUTPUT_MODES = {"coverage": MODES, "depth": COLORED}
 
 
-class PictureOptions(TypedDict, total=False):
-    """The picture itself."""
+class SizeOptions(TypedDict, total=False):
+    """The size of the picture."""
 
     size: Annotated[
         tuple[int, int] | int,
@@ -35,6 +35,11 @@ class PictureOptions(TypedDict, total=False):
             ),
         ),
     ]
+
+
+class PictureOptions(SizeOptions, total=False):
+    """The picture itself."""
+
     outputs: Annotated[
         Iterable[Output],
         Option(

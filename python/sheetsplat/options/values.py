@@ -18,6 +18,17 @@ class Real:
     below: float = math.inf
     most: float = math.inf
 
+    @property
+    def wanted(self) -> str:
+        """What is accepted, for messages: "a finite number above 0"."""
+        words = (("above", self.above), ("below", self.below), ("at most", self.most))
+        within = " and ".join(f"{word} {limit:g}" for word, limit in words if math.isfinite(limit))
+        return f"a finite number {within}".rstrip()
+
+    def holds(self, number: float) -> bool:
+        """Return whether a number is accepted."""
+        return self.above < number < self.below and number <= self.most
+
 
 @dataclass(eq=False)
 class Whole:

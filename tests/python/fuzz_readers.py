@@ -17,17 +17,27 @@ import atheris
 
 with atheris.instrument_imports(include=["sheetsplat"]):
     import sheetsplat as ss
+    import sheetsplat.io.dicom
     import sheetsplat.io.gaussian_ply
+    import sheetsplat.io.hdf5_volumes
     import sheetsplat.io.mesh_files
     import sheetsplat.io.metaimage
+    import sheetsplat.io.mrc
+    import sheetsplat.io.netcdf
+    import sheetsplat.io.nifti
     import sheetsplat.io.nrrd_files
     import sheetsplat.io.numpy_files
     import sheetsplat.io.pictures
     import sheetsplat.io.plot3d
     import sheetsplat.io.sph_hdf5
     import sheetsplat.io.tables
+    import sheetsplat.io.tiff
+    import sheetsplat.io.vtk_hdf
+    import sheetsplat.io.vtk_legacy
+    import sheetsplat.io.vtk_xml.blocks
     import sheetsplat.io.vtk_xml.images
     import sheetsplat.io.vtk_xml.meshes
+    import sheetsplat.io.zarr_folders
 
 import test_fuzz_readers as fuzz
 
@@ -42,8 +52,7 @@ def main() -> None:
         one.mkdir(parents=True, exist_ok=True)
     files = fuzz.KINDS[kind](work)
     first = next(iter(files))
-    for name, data in files.items():
-        (work / name).write_bytes(data)
+    fuzz.write(work, files)
     (corpus / "valid").write_bytes(files[first])
     warnings.simplefilter("ignore")
 

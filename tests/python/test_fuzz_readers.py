@@ -1,12 +1,13 @@
 """Files that are wrong in any way: a field or a clear error, and never another exception, a wait, or much memory.
 
 Hypothesis damages small valid files of every kind that can be read. SHEETSPLAT_FUZZ is the number of examples of each
-kind, 60 unless set; with it they are drawn anew at each run.
+kind, 25 unless set; with it they are drawn anew at each run.
 """
 
 from __future__ import annotations
 
 import bz2
+import contextlib
 import gzip
 import io
 import os
@@ -17,7 +18,6 @@ import struct
 import warnings
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,9 +27,11 @@ import numpy as np
 import OpenEXR
 import pytest
 import scattered_files as scattered
+import test_data_formats as others
 import test_first_sight
 import test_io
 import test_mesh_files
+import test_vtk_files as vtk
 from hypothesis import HealthCheck, Phase, given, note, settings
 from hypothesis import strategies as st
 from PIL import Image as PillowImage
@@ -39,7 +41,7 @@ from sheetsplat.io.pictures import read_picture
 
 AMOUNT = os.environ.get("SHEETSPLAT_FUZZ", "")
 FUZZ = settings(
-    max_examples=int(AMOUNT or 60),
+    max_examples=int(AMOUNT or 25),
     deadline=None,
     derandomize=not AMOUNT,
     database=None,
@@ -141,7 +143,65 @@ def _meta(data: bytes, **fields: Any) -> Files:
     return {"a.mha": test_io.meta_header(**fields).encode() + data}
 
 
-# What is read is the first file of each; the others lie beside it.
+def _made(make: Callable[..., Any], name: str, **options: Any) -> Callable[[Path], Files]:
+    """Return what writes a file by a maker of another test."""
+
+    def files(folder: Path) -> Files:
+        make(folder / name, **options)
+        return {name: (folder / name).read_bytes()}
+
+    return files
+
+
+def _folder(make: Callable[..., Any], name: str, **options: Any) -> Callable[[Path], Files]:
+    """Return what writes a folder by a maker of another test."""
+
+    def files(folder: Path) -> Files:
+        make(folder / name, **options)
+        found = sorted(one for one in (folder / name).rglob("*") if one.is_file())
+        return {str(one.relative_to(folder)): one.read_bytes() for one in found}
+
+    return files
+
+
+def _netcdf(path: Path, engine: str) -> None:
+    others.needed(engine)
+    others.dataset().isel(lev=slice(0, 2)).to_netcdf(path, engine=engine)
+
+
+def _structured(kind: str, way: str) -> bytes:
+    """Return a grid of 3 x 2 x 2 points: .vts or .vtr."""
+    writer = scattered.VtkWriter(way)
+    k, j, i = np.mgrid[0:2, 0:2, 0:3].reshape(3, -1).astype(float)
+    place = f"<Points>{writer.array('Points', np.stack([i, j, k], axis=1))}</Points>"
+    if kind == "RectilinearGrid":
+        along = "".join(writer.array("c", np.arange(float(count))) for count in (3, 2, 2))
+        place = f"<Coordinates>{along}</Coordinates>"
+    data = f"<PointData>{writer.array('a', i + j * k)}</PointData>"
+    body = f'<{kind} WholeExtent="0 2 0 1 0 1"><Piece Extent="0 2 0 1 0 1">{data}{place}</Piece></{kind}>'
+    return writer.file(kind, body)
+
+
+def _legacy_binary() -> bytes:
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)], ">f4").tobytes()
+    return (
+        b"# vtk DataFile Version 5.1\nmade by a test\nBINARY\nDATASET UNSTRUCTURED_GRID\n"
+        b"FIELD FieldData 1\ns 1 2 string\n"
+        b"\xc4ab c\xc0\nPOINTS 5 float\n" + points + b"\nCELLS 3 8\nOFFSETS vtktypeint64\n"
+        + np.array([0, 4, 8], ">i8").tobytes() + b"\nCONNECTIVITY vtktypeint64\n"
+        + np.array([0, 1, 2, 3, 1, 2, 3, 4], ">i8").tobytes() + b"\nCELL_TYPES 2\n"
+        + np.array([10, 10], ">i4").tobytes() + b"\nPOINT_DATA 5\nSCALARS a double 1\nLOOKUP_TABLE default\n"
+        + np.arange(5, dtype=">f8").tobytes() + b"\nFIELD FieldData 1\nb 2 5 short\n"
+        + np.arange(10, dtype=">i2").tobytes() + b"\n"
+    )  # fmt: skip
+
+
+def _blocks() -> Files:
+    text = '<VTKFile type="vtkMultiBlockDataSet"><vtkMultiBlockDataSet><DataSet index="0" name="a" file="a.vti"/>'
+    return {"a.vtm": (text + "</vtkMultiBlockDataSet></VTKFile>").encode(), "a.vti": _vti("ascii")}
+
+
+# What is read is the first file of each, or the folder that it is in; the others lie beside it.
 KINDS: dict[str, Callable[[Path], Files]] = {
     "npy": lambda _: {"a.npy": test_io.npy_bytes(test_io.VALUES)},
     "npy in Fortran's order": lambda _: {"a.npy": test_io.npy_bytes(np.asfortranarray(test_io.VALUES.astype(">f8")))},
@@ -178,11 +238,35 @@ KINDS: dict[str, Callable[[Path], Files]] = {
     "plot3d": lambda _: _plot3d(),
     "plot3d records": lambda _: _plot3d(records=True, iblank=True, order="<"),
     "raw": lambda _: {"a.raw": SAMPLES},
+    "nii": _made(others.nifti, "a.nii"),
+    "nii of version 2": _made(others.nifti, "a.nii", kind="Nifti2Image"),
+    "dicom": _folder(others.dicom, "ct"),
+    "tiff": _made(others.tiff, "a.tif"),
+    "tiff packed": _made(others.tiff, "a.tif", compression="zlib"),
+    "tiff tiled": _made(others.tiff, "a.tif", tile=(16, 16), bigtiff=True),
+    "tiff of imagej": _made(others.tiff, "a.tif", imagej=True, metadata={"axes": "ZYX", "spacing": 1.5, "unit": "um"}),
+    "mrc": _made(others.mrc, "a.mrc"),
+    "netcdf": _made(_netcdf, "a.nc", engine="scipy"),
+    "netcdf 4": _made(_netcdf, "a.nc", engine="h5netcdf"),
+    "hdf5 volume": _made(others.volumes, "a.h5"),
+    "zarr": _folder(others.zarr_array, "a.zarr"),
+    "zarr 3": _folder(others.zarr_array, "a.zarr", version=3),
+    "ome-zarr": _folder(others.picture, "a.zarr", version=2, channels=("only",)),
+    "vts": lambda _: {"a.vts": _structured("StructuredGrid", "raw")},
+    "vtr": lambda _: {"a.vtr": _structured("RectilinearGrid", "ascii")},
+    "vtm": lambda _: _blocks(),
+    "vtk": lambda _: {"a.vtk": vtk.LEGACY.encode()},
+    "vtk binary": lambda _: {"a.vtk": _legacy_binary()},
+    "vtkhdf": _made(vtk.vtkhdf, "a.vtkhdf"),
+    "vtkhdf image": _made(vtk.vtkhdf, "a.vtkhdf", kind="ImageData"),
     "picture png": lambda folder: _picture(".png", folder),
     "picture exr": lambda folder: _picture(".exr", folder),
     "picture npy": lambda folder: _picture(".npy", folder),
 }
 
+OF_LIBRARIES = ("nii", "nii of version 2", "dicom", "netcdf", "netcdf 4", "zarr", "zarr 3", "ome-zarr", "mrc") + tuple(
+    kind for kind in KINDS if kind.startswith("tiff")
+)
 NUMBERS = [
     b"0",
     b"-1",
@@ -249,7 +333,7 @@ def _wait_no_longer(*_: object) -> None:
     raise Waited(f"more than {SECONDS} s")
 
 
-@contextmanager
+@contextlib.contextmanager
 def limits() -> Iterator[None]:
     """Let no more memory and time be taken than small files may need."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
@@ -275,17 +359,27 @@ def read(kind: str, path: Path) -> None:
         options = {"grid": path.with_name("a.xyz")}
     elif kind == "raw":
         options = {"shape": (4, 3, 2), "dtype": "<i2"}
+    if kind == "dicom":
+        path = path.parent
+    elif "zarr" in kind:
+        path = next(one for one in path.parents if one.suffix == ".zarr")
     field = ss.open(path, **options)
     assert np.isfinite(field.value_range).all() and field.size >= 0
     assert field.size == 0 or np.isfinite(field.bounds).all()
+
+
+def write(folder: Path, files: Files) -> None:
+    """Write files, also in folders of that folder."""
+    for name, data in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_valid_files_are_read(kind: str, tmp_path: Path) -> None:
     """Else spoiling them would prove nothing."""
     files = valid(kind, tmp_path)
-    for name, data in files.items():
-        (tmp_path / name).write_bytes(data)
+    write(tmp_path, files)
     with limits():
         read(kind, tmp_path / next(iter(files)))
 
@@ -304,11 +398,12 @@ def test_spoiled_files(kind: str, tmp_path_factory: pytest.TempPathFactory) -> N
         spoiled = data.draw(spoilings(files[which]))
         packed = data.draw(st.sampled_from([False, False, False, True]))
         note(f"{which}: {spoiled[:2000]!r}")
-        for name, content in files.items():
-            content = spoiled if name == which else content
-            (folder / name).write_bytes(gzip.compress(content) if packed and "picture" not in kind else content)
+        packed = packed and "picture" not in kind and "zarr" not in kind
+        changed = {name: spoiled if name == which else content for name, content in files.items()}
+        write(folder, {name: gzip.compress(content) if packed else content for name, content in changed.items()})
         with warnings.catch_warnings():
-            warnings.simplefilter("error")
+            # Libraries warn of what they find.
+            warnings.simplefilter("ignore" if kind in OF_LIBRARIES else "error")
             try:
                 with limits():
                     read(kind, folder / next(iter(files)))
@@ -318,6 +413,35 @@ def test_spoiled_files(kind: str, tmp_path_factory: pytest.TempPathFactory) -> N
 
     spoil()
     assert refused >= 5 or kind == "raw"
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_files_under_other_names(tmp_path: Path) -> None:
+    """A name says nothing: content under any suffix, and nothing at all, is a field or an error of the package."""
+    suffixes = (
+        ".nii",
+        ".dcm",
+        ".tif",
+        ".mrc",
+        ".nc",
+        ".h5",
+        ".vti",
+        ".vtk",
+        ".vtm",
+        ".vtkhdf",
+        ".nrrd",
+        ".csv",
+        ".obj",
+    )
+    contents = [b"", b"\0" * 300, *(next(iter(KINDS[kind](tmp_path).values())) for kind in KINDS if "zarr" not in kind)]
+    for number, content in enumerate(contents):
+        for suffix in suffixes[number % 3 :: 3]:
+            folder = tmp_path / f"{number}{suffix}"
+            folder.mkdir()
+            (folder / f"a{suffix}").write_bytes(content)
+            with contextlib.suppress(ss.Error):
+                ss.open(folder / f"a{suffix}")
+                assert content.strip(b"\0")
 
 
 # What was found
@@ -348,7 +472,6 @@ FOUND: dict[str, Callable[[Path], Files]] = {
 @pytest.mark.parametrize("kind", FOUND)
 def test_what_fuzzing_found(kind: str, tmp_path: Path) -> None:
     files = FOUND[kind](tmp_path)
-    for name, data in files.items():
-        (tmp_path / name).write_bytes(data)
+    write(tmp_path, files)
     with pytest.raises(ss.Error), limits():
         read(kind, tmp_path / next(iter(files)))

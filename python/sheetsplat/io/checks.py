@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 import operator
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
@@ -41,6 +44,14 @@ def floats(path: Path, what: str, text: str, count: int) -> list[float]:
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         raise unreadable(path, f"{what} = {shown(text)}", f"{count} finite numbers")
     return numbers
+
+
+def numbers_in_text(text: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return the numbers in a text, blanks between them, in this type; a ValueError or Warning for anything else."""
+    with warnings.catch_warnings(), np.errstate(over="ignore"):
+        warnings.simplefilter("error", DeprecationWarning)
+        kind = np.dtype(np.float64) if dtype.kind == "f" else np.dtype(np.int64)
+        return np.fromstring(text.decode("ascii"), dtype=kind, sep=" ").astype(dtype.newbyteorder("="))
 
 
 def natural(path: Path, what: str, text: str) -> int:

@@ -7,6 +7,7 @@ import importlib.metadata
 import logging
 import os
 import pkgutil
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,7 @@ _NETCDF = (b"CDF\x01", b"CDF\x02", b"CDF\x05")
 _FEW, _MANY = 3, 200
 _ZIP = (b"PK\x03\x04", b"PK\x05\x06")
 _XML = (b"<?xml", b"<VTKFile", b"<!--", b"<!DOCTYPE")
+_VTK_TYPE = re.compile(rb"<VTKFile[^>]*\stype\s*=\s*[\"']([A-Za-z]{1,40})[\"']")
 #: Entry points by which other packages add formats.
 ENTRY_POINTS = "sheetsplat.readers"
 # Bytes by which a format is recognized.
@@ -74,7 +76,7 @@ class Format:
         """Return what the reader makes of a file or a folder."""
         if source.inner and not self.parts:
             found = f"{source.path}:{source.inner}, a part of a file of format {self.name}"
-            raise complain("the part cannot be read", found, "a file that is a whole, or HDF5, NetCDF or Zarr")
+            raise complain("the part cannot be read", found, "a file that is a whole, or HDF5, NetCDF, Zarr or .vtm")
         return pkgutil.resolve_name(self.reader)(source, **options)
 
 
@@ -96,9 +98,26 @@ def _is_vtk_xml(source: Source) -> bool:
     return first.startswith(_XML) and b"<VTKFile" in source.head(_LONG_HEAD)
 
 
+def _vtk_kind(source: Source) -> str:
+    """Return the type that the root element of VTK's XML states, "" for anything else."""
+    found = _VTK_TYPE.search(source.head(_LONG_HEAD)) if _is_vtk_xml(source) else None
+    return found[1].decode("ascii") if found else ""
+
+
 def _is_vtk_image(source: Source) -> bool:
-    head = source.head(_LONG_HEAD) if _is_vtk_xml(source) else b""
-    return b'"ImageData"' in head or b"'ImageData'" in head
+    return _vtk_kind(source) in ("ImageData", "RectilinearGrid")
+
+
+def _blocks_of(source: Source, *, scattered: bool) -> bool:
+    """Return whether a file names blocks, of which the shown one is a volume, or scattered data."""
+    if _vtk_kind(source) != "vtkMultiBlockDataSet":
+        return False
+    kind: str = pkgutil.resolve_name(_IO + "vtk_xml.blocks:kind_of")(source)
+    return (kind in SCATTERED) == scattered
+
+
+def _is_legacy(kind: str) -> Callable[[Source], bool]:
+    return lambda source: bool(pkgutil.resolve_name(_IO + "vtk_legacy:kind_of")(source) == kind)
 
 
 def _is_mesh(source: Source) -> bool:
@@ -123,7 +142,7 @@ def _is_mrc(source: Source) -> bool:
 
 
 def _hdf5_kind(source: Source) -> str:
-    """Return "netcdf", "vtkhdf", "volume" or "particles" for an HDF5 file, else ""."""
+    """Return what an HDF5 file holds, as `hdf5_volumes.kind_of` does, "" for other files."""
     if not source.head(_HEAD).startswith(_HDF5):
         return ""
     kind: str = pkgutil.resolve_name(_IO + "hdf5_volumes:kind_of")(source)
@@ -201,6 +220,21 @@ FORMATS: tuple[Format, ...] = (
         parts=True,
     ),
     Format(
+        "vtkhdf image",
+        _IO + "vtk_hdf:read_image",
+        lambda source: _hdf5_kind(source) == "vtkhdf image",
+        ("name",),
+        shown="VTKHDF images",
+    ),
+    Format(
+        "vtkhdf",
+        _IO + "vtk_hdf:read",
+        lambda source: _hdf5_kind(source) == "vtkhdf",
+        ("scalar",),
+        scattered=True,
+        shown="VTKHDF meshes",
+    ),
+    Format(
         "hdf5 volume",
         _IO + "hdf5_volumes:read",
         lambda source: _hdf5_kind(source) == "volume",
@@ -233,8 +267,33 @@ FORMATS: tuple[Format, ...] = (
         scattered=True,
         shown=".ply of 3D Gaussian Splatting",
     ),
-    Format("vti", _IO + "vtk_xml.images:read", _is_vtk_image, ("name",), shown=".vti"),
-    Format("vtk", _IO + "vtk_xml.meshes:read", _is_vtk_xml, ("scalar",), scattered=True, shown=".vtu, .vtp"),
+    Format("vti", _IO + "vtk_xml.images:read", _is_vtk_image, ("name", "resample"), shown=".vti, .vtr"),
+    Format(
+        "vtm image",
+        _IO + "vtk_xml.blocks:read",
+        lambda source: _blocks_of(source, scattered=False),
+        ("name", "resample"),
+        shown=".vtm of images",
+        parts=True,
+    ),
+    Format(
+        "vtm",
+        _IO + "vtk_xml.blocks:read",
+        lambda source: _blocks_of(source, scattered=True),
+        ("scalar",),
+        scattered=True,
+        shown=".vtm of meshes (FILE.vtm:/block)",
+        parts=True,
+    ),
+    Format("vtk", _IO + "vtk_xml.meshes:read", _is_vtk_xml, ("scalar",), scattered=True, shown=".vtu, .vts, .vtp"),
+    Format(
+        "vtk legacy image",
+        _IO + "vtk_legacy:read_volume",
+        _is_legacy("volume"),
+        ("name", "resample"),
+        shown=".vtk of images and rectilinear grids",
+    ),
+    Format("vtk legacy", _IO + "vtk_legacy:read_mesh", _is_legacy("mesh"), ("scalar",), scattered=True, shown=".vtk"),
     Format("csv", _IO + "tables:read_csv", _is_table, ("scalar",), scattered=True, shown=".csv"),
     Format(
         "raw",
@@ -259,6 +318,8 @@ FORMATS: tuple[Format, ...] = (
 BY_NAME = {one.name: one for one in FORMATS}
 #: Formats of files that hold points instead of a regular volume.
 SCATTERED = tuple(one.name for one in FORMATS if one.scattered)
+#: Formats of what a .vtm names.
+OF_BLOCKS = ("vti", "vtk")
 #: What formats of regular volumes, and those of scattered data, are called in messages.
 LISTED_REGULAR = ", ".join(one.shown for one in FORMATS if not one.scattered)
 LISTED_SCATTERED = ", ".join(one.shown for one in FORMATS if one.scattered)

@@ -74,6 +74,16 @@ def inside(path: Path, start: Any, name: str, links: int = _MOST_LINKS) -> Any:
     return here
 
 
+def attribute(one: Any, name: str, most: int = 3) -> Any:
+    """Return an attribute of at most so many numbers, or of text; None where there is none, or it is anything else."""
+    if name not in one.attrs:
+        return None
+    kind = one.attrs.get_id(name)
+    if len(kind.shape) > 1 or math.prod(kind.shape) > most or kind.dtype.kind not in "iufSO":
+        return None
+    return one.attrs[name]
+
+
 def read_dataset(path: Path, one: Any, what: str, spare: int = 0) -> NDArray[Any]:
     """Return a dataset after a check of its size against its stored bytes; `spare` more bytes must be available."""
     if one.is_virtual or one.external:

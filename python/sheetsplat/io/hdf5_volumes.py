@@ -9,8 +9,9 @@ import numpy as np
 
 from sheetsplat._checks import shown, triple
 from sheetsplat.errors import option_ref
+from sheetsplat.io import vtk_hdf
 from sheetsplat.io.checks import listed, printable, unreadable
-from sheetsplat.io.hdf5_access import inside, read_dataset, seekable, walk
+from sheetsplat.io.hdf5_access import attribute, inside, read_dataset, seekable, walk
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
 from sheetsplat.quantity import Quantity
@@ -18,27 +19,20 @@ from sheetsplat.quantity import Quantity
 _NETCDF_SUFFIXES = (".nc", ".nc4", ".cdf", ".netcdf")
 
 
-def _attribute(one: Any, name: str) -> Any:
-    """Return an attribute of numbers or text; None where there is none, or it is anything else."""
-    if name not in one.attrs:
-        return None
-    kind = one.attrs.get_id(name)
-    if kind.shape not in ((), (1,), (3,)) or kind.dtype.kind not in "iufSO":
-        return None
-    return one.attrs[name]
-
-
 def _is_volume(one: Any) -> bool:
     return one.ndim >= 3 and sum(size > 1 for size in one.shape) <= 3 and one.dtype.kind in "biuf"
 
 
 def kind_of(source: Source) -> str:
-    """Return what an HDF5 file holds: "netcdf"; "volume", with no group of particles beside one; else "particles"."""
+    """Return what an HDF5 file holds: "vtkhdf image", "vtkhdf", "netcdf", "volume", else "particles"."""
     if source.inner:
         return "netcdf" if source.suffix in _NETCDF_SUFFIXES else "volume"
     with h5py.File(seekable(source), "r") as file:
         if "_NCProperties" in file.attrs or source.suffix in _NETCDF_SUFFIXES:
             return "netcdf"
+        found = vtk_hdf.kind_of(source.path, file)
+        if found:
+            return found
         if any(name.startswith("PartType") for name in file):
             return "particles"
         return "volume" if any(map(_is_volume, walk(source.path, file))) else "particles"
@@ -71,9 +65,9 @@ def read(source: Source, name: str | None = None) -> Volume:
         values = values.reshape([size for size in values.shape if size > 1] if values.ndim > 3 else values.shape)
         values = values.reshape((1,) * (3 - values.ndim) + values.shape)
         title = str(chosen.name).rsplit("/", 1)[-1]
-        label = printable(_attribute(chosen, "long_name")) or printable(title)
-        quantity = Quantity(label, printable(_attribute(chosen, "units")))
-        size = _attribute(chosen, "element_size_um")
+        label = printable(attribute(chosen, "long_name")) or printable(title)
+        quantity = Quantity(label, printable(attribute(chosen, "units")))
+        size = attribute(chosen, "element_size_um")
         spacing = (1.0, 1.0, 1.0)
         if size is not None:
             steps = np.asarray(size, dtype=np.float64).reshape(-1)[::-1]

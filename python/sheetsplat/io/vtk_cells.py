@@ -1,15 +1,19 @@
-"""Cells of VTK's meshes: those with a volume, and the middles of all."""
+"""Cells of VTK's meshes: those with a volume, the middles of all, and meshes in pieces."""
 
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.io.checks import Where, unreadable
-from sheetsplat.io.records import Floats
+from sheetsplat.io.checks import Where, finite_values, unreadable
+from sheetsplat.io.records import Floats, Scattered
+
+#: VTK's number of a hexahedron.
+HEXAHEDRON = 12
 
 _log = logging.getLogger("sheetsplat")
 
@@ -38,6 +42,24 @@ class Cells:
         return np.diff(self.ends, prepend=0)
 
 
+def hexahedra_of(counts: Sequence[int]) -> NDArray[np.int64]:
+    """Return the corners of the cells of a structured grid with (ni, nj, nk) points, (M, 8), i the fastest."""
+    ni, nj, nk = counts
+    numbers = np.arange(ni * nj * nk, dtype=np.int64).reshape(nk, nj, ni)
+    low, high = slice(None, -1), slice(1, None)
+    corners: list[tuple[slice, ...]] = [(low, low, low), (low, low, high), (low, high, high), (low, high, low)]
+    corners += [(high, *rest) for _, *rest in corners]
+    hexahedra: NDArray[np.int64] = np.stack([numbers[one].reshape(-1) for one in corners], axis=1)
+    return hexahedra
+
+
+def same_cells(corners: NDArray[np.int64], kind: int) -> Cells:
+    """Return cells of one type, (M, corners), as a list of all."""
+    count, size = corners.shape
+    ends = size * np.arange(1, count + 1, dtype=np.int64)
+    return Cells(corners.reshape(-1), ends, np.full(count, kind, dtype=np.int64))
+
+
 def volumes_of(path: Where, cells: Cells, offset: int) -> list[NDArray[np.int64]] | None:
     """Return the cells with a volume, (M, corners) for each type; None where one has an unknown type."""
     sizes, found = cells.sizes(), []
@@ -62,3 +84,77 @@ def centroids_of(points: Floats, cells: Cells) -> Floats:
     corners = points[cells.connectivity].T
     sums = np.stack([np.bincount(owner, along, minlength=sizes.size) for along in corners], axis=1)
     return np.asarray(sums / np.maximum(sizes, 1)[:, None])
+
+
+def require_rising(where: Where, what: str, ends: NDArray[np.int64]) -> None:
+    """Raise InvalidInput unless each cell ends where the one before does, or later."""
+    if ends.size and (ends[0] < 0 or np.any(np.diff(ends) < 0)):
+        raise unreadable(where, f"offsets of {what} that do not rise", "where each cell ends")
+
+
+def checked_lists(
+    where: Where, what: str, connectivity: NDArray[np.int64], ends: NDArray[np.int64], points: int
+) -> None:
+    """Raise InvalidInput unless cells end one after another within the list, and name points that there are."""
+    require_rising(where, what, ends)
+    if ends.size and ends[-1] != connectivity.size:
+        raise unreadable(where, f"{connectivity.size} points of {what}", f"{ends[-1]}, as the last cell ends there")
+    if connectivity.size and not (connectivity.min() >= 0 and connectivity.max() < points):
+        found = f"cells with the points {int(connectivity.min())} to {int(connectivity.max())}"
+        raise unreadable(where, found, f"points 0 to {points - 1}")
+
+
+def joined(groups: Sequence[tuple[NDArray[np.int64], NDArray[np.int64]]], types: NDArray[np.int64]) -> Cells:
+    """Return several lists of cells, each as point numbers and ends, one after another."""
+    lists, ends = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+    used = 0
+    for connectivity, stops in groups:
+        lists.append(connectivity)
+        ends.append(stops + used)
+        used += connectivity.size
+    return Cells(np.concatenate(lists), np.concatenate(ends), types)
+
+
+@dataclass
+class Meshes:
+    """Pieces of a mesh, or of several, put one after another: points, values, and cells with a volume.
+
+    Attributes
+    ----------
+    where
+        For messages.
+    of_cells
+        Whether the values are those of cells: then they lie at the means of the cells' points, and there is no mesh.
+    """
+
+    where: Where
+    of_cells: bool
+    _points: list[Floats] = field(default_factory=lambda: [np.empty((0, 3))])
+    _values: list[Floats] = field(default_factory=lambda: [np.empty(0)])
+    _mesh: list[NDArray[np.int64]] | None = field(default_factory=list)
+    _count: int = 0
+
+    def add(self, points: Floats, cells: Cells, values: Floats) -> None:
+        """Add a piece; `values` has a row for each point, or for each cell."""
+        if self.of_cells:
+            full = cells.sizes() > 0
+            self._points.append(centroids_of(points, cells)[full])
+            self._values.append(values[full])
+            return
+        own = volumes_of(self.where, cells, self._count)
+        self._mesh = None if self._mesh is None or own is None else self._mesh + own
+        self._points.append(points)
+        self._values.append(values)
+        self._count += len(points)
+
+    def scattered(self, scalar: str, file_format: str, known: tuple[str, ...]) -> Scattered:
+        """Return all pieces; InvalidInput for values that are not finite."""
+        return Scattered(
+            np.concatenate(self._points),
+            finite_values(self.where, scalar, np.concatenate(self._values)),
+            scalar,
+            file_format,
+            known,
+            cells=tuple(self._mesh) if self._mesh and not self.of_cells else None,
+            details={"scalar of": "the cells, at their centroids" if self.of_cells else "the points"},
+        )

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.io.axes import nearest_the_world, on_even_axes
-from sheetsplat.io.checks import Where, finite_points, finite_values, printable, require_rows, unreadable
+from sheetsplat.io.checks import Where, finite_points, printable, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered, Volume
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
-from sheetsplat.io.vtk_cells import Cells, centroids_of, volumes_of
+from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, Meshes, hexahedra_of, joined, same_cells
 from sheetsplat.quantity import Quantity
 
 # Arrays that VTK writes for itself.
@@ -121,24 +121,11 @@ def _points(data: Any, where: Where) -> Floats:
     return finite_points(where, _numbers(points.GetData()).astype(np.float64))
 
 
-def _scattered(
-    where: Where, points: Floats, cells: Cells, scalar: _Scalar, file_format: str, mesh: list[NDArray[np.int64]] | None
-) -> Scattered:
+def _scattered(where: Where, points: Floats, cells: Cells, scalar: _Scalar, file_format: str) -> Scattered:
     """Return points with their values, or the middles of cells with theirs."""
-    values = scalar.values.astype(np.float64)
-    if scalar.of_cells:
-        full = cells.sizes() > 0
-        points, values, mesh = centroids_of(points, cells)[full], values[full], None
-    details = {"scalar of": "the cells, at their centroids" if scalar.of_cells else "the points"}
-    return Scattered(
-        points,
-        finite_values(where, scalar.name, values),
-        scalar.name,
-        file_format,
-        scalar.known,
-        cells=tuple(mesh) if mesh else None,
-        details=details,
-    )
+    made = Meshes(where, scalar.of_cells)
+    made.add(points, cells, scalar.values.astype(np.float64))
+    return made.scattered(scalar.name, file_format, scalar.known)
 
 
 def read_structured(data: Any, where: Where, scalar: str | None = None) -> Scattered:
@@ -147,33 +134,17 @@ def read_structured(data: Any, where: Where, scalar: str | None = None) -> Scatt
     points = _points(data, where)
     counts = [0, 0, 0]
     data.GetDimensions(counts)
-    ni, nj, nk = counts
-    numbers = np.arange(ni * nj * nk, dtype=np.int64).reshape(nk, nj, ni)
-    low, high = slice(None, -1), slice(1, None)
-    corners: list[tuple[slice, ...]] = [(low, low, low), (low, low, high), (low, high, high), (low, high, low)]
-    corners += [(high, *rest) for _, *rest in corners]
-    hexahedra: NDArray[np.int64] = np.stack([numbers[one].reshape(-1) for one in corners], axis=1)
+    hexahedra = hexahedra_of(counts)
     if chosen.of_cells and hexahedra.shape[0] != chosen.values.size:
         raise unreadable(where, "values of cells without a volume", "values of points", "use cell_data_to_point_data()")
-    count = len(hexahedra)
-    cells = Cells(
-        hexahedra.reshape(-1), 8 * np.arange(1, count + 1, dtype=np.int64), np.full(count, 12, dtype=np.int64)
-    )
-    return _scattered(where, points, cells, chosen, "vtk structured grid", [hexahedra] if count else None)
+    return _scattered(where, points, same_cells(hexahedra, HEXAHEDRON), chosen, "vtk structured grid")
 
 
 def _lists(groups: list[Any], types: NDArray[np.int64]) -> Cells:
     """Return the cells of several vtkCellArrays, one after another."""
-    empty = np.empty(0, np.int64)
-    connectivity, ends, used = [empty], [empty], 0
-    for group in groups:
-        if group is None or not group.GetNumberOfCells():
-            continue
-        points = _numbers(group.GetConnectivityArray()).astype(np.int64)
-        connectivity.append(points)
-        ends.append(_numbers(group.GetOffsetsArray()).astype(np.int64)[1:] + used)
-        used += points.size
-    return Cells(np.concatenate(connectivity), np.concatenate(ends), types)
+    there = [group for group in groups if group is not None and group.GetNumberOfCells()]
+    lists = [(_numbers(one.GetConnectivityArray()), _numbers(one.GetOffsetsArray())[1:]) for one in there]
+    return joined([(points.astype(np.int64), ends.astype(np.int64)) for points, ends in lists], types)
 
 
 def _types(data: Any) -> Any:
@@ -191,8 +162,7 @@ def read_unstructured(data: Any, where: Where, scalar: str | None = None) -> Sca
     points = _points(data, where)
     types = _numbers(_types(data)).astype(np.int64) if data.GetNumberOfCells() else np.empty(0, np.int64)
     cells = _lists([data.GetCells()], types)
-    mesh = None if chosen.of_cells else volumes_of(where, cells, 0)
-    return _scattered(where, points, cells, chosen, "vtk unstructured grid", mesh)
+    return _scattered(where, points, cells, chosen, "vtk unstructured grid")
 
 
 def read_surface(data: Any, where: Where, scalar: str | None = None) -> Scattered:
@@ -201,7 +171,7 @@ def read_surface(data: Any, where: Where, scalar: str | None = None) -> Scattere
     points = _points(data, where)
     # The order in which VTK counts cells.
     groups = [data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()]
-    return _scattered(where, points, _lists(groups, np.empty(0, np.int64)), chosen, "vtk surface", None)
+    return _scattered(where, points, _lists(groups, np.empty(0, np.int64)), chosen, "vtk surface")
 
 
 def read_blocks(data: Any, where: Where, **options: Any) -> Volume | Scattered:

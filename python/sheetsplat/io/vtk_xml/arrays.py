@@ -8,8 +8,8 @@ from __future__ import annotations
 import base64
 import io
 import lzma
-import warnings
 import zlib
+from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Error, Unsupported, complain
-from sheetsplat.io.checks import natural, unreadable
+from sheetsplat.io.checks import natural, numbers_in_text, unreadable
 from sheetsplat.io.scalars import choose_scalar, scalar_names
 from sheetsplat.io.source import Source
 from sheetsplat.io.vtk_xml.document import DataArray, Document, Piece
@@ -28,6 +28,17 @@ TYPES = {name: name.lower() for name in _NAMES.split()}
 # Most characters of a number as text, and a margin for other text of an array.
 _LONGEST_WORD = 64
 _SLACK = 1 << 16
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The scalar that is shown: its element (PointData or CellData), its name, its array, its column, and all names."""
+
+    where: str
+    name: str
+    base: str
+    column: int | None
+    known: tuple[str, ...]
 
 
 class _Bytes:
@@ -68,8 +79,8 @@ class ArrayReader:
         """Return a number of points or cells that a piece declares, 0 unless it does."""
         return natural(self._path, name, piece.attributes.get(name, "0").strip())
 
-    def pick_scalar(self, scalar: str | None) -> tuple[str, str, str, int | None, tuple[str, ...]]:
-        """Return the element of a scalar (PointData or CellData), its name, its array, its column, and all names."""
+    def pick_scalar(self, scalar: str | None) -> Chosen:
+        """Return the scalar to show: that with this name, or the active one, or the first."""
         first = self._document.pieces[0]
         owners: dict[str, str] = {}
         widths: dict[str, int] = {}
@@ -79,7 +90,7 @@ class ArrayReader:
                     owners[one.name], widths[one.name] = where, one.components
         preferred = [first.chosen[role] for role in ("PointData Scalars", "CellData Scalars") if role in first.chosen]
         name, base, column = choose_scalar(self._path, scalar, preferred, widths)
-        return owners[base], name, base, column, scalar_names(widths)
+        return Chosen(owners[base], name, base, column, scalar_names(widths))
 
     def named(self, piece: Piece, where: str, name: str, count: int) -> NDArray[Any]:
         """Return the numbers of an array of a piece by its element (PointData, Cells ...) and its name."""
@@ -104,19 +115,13 @@ class ArrayReader:
             _memory.require(8 * one.length, f"the array {one.name!r} of {self._path}")
             text = b"".join(one.text)
             if one.format == "ascii":
-                values = self._numbers(dtype, text)
+                values = numbers_in_text(text, dtype)
             else:
                 text = b"".join(text.split())
                 values = self._unpacked(one, dtype, count, _Bytes(io.BytesIO(text), len(text), encoded=True))
         if values.size != count:
             raise self._fail(f"{values.size} numbers in the array {shown(one.name)}", f"{count}")
         return values.reshape(-1, one.components) if one.components > 1 else values
-
-    def _numbers(self, dtype: np.dtype[Any], text: bytes) -> NDArray[Any]:
-        with warnings.catch_warnings(), np.errstate(over="ignore"):
-            warnings.simplefilter("error", DeprecationWarning)
-            kind = np.dtype(np.float64) if dtype.kind == "f" else np.dtype(np.int64)
-            return np.fromstring(text.decode("ascii"), dtype=kind, sep=" ").astype(dtype.newbyteorder("="))
 
     def _appended(self, one: DataArray, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
         if not self._document.appended:

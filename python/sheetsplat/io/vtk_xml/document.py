@@ -17,13 +17,21 @@ from sheetsplat._checks import shown
 from sheetsplat.io.checks import natural, unreadable
 from sheetsplat.io.source import Source
 
-KINDS = {"UnstructuredGrid": "vtu", "PolyData": "vtp", "ImageData": "vti"}
+KINDS = {
+    "UnstructuredGrid": "vtu",
+    "StructuredGrid": "vts",
+    "PolyData": "vtp",
+    "ImageData": "vti",
+    "RectilinearGrid": "vtr",
+}
+#: The kinds that are regular volumes.
+VOLUMES = ("ImageData", "RectilinearGrid")
 _CHUNK = 1 << 20
 _APPENDED = b"<AppendedData"
 _MOST_ELEMENTS = 100_000
 # Bytes of one tag or comment: the parser starts again at its beginning with every chunk.
 _LONGEST_TAG = 16 * _CHUNK
-# Elements that contain a DataArray: VTKFile, the kind, Piece, and PointData, CellData, Points or Cells.
+# Elements that contain a DataArray: VTKFile, the kind, Piece, and PointData, CellData, Points, Coordinates or Cells.
 _ARRAY_DEPTH = 4
 
 
@@ -63,24 +71,20 @@ class Document:
     start: int = 0
 
 
-class _Parser:
-    """Parser of the XML before the appended data."""
+class GuardedParser:
+    """A parser of XML that refuses document types and entities, and whose tags and elements are bounded."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         parser = expat.ParserCreate()
         parser.buffer_text = True
-        parser.StartElementHandler = self._start
+        parser.StartElementHandler = self._begin
         parser.EndElementHandler = self._end
-        parser.CharacterDataHandler = self._text
         parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = self._refuse
         self._parser = parser
         self._fed = 0
         self._stack: list[str] = []
         self._elements = 0
-        self._array: DataArray | None = None
-        self._taken = 0
-        self.document: Document | None = None
 
     def feed(self, data: bytes, last: bool = False) -> None:
         """Parse the next bytes of the file."""
@@ -90,12 +94,34 @@ class _Parser:
             raise unreadable(self._path, f"a tag of more than {_LONGEST_TAG >> 20} MiB", "the tags of VTK's files")
 
     def _refuse(self, *_: Any) -> None:
-        raise unreadable(self._path, "a document type or an entity of its own", "the plain XML of VTK's files")
+        raise unreadable(self._path, "a document type or an entity of its own", "plain XML")
 
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
+    def _begin(self, name: str, attributes: dict[str, str]) -> None:
         self._elements += 1
         if self._elements > _MOST_ELEMENTS:
             raise unreadable(self._path, f"more than {_MOST_ELEMENTS} elements", "fewer")
+        self.start(name, attributes)
+        self._stack.append(name)
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        """Take an element whose parents are in `_stack`."""
+
+    def _end(self, _: str) -> None:
+        self._stack.pop()
+
+
+class _Parser(GuardedParser):
+    """Parser of the XML before the appended data."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._parser.CharacterDataHandler = self._text
+        self._array: DataArray | None = None
+        self._taken = 0
+        self.document: Document | None = None
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        """Take what VTK's elements declare."""
         depth = len(self._stack)
         if depth == 0:
             self._root(name, attributes)
@@ -113,7 +139,6 @@ class _Parser:
         elif depth == _ARRAY_DEPTH and name == "DataArray" and document.pieces and self._stack[2] == "Piece":
             self._array = self._new_array(attributes)
             document.pieces[-1].arrays[self._stack[3]].append(self._array)
-        self._stack.append(name)
 
     def _root(self, name: str, attributes: dict[str, str]) -> None:
         kind = attributes.get("type", "")
@@ -140,8 +165,8 @@ class _Parser:
         components = max(1, whole("NumberOfComponents", "1"))
         return DataArray(name, attributes.get("type", ""), components, kind, whole("offset", "0"))
 
-    def _end(self, _: str) -> None:
-        self._stack.pop()
+    def _end(self, name: str) -> None:
+        super()._end(name)
         if len(self._stack) == _ARRAY_DEPTH:
             self._array = None
 

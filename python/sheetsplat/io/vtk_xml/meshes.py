@@ -1,4 +1,4 @@
-"""Meshes (.vtu) and surfaces (.vtp): their points, a scalar and the cells."""
+"""Meshes (.vtu), structured grids (.vts) and surfaces (.vtp): their points, a scalar and the cells."""
 
 from __future__ import annotations
 
@@ -7,13 +7,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.io.checks import finite_points, finite_values, require_rows, unreadable
+from sheetsplat.io.checks import finite_points, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import column_of
 from sheetsplat.io.source import Source
-from sheetsplat.io.vtk_cells import Cells, centroids_of, volumes_of
-from sheetsplat.io.vtk_xml.arrays import ArrayReader
-from sheetsplat.io.vtk_xml.document import KINDS, Piece, parse_document
+from sheetsplat.io.vtk_cells import (
+    HEXAHEDRON,
+    Cells,
+    Meshes,
+    checked_lists,
+    hexahedra_of,
+    joined,
+    require_rising,
+    same_cells,
+)
+from sheetsplat.io.vtk_xml.arrays import ArrayReader, Chosen
+from sheetsplat.io.vtk_xml.document import KINDS, Document, Piece, parse_document
+from sheetsplat.io.vtk_xml.extents import assembled
 
 
 def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) -> Cells:
@@ -22,9 +32,8 @@ def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) 
         groups = [("Cells", reader.count(piece, "NumberOfCells"))]
     else:
         groups = [(name, reader.count(piece, f"NumberOf{name}")) for name in ("Verts", "Lines", "Strips", "Polys")]
-    empty = np.empty(0, np.int64)
-    lists, ends, types = [empty], [empty], [empty]
-    used = 0
+    lists: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
+    types = np.empty(0, np.int64)
 
     def numbers(group: str, name: str, count: int) -> NDArray[np.int64]:
         return reader.named(piece, group, name, count).astype(np.int64).reshape(-1)
@@ -32,23 +41,44 @@ def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) 
     for group, cells in groups:
         if not cells:
             continue
-        stops = numbers(group, "offsets", cells)
-        if stops.size and (stops[0] < 0 or np.any(np.diff(stops) < 0)):
-            raise unreadable(path, f"offsets of {group} that do not rise", "where each cell ends")
-        points = numbers(group, "connectivity", int(stops[-1]))
-        if points.size and not (points.min() >= 0 and points.max() < count):
-            found = f"cells with the points {int(points.min())} to {int(points.max())}"
-            raise unreadable(path, found, f"points 0 to {count - 1}")
-        lists.append(points)
-        ends.append(stops + used)
-        used += points.size
+        ends = numbers(group, "offsets", cells)
+        require_rising(path, group, ends)
+        connectivity = numbers(group, "connectivity", int(ends[-1]))
+        checked_lists(path, group, connectivity, ends, count)
+        lists.append((connectivity, ends))
         if group == "Cells":
-            types.append(numbers(group, "types", cells))
-    return Cells(*map(np.concatenate, (lists, ends, types)))
+            types = numbers(group, "types", cells)
+    return joined(lists, types)
+
+
+def _points(path: Path, reader: ArrayReader, piece: Piece, count: int) -> Floats:
+    require_rows(path, count)
+    place = piece.arrays.get("Points", [])
+    if len(place) != 1 or place[0].components != 3:
+        raise unreadable(path, f"{len(place)} arrays of Points", "one with three components")
+    return finite_points(path, reader.array(place[0], count).astype(np.float64))
+
+
+def _structured(path: Path, document: Document, reader: ArrayReader, meshes: Meshes, chosen: Chosen) -> None:
+    """Add a structured grid, whose pieces are put together."""
+    points, _ = assembled(
+        path, document, lambda piece, count: _points(path, reader, piece, count), of_cells=False, columns=3
+    )
+    counts = points.shape[2::-1]
+    hexahedra = hexahedra_of(counts)
+    if meshes.of_cells and not hexahedra.size:
+        raise unreadable(path, "values of cells without a volume", "values of points")
+    values, _ = assembled(
+        path,
+        document,
+        lambda piece, count: column_of(reader.named(piece, chosen.where, chosen.base, count), chosen.column),
+        of_cells=meshes.of_cells,
+    )
+    meshes.add(points.reshape(-1, 3), same_cells(hexahedra, HEXAHEDRON), values.reshape(-1))
 
 
 def read(source: Source, scalar: str | None = None) -> Scattered:
-    """Read a mesh or a surface: its points, a scalar of theirs and its cells.
+    """Read a mesh, a structured grid or a surface: its points, a scalar of theirs and its cells.
 
     The scalar is an array of the points or of the cells, the length of a vector's rows, or one column of it (uvw_x);
     the file's active scalars unless another is named. Values of cells are at the means of their points; then the result
@@ -64,39 +94,18 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     path = source.path
     document = parse_document(source)
     reader = ArrayReader(source, document)
-    where, name, base, column, known = reader.pick_scalar(scalar)
-    points: list[Floats] = [np.empty((0, 3))]
-    values: list[Floats] = [np.empty(0)]
-    mesh: list[NDArray[np.int64]] | None = []
-    offset = 0
+    chosen = reader.pick_scalar(scalar)
+    of_cells = chosen.where == "CellData"
+    meshes = Meshes(path, of_cells)
+    if document.kind == "StructuredGrid":
+        _structured(path, document, reader, meshes, chosen)
+        return meshes.scattered(chosen.name, KINDS[document.kind], chosen.known)
     for piece in document.pieces:
         count = reader.count(piece, "NumberOfPoints")
         if not count:
             continue
-        require_rows(path, count)
-        place = piece.arrays.get("Points", [])
-        if len(place) != 1 or place[0].components != 3:
-            raise unreadable(path, f"{len(place)} arrays of Points", "one with three components")
-        here = finite_points(path, reader.array(place[0], count).astype(np.float64))
+        here = _points(path, reader, piece, count)
         cells = _mesh(path, document.kind, reader, piece, count)
-        if where == "CellData":
-            full = cells.sizes() > 0
-            rows = reader.named(piece, where, base, full.size)
-            points.append(centroids_of(here, cells)[full])
-            values.append(column_of(rows, column)[full])
-            continue
-        points.append(here)
-        values.append(column_of(reader.named(piece, where, base, count), column))
-        own = volumes_of(path, cells, offset)
-        mesh = None if mesh is None or own is None else mesh + own
-        offset += count
-    details = {"scalar of": "the cells, at their centroids" if where == "CellData" else "the points"}
-    return Scattered(
-        np.concatenate(points),
-        finite_values(path, name, np.concatenate(values)),
-        name,
-        KINDS[document.kind],
-        known,
-        cells=tuple(mesh) if mesh else None,
-        details=details,
-    )
+        rows = reader.named(piece, chosen.where, chosen.base, cells.ends.size if of_cells else count)
+        meshes.add(here, cells, column_of(rows, chosen.column))
+    return meshes.scattered(chosen.name, KINDS[document.kind], chosen.known)

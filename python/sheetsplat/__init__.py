@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
     from sheetsplat.ripple import lattice_ripple as lattice_ripple
     from sheetsplat.scene_file import SceneFile as SceneFile
+    from sheetsplat.viewer import Viewer as Viewer
+    from sheetsplat.viewer import view as view
 
 __all__ = [
     "AccuracyReport",
@@ -82,6 +84,7 @@ __all__ = [
     "SceneFile",
     "TransferFunction",
     "Unsupported",
+    "Viewer",
     "__version__",
     "accuracy",
     "datasets",
@@ -92,6 +95,7 @@ __all__ = [
     "open",
     "render",
     "resample_to_bcc",
+    "view",
 ]
 
 logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
@@ -101,11 +105,13 @@ _LATE = {
     "AccuracyReport": ("sheetsplat.accuracy.report", "AccuracyReport"),
     "AccuracyRow": ("sheetsplat.accuracy.report", "AccuracyRow"),
     "SceneFile": ("sheetsplat.scene_file", "SceneFile"),
+    "Viewer": ("sheetsplat.viewer", "Viewer"),
     "datasets": ("sheetsplat.datasets", None),
     "fit": ("sheetsplat.fit", None),
     "io": ("sheetsplat.io", None),
     "lattice_ripple": ("sheetsplat.ripple", "lattice_ripple"),
     "resample_to_bcc": ("sheetsplat.bcc", "resample_to_bcc"),
+    "view": ("sheetsplat.viewer", "view"),
 }
 
 

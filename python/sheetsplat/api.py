@@ -177,9 +177,33 @@ def _is_color(part: object) -> bool:
         return False
 
 
-def _scene(data: object, options: Any, outputs: Iterable[str], quality: Choice, *, spacing_is_free: bool) -> Scene:
+@dataclass(frozen=True)
+class Opened:
+    """Data as fields that have the kernels which were given, or plain ones; a scene stays one.
+
+    Attributes
+    ----------
+    data
+        What was given.
+    fields
+        The fields; none for a scene.
+    """
+
+    data: object
+    fields: tuple[Field, ...] = ()
+
+    @classmethod
+    def of(cls, data: object, options: Mapping[str, Any]) -> Opened:
+        """Return data opened with those of `options` that `open` takes."""
+        if isinstance(data, Scene):
+            return cls(data)
+        path = Path(data) if isinstance(data, str) else data
+        return cls(data, tuple(to_fields(path, **pick(OpenOptions, options))))
+
+
+def _scene(opened: Opened, options: Any, outputs: Iterable[str], quality: Choice, *, spacing_is_free: bool) -> Scene:
     """Return the scene of data and of the options for fields and look; a scene is returned as it is."""
-    look = pick_given(LookOptions, options)
+    look, data = pick_given(LookOptions, options), opened.data
     if isinstance(data, Scene):
         clash = [*look, *_given(OpenOptions, options)]
         if clash:
@@ -194,11 +218,10 @@ def _scene(data: object, options: Any, outputs: Iterable[str], quality: Choice, 
         return quality.kept(data)
     if isinstance(data, list | tuple) and len(data) > 1:
         _refuse_one_for_each(len(data), look)
-    fields = to_fields(Path(data) if isinstance(data, str) else data, **pick(OpenOptions, options))
     look = {**suggested_look(data, look), **look}
     mode = choice("render: mode", "composite" if look.get("mode") is None else look["mode"], MODES)
     framed = options.get("camera") is None and options.get("target") is None
-    fields = without_strays(in_decades(fields, look, options.get("log")), look, framed=framed)
+    fields = without_strays(in_decades(opened.fields, look, options.get("log")), look, framed=framed)
     fields = quality.kernels(fields, made=_is_made(data))
     # False has the same effect as leaving the option out.
     asked = [name for name, value in pick_given(LookOptions, options).items() if value is not False]
@@ -241,8 +264,11 @@ class Prepared:
         )
 
 
-def prepare(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOptions]) -> Prepared:
-    """Return what `render` draws, without drawing it: the same options and errors."""
+def prepare(data: Data | Dataset | BccVolume | Scene | Opened, **options: Unpack[RenderOptions]) -> Prepared:
+    """Return what `render` draws, without drawing it: the same options and errors.
+
+    `Opened` data are not read again.
+    """
     check_names("render", options, RenderOptions)
     picture = filled(RenderOptions, options)
     size = image_size(picture["size"])
@@ -253,7 +279,8 @@ def prepare(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOp
     free = goals["max_error"] is not None or goals["max_seconds"] is not None
     outputs: Any = names("Renderer: outputs", picture["outputs"], OUTPUTS)
     quality = Choice("render", options)
-    scene = _scene(data, options, outputs, quality, spacing_is_free=free)
+    opened = data if isinstance(data, Opened) else Opened.of(data, options)
+    scene = _scene(opened, options, outputs, quality, spacing_is_free=free)
     camera = picture["camera"]
     if camera is None:
         camera = compose_camera(scene, size, **pick(CameraOptions, options))

@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any, NamedTuple
 
 from sheetsplat import _sheetsplat
-from sheetsplat.errors import Error
+from sheetsplat.errors import Cancelled, Error
 from sheetsplat.options.core import definitions
 from sheetsplat.options.scene import SceneOptions
 from sheetsplat.plan import Effect, RenderPlan
@@ -62,6 +62,8 @@ def _turns(draw: Draw, way: _Way, effect: Effect) -> bool:
     """Draw a first picture with an effect switched. Return False where that fails or does not switch it."""
     try:
         plan = draw(*way)
+    except Cancelled:
+        raise
     except Error:
         # Some combinations of effects are refused.
         return False

@@ -39,6 +39,8 @@ _EXTRAS = {
     "medical": ("nibabel", "pydicom"),
     "science": ("xarray", "h5netcdf", "zarr", "numcodecs", "tifffile", "mrcfile", "dask", "pandas"),
     "pyvista": ("vtk", "vtkmodules", "pyvista"),
+    "view": ("aiohttp",),
+    "jupyter": ("anywidget", "traitlets"),
 }
 _CONSTANTS = {"true": "True", "false": "False", "none": "None", "...": "..."}
 

@@ -16,6 +16,7 @@ from sheetsplat._checks import shown
 from sheetsplat.camera import Camera
 from sheetsplat.errors import complain
 from sheetsplat.notices import warn
+from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
 from sheetsplat.recipe import LONGEST, Recipe
 from sheetsplat.scalar_colors import ScalarColors
@@ -89,13 +90,13 @@ class Image:
         "_stats",
     )
     _error: ErrorEstimate | None
-    _estimate: Callable[[], ErrorEstimate] | None
+    _estimate: Callable[[Progress | None], ErrorEstimate] | None
 
     def __init__(
         self,
         native: _sheetsplat.Image,
         recipe: Recipe,
-        estimate: Callable[[], ErrorEstimate] | None = None,
+        estimate: Callable[[Progress | None], ErrorEstimate] | None = None,
         scene: Scene | None = None,
     ) -> None:
         self._rgba: NDArray[np.float32] | None = native.rgba
@@ -225,6 +226,23 @@ class Image:
         Unsupported, OutOfMemory
             Where the further pictures cannot be rendered.
         """
+        return self.estimate_error()
+
+    def estimate_error(self, progress: Progress | None = None) -> ErrorEstimate:
+        """Return `error`, with a callback while it is computed.
+
+        Parameters
+        ----------
+        progress
+            As for `Renderer.render`: where it returns False, the estimate stops.
+
+        Raises
+        ------
+        InvalidInput, Unsupported, OutOfMemory
+            As `error`.
+        Cancelled
+            Where `progress` returned False; the error can be asked for again.
+        """
         if self._error is None:
             if self._estimate is None:
                 raise complain(
@@ -233,7 +251,7 @@ class Image:
                     "one that Renderer.render returned",
                     "render it",
                 )
-            self._error = self._estimate()
+            self._error = self._estimate(progress)
             self._estimate = None
         return self._error
 

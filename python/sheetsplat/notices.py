@@ -14,6 +14,7 @@ from sheetsplat.errors import Words
 _PACKAGE = os.path.join(os.path.dirname(__file__), "")
 
 _MUTED: ContextVar[bool] = ContextVar("sheetsplat_muted", default=False)
+_TAKER: ContextVar[list[PictureWarning] | None] = ContextVar("sheetsplat_taker", default=None)
 
 
 class PictureWarning(UserWarning):
@@ -43,6 +44,10 @@ def warn(words: str | Words) -> None:
     """Issue a PictureWarning at the line that called the package."""
     if _MUTED.get():
         return
+    taker = _TAKER.get()
+    if taker is not None:
+        taker.append(PictureWarning(words))
+        return
     # 1 is this function itself.
     level, frame = 1, inspect.currentframe()
     while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
@@ -63,3 +68,14 @@ def muted() -> Iterator[None]:
         yield
     finally:
         _MUTED.reset(token)
+
+
+@contextlib.contextmanager
+def taken() -> Iterator[list[PictureWarning]]:
+    """Yield a list that gets the warnings in place of Python's filters, which all threads share."""
+    found: list[PictureWarning] = []
+    token = _TAKER.set(found)
+    try:
+        yield found
+    finally:
+        _TAKER.reset(token)

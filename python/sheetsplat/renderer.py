@@ -196,6 +196,7 @@ class Renderer:
         outputs: Iterable[Output] = (),
         *,
         repeats: int = 3,
+        progress: Progress | None = None,
     ) -> RenderPlan:
         """Return the plan with the milliseconds that each effect costs, by drawing the picture with and without it.
 
@@ -209,14 +210,17 @@ class Renderer:
             As for `render`.
         repeats
             Number of timed pictures of each kind, at least 1.
+        progress
+            As for `render`, for each picture anew: its share starts at 0 again.
 
         Raises
         ------
-        DeviceUnavailable, InvalidInput, Unsupported, OutOfMemory
+        DeviceUnavailable, InvalidInput, Unsupported, OutOfMemory, Cancelled
             As `render`.
         """
         from sheetsplat.effects_cost import measured_plan
 
+        _check_progress(progress)
         count = whole("Renderer: repeats", repeats)
         if count < 1:
             raise complain(unusable("Renderer: repeats"), str(count), "a whole number of at least 1")
@@ -234,7 +238,7 @@ class Renderer:
                     forced = settings["effects"] | effects
                     others[key] = _native(settings | {"effects": forced, "allow_inexact": True})
                 native = others[key]
-            image = native.render(**_asked(drawn, camera, size, asked), progress=None)
+            image = native.render(**_asked(drawn, camera, size, asked), progress=progress)
             return RenderPlan.of_native(image.plan)
 
         return measured_plan(plan, scene, _names(outputs), draw, count)
@@ -327,8 +331,8 @@ class Renderer:
             yield self._finished(native, scene, camera, began)
 
     def _finished(self, native: _sheetsplat.Image, scene: Scene, camera: Camera, began: float) -> Image:
-        def estimate() -> ErrorEstimate:
-            found = self.native.estimate_error(native, scene.native, camera.native, progress=None)
+        def estimate(progress: Progress | None) -> ErrorEstimate:
+            found = self.native.estimate_error(native, scene.native, camera.native, progress=progress)
             return ErrorEstimate.of_native(found)
 
         image = Image(native, self._recipe(native, scene, camera), estimate, scene)

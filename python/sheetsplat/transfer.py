@@ -171,8 +171,37 @@ class TransferFunction:
         """
         low, high = color_limits(clim)
         colors = color_rows(cmap)
-        color_at = np.linspace(low, high, len(colors))
-        opacities = _opacities(opacity, low, high)
+        return cls._joined(np.linspace(low, high, len(colors)), colors, _opacities(opacity, low, high))
+
+    @classmethod
+    def from_curves(cls, colors: ArrayLike, opacities: ArrayLike) -> TransferFunction:
+        """Return a transfer function whose colours and opacities are linear between points of their own.
+
+        Parameters
+        ----------
+        colors
+            Rows (value, r, g, b) with values that do not fall, (N, 4).
+        opacities
+            Rows (value, opacity) with values that do not fall, (M, 2); opacities per reference length, in [0, 1].
+
+        Raises
+        ------
+        InvalidInput
+            For other shapes, values that fall, numbers that are not finite or outside their range.
+        """
+        both = []
+        for what, given, columns in (("colors", colors, 4), ("opacities", opacities, 2)):
+            wanted = f"rows of {columns} numbers, the first of which do not fall"
+            rows = numbers(f"TransferFunction.from_curves: {what}", given, wanted).astype(np.float64, copy=False)
+            flat = rows.ndim != 2 or rows.shape[1] != columns or not len(rows)
+            if flat or not np.all(np.isfinite(rows)) or np.any(np.diff(rows[:, 0]) < 0):
+                raise complain(unusable(f"TransferFunction.from_curves: {what}"), shown(given), wanted)
+            both.append(rows)
+        return cls._joined(both[0][:, 0], np.column_stack([both[0][:, 1:], np.ones(len(both[0]))]), both[1])
+
+    @classmethod
+    def _joined(cls, color_at: Floats, colors: Floats, opacities: Floats) -> TransferFunction:
+        """Return the function of rows r, g, b, factor of the opacity, at values, and of rows value, opacity."""
         values = np.unique(np.concatenate([color_at, opacities[:, 0]]))
         color_left, color_right = _two_sided(values, color_at, colors)
         opacity_left, opacity_right = _two_sided(values, opacities[:, 0], opacities[:, 1])

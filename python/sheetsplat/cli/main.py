@@ -23,6 +23,7 @@ from sheetsplat.errors import Error, InvalidInput
 
 _COMMANDS = {
     "render": "Render a volume into a picture.",
+    "view": "Show a volume in a page of the browser, to look at from all sides.",
     "plan": "Show what the scene calls for, effect by effect, with the reason.",
     "accuracy": "Measure what accuracy costs in time: table, JSON and plot.",
     "info": "Show sizes, ranges, histogram and memory of a volume.",

@@ -1,0 +1,74 @@
+"""sheetsplat view."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from sheetsplat.cli.options import check_mode, common, scene_options
+from sheetsplat.cli.output import say, tell
+from sheetsplat.cli.scene import given_keywords
+from sheetsplat.cli.wording import usage_errors
+from sheetsplat.io.formats import LISTED_REGULAR, LISTED_SCATTERED
+
+_HELP = f"""Show FILES in a page of the browser: turn, enlarge, change colours, clip, measure, save.
+
+Each is a volume: {LISTED_REGULAR} (these with --shape and --dtype). Or it is scattered data: {LISTED_SCATTERED}
+(--grid). Each may be gzipped. Several files are a time series, with one look for all and a slider; with --choose
+they are shown one by one, each with its own look.
+
+The link of the page is printed on stdout. It works as long as the command runs; Ctrl-C ends it. All options say what
+the page shows first.
+"""
+
+
+@click.command("view", help=_HELP)
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option("--choose", is_flag=True, help="Several files are no time series: the page lets choose among them.")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port of the page; any free one unless given.")
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address at which the page is served: that of this machine alone. With 0.0.0.0, everybody who can reach this "
+    "machine and knows the link sees the data, and the link goes through the network unencrypted.",
+)
+@click.option("--browser/--no-browser", default=True, help="Open the page in the browser.  [default: --browser]")
+@scene_options
+@common
+def command(
+    files: tuple[Path, ...],
+    choose: bool,
+    port: int,
+    host: str,
+    browser: bool,
+    quiet: bool,
+    **options: Any,
+) -> None:
+    """Run the command; `_HELP` describes it."""
+    from sheetsplat.viewer import view
+    from sheetsplat.viewer.server import is_loopback
+
+    check_mode(options)
+    paths = [str(path) for path in files]
+    given = given_keywords(options)
+    with usage_errors():
+        if len(paths) == 1:
+            viewer = view(paths[0], browser=False, host=host, port=port, **given)
+        elif choose:
+            viewer = view(choices=paths, browser=False, host=host, port=port, **given)
+        else:
+            viewer = view(times=paths, browser=False, host=host, port=port, **given)
+    with viewer:
+        click.echo(viewer.url)
+        if not is_loopback(host):
+            tell(
+                f"warning: the page is served at {host}: everybody who can reach this machine and knows the link sees "
+                "the data and can change the picture; the link goes through the network unencrypted"
+            )
+        if browser and not viewer.open_browser():
+            say("no browser was found; open the link in one", quiet=quiet)
+        say("Ctrl-C ends the viewer", quiet=quiet)
+        viewer.wait()

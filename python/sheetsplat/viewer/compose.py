@@ -1,0 +1,207 @@
+"""From the state of a viewer to the scene that it shows, and back to what the page shows of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sheetsplat._checks import Triple, triple
+from sheetsplat.api import Prepared
+from sheetsplat.fields import joined_bounds
+from sheetsplat.framing import fitting_depth_cue
+from sheetsplat.look.surface import surface_color, surface_limits
+from sheetsplat.opacity_words import PRESETS, WORDS
+from sheetsplat.options.look import DEFAULT_CMAP
+from sheetsplat.scene import Scene
+from sheetsplat.transfer import TransferFunction, color_rows
+from sheetsplat.viewer.data import Histogram, Shown
+from sheetsplat.viewer.state import (
+    Cue,
+    Curves,
+    State,
+    Surface,
+    camera_parts,
+    color_handles,
+    opacity_handles,
+)
+
+#: Colormaps that the page offers, besides the one that was given.
+COLORMAPS = (
+    *("viridis", "plasma", "inferno", "magma", "cividis", "turbo", "gray", "gray_r", "matlab:bone", "matlab:hot"),
+    *("matlab:copper", "matplotlib:coolwarm", "colorbrewer:RdBu_r", "cmocean:ice", "cmocean:thermal", "crameri:batlow"),
+)
+_RAMP = 48
+
+
+def base_of(shown: Shown, state: State) -> Prepared:
+    """Return the scene and the camera of a state before anything was changed."""
+    return shown.base(state.choice, state.time, state.mode, state.quality)
+
+
+def scene_of(shown: Shown, state: State) -> Scene:
+    """Return the scene that a state shows. Raises what the data and `Scene` raise."""
+    base = base_of(shown, state).scene
+    changes = dict(state.changes)
+    cue: Cue | None = changes.pop("depth_cue", None)
+    surfaces: tuple[Surface, ...] | None = changes.pop("surfaces", None)
+    changes.pop("backdrop", None)
+    if state.curves and base.mode == "composite":
+        functions = [
+            state.curves[n].function if n in state.curves else one for n, one in enumerate(base.transfer_functions)
+        ]
+        changes["transfer_function"] = functions if len(functions) > 1 else functions[0]
+    if surfaces is not None and base.mode == "isosurface":
+        changes["iso_value"] = tuple((one.value, one.opacity) for one in surfaces)
+        changes["transfer_function"] = _functions_of(shown, base, surfaces)
+    if "depth_cue" in state.changes:
+        changes["depth_cue"] = None if cue is None else fitting_depth_cue(base, state.camera, cue.color, cue.strength)
+    if not changes:
+        return base
+    return base.replace(**changes).with_quality(base.quality)
+
+
+def _functions_of(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> Any:
+    """Return transfer functions that give each surface its colour."""
+    functions = []
+    for n, own in enumerate(scene.transfer_functions):
+        automatic = _surface_function(shown, scene, surfaces) if n == 0 and _is_automatic(shown) else own
+        rows: dict[float, Triple] = {}
+        for one in surfaces:
+            rows[one.value] = triple("", automatic.at([one.value])[0, :3]) if one.color is None else one.color
+        functions.append(TransferFunction([(value, *color, 1.0) for value, color in rows.items()]))
+    return functions if len(functions) > 1 else functions[0]
+
+
+def _is_automatic(shown: Shown) -> bool:
+    """Return whether colours of surfaces follow from their values."""
+    return not {"transfer_function", "clim"} & shown.options.keys() and not isinstance(shown.data(0, 0), Scene)
+
+
+def _surface_function(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> TransferFunction:
+    limits = surface_limits(scene.fields, tuple((one.value, one.opacity) for one in surfaces))
+    if limits is None:
+        return scene.transfer_function
+    return TransferFunction.from_colormap(shown.options.get("cmap", DEFAULT_CMAP), 1.0, limits)
+
+
+def curves_of(shown: Shown, state: State, group: int) -> Curves:
+    """Return the curves of a group's transfer function: changed, or those of the data's own look."""
+    if group in state.curves:
+        return state.curves[group]
+    function = shown.base(state.choice, state.time, "composite", state.quality).scene.transfer_functions[group]
+    given = shown.options.get("cmap", DEFAULT_CMAP)
+    is_map = isinstance(given, str) and "," not in given and "transfer_function" not in shown.options
+    return Curves.of(function, given if is_map and not isinstance(shown.data(0, 0), Scene) else "")
+
+
+def hexadecimal(color: Any) -> str:
+    """Return "#rrggbb" of red, green and blue from 0 to 1."""
+    return "#" + "".join(f"{int(min(max(float(part), 0.0), 1.0) * 255 + 0.5):02x}" for part in color[:3])
+
+
+def _ramp(function: TransferFunction, low: float, high: float) -> list[str]:
+    return [hexadecimal(row) for row in function.at(np.linspace(low, high, _RAMP))]
+
+
+def _look(curves: Curves) -> dict[str, Any]:
+    low, high = curves.limits
+    return {
+        "range": [low, high],
+        "cmap": curves.cmap,
+        "ramp": _ramp(curves.function, low, high),
+        "colors": [[row[0], hexadecimal(row[1:])] for row in color_handles(curves).tolist()],
+        "opacity": opacity_handles(curves).tolist(),
+    }
+
+
+def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
+    """Return what the page shows of a state in its panels."""
+    options: Mapping[str, Any] = scene.options
+    colors, clip, occlusion = options["scalar_colors"], options["clip"], options["ambient_occlusion"]
+    cue = state.changes["depth_cue"] if "depth_cue" in state.changes else options["depth_cue"]
+    own = {one.value: one.color for one in state.changes.get("surfaces", ())}
+    return {
+        "mode": state.mode,
+        "quality": state.quality,
+        "choice": state.choice,
+        "time": state.time,
+        "camera": camera_parts(state.camera),
+        "looks": [_look(curves_of(shown, state, n)) for n in range(len(scene.groups))]
+        if state.mode == "composite"
+        else [],
+        "surfaces": [
+            {
+                "value": value,
+                "opacity": opacity,
+                "color": hexadecimal(surface_color(scene, value)),
+                "automatic": own.get(value) is None,
+            }
+            for value, opacity in scene.surfaces
+        ],
+        "scalar_colors": {
+            "cmap": colors.cmap if isinstance(colors.cmap, str) else "",
+            "clim": colors.clim,
+            "log": colors.log,
+        },
+        "lights": [{"direction": one.direction, "color": one.color, "space": one.space} for one in scene.lights],
+        "material": {
+            name: getattr(scene.material, name) for name in ("ambient", "diffuse", "specular", "shininess", "two_sided")
+        },
+        "shadows": options["shadows"],
+        "ambient_occlusion": None
+        if occlusion is None
+        else {"radius": occlusion.radius, "strength": occlusion.strength},
+        "depth_cue": None if cue is None else {"strength": cue.strength, "color": hexadecimal(cue.color)},
+        "gradient_opacity": options["gradient_opacity"],
+        "clip": {"planes": clip.planes, "box": clip.box},
+        "background": None if scene.background is None else hexadecimal(scene.background),
+        "backdrop": hexadecimal(state.changes.get("backdrop", (0.0, 0.0, 0.0))),
+        "max_error": state.settings.get("max_error", shown.options.get("max_error")),
+        "max_seconds": state.settings.get("max_seconds", shown.options.get("max_seconds")),
+        "effects": state.settings.get("effects", shown.options.get("effects") or {}),
+        "changed": sorted({*state.changes, *state.settings, *(["look"] if state.curves else [])}),
+    }
+
+
+def data_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
+    """Return what the page needs to know of the data."""
+    found: list[Histogram] = shown.histograms(state.choice, state.time)
+    groups = []
+    for fields, histogram in zip(scene.groups, found, strict=True):
+        quantity = fields[0].quantity
+        parts = {"label": quantity.label, "floor": quantity.floor}
+        groups.append({**parts, "low": histogram.low, "high": histogram.high, "counts": histogram.counts})
+    lower, upper = scene.bounds
+    # The box around the data themselves, where it has an extent.
+    boxes = [one.centre_bounds for one in scene.fields if one.size]
+    inner = joined_bounds(boxes) if boxes else scene.bounds
+    box = inner if all(low < high for low, high in zip(*inner, strict=True)) else scene.bounds
+    return {
+        "title": shown.title(state.choice, state.time),
+        "names": shown.names,
+        "times": shown.times,
+        "bounds": [lower, upper],
+        "box": box,
+        "length_unit": scene.fields[0].quantity.length_unit,
+        "groups": groups,
+        "diagonal": float(np.linalg.norm(np.subtract(upper, lower))),
+        "fixed_quality": isinstance(shown.data(state.choice, state.time), Scene),
+    }
+
+
+def offered() -> dict[str, Any]:
+    """Return the names that the page offers for colours and opacities."""
+    ramps = {}
+    for name in COLORMAPS:
+        rows = color_rows(name)
+        ramps[name] = [hexadecimal(row) for row in rows[np.linspace(0, len(rows) - 1, 12).astype(int)]]
+    words = [word for word in WORDS if not word.startswith("sigmoid_") or word in ("sigmoid_5", "sigmoid_10")]
+    return {"colormaps": ramps, "words": [*words, "isolayers:4", "isolayers:8"], "presets": list(PRESETS)}
+
+
+def without_changes(state: State) -> State:
+    """Return the state without any change but of the camera."""
+    return replace(state, changes={}, curves={}, settings={})

@@ -1,0 +1,256 @@
+"""The data of a viewer: what can be chosen, opened when it is first shown, and the scenes that follow from it."""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from sheetsplat._checks import shown
+from sheetsplat.api import Opened, Prepared, prepare
+from sheetsplat.camera import Camera
+from sheetsplat.errors import complain, unusable
+from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.framing import compose_camera
+from sheetsplat.options.camera import CameraOptions
+from sheetsplat.options.core import pick
+from sheetsplat.options.renderer import RendererOptions
+from sheetsplat.plan import PictureQuality
+from sheetsplat.scene import Scene
+
+Made = TypeVar("Made")
+# Data and scenes that are kept: what one goes back and forth between.
+_KEPT_DATA, _KEPT_SCENES = 3, 8
+_BINS = 256
+# Samples that a histogram looks at.
+_ENOUGH = 500_000
+# Options of `render` that a viewer has in other ways, or that belong to one picture.
+REFUSED = ("outputs", "progress", "renderer")
+MOST_DATA = 100_000
+
+
+class _Recent:
+    """The values that were used last."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._values: OrderedDict[Hashable, Any] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """Return the value of a key, made where it is not there."""
+        if key not in self._values:
+            # Room first: the largest data fit once.
+            while len(self._values) >= self._most:
+                self._values.popitem(last=False)
+            self._values[key] = make()
+        self._values.move_to_end(key)
+        found: Made = self._values[key]
+        return found
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """How often values occur: counts of equal intervals between two values."""
+
+    low: float
+    high: float
+    counts: tuple[int, ...]
+
+    @classmethod
+    def of(cls, fields: Sequence[Field]) -> Histogram:
+        """Return the histogram of the kernels' values, of fields that add up by the one with the most kernels."""
+        field = max(fields, key=lambda one: one.size)
+        known = field.size - field.ghosts if isinstance(field, EllipsoidField) else None
+        values: Any = np.ravel(field.values)[:known]  # type: ignore[attr-defined]
+        # An odd stride does not sample the same columns of every row.
+        found = values[:: max(1, -(-values.size // _ENOUGH)) | 1].astype(np.float64)
+        found = found[np.isfinite(found)]
+        low, high = (float(part) for part in field.value_range) if found.size else (0.0, 1.0)
+        if not low < high:
+            low, high = low - 0.5, high + 0.5
+        return cls(low, high, tuple(np.histogram(found, _BINS, (low, high))[0].tolist()))
+
+
+def name_of(data: object) -> str:
+    """Return what data are called: the name of a file, else their kind."""
+    if isinstance(data, str | os.PathLike):
+        return Path(os.fsdecode(data)).name
+    if isinstance(data, Scene | Field):
+        field = data.fields[0] if isinstance(data, Scene) else data
+        return field.quantity.name or type(data).__name__
+    return str(getattr(data, "name", None) or type(data).__name__)[:100]
+
+
+def _named(what: str, given: object) -> tuple[tuple[str, Any], ...]:
+    """Return names and data of a mapping or a sequence."""
+    if isinstance(given, Mapping):
+        pairs = [(str(name), one) for name, one in given.items()]
+    elif isinstance(given, Sequence) and not isinstance(given, str | bytes):
+        pairs = [(name_of(one), one) for one in given]
+    else:
+        raise complain(unusable(f"view: {what}"), shown(given), "a sequence of data, or a mapping of names to data")
+    if not 0 < len(pairs) <= MOST_DATA:
+        raise complain(unusable(f"view: {what}"), f"{len(pairs)} entries", f"from 1 to {MOST_DATA}")
+    return tuple(pairs)
+
+
+class Shown:
+    """What a viewer shows: one of several data, or one of several times.
+
+    Parameters
+    ----------
+    data
+        As for `sheetsplat.render`; None where `choices` or `times` are given.
+    options
+        Those of `sheetsplat.render`.
+    choices
+        Data by name, each with a look of its own.
+    times
+        Data of one time each, which share the look of the first.
+    """
+
+    def __init__(self, data: object, options: Mapping[str, Any], choices: object, times: object) -> None:
+        given = [name for name, one in (("data", data), ("choices", choices), ("times", times)) if one is not None]
+        if len(given) != 1:
+            found = "nothing" if not given else " and ".join(given)
+            raise complain("view: what is shown cannot be found out", found, "one of data, choices and times")
+        for name in REFUSED:
+            if options.get(name) is not None:
+                raise complain(unusable(f"view: {name}"), shown(options[name]), "it only for sheetsplat.render")
+        self.options = {name: value for name, value in options.items() if value is not None or name == "filter"}
+        self._choices = _named("choices", choices) if choices is not None else ()
+        self._times = _named("times", times) if times is not None else ()
+        self._data = data
+        self._opened, self._scenes = _Recent(_KEPT_DATA), _Recent(_KEPT_SCENES)
+        self._histograms = _Recent(_KEPT_DATA)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the data that can be chosen; none where there is no choice."""
+        return tuple(name for name, _ in self._choices)
+
+    @property
+    def times(self) -> tuple[str, ...]:
+        """Names of the times; none where there is one."""
+        return tuple(name for name, _ in self._times)
+
+    def data(self, choice: int, time: int) -> object:
+        """Return data as they were given."""
+        if self._choices:
+            return self._choices[choice][1]
+        return self._times[time][1] if self._times else self._data
+
+    def title(self, choice: int, time: int) -> str:
+        """Return what is shown in a few words."""
+        return self._choices[choice][0] if self._choices else name_of(self.data(choice, time))
+
+    def _open(self, choice: int, time: int) -> Opened:
+        def make() -> Opened:
+            return Opened.of(self.data(choice, time), self._with_log(choice, time))
+
+        return self._opened.get((choice, time), make)
+
+    def _with_log(self, choice: int, time: int) -> dict[str, Any]:
+        """Return the options for a time: logarithms of all times are decades above one number."""
+        if not time or self.options.get("log") is not None:
+            return self.options
+        floors = {one.quantity.floor for one in self.base(choice, 0).scene.fields} - {None}
+        return {**self.options, "log": floors.pop()} if len(floors) == 1 else self.options
+
+    def base(self, choice: int, time: int = 0, mode: str | None = None, quality: str | None = None) -> Prepared:
+        """Return the scene and the camera that follow from data and options, before anything is changed.
+
+        Parameters
+        ----------
+        choice, time
+            Numbers of the data.
+        mode, quality
+            Those of `render`; as the options say unless given.
+        """
+        key = choice, time, mode, quality
+        return self._scenes.get(key, lambda: self._composed(*key))
+
+    def _composed(self, choice: int, time: int, mode: str | None, quality: str | None) -> Prepared:
+        if time:
+            first = self.base(choice, 0, mode, quality)
+            fields = self._made(choice, time, mode, quality).scene
+            groups = fields.groups if len(fields.groups) > 1 else fields.fields
+            spacing = {"slice_spacing": first.scene.slice_spacing, "reference_length": first.scene.reference_length}
+            made = first.scene.replace(field=groups, **spacing)
+            return replace(first, scene=made.with_quality(first.scene.quality))
+        return self._made(choice, time, mode, quality)
+
+    def _made(self, choice: int, time: int, mode: str | None, quality: str | None) -> Prepared:
+        opened = self._open(choice, time)
+        options = dict(self._with_log(choice, time))
+        if isinstance(opened.data, Scene):
+            made = prepare(opened, **options)
+            changed = made.scene if mode in (None, made.scene.mode) else _in_mode(made.scene, str(mode), options)
+            return replace(made, scene=changed)
+        first = "composite" if options.get("mode") is None else options["mode"]
+        if quality is not None:
+            options["quality"] = quality
+        if mode in (None, first):
+            return prepare(opened, **options)
+        # The kernels are those of the first mode, so that they are made once.
+        own = self.base(choice, time, None, quality).scene
+        options["mode"] = mode
+        for name in _OF_ONE_MODE:
+            options.pop(name, None)
+        made = prepare(Opened(list(own.fields), own.fields), **options)
+        return replace(made, scene=made.scene.with_quality(_joined(own.quality, made.scene.quality)))
+
+    def camera(self, scene: Scene, size: tuple[int, int], **changes: Any) -> Camera:
+        """Return a camera that shows all of a scene, by the options but for some changes."""
+        given: Camera | None = self.options.get("camera")
+        if given is not None and not changes:
+            return given
+        return compose_camera(scene, size, **{**pick(CameraOptions, self.options), **changes})
+
+    def renderer_options(self) -> dict[str, Any]:
+        """Return the options of the renderer that were given."""
+        return pick(RendererOptions, self.options)
+
+    def histograms(self, choice: int, time: int) -> list[Histogram]:
+        """Return a histogram for each group of fields."""
+        groups = self.base(choice, time).scene.groups
+        return self._histograms.get((choice, time), lambda: [Histogram.of(fields) for fields in groups])
+
+
+# Options that are meant for the mode that was asked for.
+_OF_ONE_MODE = ("iso_value", "scalar_colors", "clim", "cmap", "opacity", "log_scale", "gradient_opacity")
+
+
+def _in_mode(scene: Scene, mode: str, options: Mapping[str, Any]) -> Scene:
+    """Return a given scene in another mode."""
+    changes: dict[str, Any] = {"mode": mode}
+    if mode == "isosurface" and scene.iso_value is None:
+        low, high = scene.fields[0].value_range
+        changes["iso_value"] = 0.5 * (low + high)
+    return scene.replace(**changes).with_quality(scene.quality)
+
+
+def _joined(kernels: PictureQuality | None, others: PictureQuality | None) -> PictureQuality | None:
+    """Return what a quality set of the kernels in one scene, and of the rest in another one."""
+    if kernels is None or others is None:
+        return others
+    of_kernels = ("prefilter", "radius", "falloff")
+    settings = [one for one in kernels.settings if one.option in of_kernels]
+    return replace(others, settings=(*settings, *(one for one in others.settings if one.option not in of_kernels)))
+
+
+def describe(scene: Scene) -> list[str]:
+    """Return what fields are, a line each."""
+    lines = []
+    for one in scene.fields:
+        if isinstance(one, RegularField):
+            nk, nj, ni = one.shape
+            lines.append(f"{ni} × {nj} × {nk} samples, {one.values.dtype}")
+        else:
+            lines.append(f"{one.size:,} kernels")
+    return lines

@@ -1,0 +1,1 @@
+"""The page of the viewer: HTML, style and script, as they are served, and as a widget takes them."""

@@ -1,0 +1,32 @@
+// The widget: messages of anywidget. Each place where the widget is displayed has a name of its own.
+
+function widgetLine(model, handlers) {
+  const place = crypto.randomUUID ? crypto.randomUUID() : String(Math.random()).slice(2);
+  const received = (message, buffers) => {
+    if (message.place !== place) return;
+    const buffer = buffers && buffers[0];
+    const bytes = buffer ? new Uint8Array(buffer.buffer || buffer, buffer.byteOffset || 0, buffer.byteLength) : null;
+    handlers.message(message, bytes);
+  };
+  model.on("msg:custom", received);
+  // The element must be on the page before its size is asked for.
+  requestAnimationFrame(() => handlers.open());
+  return {
+    send: (message) => model.send({ ...message, place }),
+    close() {
+      model.send({ type: "bye", place });
+      model.off("msg:custom", received);
+    },
+  };
+}
+
+function render({ model, el }) {
+  const root = document.createElement("div");
+  root.style.height = `${model.get("height")}px`;
+  el.append(root);
+  const viewer = mount(root, (handlers) => widgetLine(model, handlers));
+  window.sheetsplat = viewer;
+  return () => viewer.close();
+}
+
+export default { render };

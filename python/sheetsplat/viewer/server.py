@@ -1,0 +1,238 @@
+"""The server of a viewer's page, on this machine alone unless told otherwise. Needs aiohttp.
+
+Whoever knows the link, whose path holds 128 random bits, sees the data and may change the picture; nobody else gets
+anything. A page of another origin, and a name that leads to this machine, are refused as well, so that neither a page
+of the web nor a changed DNS entry gets through a browser. Files of the package are served, and no others; none is
+written.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import ipaddress
+import json
+import secrets
+import socket
+import threading
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any
+
+from sheetsplat.errors import Error, complain, missing_package
+from sheetsplat.viewer.page import files
+from sheetsplat.viewer.protocol import LONGEST, packed
+from sheetsplat.viewer.session import Client, Session
+
+if TYPE_CHECKING:
+    from aiohttp import web
+
+_TOKEN_BYTES = 16
+_LOOPBACK = ("localhost", "127.0.0.1", "::1")
+# Messages that wait for a page which does not take them; a page that is so far behind is gone.
+_MOST_WAITING = 2000
+_MOST_PAGES = 32
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+}
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a host is this machine as only itself can reach it."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at an address."""
+    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    listener = socket.socket(family, kind, protocol)
+    try:
+        # The port can be taken again at once after the viewer before has ended.
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen()
+    except BaseException:
+        listener.close()
+        raise
+    return listener
+
+
+class Server:
+    """Serves the page of a session, in a thread of its own.
+
+    Parameters
+    ----------
+    session
+        What the page shows.
+    host
+        Address to listen at.
+    port
+        Port to listen at; 0: any free one.
+
+    Raises
+    ------
+    Unsupported
+        Where aiohttp is not installed; it comes with ``pip install "sheetsplat[view]"``.
+    Error
+        Where the address cannot be listened at.
+    """
+
+    def __init__(self, session: Session, host: str = "127.0.0.1", port: int = 0) -> None:
+        try:
+            import aiohttp  # noqa: F401
+        except ImportError as error:
+            raise missing_package("the viewer's page cannot be served", error) from None
+        self._session, self._host = session, host
+        self._token = secrets.token_urlsafe(_TOKEN_BYTES)
+        self._pages = 0
+        self._loop = asyncio.new_event_loop()
+        started: Future[int] = Future()
+        self._ended: asyncio.Event | None = None
+        self._thread = threading.Thread(
+            target=self._run, args=(port, started), name="sheetsplat-viewer-server", daemon=True
+        )
+        self._thread.start()
+        try:
+            self.port = started.result()
+        except (OSError, OverflowError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            advice = "another port, or none for any that is free"
+            raise complain(f"the viewer cannot listen at {host}, port {port}", reason, "", advice, kind=Error) from None
+
+    @property
+    def url(self) -> str:
+        """The link of the page; whoever knows it sees the data."""
+        anywhere = self._host in ("0.0.0.0", "::", "")
+        host = "127.0.0.1" if anywhere else f"[{self._host}]" if ":" in self._host else self._host
+        return f"http://{host}:{self.port}/{self._token}/"
+
+    def close(self) -> None:
+        """Stop serving."""
+        ended = self._ended
+        if ended is not None and self._thread.is_alive():
+            self._loop.call_soon_threadsafe(ended.set)
+            self._thread.join(10.0)
+
+    def _run(self, port: int, started: Future[int]) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._serve(port, started))
+        finally:
+            self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+            self._loop.close()
+
+    async def _serve(self, port: int, started: Future[int]) -> None:
+        from aiohttp import web
+
+        self._ended = asyncio.Event()
+        application = web.Application(client_max_size=1024)
+        application.router.add_route("*", "/{tail:.*}", self._answer)
+        runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=1.0)
+        await runner.setup()
+        try:
+            # The runner closes it.
+            listener = _listening(self._host, port)
+            await web.SockSite(runner, listener).start()
+            started.set_result(listener.getsockname()[1])
+            await self._ended.wait()
+        except BaseException as error:
+            if started.done():
+                raise
+            started.set_exception(error)
+        finally:
+            await runner.cleanup()
+
+    def _is_host(self, given: str) -> bool:
+        """Return whether the Host that a browser names is an address of this server, not a name that leads to it."""
+        name = given.rpartition(":")[0] if given.rpartition(":")[2].isdigit() else given
+        name = name.strip("[]").lower()
+        if name in _LOOPBACK or name == self._host.lower():
+            return True
+        if is_loopback(self._host):
+            return False
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return True
+
+    def _may(self, request: web.Request) -> bool:
+        """Return whether a request comes from somebody with the link, by a browser that was not led here."""
+        if not self._is_host(request.headers.get("Host", "")):
+            return False
+        origin = request.headers.get("Origin")
+        if origin is not None and origin != f"http://{request.headers['Host']}":
+            return False
+        given = request.path.split("/")[1]
+        return hmac.compare_digest(given.encode(errors="surrogateescape"), self._token.encode())
+
+    async def _answer(self, request: web.Request) -> web.StreamResponse:
+        from aiohttp import web
+
+        nothing = web.Response(status=404, headers=_HEADERS)
+        if request.method != "GET" or not self._may(request):
+            return nothing
+        name = request.path.split("/", 2)[2] if request.path.count("/") > 1 else None
+        if name == "socket":
+            # Browsers name the origin of every websocket.
+            if "Origin" not in request.headers or self._pages >= _MOST_PAGES:
+                return nothing
+            return await self._talk(request)
+        found = files.served(name or "") if name is not None else None
+        if found is None:
+            return nothing
+        kind, content = found
+        return web.Response(body=content, headers={**_HEADERS, "Content-Type": kind})
+
+    async def _talk(self, request: web.Request) -> web.StreamResponse:
+        """Carry messages between a page and the session until the page is gone."""
+        from aiohttp import WSMsgType, web
+
+        line = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=20.0, compress=False)
+        if not line.can_prepare(request):
+            return web.Response(status=404, headers=_HEADERS)
+        await line.prepare(request)
+        waiting: asyncio.Queue[bytes | str | None] = asyncio.Queue()
+
+        def deliver(message: dict[str, Any], payload: bytes) -> None:
+            data = packed(message, payload) if payload else json.dumps(message, allow_nan=False)
+            self._loop.call_soon_threadsafe(put, data)
+
+        def put(data: bytes | str | None) -> None:
+            if waiting.qsize() < _MOST_WAITING:
+                waiting.put_nowait(data)
+
+        self._pages += 1
+        client: Client = self._session.connect(deliver)
+        sender = asyncio.create_task(_send(line, waiting))
+        try:
+            async for message in line:
+                if message.type is WSMsgType.TEXT:
+                    await self._loop.run_in_executor(None, self._session.receive_text, client, message.data)
+        finally:
+            self._session.disconnect(client)
+            self._pages -= 1
+            sender.cancel()
+        return line
+
+
+async def _send(line: web.WebSocketResponse, waiting: asyncio.Queue[bytes | str | None]) -> None:
+    """Send what waits, in its order."""
+    try:
+        while True:
+            data = await waiting.get()
+            if isinstance(data, bytes):
+                await line.send_bytes(data)
+            elif data is not None:
+                await line.send_str(data)
+    except (ConnectionError, RuntimeError):
+        # The page is gone; the reader of the same socket ends, too.
+        return

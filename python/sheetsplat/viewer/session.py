@@ -1,0 +1,599 @@
+"""A session: what is shown, drawn by one thread, and shared by all pages and widgets that look at it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from sheetsplat._checks import Triple
+from sheetsplat._json import plain
+from sheetsplat.camera import Camera
+from sheetsplat.errors import Cancelled, Error
+from sheetsplat.figure import color_bars
+from sheetsplat.image import Image
+from sheetsplat.notices import PictureWarning, taken
+from sheetsplat.plan import RenderPlan
+from sheetsplat.renderer import Renderer
+from sheetsplat.scene import Scene
+from sheetsplat.viewer import compose, frames
+from sheetsplat.viewer.code import python_code
+from sheetsplat.viewer.data import Shown
+from sheetsplat.viewer.protocol import Message, parse
+from sheetsplat.viewer.state import Cue, State, camera_parts
+
+_log = logging.getLogger("sheetsplat")
+
+#: What takes a message, as an object of JSON and bytes, to a page. It may be called by any thread.
+Deliver = Callable[[dict[str, Any], bytes], None]
+# Frames that a page may have been sent before it says that it drew one of them.
+_AHEAD = 2
+# A page that says nothing for so many seconds is sent frames again: the message was lost.
+_SILENCE = 2.0
+# Least seconds that the first stage of a picture may take before a newer picture stops it.
+_PATIENCE = 1.0
+_FIRST_SECONDS = 0.05
+# Pixels of the pictures that measure what effects cost.
+_MEASURED = 240 * 180
+_BEHIND: Triple = (0.0, 0.0, 0.0)
+_LONGEST_TEXT = 2000
+
+
+class Client:
+    """A page or widget that looks at a session.
+
+    Frames go out one by one: while a page has not drawn what it was sent, only the newest frame waits for it.
+    """
+
+    def __init__(self, deliver: Deliver) -> None:
+        self._deliver = deliver
+        self._lock = threading.Lock()
+        self._under_way = 0
+        self._waiting: tuple[dict[str, Any], bytes] | None = None
+        self._sent = 0.0
+        self.size: tuple[int, int] | None = None
+
+    def send(self, message: dict[str, Any], payload: bytes = b"") -> None:
+        """Send a message; numbers that are not finite become null."""
+        self._deliver(plain(message), payload)
+
+    def show(self, message: dict[str, Any], payload: bytes) -> None:
+        """Send a frame as soon as the page is ready for it, unless a newer one comes before."""
+        with self._lock:
+            now = time.monotonic()
+            if self._under_way >= _AHEAD and now - self._sent < _SILENCE:
+                self._waiting = message, payload
+                return
+            self._under_way = min(self._under_way, _AHEAD - 1) + 1
+            self._sent, self._waiting = now, None
+            self.send(message, payload)
+
+    def drew(self) -> None:
+        """Note that the page has drawn a frame."""
+        with self._lock:
+            self._under_way = max(0, self._under_way - 1)
+            if self._waiting is not None:
+                message, payload = self._waiting
+                self._waiting, self._sent = None, time.monotonic()
+                self._under_way += 1
+                self.send(message, payload)
+
+
+class Session:
+    """Draws what is shown, and tells it to its pages.
+
+    One thread draws. A change makes the running picture obsolete: its first stage is still shown, so that something
+    follows the hand, and all later ones are left out. Frames have numbers that rise.
+
+    Parameters
+    ----------
+    shown
+        The data.
+    size
+        (width, height) of pictures until a page says its own.
+    """
+
+    def __init__(self, shown: Shown, size: tuple[int, int] = (800, 600)) -> None:
+        self.shown = shown
+        base = shown.base(0, 0)
+        options = shown.options
+        quality = "good" if options.get("quality") is None else options["quality"]
+        changes = {"depth_cue": Cue()} if options.get("depth_cue") == "auto" else {}
+        self._first = State(shown.camera(base.scene, size), base.scene.mode, quality, changes=changes)
+        self._state = self._good = self._first
+        self._size = self._framed_for = size
+        self._renderer, self._settings = base.renderer, dict(self._first.settings)
+        self._clients: list[Client] = []
+        self._wake = threading.Condition()
+        self._version, self._drawn, self._number = 1, 0, 0
+        self._jobs: deque[tuple[Message, Client]] = deque()
+        self._idle_jobs: dict[tuple[str, int], tuple[Message, Client]] = {}
+        self._image: Image | None = None
+        self._costs: dict[str, float | None] = {}
+        self._stopped = self._closed = False
+        self._worker: threading.Thread | None = None
+
+    # What Python sees.
+
+    @property
+    def state(self) -> State:
+        """What is shown."""
+        with self._wake:
+            return self._state
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the pictures."""
+        with self._wake:
+            return self._size
+
+    def scene(self) -> Scene:
+        """Return the scene that is shown."""
+        return compose.scene_of(self.shown, self.state)
+
+    def renderer(self, state: State) -> Renderer:
+        """Return a renderer with the settings of a state."""
+        if not state.settings:
+            return self.shown.base(0, 0).renderer
+        return Renderer(**{**self.shown.renderer_options(), **state.settings})
+
+    def picture(self, size: tuple[int, int] | None = None) -> Image:
+        """Return the picture that is shown, complete."""
+        state = self.state
+        scene = compose.scene_of(self.shown, state)
+        return self.renderer(state).render(scene, state.camera, size=size or self.size)
+
+    def code(self) -> str:
+        """Return Python that makes the picture that is shown."""
+        return python_code(self.shown, self.state, self.size)
+
+    def look_from(self, camera: Camera) -> None:
+        """Show the scene by another camera."""
+        self._change(replace(self.state, camera=camera), None, told=True)
+
+    # What pages see.
+
+    def connect(self, deliver: Deliver) -> Client:
+        """Return a new page's end of the session."""
+        client = Client(deliver)
+        with self._wake:
+            self._clients.append(client)
+            if self._worker is None and not self._closed:
+                self._worker = threading.Thread(target=self._work, name="sheetsplat-viewer", daemon=True)
+                self._worker.start()
+        return client
+
+    def disconnect(self, client: Client) -> None:
+        """Forget a page."""
+        with self._wake:
+            self._clients = [one for one in self._clients if one is not client]
+
+    def close(self) -> None:
+        """Stop drawing and tell all pages."""
+        with self._wake:
+            self._closed = True
+            self._wake.notify_all()
+            clients, worker = self._clients, self._worker
+        for client in clients:
+            with contextlib.suppress(Exception):
+                client.send({"type": "closed"})
+        if worker is not None and worker is not threading.current_thread():
+            worker.join(10.0)
+
+    def receive_text(self, client: Client, text: str | bytes) -> None:
+        """Take a message of a page; whatever is not known is dropped."""
+        self._receive(client, parse(text))
+
+    def receive(self, client: Client, given: object) -> None:
+        """Take a message of a page as an object of JSON; whatever is not known is dropped."""
+        try:
+            text = json.dumps(given, allow_nan=False)
+        except (TypeError, ValueError, RecursionError):
+            text = ""
+        self._receive(client, parse(text))
+
+    def _receive(self, client: Client, message: Message | None) -> None:
+        if message is None:
+            _log.debug("the viewer dropped a message")
+            return
+        parts = message.parts
+        if message.type == "drawn":
+            client.drew()
+        elif message.type in ("hello", "size"):
+            self._resize(client, (parts["width"], parts["height"]), first=message.type == "hello")
+        elif message.type == "set":
+            self._set(client, parts["changes"])
+        elif message.type == "stop":
+            with self._wake:
+                self._stopped = True
+        else:
+            with self._wake:
+                if message.type in ("pick", "measure"):
+                    self._idle_jobs[message.type, id(client)] = message, client
+                elif len(self._jobs) < 100:
+                    self._jobs.append((message, client))
+                self._wake.notify_all()
+
+    def _resize(self, client: Client, size: tuple[int, int], *, first: bool) -> None:
+        client.size = size
+        if first:
+            client.send({"type": "hello", **compose.offered()})
+            with self._wake:
+                self._jobs.append((Message("state", {}), client))
+        with self._wake:
+            self._size = size
+            self._version += 1
+            self._wake.notify_all()
+
+    def _set(self, client: Client, changes: Mapping[str, Any]) -> None:
+        try:
+            state, told = self._after(self.state, changes)
+        except Error as error:
+            client.send({"type": "error", "text": _text(error)})
+            self._tell_state([client])
+            return
+        with self._wake:
+            if client.size is not None:
+                self._size = client.size
+        self._change(state, client, told=told)
+
+    def _after(self, state: State, changes: Mapping[str, Any]) -> tuple[State, bool]:
+        """Return the state after changes, and whether the page that asked must be told more than it knows."""
+        told = False
+        for name, value in changes.items():
+            if name in ("choice", "time"):
+                count = len(self.shown.names if name == "choice" else self.shown.times)
+                state, told = state.numbered(name, value, count), True
+            elif name == "look":
+                state, more = self._with_look(state, value)
+                told = told or more
+            elif name == "automatic":
+                state, told = self._automatic(state), True
+            else:
+                state = state.changed(name, value)
+                told = told or name in ("mode", "quality", "surfaces", "effects", "background")
+        return state, told
+
+    def _with_look(self, state: State, value: object) -> tuple[State, bool]:
+        given = value if isinstance(value, dict) else {}
+        group = given.get("group", 0)
+        groups = len(self.shown.base(state.choice, 0).scene.groups)
+        if not isinstance(group, int) or not 0 <= group < groups:
+            return state, True
+        if given.get("automatic"):
+            return state.with_curves(group, None), True
+        return state.with_curves(group, compose.curves_of(self.shown, state, group).changed(given)), True
+
+    def _automatic(self, state: State) -> State:
+        return replace(compose.without_changes(state), changes=self._first.changes)
+
+    def _change(self, state: State, client: Client | None, *, told: bool) -> None:
+        """Show a state; `told`: the page that asked for it is told, too, as all others are."""
+        with self._wake:
+            camera_only = replace(state, camera=self._state.camera) == self._state
+            self._state = state
+            self._version += 1
+            self._stopped = True
+            others = [one for one in self._clients if one is not client or told]
+            if told or not camera_only:
+                for one in others:
+                    self._jobs.append((Message("state", {}), one))
+            self._wake.notify_all()
+
+    # The thread that draws.
+
+    def _work(self) -> None:
+        while True:
+            with self._wake:
+                self._wake.wait_for(self._has_work)
+                if self._closed:
+                    return
+                job, draws = None, self._version != self._drawn and bool(self._clients)
+                if self._jobs:
+                    job = self._jobs.popleft()
+                elif not draws and self._idle_jobs:
+                    job = self._idle_jobs.pop(next(iter(self._idle_jobs)))
+                    self._stopped = False
+            try:
+                with taken() as warned:
+                    if job is not None:
+                        self._do(*job)
+                    elif draws:
+                        self._draw()
+                self._tell_warnings(warned)
+            except Exception as error:  # A fault must not end the thread that all pages wait for.
+                _log.exception("the viewer met an error")
+                self._tell({"type": "error", "text": f"{type(error).__name__}: {error}"[:_LONGEST_TEXT]})
+
+    def _has_work(self) -> bool:
+        waits = self._version != self._drawn and bool(self._clients)
+        return self._closed or waits or bool(self._jobs) or bool(self._idle_jobs)
+
+    def _tell(self, message: dict[str, Any], payload: bytes = b"") -> None:
+        with self._wake:
+            clients = list(self._clients)
+        for client in clients:
+            with self._dropping(client):
+                client.send(message, payload)
+
+    @contextlib.contextmanager
+    def _dropping(self, client: Client) -> Iterator[None]:
+        """Forget a page to which nothing can be sent any more."""
+        try:
+            yield
+        except Exception:
+            _log.debug("a page of the viewer is gone", exc_info=True)
+            self.disconnect(client)
+
+    def _tell_warnings(self, warned: list[PictureWarning]) -> None:
+        for text in dict.fromkeys(str(one) for one in warned):
+            self._tell({"type": "warning", "text": text[:_LONGEST_TEXT]})
+
+    def _superseded(self, version: int) -> bool:
+        return self._closed or self._version != version
+
+    def _draw(self) -> None:
+        """Draw the newest state, stage by stage, until a newer one comes."""
+        with self._wake:
+            state, version, size = self._state, self._version, self._size
+            self._drawn, self._stopped = version, False
+        began = time.perf_counter()
+        stage = 1
+
+        def progress(_: float) -> bool:
+            patient = stage == 1 and time.perf_counter() - began < _PATIENCE
+            return patient or not self._superseded(version)
+
+        try:
+            scene = compose.scene_of(self.shown, state)
+            state = self._framed(state, scene, size)
+            if state.settings != self._settings:
+                self._renderer, self._settings = self.renderer(state), dict(state.settings)
+            pictures = self._renderer.progressive(
+                scene, state.camera, size=size, progress=progress, first_seconds=_FIRST_SECONDS
+            )
+            for image in pictures:
+                self._frame(image, state, version, 1000.0 * (time.perf_counter() - began))
+                stage += 1
+                if self._superseded(version):
+                    return
+        except Cancelled:
+            return
+        except Error as error:
+            self._fail(error, state, version)
+            return
+        with self._wake:
+            self._good = state
+
+    def _framed(self, state: State, scene: Scene, size: tuple[int, int]) -> State:
+        """Return the state with the first camera fitted to the size of the page, while nobody has moved it."""
+        if state.camera is not self._first.camera or size == self._framed_for:
+            return state
+        camera = self.shown.camera(scene, size)
+        with self._wake:
+            if self._state.camera is self._first.camera:
+                self._state = replace(self._state, camera=camera)
+            self._first, self._framed_for = replace(self._first, camera=camera), size
+        return replace(state, camera=camera)
+
+    def _fail(self, error: Error, state: State, version: int) -> None:
+        """Tell why a state cannot be shown, and go back to the last one that could be."""
+        self._tell({"type": "error", "text": _text(error)})
+        with self._wake:
+            if self._version != version or self._good == state:
+                return
+            self._state = self._good
+            self._version += 1
+            clients = list(self._clients)
+        self._tell_state(clients)
+
+    def _frame(self, image: Image, state: State, version: int, milliseconds: float) -> None:
+        stats = image.stats
+        last = stats.get("stage") == stats.get("stages")
+        kind, payload = frames.encoded(frames.levels(image, self._behind(state)), exact=last)
+        self._number += 1
+        message = {
+            "type": "frame",
+            "number": self._number,
+            "kind": kind,
+            "size": image.size,
+            "stage": int(stats.get("stage", 1)),
+            "stages": int(stats.get("stages", 1)),
+            "last": last,
+            "milliseconds": milliseconds,
+            "error": stats.get("estimated_rmse"),
+            "camera": camera_parts(state.camera),
+        }
+        with self._wake:
+            clients = list(self._clients)
+        for client in clients:
+            with self._dropping(client):
+                client.show(message, payload)
+        if last:
+            self._image = image
+            if not self._superseded(version):
+                self._tell(self._about(image))
+
+    def _behind(self, state: State) -> Triple:
+        """Return the colour behind transparent pixels."""
+        found: Triple = state.changes.get("backdrop", _BEHIND)
+        return found
+
+    def _about(self, image: Image) -> dict[str, Any]:
+        """Return what the panels say of a complete picture: its plan, and its colour bars."""
+        plan = image.plan
+        bars = [
+            {
+                "label": bar.label,
+                "low": bar.low,
+                "high": bar.high,
+                "log": bar.log,
+                "marks": bar.marks,
+                "colors": [compose.hexadecimal(row) for row in bar.colors[::8]],
+            }
+            for bar in color_bars(image)
+        ]
+        return {"type": "about", "bars": bars, "plan": self._plan(plan), "notes": plan.notes}
+
+    def _plan(self, plan: RenderPlan) -> dict[str, Any]:
+        effects = [
+            {
+                "name": one.name,
+                "on": one.on,
+                "why": one.reason,
+                "forced": one.forced,
+                "error": one.error,
+                "milliseconds": self._costs.get(one.name),
+            }
+            for one in plan.effects
+        ]
+        quality = plan.quality
+        return {
+            "rows": [
+                ["backend", plan.backend + (f", {plan.device}" if plan.device else "")],
+                ["precision", plan.precision],
+                ["slices", f"{plan.slices}, {plan.slice_spacing:.4g} apart"],
+                ["memory", f"{plan.memory / 1e6:.1f} MB beside the data"],
+            ],
+            "quality": []
+            if quality is None
+            else [[one.option, _short(one.value), one.reason] for one in quality.settings],
+            "effects": effects,
+            "budget": plan.error_budget,
+            "expected": plan.expected_error,
+        }
+
+    # What pages ask for, done by the thread that draws.
+
+    def _do(self, message: Message, client: Client) -> None:
+        actions: dict[str, Callable[..., None]] = {
+            "state": self._do_state,
+            "pick": self._do_pick,
+            "look": self._do_look,
+            "reset": self._do_look,
+            "save": self._do_save,
+            "code": self._do_code,
+            "measure": self._do_measure,
+        }
+        try:
+            with self._dropping(client):
+                actions[message.type](client, **message.parts)
+        except Error as error:
+            with self._dropping(client):
+                client.send({"type": "error", "text": _text(error)})
+
+    def _tell_state(self, clients: list[Client]) -> None:
+        state = self.state
+        scene = compose.scene_of(self.shown, state)
+        message = {
+            "type": "state",
+            "state": compose.state_parts(self.shown, state, scene),
+            "data": compose.data_parts(self.shown, state, scene),
+        }
+        for client in clients:
+            with self._dropping(client):
+                client.send(message)
+
+    def _do_state(self, client: Client) -> None:
+        try:
+            self._tell_state([client])
+        except Error as error:
+            self._fail(error, self.state, self._version)
+
+    def _do_pick(self, client: Client, x: float, y: float) -> None:
+        image, found = self._image, None
+        if image is not None and 0 <= x < 1 and 0 <= y < 1:
+            width, height = image.size
+            found = image.pick(x * width, y * height)
+        if found is None:
+            client.send({"type": "picked", "x": x, "y": y, "value": None})
+            return
+        assert image is not None
+        field = image.recipe.fields[found.field]
+        client.send(
+            {
+                "type": "picked",
+                "x": x,
+                "y": y,
+                "value": field.quantity.scalar(found.value),
+                "label": field.quantity.label,
+                "position": found.position,
+                "length_unit": field.quantity.length_unit,
+                "opacity": found.opacity,
+                "gradient": found.gradient,
+                "kernel": found.kernel,
+                "sample": found.sample,
+            }
+        )
+
+    def _do_look(self, client: Client, **parts: Any) -> None:
+        state = self.state
+        scene = compose.scene_of(self.shown, state)
+        changes: dict[str, Any] = {}
+        if parts.get("kind"):
+            changes["projection"] = parts["kind"]
+        if parts.get("direction"):
+            changes |= {"direction": parts["direction"], "azimuth": 0.0, "elevation": 0.0, "zoom": 1.0}
+        if parts.get("up"):
+            changes["up"] = parts["up"]
+        camera = self.shown.camera(scene, self.size, **changes)
+        client.send({"type": "camera", "camera": camera_parts(camera)})
+
+    def _do_save(self, client: Client, width: int, height: int) -> None:
+        image, size = self._image, (width, height)
+        with self._wake:
+            current = self._drawn == self._version
+        if image is None or image.size != size or not current:
+            image = self.picture(size)
+        name = Path(self.shown.title(self.state.choice, self.state.time)).stem or "picture"
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "picture.png"
+            image.save(path)
+            payload = path.read_bytes()
+        client.send({"type": "file", "name": f"{name}.png", "kind": "image/png"}, payload)
+
+    def _do_code(self, client: Client) -> None:
+        client.send({"type": "code", "text": self.code()})
+
+    def _do_measure(self, client: Client, what: str) -> None:
+        def progress(_: float) -> bool:
+            return not (self._stopped or self._closed)
+
+        client.send({"type": "measuring", "what": what})
+        state = self.state
+        try:
+            if what == "error":
+                if self._image is None:
+                    return
+                found = self._image.estimate_error(progress)
+                payload, largest = frames.error_map(found.map)
+                told = {"type": "error_map", "rmse": found.rmse, "budget": found.budget, "largest": largest}
+                client.send(told, payload)
+                return
+            width, height = self.size
+            share = min(1.0, (_MEASURED / (width * height)) ** 0.5)
+            size = max(16, int(width * share)), max(16, int(height * share))
+            scene = compose.scene_of(self.shown, state)
+            plan = self._renderer.measure_effects(scene, state.camera, size, repeats=1, progress=progress)
+            self._costs = {one.name: one.cost_ms for one in plan.effects}
+            self._tell({"type": "costs", "size": size, "picture": plan.picture_ms, "costs": self._costs})
+        except Cancelled:
+            client.send({"type": "measured", "what": what, "stopped": True})
+            return
+        client.send({"type": "measured", "what": what, "stopped": False})
+
+
+def _short(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _text(error: Error) -> str:
+    return str(error)[:_LONGEST_TEXT]

@@ -13,7 +13,8 @@ from PIL import Image as Pillow
 
 import sheetsplat as ss
 from sheetsplat import datasets
-from sheetsplat.viewer import compose, frames, protocol
+from sheetsplat.viewer import coarse, compose, frames, protocol
+from sheetsplat.viewer import session as session_module
 from sheetsplat.viewer.data import Shown
 from sheetsplat.viewer.session import Client, Session
 from sheetsplat.viewer.state import Curves, handles
@@ -403,6 +404,59 @@ def test_scattered_data_and_their_code(opened):
     page.set(look={"group": 0, "opacity": [[0, 0], [1, 0.2]]})
     page.wait("frame", last=True)
     assert np.array_equal(made_by(session.code(), data).rgba, session.picture().rgba)
+
+
+def test_scenes_are_saved_and_viewed_again(opened, tmp_path):
+    np.save(tmp_path / "data.npy", volume())
+    session = opened(tmp_path / "data.npy")
+    page = Page(session)
+    page.wait("about")
+    page.set(**{name: CHANGES[name] for name in ("camera", "clip", "lights", "look", "depth_cue")})
+    page.wait("frame", last=True)
+    page.clear()
+    page.say(type="scene")
+    message, payload = page.wait("file")
+    assert message["name"] == "data.toml"
+    (tmp_path / "scene.toml").write_bytes(payload)
+    expected = session.picture(SIZE).rgba
+    assert np.array_equal(ss.SceneFile.read(tmp_path / "scene.toml").render(size=SIZE).rgba, expected)
+    again = opened(tmp_path / "scene.toml", backend=None, threads=None)
+    assert np.array_equal(again.picture(SIZE).rgba, expected)
+    other = Page(again)
+    assert other.wait("state")[0]["state"]["clip"]["box"] == [[0, 0, 0], [13, 13, 9]]
+    # Data that are no file are to be given.
+    text = opened(volume()).scene_file().to_toml()
+    assert "file" not in text
+    plain = opened(volume())
+    drawn = ss.SceneFile.parse(text).render(plain.scene().fields[0]).rgba
+    assert np.array_equal(drawn, plain.picture(SIZE).rgba)
+
+
+def test_large_volumes_are_coarse_while_the_view_moves(opened, monkeypatch):
+    monkeypatch.setattr(coarse, "_MANY", 4000)
+    monkeypatch.setattr(coarse, "_FEW", 1000)
+    monkeypatch.setattr(session_module, "_SLOW", 0.0)
+    session = opened(volume(n=24), shading=True)
+    page = Page(session)
+    page.wait("frame", last=True)
+    assert not any(message.get("stage") == 0 for message, _ in page.messages)
+    page.set(camera=CHANGES["camera"])
+    preview, payload = page.wait("frame", stage=0)
+    assert preview["size"] == [SIZE[0] // 2, SIZE[1] // 2] and not preview["last"]
+    message, exact = page.wait("frame", last=True)
+    assert message["number"] > preview["number"]
+    small = np.asarray(Pillow.open(io.BytesIO(exact)).convert("RGB").resize(preview["size"]), float)
+    assert np.abs(picture_of(preview, payload) - small).mean() < 12
+
+
+def test_coarse_copies_are_means_where_the_data_are():
+    values = np.random.default_rng(1).random((121, 118, 125)).astype(np.float32)
+    field = ss.RegularField(values, spacing=(1, 2, 3), origin=(5, 6, 7))
+    (found,) = coarse.coarse_fields([field])
+    assert found.spacing == (2, 4, 6) and found.origin == (5.5, 7, 8.5) and found.shape == (60, 59, 62)
+    assert np.isclose(found.values[3, 4, 5], values[6:8, 8:10, 10:12].mean())
+    assert np.isclose(found.values[59, 58, 61], values[118:120, 116:118, 122:124].mean())
+    assert coarse.coarse_fields([ss.RegularField(volume())]) is None
 
 
 def test_what_is_shown_must_be_said_once(tmp_path):

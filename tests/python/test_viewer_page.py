@@ -17,8 +17,6 @@ import sheetsplat as ss
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(bool(missing()), reason=missing() or "-"),
-    # One browser for all of them.
-    pytest.mark.xdist_group("chromium"),
 ]
 
 LAST = "window.sheetsplat.view.drawn.last"

@@ -22,6 +22,8 @@ from sheetsplat.options.core import pick
 from sheetsplat.options.renderer import RendererOptions
 from sheetsplat.plan import PictureQuality
 from sheetsplat.scene import Scene
+from sheetsplat.scene_file.file import SUFFIX, SceneFile
+from sheetsplat.viewer.coarse import coarse_fields
 
 Made = TypeVar("Made")
 # Data and scenes that are kept: what one goes back and forth between.
@@ -125,9 +127,15 @@ class Shown:
         self.options = {name: value for name, value in options.items() if value is not None or name == "filter"}
         self._choices = _named("choices", choices) if choices is not None else ()
         self._times = _named("times", times) if times is not None else ()
-        self._data = data
+        self._data, self._scene_file = data, _scene_file_of(data)
+        if self._scene_file is not None:
+            made = self._scene_file.prepare(**self.options)
+            self._data, self.options = (
+                made.scene,
+                {**pick(RendererOptions, made.renderer.settings), "camera": made.camera},
+            )
         self._opened, self._scenes = _Recent(_KEPT_DATA), _Recent(_KEPT_SCENES)
-        self._histograms = _Recent(_KEPT_DATA)
+        self._histograms, self._coarse = _Recent(_KEPT_DATA), _Recent(_KEPT_SCENES)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -145,8 +153,17 @@ class Shown:
             return self._choices[choice][1]
         return self._times[time][1] if self._times else self._data
 
+    def files(self, choice: int, time: int) -> tuple[str, ...]:
+        """Return the files that the data are of; none where they were given in another way."""
+        if self._scene_file is not None:
+            return tuple(map(os.fspath, self._scene_file.files))
+        data = self.data(choice, time)
+        return (os.path.abspath(os.fsdecode(data)),) if isinstance(data, str | os.PathLike) else ()
+
     def title(self, choice: int, time: int) -> str:
         """Return what is shown in a few words."""
+        if files := self.files(choice, time):
+            return name_of(files[0])
         return self._choices[choice][0] if self._choices else name_of(self.data(choice, time))
 
     def _open(self, choice: int, time: int) -> Opened:
@@ -205,6 +222,10 @@ class Shown:
         made = prepare(Opened(list(own.fields), own.fields), **options)
         return replace(made, scene=made.scene.with_quality(_joined(own.quality, made.scene.quality)))
 
+    def coarse(self, fields: tuple[Field, ...], key: tuple[int, int]) -> tuple[Field, ...] | None:
+        """Return coarse copies of the fields of a choice and a time; None where they are small."""
+        return self._coarse.get(key, lambda: coarse_fields(fields))
+
     def camera(self, scene: Scene, size: tuple[int, int], **changes: Any) -> Camera:
         """Return a camera that shows all of a scene, by the options but for some changes."""
         given: Camera | None = self.options.get("camera")
@@ -220,6 +241,14 @@ class Shown:
         """Return a histogram for each group of fields."""
         groups = self.base(choice, time).scene.groups
         return self._histograms.get((choice, time), lambda: [Histogram.of(fields) for fields in groups])
+
+
+def _scene_file_of(data: object) -> SceneFile | None:
+    """Return the scene file that data are, or that they name."""
+    if isinstance(data, SceneFile):
+        return data
+    is_name = isinstance(data, str | os.PathLike) and os.fsdecode(data).lower().endswith(SUFFIX)
+    return SceneFile.read(os.fsdecode(data)) if is_name else None  # type: ignore[arg-type]
 
 
 # Options that are meant for the mode that was asked for.

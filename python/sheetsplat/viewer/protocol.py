@@ -68,6 +68,7 @@ _KNOWN: dict[str, dict[str, Callable[[Any], bool]]] = {
     },
     "reset": {},
     "save": {"width": _is_length, "height": _is_length},
+    "scene": {},
     "code": {},
     "measure": {"what": _one_of("effects", "error")},
     "stop": {},

@@ -20,11 +20,14 @@ from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error
 from sheetsplat.figure import color_bars
 from sheetsplat.image import Image
-from sheetsplat.notices import PictureWarning, taken
+from sheetsplat.notices import PictureWarning, muted, taken
 from sheetsplat.plan import RenderPlan
+from sheetsplat.recipe import Recipe
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
+from sheetsplat.scene_file import SceneFile
 from sheetsplat.viewer import compose, frames
+from sheetsplat.viewer.coarse import coarse_scene
 from sheetsplat.viewer.code import python_code
 from sheetsplat.viewer.data import Shown
 from sheetsplat.viewer.protocol import Message, parse
@@ -41,6 +44,8 @@ _SILENCE = 2.0
 # Least seconds that the first stage of a picture may take before a newer picture stops it.
 _PATIENCE = 1.0
 _FIRST_SECONDS = 0.05
+# Seconds of a first stage from which on coarse copies of the data are drawn before it, and of one of them with light.
+_SLOW, _SLOW_LIGHT = 0.08, 0.25
 # Pixels of the pictures that measure what effects cost.
 _MEASURED = 240 * 180
 _BEHIND: Triple = (0.0, 0.0, 0.0)
@@ -117,6 +122,8 @@ class Session:
         self._jobs: deque[tuple[Message, Client]] = deque()
         self._idle_jobs: dict[tuple[str, int], tuple[Message, Client]] = {}
         self._image: Image | None = None
+        self._first_seconds, self._plain_light = 0.0, False
+        self._previewer: Renderer | None = None
         self._costs: dict[str, float | None] = {}
         self._stopped = self._closed = False
         self._worker: threading.Thread | None = None
@@ -154,6 +161,14 @@ class Session:
     def code(self) -> str:
         """Return Python that makes the picture that is shown."""
         return python_code(self.shown, self.state, self.size)
+
+    def scene_file(self) -> SceneFile:
+        """Return the scene that is shown as a scene file, exact; it names the data where they are files."""
+        state, size = self.state, self.size
+        scene = compose.scene_of(self.shown, state)
+        recipe = Recipe.of(scene, state.camera, size, self.renderer(state).settings)
+        files = self.shown.files(state.choice, state.time)
+        return SceneFile.of(recipe, files if len(files) == len(scene.fields) else ())
 
     def look_from(self, camera: Camera) -> None:
         """Show the scene by another camera."""
@@ -346,10 +361,10 @@ class Session:
             state, version, size = self._state, self._version, self._size
             self._drawn, self._stopped = version, False
         began = time.perf_counter()
-        stage = 1
+        stage, previewed = 1, False
 
         def progress(_: float) -> bool:
-            patient = stage == 1 and time.perf_counter() - began < _PATIENCE
+            patient = stage == 1 and not previewed and time.perf_counter() - began < _PATIENCE
             return patient or not self._superseded(version)
 
         try:
@@ -357,14 +372,23 @@ class Session:
             state = self._framed(state, scene, size)
             if state.settings != self._settings:
                 self._renderer, self._settings = self.renderer(state), dict(state.settings)
+            previewed = self._preview(scene, state, size)
+            if previewed and self._superseded(version):
+                return
+            resumed = time.perf_counter()
             pictures = self._renderer.progressive(
                 scene, state.camera, size=size, progress=progress, first_seconds=_FIRST_SECONDS
             )
             for image in pictures:
+                if stage == 1:
+                    self._first_seconds = time.perf_counter() - resumed
                 self._frame(image, state, version, 1000.0 * (time.perf_counter() - began))
                 stage += 1
                 if self._superseded(version):
                     return
+            if self._first_seconds > _SLOW:
+                # Sooner than it is needed.
+                self.shown.coarse(scene.fields, (state.choice, state.time))
         except Cancelled:
             return
         except Error as error:
@@ -372,6 +396,28 @@ class Session:
             return
         with self._wake:
             self._good = state
+
+    def _preview(self, scene: Scene, state: State, size: tuple[int, int]) -> bool:
+        """Show a picture of coarse copies of the data, where the first stage of the data themselves is slow."""
+        if self._first_seconds <= _SLOW:
+            return False
+        fields = self.shown.coarse(scene.fields, (state.choice, state.time))
+        if fields is None:
+            return False
+        began = time.perf_counter()
+        drawn = coarse_scene(scene, fields, plain_light=self._plain_light)
+        small = max(16, size[0] // 2), max(16, size[1] // 2)
+        if self._previewer is None:
+            goals = dict.fromkeys(("max_error", "max_seconds"))
+            self._previewer = Renderer(**{**self.shown.renderer_options(), **goals, "effects": None})
+        with muted():
+            image = self._previewer.render(drawn, state.camera, size=small)
+        seconds = time.perf_counter() - began
+        # Volumes of light take long to make anew for each direction.
+        lit = bool(scene.options["shadows"]) or scene.options["ambient_occlusion"] is not None
+        self._plain_light = self._plain_light or (lit and seconds > _SLOW_LIGHT)
+        self._frame(image, state, 0, 1000.0 * seconds, preview=True)
+        return True
 
     def _framed(self, state: State, scene: Scene, size: tuple[int, int]) -> State:
         """Return the state with the first camera fitted to the size of the page, while nobody has moved it."""
@@ -395,9 +441,9 @@ class Session:
             clients = list(self._clients)
         self._tell_state(clients)
 
-    def _frame(self, image: Image, state: State, version: int, milliseconds: float) -> None:
+    def _frame(self, image: Image, state: State, version: int, milliseconds: float, *, preview: bool = False) -> None:
         stats = image.stats
-        last = stats.get("stage") == stats.get("stages")
+        last = not preview and stats.get("stage") == stats.get("stages")
         kind, payload = frames.encoded(frames.levels(image, self._behind(state)), exact=last)
         self._number += 1
         message = {
@@ -405,11 +451,11 @@ class Session:
             "number": self._number,
             "kind": kind,
             "size": image.size,
-            "stage": int(stats.get("stage", 1)),
+            "stage": 0 if preview else int(stats.get("stage", 1)),
             "stages": int(stats.get("stages", 1)),
             "last": last,
             "milliseconds": milliseconds,
-            "error": stats.get("estimated_rmse"),
+            "error": None if preview else stats.get("estimated_rmse"),
             "camera": camera_parts(state.camera),
         }
         with self._wake:
@@ -480,6 +526,7 @@ class Session:
             "look": self._do_look,
             "reset": self._do_look,
             "save": self._do_save,
+            "scene": self._do_scene,
             "code": self._do_code,
             "measure": self._do_measure,
         }
@@ -553,12 +600,20 @@ class Session:
             current = self._drawn == self._version
         if image is None or image.size != size or not current:
             image = self.picture(size)
-        name = Path(self.shown.title(self.state.choice, self.state.time)).stem or "picture"
+        name = self._name()
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "picture.png"
             image.save(path)
             payload = path.read_bytes()
         client.send({"type": "file", "name": f"{name}.png", "kind": "image/png"}, payload)
+
+    def _name(self) -> str:
+        """Return the name of files that are saved, without a suffix."""
+        return Path(self.shown.title(self.state.choice, self.state.time)).stem or "picture"
+
+    def _do_scene(self, client: Client) -> None:
+        text = self.scene_file().to_toml()
+        client.send({"type": "file", "name": f"{self._name()}.toml", "kind": "text/plain"}, text.encode())
 
     def _do_code(self, client: Client) -> None:
         client.send({"type": "code", "text": self.code()})

@@ -7,6 +7,7 @@ import os
 import sys
 import threading
 import webbrowser
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from sheetsplat._checks import instance, shown, whole
@@ -103,16 +104,20 @@ class Viewer:
         return self._session.picture(size)
 
     def save(self, path: str | os.PathLike[str], size: tuple[int, int] | None = None) -> None:
-        """Write the picture that is shown, as `Image.save` does.
+        """Write the picture that is shown, as `Image.save` does, or the scene as a scene file.
 
         Parameters
         ----------
         path
-            The file; its suffix says the format.
+            The file; its suffix says the format: .toml for a scene file, from which ``sheetsplat render`` makes the
+            picture, and ``view`` goes on.
         size
             As for `render`.
         """
-        self.render(size).save(path)
+        if Path(os.fsdecode(path)).suffix.lower() == ".toml":
+            self._session.scene_file().save(path)
+        else:
+            self.render(size).save(path)
 
     def code(self) -> str:
         """Return Python that makes the picture that is shown."""
@@ -178,7 +183,7 @@ def view(
     Parameters
     ----------
     data
-        As for `render`.
+        As for `render`; or a scene file, a `SceneFile` or its path.
     choices
         In place of `data`: several data, by name or as a sequence, among which the page lets choose.
     times

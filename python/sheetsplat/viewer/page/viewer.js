@@ -84,6 +84,7 @@ function mount(root, connect) {
   const theme = button("◐", () => setTheme(root.dataset.theme === "light" ? "dark" : "light"), "Light or dark");
   const bar = h("header", {}, title, names, modes, qualities, views, kinds, h("span", { className: "space" }),
     button("Save picture", () => save(), "Save the picture as PNG, which says how it was made [S]"),
+    button("Save scene", () => send({ type: "scene" }), "Save a scene file: sheetsplat render makes the picture of it, sheetsplat view goes on"),
     button("Python", () => send({ type: "code" }), "Python that makes this picture"),
     theme, button("?", () => help(), "Keys and gestures [?]"),
     button("☰", () => { root.classList.toggle("wide"); fit(); }, "Show or hide the panels"));
@@ -175,8 +176,8 @@ function mount(root, connect) {
       drawn = message;
       if (!moving && !flight) camera = message.camera;
       kinds.textContent = camera.kind === "perspective" ? "Parallel" : "Perspective";
-      const of = message.last ? "" : `stage ${message.stage} of ${message.stages} · `;
-      const error = message.last && message.error < 1e-4 ? "" : `error about ${shortNumber(message.error)} · `;
+      const of = message.last ? "" : message.stage ? `stage ${message.stage} of ${message.stages} · ` : "preview · ";
+      const error = message.error === null || (message.last && message.error < 1e-4) ? "" : `error about ${shortNumber(message.error)} · `;
       progress.classList.toggle("busy", !message.last);
       numbers.textContent = `${of}${error}${message.size.join(" × ")} · ${Math.round(message.milliseconds)} ms`;
       forgetError();

@@ -1,0 +1,75 @@
+"""Coarse copies of large volumes, for pictures while the view moves.
+
+However few pixels a picture has, all samples that show are walked through: the first stage of 256³ samples takes half a
+second of processor time. Blocks of samples become one sample, their mean; the picture of those takes a sixth of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sheetsplat.fields import Field, RegularField
+from sheetsplat.scene import Scene
+
+# Samples that are drawn soon enough, and how many more are worth a copy.
+_FEW, _MANY = 700_000, 1_500_000
+# Rows of blocks whose means are made at once, in samples.
+_AT_ONCE = 1 << 23
+
+
+def coarse_fields(fields: Sequence[Field]) -> tuple[Field, ...] | None:
+    """Return fields with coarse copies in place of large volumes; None where there is no such volume."""
+    made = [_coarse(one) for one in fields]
+    if all(one is None for one in made):
+        return None
+    return tuple(own if one is None else one for own, one in zip(fields, made, strict=True))
+
+
+def _coarse(field: Field) -> RegularField | None:
+    if not isinstance(field, RegularField) or field.lattice != "cartesian" or field.values.size <= _MANY:
+        return None
+    width = 2
+    while field.values.size > _FEW * width**3:
+        width += 1
+    if min(field.shape) < 4 * width:
+        return None
+    counts = [count // width for count in field.shape]
+    whole = field.values[tuple(slice(count * width) for count in counts)]
+    means = np.empty(counts, np.float32)
+    rows = max(1, _AT_ONCE // (width * whole[0].size))
+    for start in range(0, counts[0], rows):
+        part = whole[start * width : (start + rows) * width]
+        blocks = part.reshape(-1, width, counts[1], width, counts[2], width)
+        means[start : start + rows] = blocks.mean(axis=(1, 3, 5), dtype=np.float64 if width > 8 else np.float32)
+    shift = 0.5 * (width - 1)
+    return RegularField(
+        means,
+        spacing=[width * step for step in field.spacing],
+        origin=[place + shift * step for place, step in zip(field.origin, field.spacing, strict=True)],
+        nan="skip",
+    )
+
+
+def coarse_scene(scene: Scene, fields: Sequence[Field], *, plain_light: bool) -> Scene:
+    """Return a scene with other fields in place of its own, and with slices as they call for.
+
+    Parameters
+    ----------
+    scene
+        What is shown.
+    fields
+        As many as the scene has.
+    plain_light
+        Leave shadows and ambient occlusion out.
+    """
+    rest = iter(fields)
+    groups = [[next(rest) for _ in group] for group in scene.groups]
+    changes = {"shadows": False, "ambient_occlusion": None} if plain_light else {}
+    return scene.replace(
+        field=groups if len(groups) > 1 else groups[0],
+        slice_spacing=None,
+        reference_length=scene.reference_length,
+        **changes,
+    )

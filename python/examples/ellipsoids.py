@@ -1,10 +1,17 @@
-"""Scattered ellipsoids from arrays: places, sizes, directions and values, one a kernel."""
+"""Scattered ellipsoids from arrays.
+
+Each kernel has a place, sizes, a direction and a value, or a covariance. Needles along a spiral are summed and
+divided by their weights, so that the scalar keeps its value where they overlap. Kernels smaller than a pixel need the
+EWA filter.
+"""
 
 import warnings
 
 import numpy as np
 
 import sheetsplat as ss
+
+SIZE = (480, 400)
 
 # 4,000 needles along a spiral, each turned the way the spiral goes; their values rise from its start to its end.
 count = 4000
@@ -34,9 +41,9 @@ assert difference < 1e-9
 print(f"mean of the scalar less the value, along the spiral: {np.mean(field.at(places) - share):.4f}")
 
 image = ss.render(
-    field, cmap="turbo", clim=(0, 1), opacity=0.4, elevation=50, slice_spacing=0.01, outputs=("coverage",)
+    field, cmap="turbo", clim=(0, 1), opacity=0.4, elevation=50, slice_spacing=0.01, outputs=("coverage",), size=SIZE
 )
-image.save("spiral.png")
+image.save("ellipsoids.png")
 # How much weight lies along each pixel's ray: where it is small, the data are thin.
 print(f"line integrals of the weights: up to {image.coverage.max():.2f} world units")
 

@@ -1,10 +1,17 @@
-"""Files of a flow on a curvilinear mesh (PLOT3D) and of SPH particles (HDF5), written here, fitted and rendered."""
+"""Files of flows and particles.
+
+A flow on a curvilinear mesh (PLOT3D) and SPH particles (HDF5, as of Gadget) are written here, opened and rendered.
+Kernels follow the mesh, thin where its layers are thin; those of particles follow their smoothing lengths.
+"""
 
 import h5py
 import numpy as np
+from PIL import Image
 from scipy.spatial import cKDTree
 
 import sheetsplat as ss
+
+SIZE = (340, 280)
 
 # Half a ring of 24 x 40 x 16 points: i goes outwards, j around, k along z; layers are thinner near the inner wall.
 radius = 1.0 + np.linspace(0.0, 1.0, 24) ** 2
@@ -29,8 +36,8 @@ inside = density[2:-2, 2:-2, 2:-2].ravel(), grid[:, 2:-2, 2:-2, 2:-2].reshape(3,
 error = np.abs(field.at(inside[1]) - inside[0])
 print(f"density at the points of the mesh: off by {error.mean():.4f} on average, {error.max():.4f} at most, of 1")
 assert error.mean() < 0.02
-ss.render(field, direction=(0, 1, -1), clim=(0.9, 1.4), opacity=(0, 0.2), slice_spacing=0.015).save("ring.png")
-ss.render("ring.q", grid="ring.xyz", scalar="mach", direction=(0, 1, -1)).save("ring-mach.png")
+ring = ss.render(field, direction=(0, 1, -1), clim=(0.9, 1.4), opacity=(0, 0.2), slice_spacing=0.015, size=SIZE)
+mach = ss.render("ring.q", grid="ring.xyz", scalar="mach", direction=(0, 1, -1), size=SIZE)
 
 # A cloud of particles; the smoothing length is half the distance to the 48th neighbour, as for a cubic spline that ends
 # at two of them, and the density is the sum over the neighbours.
@@ -50,4 +57,5 @@ print(cloud)
 found = cloud.scales / length
 print(f"radius of the supports in smoothing lengths: {found.mean():.4f}, that of the closest Gaussian {spline.radius}")
 assert np.allclose(found, spline.radius)
-ss.render(cloud, cmap="inferno", elevation=60, zoom=2, background="black").save("cloud.png")
+gas = ss.render(cloud, cmap="inferno", elevation=60, background="black", size=SIZE)
+Image.fromarray(np.hstack([one.to_pil() for one in (ring, mach, gas)])).save("mesh_and_particles.png")

@@ -1,8 +1,14 @@
-"""A Cartesian volume, a BCC volume and scattered ellipsoids in one picture; and how their scalars add up."""
+"""Lattices and ellipsoids in one scene.
+
+A Cartesian volume, a BCC volume and scattered ellipsoids lie in one picture. Each is normalised by its own rule; then
+their scalars add up, which an x-ray of the whole and of the parts confirms.
+"""
 
 import numpy as np
 
 import sheetsplat as ss
+
+SIZE = (480, 360)
 
 
 def ball(x, y, z, centre):
@@ -42,10 +48,10 @@ transfer = ss.TransferFunction(
 fields = [left, right, belt]
 options = {"slice_spacing": 0.02, "reference_length": 0.035}
 scene = ss.Scene(fields, transfer, lights=[ss.Light((-0.3, 0.5, 1.0))], **options)
-camera = ss.Camera.fit(scene, direction=(0.2, -0.5, -1.0))
+camera = ss.Camera.fit(scene, direction=(0.2, -0.5, -1.0), margin=0.75)
 renderer = ss.Renderer()
-image = renderer.render(scene, camera, size=(480, 360))
-image.save("mixed.png")
+image = renderer.render(scene, camera, size=SIZE)
+image.save("mixed_scene.png")
 print(next(effect.reason for effect in image.plan.effects if effect.name == "separate_normalization"))
 
 

@@ -1,26 +1,26 @@
-"""Frames of an isosurface that turns once. One renderer serves all of them, so only the view is made anew.
+"""Frames of a turntable.
 
-Usage: turntable.py [FRAMES] [FOLDER]
+One renderer serves all frames of an isosurface that turns once, so that only the view is made anew.
 """
 
 import math
-import sys
-from pathlib import Path
+
+import numpy as np
+from PIL import Image
 
 import sheetsplat as ss
 
-frames = int(sys.argv[1]) if len(sys.argv) > 1 else 12
-folder = Path(sys.argv[2] if len(sys.argv) > 2 else "turntable")
-folder.mkdir(parents=True, exist_ok=True)
+SIZE = (200, 200)
 
-data = ss.datasets.marschner_lobb(64)
+data = ss.datasets.marschner_lobb(40)
 field = data.field()
 gold = ss.TransferFunction([(0.0, 0.9, 0.7, 0.3, 1.0)])
 scene = ss.Scene(field, gold, mode="isosurface", iso_value=0.5, lights=[ss.Light((0.3, 0.5, 1.0))])
 renderer = ss.Renderer()
-for frame in range(frames):
-    angle = 2 * math.pi * frame / frames
+frames = []
+for frame in range(8):
+    angle = 2 * math.pi * frame / 8
     camera = ss.Camera.fit(field, direction=(math.sin(angle), math.cos(angle), -0.8), up=(0, 0, 1))
-    image = renderer.render(scene, camera, size=(400, 400))
-    image.save(folder / f"frame{frame:03}.png")
-print(f"{frames} frames in {folder}")
+    frames.append(renderer.render(scene, camera, size=SIZE).to_pil())
+    frames[-1].save(f"frame{frame:03}.png")
+Image.fromarray(np.vstack([np.hstack(frames[:4]), np.hstack(frames[4:])])).save("turntable.png")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -33,12 +34,17 @@ def _table(values: Any, what: str, wanted: str) -> Floats:
 def color_rows(cmap: Colormap) -> Floats:
     """Return rows r, g, b, a at equal distances over [0, 1]."""
     wanted = "a name of the cmap package, rows (N, 3) or (N, 4) of numbers in [0, 1], or a function that gives them"
-    names = cmap.split(",") if isinstance(cmap, str) and "," in cmap else cmap
+    names = cmap.split(",") if isinstance(cmap, str) and ("," in cmap or cmap.startswith("#")) else cmap
     if isinstance(names, list | tuple) and names and all(isinstance(one, str) for one in names):
         rows = np.asarray([color("the colormap's colour", one) for one in names])
     elif isinstance(cmap, str):
         import cmap as cmap_package
 
+        # It warns of every name that two collections have, viridis not among them; without a handler of the
+        # application's own this would be printed.
+        log = logging.getLogger("cmap")
+        if not log.handlers:
+            log.addHandler(logging.NullHandler())
         try:
             rows = np.asarray(cmap_package.Colormap(cmap).lut(_COLORS), dtype=np.float64)
         except (ValueError, TypeError, KeyError) as error:
@@ -130,6 +136,12 @@ class TransferFunction:
     ------
     InvalidInput
         For no points, values that fall, numbers that are not finite, opacities outside [0, 1].
+
+    Examples
+    --------
+    >>> fire = ss.TransferFunction.from_colormap("inferno", opacity=[(0, 0), (1, 0.5)], clim=(0, 1))
+    >>> fire.v_min, fire.v_max
+    (0.0, 1.0)
     """
 
     __slots__ = ("native",)

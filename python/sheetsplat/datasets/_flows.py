@@ -83,8 +83,8 @@ def round_jet(n: int, viscosity: float, seed: int, dtype: Any = np.float32) -> F
 def vortex(n: int = 128, *, resolution: int | None = None, time: float = 7.0, cache: bool = True) -> Dataset:
     """Return the vorticity magnitude of a Taylor-Green vortex after its breakdown.
 
-    Navier-Stokes at Reynolds number 250, pseudo-spectral; computed on `resolution`^3 points and refined to n^3 by exact
-    trigonometric interpolation of the vorticity's components.
+    Navier-Stokes at Reynolds number 250, pseudo-spectral; computed on ``resolution`` cubed points and refined to n^3 by
+    exact trigonometric interpolation of the vorticity's components.
 
     Parameters
     ----------
@@ -96,6 +96,10 @@ def vortex(n: int = 128, *, resolution: int | None = None, time: float = 7.0, ca
         Time at which the flow is shown; a vortex is one unit wide and turns at speed 1.
     cache
         Whether the result is kept in the user's cache folder and taken from there.
+
+    Examples
+    --------
+    >>> image = ss.render(ss.datasets.vortex())  # doctest: +SKIP
     """
     require_samples("vortex", n, 8)
     resolution = _resolution(resolution, n)
@@ -128,8 +132,8 @@ def turbulence(
 ) -> Dataset:
     """Return the vorticity magnitude of decaying isotropic turbulence, 104 x 129 x 129 samples (x, y, z).
 
-    Pseudo-spectral Navier-Stokes from random initial waves; computed on `resolution`^3 points and refined. The samples
-    lie as close as the longest axis needs to span one period with both its ends; shorter axes show a part of it.
+    Pseudo-spectral Navier-Stokes from random initial waves; computed on ``resolution`` cubed points and refined. The
+    samples lie as close as the longest axis needs to span one period with both its ends; shorter axes show a part.
 
     Parameters
     ----------
@@ -144,6 +148,10 @@ def turbulence(
         Time at which the flow is shown, in turns of a large eddy of unit size and speed.
     cache
         Whether the result is kept in the user's cache folder and taken from there.
+
+    Examples
+    --------
+    >>> image = ss.render(ss.datasets.turbulence())  # doctest: +SKIP
     """
     if len(shape) != 3 or min(shape) < 1 or max(shape) < 17:
         raise complain(
@@ -177,7 +185,7 @@ def jet(
 ) -> Dataset:
     """Return a passive scalar in a round jet that breaks up, 8 bits.
 
-    Pseudo-spectral Navier-Stokes with a passive scalar, in a periodic box; computed on `resolution`^3 points and
+    Pseudo-spectral Navier-Stokes with a passive scalar, in a periodic box; computed on ``resolution`` cubed points and
     refined to n^3. The jet runs along x.
 
     Parameters
@@ -192,6 +200,10 @@ def jet(
         Time at which the jet is shown; it is 1.4 wide and runs at speed 1.
     cache
         Whether the result is kept in the user's cache folder and taken from there.
+
+    Examples
+    --------
+    >>> image = ss.render(ss.datasets.jet())  # doctest: +SKIP
     """
     require_samples("jet", n, 8)
     resolution = _resolution(resolution, n)

@@ -95,6 +95,12 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
         Where the samples do not fit.
     Error
         Where the file cannot be read.
+
+    Examples
+    --------
+    >>> np.save("cube.npy", values)
+    >>> ss.open("cube.npy", spacing=(1, 1, 2)).spacing
+    (1.0, 1.0, 2.0)
     """
     check_names("open", options, OpenOptions)
     choice = Choice("open", options)
@@ -310,5 +316,11 @@ def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOpt
     ------
     Error
         What opening, `Scene`, `Camera.fit` and `Renderer` raise.
+
+    Examples
+    --------
+    >>> image = ss.render(values, cmap="magma", opacity="sigmoid_5", size=(40, 30))
+    >>> image.size
+    (40, 30)
     """
     return prepare(data, **options).render()

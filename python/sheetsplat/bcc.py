@@ -206,6 +206,12 @@ def resample_to_bcc(
     -------
     BccVolume
         With ``field()`` for drawing.
+
+    Examples
+    --------
+    >>> bcc = ss.resample_to_bcc(np.random.default_rng(1).random((16, 16, 16)))
+    >>> bcc.field().lattice
+    'bcc'
     """
     failed = "the volume cannot be resampled to a BCC lattice"
     if isinstance(values, LatticeSamples):

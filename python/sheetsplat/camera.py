@@ -57,6 +57,12 @@ class Camera:
     """Position and projection of the view. Immutable; made by `orthographic`, `perspective` or `fit`.
 
     The camera looks from eye to target; lengths are world units, angles degrees.
+
+    Examples
+    --------
+    >>> camera = ss.Camera.perspective(eye=(0, -20, 5), target=(0, 0, 0), up=(0, 0, 1), fov_y=30)
+    >>> camera.kind, camera.fov_y
+    ('perspective', 30.0)
     """
 
     __slots__ = ("_maker", "native")

@@ -56,6 +56,13 @@ def compare(picture: Image | ArrayLike, reference: Image | ArrayLike) -> dict[st
     ------
     InvalidInput
         Where the shapes differ or are not those of pictures.
+
+    Examples
+    --------
+    >>> from sheetsplat.compare import compare
+    >>> image = ss.render(values, size=(32, 32))
+    >>> compare(image, image)["rmse"]
+    0.0
     """
     first, second = _picture(picture, "picture"), _picture(reference, "reference")
     if first.shape != second.shape:

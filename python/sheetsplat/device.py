@@ -27,6 +27,11 @@ class Device:
         The OpenGL extensions that are used.
     workarounds
         Names of the work-arounds in use.
+
+    Examples
+    --------
+    >>> [device.available for device in ss.devices() if device.backend == "reference"]
+    [True]
     """
 
     backend: str
@@ -43,7 +48,13 @@ class Device:
 
 
 def devices() -> list[Device]:
-    """Return every backend and kind of context with its availability. Tries each of them."""
+    """Return every backend and kind of context with its availability. Tries each of them.
+
+    Examples
+    --------
+    >>> sorted({device.backend for device in ss.devices()})
+    ['cpu', 'gl', 'reference']
+    """
     found = []
     for report in _sheetsplat.devices():
         values: dict[str, Any] = {one.name: getattr(report, one.name) for one in fields(Device)}

@@ -68,6 +68,12 @@ class Clip(OfArguments):
     ------
     InvalidInput
         For anything but finite numbers, a normal of length 0, and corners in the wrong order.
+
+    Examples
+    --------
+    >>> half = ss.Clip(planes=[((0, 0, 1), 4.0)])  # keeps z >= 4
+    >>> ss.render(values, clip=half, size=(32, 32)).plan.has("clip")
+    True
     """
 
     planes: Sequence[tuple[Vector, float]] = ()
@@ -115,6 +121,12 @@ class DepthCue(OfArguments):
     ------
     InvalidInput
         For anything but finite numbers in these ranges.
+
+    Examples
+    --------
+    >>> cue = ss.DepthCue(10, 30, strength=0.7)
+    >>> ss.render(values, depth_cue=cue, size=(32, 32)).plan.has("depth_cue")
+    True
     """
 
     start: float
@@ -151,6 +163,13 @@ class AmbientOcclusion(OfArguments):
     ------
     InvalidInput
         For anything but finite numbers in these ranges.
+
+    Examples
+    --------
+    >>> dim = ss.AmbientOcclusion(2.0)
+    >>> image = ss.render(values, mode="isosurface", iso_value=0.5, ambient_occlusion=dim, size=(32, 32))
+    >>> image.plan.has("ambient_occlusion")
+    True
     """
 
     radius: float

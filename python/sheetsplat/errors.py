@@ -141,6 +141,14 @@ class Error(Exception):
         None where there is none, or more than one.
     complaint
         The same fields, with references to options that a front end can spell in its own way.
+
+    Examples
+    --------
+    >>> try:
+    ...     ss.render(values, mode="isosurfaces")
+    ... except ss.Error as error:
+    ...     print(error.what, "|", error.advice)
+    render: mode cannot be used | did you mean isosurface?
     """
 
     __module__ = "sheetsplat"
@@ -169,31 +177,67 @@ class Error(Exception):
 
 
 class InvalidInput(Error, ValueError):
-    """A number, an array, a file or an option that has no meaning here."""
+    """A number, an array, a file or an option that has no meaning here.
+
+    Examples
+    --------
+    >>> ss.Light((0, 0, 0))
+    Traceback (most recent call last):
+    ...
+    sheetsplat.InvalidInput: ...
+    """
 
     __module__ = "sheetsplat"
 
 
 class DeviceUnavailable(Error, RuntimeError):
-    """No device for the backend is available; the message lists every attempt."""
+    """No device for the backend is available; the message lists every attempt.
+
+    Examples
+    --------
+    >>> issubclass(ss.DeviceUnavailable, ss.Error), issubclass(ss.DeviceUnavailable, RuntimeError)
+    (True, True)
+    """
 
     __module__ = "sheetsplat"
 
 
 class OutOfMemory(Error, RuntimeError):
-    """More memory would be needed than is available; nothing was left allocated."""
+    """More memory would be needed than is available; nothing was left allocated.
+
+    Examples
+    --------
+    >>> issubclass(ss.OutOfMemory, ss.Error), issubclass(ss.OutOfMemory, RuntimeError)
+    (True, True)
+    """
 
     __module__ = "sheetsplat"
 
 
 class Unsupported(Error, RuntimeError):
-    """A valid request that cannot be fulfilled here within its error bound."""
+    """A valid request that cannot be fulfilled here within its error bound.
+
+    Examples
+    --------
+    >>> ss.Renderer("cpu", precision="uint8").render(scene, camera, size=(32, 32))
+    Traceback (most recent call last):
+    ...
+    sheetsplat.Unsupported: ...
+    """
 
     __module__ = "sheetsplat"
 
 
 class Cancelled(Error):
-    """The progress callback returned False; the renderer stays usable."""
+    """The progress callback returned False; the renderer stays usable.
+
+    Examples
+    --------
+    >>> ss.render(values, size=(32, 32), progress=lambda share: False)
+    Traceback (most recent call last):
+    ...
+    sheetsplat.Cancelled: ...
+    """
 
     __module__ = "sheetsplat"
 

@@ -46,6 +46,12 @@ class ErrorEstimate:
     map
         Estimate of each pixel, root mean square over its channels, float32 (h, w); the mean of the squares is the
         square of `rmse`.
+
+    Examples
+    --------
+    >>> estimate = ss.render(values, size=(32, 32)).error
+    >>> 0 < estimate.rmse < 0.2, estimate.map.shape
+    (True, (32, 32))
     """
 
     rmse: float
@@ -83,6 +89,13 @@ class Image:
 
     Pictures are equal where their pixels and further outputs are, bit for bit, and what they show of what: plan and
     times do not count.
+
+    Examples
+    --------
+    >>> image = ss.render(values, size=(40, 30))
+    >>> image.rgba.shape, np.asarray(image, dtype=np.uint8).dtype
+    ((30, 40, 4), dtype('uint8'))
+    >>> image.save("cube.png")
     """
 
     __slots__ = (
@@ -341,7 +354,7 @@ class Image:
         Raises
         ------
         Unsupported
-            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[figures]"``.
+            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[plot]"``.
         """
         from sheetsplat.figure import to_axes
 
@@ -367,7 +380,7 @@ class Image:
         Raises
         ------
         Unsupported
-            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[figures]"``.
+            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[plot]"``.
         """
         from sheetsplat.figure import annotated
 

@@ -29,6 +29,11 @@ class Light(OfArguments):
     ------
     InvalidInput
         Where the vectors are not three finite numbers, the direction has length 0, or the space is unknown.
+
+    Examples
+    --------
+    >>> sun = ss.Light((1, 0, 2), color=(1, 0.9, 0.8), space="world")
+    >>> image = ss.render(values, lights=[sun], size=(32, 32))
     """
 
     direction: Vector = (0.0, 0.0, 1.0)
@@ -73,6 +78,11 @@ class Material(OfArguments):
     ------
     InvalidInput
         For anything but numbers.
+
+    Examples
+    --------
+    >>> shiny = ss.Material(specular=0.5, shininess=60)
+    >>> image = ss.render(values, material=shiny, size=(32, 32))
     """
 
     ambient: float = 0.1

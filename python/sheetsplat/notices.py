@@ -27,6 +27,15 @@ class PictureWarning(UserWarning):
     ----------
     words
         The message, with references to options that a front end can spell in its own way.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings(record=True) as found:
+    ...     warnings.simplefilter("always")
+    ...     image = ss.render(values, mode="isosurface", iso_value=7, size=(32, 32))
+    >>> found[0].category.__name__
+    'PictureWarning'
     """
 
     __module__ = "sheetsplat"

@@ -45,6 +45,12 @@ class Orientation:
     ------
     InvalidInput
         For directions that are not finite, 0, or along each other.
+
+    Examples
+    --------
+    >>> field = ss.RegularField(values).with_orientation(ss.Orientation(up="y", front="z"))
+    >>> field.orientation.up
+    (0.0, 1.0, 0.0)
     """
 
     up: Triple = (0.0, 0.0, 1.0)

@@ -52,6 +52,15 @@ class Pick:
         where the picture left kernels out (`Field.trim`); of volumes the number of the sample in ``values.ravel()``.
     sample
         (k, j, i) of that sample; None for scattered kernels.
+
+    Examples
+    --------
+    >>> image = ss.render(values, mode="isosurface", iso_value=0.5, direction=(0, 0, -1), up="y", size=(32, 32))
+    >>> found = image.pick(16, 16)
+    >>> round(found.value, 6)
+    0.5
+    >>> image.pick(0, 0) is None
+    True
     """
 
     position: Triple

@@ -30,6 +30,12 @@ class Effect:
     cost_ms
         Milliseconds that it adds to this picture, or would add where it is off. None until `Renderer.measure_effects`
         has measured it, and where it cannot be switched.
+
+    Examples
+    --------
+    >>> plan = ss.Renderer("cpu").plan(scene, camera, size=(32, 32))
+    >>> [effect.on for effect in plan.effects if effect.name == "perspective"]
+    [False]
     """
 
     name: str
@@ -54,6 +60,12 @@ class QualitySetting:
         Why, and what it costs.
     given
         True where the caller gave it, or the data have it already: then the quality left it as it is.
+
+    Examples
+    --------
+    >>> quality = ss.render(values, quality="best", size=(32, 32)).plan.quality
+    >>> quality.of("opacity_stop").value
+    0.999
     """
 
     option: str
@@ -77,6 +89,11 @@ class PictureQuality:
         "draft", "good" or "best".
     settings
         Each option that it may set, with its value and the reason.
+
+    Examples
+    --------
+    >>> ss.render(values, quality="draft", size=(32, 32)).plan.quality.name
+    'draft'
     """
 
     name: str
@@ -124,6 +141,12 @@ class RenderPlan:
         What is shown, where that is not the data as they are.
     quality
         What the option `quality` set; None for scenes that were not made by `sheetsplat.render` or the command line.
+
+    Examples
+    --------
+    >>> plan = ss.Renderer("cpu").plan(scene, camera, size=(32, 32))
+    >>> plan.backend, plan.has("classification"), plan.has("shadows")
+    ('cpu', True, False)
     """
 
     backend: str

@@ -32,6 +32,12 @@ class Quantity:
     ------
     InvalidInput
         For anything but texts of at most 200 printable characters, and for a floor that is not above 0.
+
+    Examples
+    --------
+    >>> field = ss.RegularField(values).with_quantity(name="density", unit="g/cm³", length_unit="mm")
+    >>> field.quantity.name, field.quantity.unit
+    ('density', 'g/cm³')
     """
 
     name: str = ""

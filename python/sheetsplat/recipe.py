@@ -90,6 +90,11 @@ class FieldRecipe:
         Distance and weight of its ghost points, or None.
     trim
         What was left out of the data.
+
+    Examples
+    --------
+    >>> ss.render(values, size=(32, 32)).recipe.fields[0].kind
+    'RegularField'
     """
 
     kind: str
@@ -154,6 +159,12 @@ class Recipe:
         How each field was made.
     renderer
         Options of `Renderer`: the backend that drew the picture, and what may change its last digits.
+
+    Examples
+    --------
+    >>> ss.render(values, size=(32, 32)).save("cube.png")
+    >>> recipe = ss.Recipe.read("cube.png")
+    >>> again = ss.Renderer().render(recipe.scene([ss.RegularField(values)]), recipe.camera, size=recipe.size)
     """
 
     transfer_functions: tuple[TransferFunction, ...]

@@ -109,6 +109,13 @@ class Renderer:
     ------
     InvalidInput
         For unknown names, also in SHEETSPLAT_BACKEND.
+
+    Examples
+    --------
+    >>> renderer = ss.Renderer("cpu", threads=2)
+    >>> image = renderer.render(scene, camera, size=(32, 32))
+    >>> image.plan.backend
+    'cpu'
     """
 
     __slots__ = ("_settings", "_warned", "native")

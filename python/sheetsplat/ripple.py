@@ -85,6 +85,11 @@ def lattice_ripple(
     ------
     InvalidInput
         For invalid parameters, kernels that leave holes between samples, and those that cannot be prefiltered.
+
+    Examples
+    --------
+    >>> ss.lattice_ripple(2.5, 7).rms < 0.2 * ss.lattice_ripple(2, 5).rms
+    True
     """
     what = "lattice_ripple"
     choice(f"{what}: lattice", lattice, ("cartesian", "bcc"))

@@ -41,6 +41,12 @@ class ScalarColors:
     ------
     InvalidInput
         For unknown colormaps, and for limits that do not rise, or are not above 0 for a logarithm.
+
+    Examples
+    --------
+    >>> colors = ss.ScalarColors("inferno", (0, 4))
+    >>> ss.render(values, mode="xray", scalar_colors=colors, size=(32, 32)).clim
+    (0.0, 4.0)
     """
 
     cmap: Colormap = "gray"

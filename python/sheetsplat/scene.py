@@ -87,6 +87,13 @@ class Scene:
     ------
     InvalidInput
         Where a number or a combination has no meaning.
+
+    Examples
+    --------
+    >>> field = ss.RegularField(values)
+    >>> scene = ss.Scene(field, [(0, 0, 0, 0, 0), (1, 1, 0.8, 0.6, 0.5)], lights=[ss.Light((0.3, 0.5, 1))])
+    >>> scene.replace(mode="mip").mode
+    'mip'
     """
 
     __slots__ = ("_groups", "_options", "_quality", "native")

@@ -131,6 +131,13 @@ def render_tiles(
         As `Renderer.render`, and for a perspective camera.
     Error
         Where the file cannot be written, or the disk is too full for it.
+
+    Examples
+    --------
+    >>> from sheetsplat.tiles import render_tiles
+    >>> picture = render_tiles(scene, camera, (64, 64), "large.npy", tile=32)
+    >>> picture.shape
+    (64, 64, 4)
     """
     instance("render_tiles: scene", scene, Scene)
     instance("render_tiles: camera", camera, Camera)

@@ -82,6 +82,12 @@ def accuracy(
         Where `progress` returned False.
     DeviceUnavailable, Unsupported, OutOfMemory
         Where the scene itself cannot be drawn. The row of a setting that cannot be drawn has the reason.
+
+    Examples
+    --------
+    >>> report = ss.accuracy(scene, camera, size=(32, 32), knobs="slice_spacing", repeats=1, reference_seconds=0)
+    >>> report.size
+    (32, 32)
     """
     asked = dict(locals())
     from sheetsplat.accuracy.measurement import measure_accuracy

@@ -70,6 +70,13 @@ class AccuracyRow:
         number format, and it is left out of the front and the plot.
     series
         The line of the plot to which it belongs: the settings of one series differ in one number.
+
+    Examples
+    --------
+    >>> report = ss.accuracy(scene, camera, size=(32, 32), knobs="opacity_stop", repeats=1, reference_seconds=0)
+    >>> row = report.of("opacity_stop")[0]
+    >>> row.measured, row.rmse >= 0
+    (True, True)
     """
 
     knob: str
@@ -172,6 +179,12 @@ class AccuracyReport:
         Conclusions from the rows.
     environment
         Versions and machine.
+
+    Examples
+    --------
+    >>> report = ss.accuracy(scene, camera, size=(32, 32), knobs="slice_spacing", repeats=1, reference_seconds=0)
+    >>> report.current.knob, len(report.pareto) > 0
+    ('slice_spacing', True)
     """
 
     size: tuple[int, int]
@@ -230,7 +243,7 @@ class AccuracyReport:
         Raises
         ------
         Unsupported
-            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[figures]"``.
+            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[plot]"``.
         InvalidInput
             For other suffixes, and where nothing was measured.
         Error

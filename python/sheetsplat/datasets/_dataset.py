@@ -95,6 +95,12 @@ class Dataset(DrawableDataset):
         World position of sample (0, 0, 0).
     lattice
         ``"cartesian"`` or ``"bcc"``.
+
+    Examples
+    --------
+    >>> data = ss.datasets.noisy_ball(16)
+    >>> data.shape, data.field().size
+    ((16, 16, 16), 4096)
     """
 
     values: NDArray[Any]

@@ -26,6 +26,11 @@ def marschner_lobb_value(
         Its frequency.
     alpha
         The strength of its waves.
+
+    Examples
+    --------
+    >>> float(ss.datasets.marschner_lobb_value(0, 0, 0))
+    0.6
     """
     x, y, z = (np.asarray(c, dtype=np.float64) for c in (x, y, z))
     radius = np.hypot(x, y)
@@ -36,7 +41,13 @@ def marschner_lobb_value(
 def marschner_lobb_gradient(
     x: ArrayLike, y: ArrayLike, z: ArrayLike, *, f_m: float = 6.0, alpha: float = 0.25
 ) -> NDArray[np.float64]:
-    """Return the gradient of :func:`marschner_lobb_value`, with the components x, y, z along a new last axis."""
+    """Return the gradient of :func:`marschner_lobb_value`, with the components x, y, z along a new last axis.
+
+    Examples
+    --------
+    >>> ss.datasets.marschner_lobb_gradient(0.1, [0.2, 0.3], 0.0).shape
+    (2, 3)
+    """
     x, y, z = np.broadcast_arrays(*(np.asarray(c, dtype=np.float64) for c in (x, y, z)))
     radius = np.hypot(x, y)
     # d wave / d radius over the radius; sinc(t) = sin(pi t) / (pi t) keeps it finite on the axis.
@@ -63,6 +74,11 @@ def marschner_lobb(
         :func:`sheetsplat.bcc.resample_to_bcc` makes of the Cartesian one), about n^3 / sqrt(2) samples.
     dtype
         Type of the samples, float32 unless given.
+
+    Examples
+    --------
+    >>> ss.datasets.marschner_lobb(16).shape
+    (16, 16, 16)
     """
     require_samples("marschner_lobb", n, 2)
     spacing = 2.0 / (n - 1)
@@ -109,6 +125,11 @@ def noisy_ball(n: int = 128, seed: int = 2005) -> Dataset:
         Samples along each axis; the ball's diameter is 0.76 n.
     seed
         Seed of the noise.
+
+    Examples
+    --------
+    >>> ss.datasets.noisy_ball(16).values.dtype
+    dtype('uint8')
     """
     require_samples("noisy_ball", n, 1)
     # A ball of this radius holds 480,000 of 128^3 samples.
@@ -142,6 +163,10 @@ def tubes(n: int = 128, seed: int = 2005) -> Dataset:
         Samples along each axis, at least 16.
     seed
         Seed of the branching.
+
+    Examples
+    --------
+    >>> image = ss.render(ss.datasets.tubes(24), size=(32, 32))
     """
     require_samples("tubes", n, 16)
     nearness = np.full((n, n, n), np.inf, np.float32)

@@ -28,6 +28,11 @@ class SolidDataset(DrawableDataset):
     ----------
     kernels
         Its kernels, of density 1.
+
+    Examples
+    --------
+    >>> train = ss.datasets.toy_train(2000)
+    >>> image = ss.render(train, size=(32, 32))
     """
 
     kernels: Kernels
@@ -137,6 +142,10 @@ def chess_piece(kernels: int = 84_000, *, deformed: bool = True) -> SolidDataset
         Approximate number.
     deformed
         Whether it is deformed by control points, by which spheres become ellipsoids.
+
+    Examples
+    --------
+    >>> piece = ss.datasets.chess_piece()  # doctest: +SKIP
     """
     return _made(
         "chess_piece",
@@ -156,6 +165,10 @@ def monster(kernels: int = 91_000, *, deformed: bool = True) -> SolidDataset:
     Needs ``mesh_spot.obj`` in the folder that ``SHEETSPLAT_DATA`` names.
 
     Parameters as for `chess_piece`.
+
+    Examples
+    --------
+    >>> monster = ss.datasets.monster()  # doctest: +SKIP
     """
     return _made(
         "monster",
@@ -175,6 +188,10 @@ def toy_car(kernels: int = 173_000, *, deformed: bool = True) -> SolidDataset:
     Needs ``mesh_toy_cannon.obj`` in the folder that ``SHEETSPLAT_DATA`` names.
 
     Parameters as for `chess_piece`.
+
+    Examples
+    --------
+    >>> car = ss.datasets.toy_car()  # doctest: +SKIP
     """
     return _made(
         "toy_car",
@@ -192,6 +209,12 @@ def toy_train(kernels: int = 199_000, *, deformed: bool = True) -> SolidDataset:
     """Return a toy train of boxes, cylinders and cones filled with kernels, bent in an arc.
 
     Parameters as for `chess_piece`.
+
+    Examples
+    --------
+    >>> train = ss.datasets.toy_train(2000)
+    >>> train.field().normalization
+    'threshold'
     """
     return _made(
         "toy_train",

@@ -112,6 +112,12 @@ class EllipsoidField(Field):
         invalid rotations, negative weights. For arrays of other shapes or unequal length, and for invalid options.
     OutOfMemory
         Where the copies do not fit.
+
+    Examples
+    --------
+    >>> field = ss.EllipsoidField([(0, 0, 0), (3, 0, 0)], [(2, 1, 1), (1, 1, 1)], values=[0.5, 1.0], w0=0.1)
+    >>> field.size, round(float(field.at([(0, 0, 0)])[0]), 3)
+    (2, 0.5)
     """
 
     __slots__ = ("_cell_volume", "_ghost_options", "_ghosts", "_min_scale")

@@ -139,6 +139,12 @@ class RegularField(Field):
         NaN, and for kernels whose sums lose the samples.
     OutOfMemory
         Where the copy of the samples does not fit, or what `prefilter` needs.
+
+    Examples
+    --------
+    >>> field = ss.RegularField(np.ones((4, 5, 6)), spacing=(0.5, 0.5, 2.0))  # 6 samples along x, 4 along z
+    >>> field.size, field.spacing
+    (120, (0.5, 0.5, 2.0))
     """
 
     __slots__ = ("_lattice", "_nan", "_origin", "_radius", "_spacing")

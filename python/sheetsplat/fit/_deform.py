@@ -56,6 +56,11 @@ def control_lattice(box: object, shape: Sequence[int], *, degree: int | None = N
         Numbers of control points along x, y, z, each from 2 to 64.
     degree
         As for :func:`free_form_deformation`; positions of control points depend on it.
+
+    Examples
+    --------
+    >>> ss.fit.control_lattice(((0, 0, 0), (1, 1, 1)), (2, 2, 2)).shape
+    (2, 2, 2, 3)
     """
     what = "fit.control_lattice"
     lower, upper = _box(box, what)
@@ -106,6 +111,15 @@ def free_form_deformation(
     InvalidInput
         For centres outside the box, maps that fold space over (the first such centre is named), arrays of wrong shape,
         and numbers that are not finite.
+
+    Examples
+    --------
+    >>> kernels = ss.fit.nearest(np.random.default_rng(1).random((50, 3)), np.ones(50))
+    >>> lattice = ss.fit.control_lattice(((0, 0, 0), (1, 1, 1)), (2, 2, 2))
+    >>> lattice[..., 0] *= 2  # stretch along x
+    >>> stretched = ss.fit.free_form_deformation(kernels, lattice, box=((0, 0, 0), (1, 1, 1)))
+    >>> bool(np.allclose(stretched.centers[:, 0], 2 * kernels.centers[:, 0]))
+    True
     """
     from scipy.interpolate import BSpline  # type: ignore[import-untyped]
 

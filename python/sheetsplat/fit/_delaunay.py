@@ -222,6 +222,13 @@ def delaunay(
         points in a plane or on a line.
     OutOfMemory
         Where the points are too many for Qhull and the edges.
+
+    Examples
+    --------
+    >>> points = np.random.default_rng(1).random((200, 3))
+    >>> kernels = ss.fit.delaunay(points, points[:, 2])
+    >>> len(kernels.centers)
+    200
     """
     given, data, grid = _grid(points, values, shape)
     overlap = positive(_WHAT, "overlap", overlap)

@@ -73,6 +73,12 @@ class Kernels:
         How sums become the scalar, as for :class:`sheetsplat.EllipsoidField`.
     report
         Counts of merged points and similar numbers; each fit documents its own.
+
+    Examples
+    --------
+    >>> kernels = ss.fit.nearest(np.random.default_rng(1).random((50, 3)), np.ones(50))
+    >>> kernels.field(w0=0.5).size
+    50
     """
 
     centers: Floats

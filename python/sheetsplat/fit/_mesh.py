@@ -21,7 +21,7 @@ _PROBES = 33
 
 
 def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
-    """Return the vertices, (V, 3), and the triangles, (T, 3), of a .obj or .ply file, also gzipped.
+    r"""Return the vertices, (V, 3), and the triangles, (T, 3), of a .obj or .ply file, also gzipped.
 
     Polygons become fans of triangles; materials, textures and normals are ignored.
 
@@ -33,6 +33,14 @@ def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
         Where the file does not fit.
     Error
         Where the file cannot be read.
+
+    Examples
+    --------
+    >>> with open("tetrahedron.obj", "w") as file:
+    ...     written = file.write("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    >>> vertices, triangles = ss.fit.read_mesh("tetrahedron.obj")
+    >>> vertices.shape, triangles.shape
+    ((4, 3), (4, 3))
     """
     from sheetsplat.io.mesh_files import read_triangles
     from sheetsplat.io.source import Source
@@ -215,6 +223,13 @@ def winding_numbers(points: ArrayLike, vertices: ArrayLike, triangles: ArrayLike
     """Return the winding numbers of a closed surface around points, (N,): 1 inside, 0 outside.
 
     They are sums of solid angles over 4 pi (van Oosterom & Strackee 1983), for every pair of a triangle and a point.
+
+    Examples
+    --------
+    >>> vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=float)
+    >>> triangles = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
+    >>> np.round(ss.fit.winding_numbers([(0.1, 0.1, 0.1), (1, 1, 1)], vertices, triangles), 6).tolist()
+    [1.0, 0.0]
     """
     at = np.asarray(points, dtype=np.float64)
     corners = np.asarray(vertices, dtype=np.float64)[np.asarray(triangles)]

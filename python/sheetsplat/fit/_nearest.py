@@ -52,6 +52,12 @@ def nearest(
         For arrays whose sizes disagree, numbers that are not finite (the first is named), and too few positions.
     OutOfMemory
         Where the distances do not fit.
+
+    Examples
+    --------
+    >>> points = np.random.default_rng(1).random((200, 3))
+    >>> len(ss.fit.nearest(points, points[:, 2], neighbors=8).centers)
+    200
     """
     from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 

@@ -152,6 +152,12 @@ def solid(
         is inside.
     OutOfMemory
         Where the smallest cells are too many to fit.
+
+    Examples
+    --------
+    >>> vertices = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=float)
+    >>> triangles = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
+    >>> kernels = ss.fit.solid(vertices, triangles, kernels=200)
     """
     mesh = close(_WHAT, vertices, triangles)
     levels = count_of(_WHAT, "levels", levels, 1, _LEVELS)

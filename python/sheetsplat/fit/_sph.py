@@ -71,6 +71,12 @@ class SphKernel:
         Largest difference, over w(0).
     formula
         w(q), for arrays of q >= 0.
+
+    Examples
+    --------
+    >>> spline = ss.fit.SPH_KERNELS["cubic_spline"]
+    >>> float(spline(np.array([0.0]))[0]) > float(spline(np.array([1.0]))[0])
+    True
     """
 
     name: str
@@ -153,6 +159,13 @@ def sph(
     InvalidInput
         For arrays whose sizes disagree, numbers that are not finite (the first is named), lengths or densities that are
         not above 0, no particle, and masses without densities.
+
+    Examples
+    --------
+    >>> points = np.random.default_rng(1).random((50, 3))
+    >>> kernels = ss.fit.sph(points, np.ones(50), np.full(50, 0.2))
+    >>> len(kernels.centers)
+    50
     """
     chosen = SPH_KERNELS[choice(f"{_WHAT}: kernel", kernel, tuple(SPH_KERNELS))]
     at = places(_WHAT, points)

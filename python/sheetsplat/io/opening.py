@@ -66,6 +66,12 @@ def read_volume(
         Where the samples do not fit.
     Error
         Where the file cannot be read.
+
+    Examples
+    --------
+    >>> np.save("cube.npy", values)
+    >>> ss.io.read_volume("cube.npy").values.shape
+    (8, 8, 8)
     """
     options = given(shape=shape, dtype=dtype, offset=offset or None, name=name, resample=resample or None)
     with opened(path) as source:
@@ -96,7 +102,7 @@ def read_scattered(
     particles: str | None = None,
     support: float | None = None,
 ) -> Scattered:
-    """Read scattered data; the format is found by content, then by suffix, and gzipped files are decompressed.
+    r"""Read scattered data; the format is found by content, then by suffix, and gzipped files are decompressed.
 
     Parameters
     ----------
@@ -119,6 +125,13 @@ def read_scattered(
         Where the numbers do not fit.
     Error
         Where a file cannot be read.
+
+    Examples
+    --------
+    >>> with open("points.csv", "w") as file:
+    ...     written = file.write("x,y,z,radius,value\n0,0,0,1,0.5\n2,0,0,1,1\n")
+    >>> ss.io.read_scattered("points.csv").points.shape
+    (2, 3)
     """
     found = find_format(path, raw_options=False, name=None, grid=grid is not None)
     if not found.scattered:

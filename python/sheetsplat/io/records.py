@@ -33,6 +33,11 @@ class Volume:
         What the samples and the lengths are.
     orientation
         Which way up it is; None where the file does not say.
+
+    Examples
+    --------
+    >>> ss.io.Volume(np.zeros((4, 4, 4)), spacing=(1, 1, 2)).values.shape
+    (4, 4, 4)
     """
 
     values: NDArray[Any]

@@ -121,6 +121,13 @@ def save_npz(field: EllipsoidField, path: str | os.PathLike[str]) -> None:
         For names with another suffix, and where the folder is missing.
     Error
         Where the file cannot be written.
+
+    Examples
+    --------
+    >>> field = ss.EllipsoidField([(0, 0, 0)], [1.0], values=[1.0])
+    >>> ss.io.save_npz(field, "one.npz")
+    >>> ss.open("one.npz").values
+    array([1.])
     """
     instance("save_npz: the field", field, EllipsoidField)
     target = Path(path)

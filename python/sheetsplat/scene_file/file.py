@@ -66,8 +66,11 @@ class SceneFile:
     InvalidInput
         For unknown keys, and values of a wrong type.
 
-    >>> scene = ss.SceneFile.read("head.toml")
-    >>> scene.render(size=(800, 600)).save("head.png")
+    Examples
+    --------
+    >>> np.save("cube.npy", values)
+    >>> ss.SceneFile.of_options("cube.npy", cmap="magma", size=(32, 32)).save("cube.toml")
+    >>> ss.SceneFile.read("cube.toml").render().save("cube.png")
     """
 
     __slots__ = ("_folder", "_lines", "_name", "_tables")

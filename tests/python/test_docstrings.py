@@ -1,0 +1,51 @@
+"""Every public name has a docstring with an example, and the examples run."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import textwrap
+import types
+import warnings
+
+import numpy as np
+import pytest
+
+import sheetsplat as ss
+import sheetsplat.compare
+import sheetsplat.tiles
+
+# Constants, and modules, whose names have examples of their own; classes that only readers of formats meet.
+WITHOUT = {"DATASETS", "SPH_KERNELS", "__version__", "Folder", "Format", "Source", "Scattered", "field_of"}
+MODULES = {"": ss, "fit.": ss.fit, "datasets.": ss.datasets, "io.": ss.io}
+NAMES = {
+    prefix + name: getattr(module, name)
+    for prefix, module in MODULES.items()
+    for name in module.__all__
+    if name not in WITHOUT and not isinstance(getattr(module, name), types.ModuleType)
+}
+NAMES["tiles.render_tiles"] = sheetsplat.tiles.render_tiles
+NAMES["compare.compare"] = sheetsplat.compare.compare
+
+
+def names_of_examples():
+    """Return what stands before every example: a cube of values, a scene of it and a camera."""
+    values = np.zeros((8, 8, 8))
+    values[2:6, 2:6, 2:6] = 1.0
+    scene = ss.Scene(ss.RegularField(values), [(0, 0, 0, 0, 0), (1, 1, 0.8, 0.6, 0.5)])
+    return {"ss": ss, "np": np, "values": values, "scene": scene, "camera": ss.Camera.fit(scene)}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_examples_of_docstrings(name, tmp_path, monkeypatch):
+    text = inspect.getdoc(NAMES[name]) or ""
+    assert ">>> " in text, "this public name has no example"
+    assert max(map(len, textwrap.dedent(text).splitlines())) <= 120
+    monkeypatch.chdir(tmp_path)
+    found = doctest.DocTestParser().get_doctest(text, names_of_examples(), name, None, 0)
+    told: list[str] = []
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ss.PictureWarning)
+        failed = runner.run(found, out=told.append).failed
+    assert failed == 0, "".join(told)

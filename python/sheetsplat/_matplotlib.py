@@ -13,7 +13,7 @@ def require_matplotlib(otherwise: str = "") -> None:
     try:
         importlib.import_module("matplotlib")
     except ImportError:
-        advice = 'pip install "sheetsplat[figures]"' + (f", or {otherwise}" if otherwise else "")
+        advice = 'pip install "sheetsplat[plot]"' + (f", or {otherwise}" if otherwise else "")
         raise complain(
             "the figure cannot be drawn", "no package matplotlib", "matplotlib 3.8 or newer", advice, kind=Unsupported
         ) from None

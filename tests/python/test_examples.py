@@ -11,7 +11,13 @@ from example_programs import SECTIONS, TIMED, Example, difference, small_picture
 from PIL import Image, ImageChops, ImageEnhance
 
 NAMES = [name for names in SECTIONS.values() for name in names]
-NEEDED = {"xarray_climate": "xarray", "dask_volume": "dask", "pyvista_grids": "pyvista", "particle_table": "pandas"}
+NEEDED = {
+    "xarray_climate": "xarray",
+    "dask_volume": "dask",
+    "pyvista_grids": "pyvista",
+    "beside_pyvista": "pyvista",
+    "particle_table": "pandas",
+}
 # Of the stored picture's contrast. Compression of the stored pictures is up to 0.05 of it, texts of another release of
 # matplotlib about as much.
 LIMIT = 0.15

@@ -13,6 +13,7 @@ pytest.importorskip("ipykernel", reason="needs the packages nbclient and ipykern
 NOTEBOOKS = Path(__file__).parents[2] / "python" / "docs" / "notebooks"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["first_steps", "galaxy"])
 def test_notebook(name, tmp_path):
     pytest.importorskip("pandas", reason="needs the package pandas")

@@ -62,7 +62,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     ),
     "Figures": ("annotated_figure", "figure_of_panels", "picking", "made_again", "large_picture", "turntable"),
     "Accuracy": ("accuracy_ladder", "error_map", "given_error", "how_exact", "progressive"),
-    "Other libraries and C++": ("xarray_climate", "dask_volume", "pyvista_grids", "cpp_program"),
+    "Other libraries and C++": ("xarray_climate", "dask_volume", "pyvista_grids", "beside_pyvista", "cpp_program"),
     "The papers": (
         "paper_2005_sheets",
         "paper_2005_lattices",

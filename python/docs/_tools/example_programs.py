@@ -237,7 +237,7 @@ def main(names: list[str]) -> None:
     for name in [] if names == ["--page"] else names or everything:
         example = Example.read(name)
         with tempfile.TemporaryDirectory() as folder:
-            small_picture(example, Path(folder)).save(example.picture, quality=88)
+            small_picture(example, Path(folder)).save(example.picture, quality=92, subsampling=0)
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
 
 

@@ -42,9 +42,11 @@ class Viewer:
     All pages and widgets of a viewer show the same: what is changed in one changes in all, and here. A viewer ends with
     `close`, at the end of a ``with`` block, or with the process.
 
-    >>> viewer = ss.view("bonsai.nrrd")
-    >>> viewer.wait()                  # in a script: until Ctrl-C
-    >>> print(viewer.code())           # Python that makes the picture
+    Examples
+    --------
+    >>> with ss.view(values, browser=False, cmap="magma") as viewer:
+    ...     "magma" in viewer.code()  # Python that makes the picture
+    True
     """
 
     def __init__(self, session: Session, host: str, port: int) -> None:
@@ -207,6 +209,13 @@ def view(
         pages, ``pip install "sheetsplat[jupyter]"`` for notebooks.
     Error
         What `render` raises before it draws.
+
+    Examples
+    --------
+    In a script, until Ctrl-C:
+
+    >>> viewer = ss.view("bonsai.nrrd")  # doctest: +SKIP
+    >>> viewer.wait()  # doctest: +SKIP
     """
     check_names("view", options, RenderOptions, ("choices", "times", "browser", "host", "port"))
     number = whole("view: port", port)

@@ -24,6 +24,10 @@ os.environ.setdefault("SHEETSPLAT_GL_DEBUG", "1")
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("LP_NUM_THREADS", "0")
 
+# Software OpenGL compiles a shader for every effect and draws a small picture with it: without the optimizer, whose
+# programs the C++ tests draw with, compiling takes less than half the time.
+os.environ.setdefault("GALLIVM_PERF", "nopt")
+
 # A quick run has so many cases of a test that has more, and those that take it to another backend.
 QUICK_CASES = 2
 BACKENDS = {"auto", "cpu", "gl", "reference"}

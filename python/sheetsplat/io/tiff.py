@@ -41,6 +41,10 @@ def _check_page(path: Path, number: int, page: Any) -> None:
         name = getattr(page.compression, "name", page.compression)
         found, wanted = f"page {number} packed by {name}", "none, deflate, LZW or PackBits"
         raise complain(f"{path} cannot be read", found, wanted, "write it again with one of these", kind=Unsupported)
+    parts = math.prod(page.chunked)
+    if int(page.compression) != 1 and parts > len(page.dataoffsets):
+        # Each missing part would be filled by itself.
+        raise unreadable(path, f"{len(page.dataoffsets)} parts of page {number}", f"{parts}, as its size says")
     stored = sum(page.databytecounts)
     needed = math.prod(page.shape) * page.dtype.itemsize
     if page.bitspersample < 8:

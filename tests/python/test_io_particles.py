@@ -163,3 +163,109 @@ def test_links_within_a_file_are_followed(tmp_path):
         file.move("gas/Density", "rho")
         file["gas/Density"] = h5py.SoftLink("/rho")
     np.testing.assert_array_equal(read_scattered(path).values, expected.values)
+
+
+def about(path, groups, **datasets):
+    """Set attributes of groups and of datasets of PartType0."""
+    with h5py.File(path, "a") as file:
+        for name, values in groups.items():
+            file.require_group(name).attrs.update(values)
+        for name, values in datasets.items():
+            file[f"PartType0/{name}"].attrs.update(values)
+    return path
+
+
+def swift(length, mass, time, a, factor):
+    powers = {"U_L exponent": [length], "U_M exponent": [mass], "U_t exponent": [time], "U_T exponent": [0.0]}
+    factors = {"Conversion factor to CGS (not including cosmological corrections)": [factor]}
+    return {**powers, **factors, "a-scale exponent": [a], "h-scale exponent": [0.0]}
+
+
+def arepo(length, mass, speed, a, h, to_cgs):
+    scalings = {"length_scaling": length, "mass_scaling": mass, "velocity_scaling": speed}
+    return {**scalings, "a_scaling": a, "h_scaling": h, "to_cgs": to_cgs}
+
+
+COSMOLOGY = {"Time": 0.5, "Redshift": 1.0, "HubbleParam": 0.7, "BoxSize": 35000.0}
+SIZES = {"UnitLength_In_CGS": 3.085678e21, "UnitMass_In_CGS": 1.989e43, "UnitVelocity_In_CGS": 1e5}
+CODES = {
+    "SWIFT": (
+        {"Header": {"Scale-factor": [0.5], "Redshift": [1.0]}, "Cosmology": {"h": [0.7]}},
+        {"Coordinates": swift(1, 0, 0, 1, 3.08567758e24), "Density": swift(-3, 1, 0, -3, 6.77e-31)},
+        ("cMpc", "6.77e-31 g cm⁻³ a⁻³"),
+    ),
+    "AREPO": (
+        {"Header": COSMOLOGY},
+        {"Coordinates": arepo(1, 0, 0, 1, -1, 3.085678e21), "Density": arepo(-3, 1, 0, -3, 2, 6.77e-22)},
+        ("ckpc/h", "6.77e-22 g cm⁻³ h² a⁻³"),
+    ),
+    "EAGLE": (
+        {"Header": COSMOLOGY},
+        {
+            "Coordinates": {"CGSConversionFactor": 3.085678e24, "aexp-scale-exponent": 1.0, "h-scale-exponent": -1.0},
+            "Density": {"CGSConversionFactor": 6.77e-31, "aexp-scale-exponent": -3.0, "h-scale-exponent": 2.0},
+        },
+        ("cMpc/h", "6.77e-31 g cm⁻³ h² a⁻³"),
+    ),
+    "GIZMO, comoving": ({"Header": {**COSMOLOGY, **SIZES}}, {}, ("ckpc/h", "6.77e-22 g cm⁻³ h² a⁻³")),
+    "GIZMO, not comoving": ({"Header": {"Time": 3.0, "Redshift": 0.0, **SIZES}}, {}, ("kpc", "6.77e-22 g cm⁻³")),
+    "Gadget-2": ({"Header": COSMOLOGY}, {}, ("", "")),
+    "what is no unit": (
+        {
+            "Header": {
+                "Redshift": "one",
+                "UnitLength_In_CGS": math.inf,
+                "UnitMass_In_CGS": -1.0,
+                "HubbleParam": [0.7] * 9,
+            }
+        },
+        {"Density": {"to_cgs": "much", "a_scaling": math.nan}},
+        ("", ""),
+    ),
+}
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_units_of_codes(tmp_path, code):
+    groups, datasets, units = CODES[code]
+    path, _ = write_particles(tmp_path / "s.hdf5")
+    read = read_scattered(about(path, groups, **datasets))
+    assert (read.length_unit, read.unit) == units
+    if units[0]:
+        quantity = ss.open(path).quantity
+        assert quantity.length_unit == units[0] and quantity.label == f"Density [{units[1]}]"
+    if code == "AREPO":
+        assert read.details | {"scale factor": "0.5", "h": "0.7", "redshift": "1", "box": "35000"} == read.details
+    if "GIZMO" in code:
+        assert read_scattered(path, scalar="Velocities_x").unit.startswith("km/s")
+        assert read_scattered(path, scalar="Masses").unit == ("10¹⁰ M☉" if "not" in code else "10¹⁰ M☉/h")
+        assert read_scattered(path, scalar="ParticleIDs").unit == ""
+
+
+def test_types_have_names(tmp_path):
+    path, data = write_particles(tmp_path / "s.h5", group="PartType4")
+    for name in ("stars", "Stars", "PartType4"):
+        assert np.array_equal(read_scattered(path, particles=name).points, data["Coordinates"])
+    with pytest.raises(ss.InvalidInput, match="no group .*PartType5.*but PartType4"):
+        read_scattered(path, particles="black holes")
+
+
+def test_cells_of_a_moving_mesh_have_kernels_of_their_volumes(tmp_path):
+    path, data = write_particles(tmp_path / "s.h5", leave_out=("SmoothingLength",), CenterOfMass=np.zeros((40, 3)))
+    radius = np.cbrt(0.75 / math.pi * data["Masses"] / data["Density"])
+    np.testing.assert_allclose(read_scattered(path).supports, 2.5 * radius)
+    np.testing.assert_allclose(read_scattered(path, support=3).supports, 3 * radius)
+    assert ss.open(path).size == 40
+    path, _ = write_particles(
+        tmp_path / "t.h5", leave_out=("SmoothingLength",), Volume=np.ones(40), Density=np.zeros(40)
+    )
+    with pytest.raises(ss.InvalidInput, match="densities of 0"):
+        read_scattered(path)
+
+
+def test_a_part_of_a_snapshot_is_told(tmp_path, caplog):
+    path, _ = write_particles(tmp_path / "s.0.hdf5")
+    about(path, {"Header": {"NumFilesPerSnapshot": 8}})
+    assert (
+        read_scattered(path).details["part"] == "one file of 8 of a snapshot" and "others are not read" in caplog.text
+    )

@@ -215,7 +215,8 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
     chosen = {name: options[name] for name in _ELLIPSOIDS if name in options}
     log = options.get("log", False)
     floor = log_base(data.values, data.scalar, log) if log is not False and data.values.size else None
-    return field_of(data, logarithmic=log, **chosen).with_quantity(name=data.scalar, floor=floor)
+    field = field_of(data, logarithmic=log, **chosen)
+    return field.with_quantity(name=data.scalar, unit=data.unit, length_unit=data.length_unit, floor=floor)
 
 
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:

@@ -88,6 +88,8 @@ class Scattered:
         Further information, as texts.
     orientation
         Which way up they are; None where the format does not say.
+    unit, length_unit
+        Of the values and of the positions, for figures.
     """
 
     points: Floats
@@ -110,6 +112,8 @@ class Scattered:
     cell_volume: float | None = None
     details: dict[str, str] = field(default_factory=dict)
     orientation: Orientation | None = None
+    unit: str = ""
+    length_unit: str = ""
 
     @property
     def has_kernels(self) -> bool:

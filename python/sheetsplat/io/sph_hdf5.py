@@ -1,6 +1,7 @@
 """Particles of smoothed-particle hydrodynamics in HDF5 files with the layout of Gadget: groups PartType0 … PartType5.
 
-Names of Arepo, GIZMO and SWIFT are also known. Links to other files, external storage and virtual datasets are refused.
+Names of Arepo, GIZMO and SWIFT are also known; units are those of `particle_units`. Links to other files, external
+storage and virtual datasets are refused.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import shown
 from sheetsplat.errors import option_ref
+from sheetsplat.io import particle_units
 from sheetsplat.io.checks import finite_points, finite_values, listed, require_rows, unreadable
 from sheetsplat.io.hdf5_access import inside, read_dataset, seekable
 from sheetsplat.io.records import Floats, Scattered
@@ -31,6 +33,12 @@ _MOST_DATASETS = 1000
 # Radii of supports in smoothing lengths: Gadget, Arepo and GIZMO; SWIFT (cubic spline); Gasoline and ChaNGa.
 _SUPPORTS = (1.0, 1.825742, 2.0)
 _PROBES = 64
+# Types by the names that people give them.
+_TYPES = {"gas": 0, "dark_matter": 1, "dm": 1, "disk": 2, "bulge": 3, "stars": 4, "star": 4, "black_holes": 5, "bh": 5}
+# Datasets by which the cells of a moving mesh are known, and their kernels' supports in radii of spheres with their
+# volumes: a sphere of 2.5 radii holds 16 cells.
+_CELLS = ("CenterOfMass", "Volume")
+_CELL_SUPPORT = 2.5
 # Largest relative error of densities, for kernels of another shape and the same width.
 _AGREEMENT = 0.1
 
@@ -60,6 +68,11 @@ class _Group:
 
     def first(self, names: tuple[str, ...]) -> str | None:
         return next((name for name in names if name in self._datasets), None)
+
+    def unit(self, name: str, told: dict[str, float]) -> str:
+        """Return the unit of a dataset as figures show it, "" where it is not known."""
+        found = particle_units.unit_of(self._datasets[name], name, told)
+        return "" if found is None else found.text()
 
     def widths(self) -> dict[str, int]:
         """Return the number of columns of every dataset with a row for each particle, except the positions."""
@@ -144,10 +157,11 @@ def read(
         A dataset of the group, the length of a vector's rows, or one column of it (Velocities_x); "Density" unless
         given, else "Masses".
     particles
-        The group; PartType0, the gas, unless given.
+        The group, or gas, dark_matter, stars, black_holes …; PartType0, the gas, unless given.
     support
         Radius of the kernels' supports in smoothing lengths of the file. Unless given, the one that gives the densities
-        of the file (`find_support`), else 1, as in Gadget.
+        of the file (`find_support`), else 1, as in Gadget. For cells of a moving mesh (Arepo), which have none: in
+        radii of spheres with the volumes of the cells; 2.5 unless given.
 
     Raises
     ------
@@ -159,12 +173,31 @@ def read(
     opened = seekable(source)
     with h5py.File(opened, "r") as file:
         group = inside(path, file, name)
+        number = _TYPES.get(name.lower().replace(" ", "_").replace("-", "_"))
+        if group is None and number is not None:
+            name = f"PartType{number}"
+            group = inside(path, file, name)
         if not isinstance(group, h5py.Group) or group == file:
             groups = [one for one in file if one != "Header"]
             found = f"no group {shown(name)}, but {listed(groups) or 'nothing'}"
             wanted = "particles in a group PartType0, or the name of another one"
             raise unreadable(path, found, wanted, "pass " + option_ref("particles", "..."))
         return _read_group(path, file, _Group(path, group, name), name, scalar, support)
+
+
+def _home(path: Path, file: Any, name: str) -> Any:
+    """Return a group that says something about all particles, None for any other name."""
+    return inside(path, file, name) if name in particle_units.HOMES else None
+
+
+def _about(told: dict[str, float]) -> dict[str, str]:
+    """Return what the header says, as texts."""
+    texts = {"a": "scale factor", "h": "h", "redshift": "redshift", "box": "box"}
+    about = {text: f"{told[key]:g}" for key, text in texts.items() if told.get(key)}
+    if told.get("files", 1) > 1:
+        about["part"] = f"one file of {told['files']:g} of a snapshot"
+        _log.warning("this is one file of %g of a snapshot: the others are not read", told["files"])
+    return about
 
 
 def _read_group(
@@ -179,8 +212,15 @@ def _read_group(
     if masses is None and (share := _mass_table(path, file, name)) > 0:
         masses = np.full(group.count, share)
     lengths = group.column(_SMOOTHING)
-    details = {"particles": name}
-    if lengths is not None:
+    told = particle_units.header(particle_units.homes_of({one: _home(path, file, one) for one in file}))
+    details = {"particles": name, **_about(told)}
+    if lengths is None and masses is not None and densities is not None and group.first(_CELLS) is not None:
+        if densities.min() <= 0 or masses.min() <= 0:
+            raise unreadable(path, f"masses or densities of 0 or less in {name}", "cells with a volume")
+        share = _CELL_SUPPORT if support is None else support
+        lengths = share * np.cbrt(0.75 / math.pi * masses / densities)
+        details["support"] = f"{share:g} radii of spheres with the volumes of the cells"
+    elif lengths is not None:
         if support is None and masses is not None and densities is not None:
             support, error = find_support(points, lengths, masses, densities)
             details["support"] = (
@@ -201,4 +241,6 @@ def _read_group(
         masses=masses,
         densities=densities,
         details=details,
+        unit=group.unit(base, told),
+        length_unit=group.unit(group.place, told),
     )

@@ -38,7 +38,7 @@ _PACKAGES = {"PIL": "pillow", "flip_evaluator": "flip-evaluator", "nrrd": "pynrr
 _EXTRAS = {
     "plot": ("matplotlib",),
     "medical": ("nibabel", "pydicom"),
-    "science": ("xarray", "h5netcdf", "zarr", "numcodecs", "tifffile", "mrcfile", "dask", "pandas"),
+    "science": ("xarray", "h5netcdf", "zarr", "numcodecs", "tifffile", "mrcfile", "dask", "pandas", "meshio"),
     "pyvista": ("vtk", "vtkmodules", "pyvista"),
     "view": ("aiohttp",),
     "jupyter": ("anywidget", "traitlets"),

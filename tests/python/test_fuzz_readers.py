@@ -164,6 +164,19 @@ def _folder(make: Callable[..., Any], name: str, **options: Any) -> Callable[[Pa
     return files
 
 
+def _of_meshio(name: str) -> Callable[[Path], Files]:
+    """Return what writes a mesh of tetrahedra, and the file beside it that it names."""
+
+    def files(folder: Path) -> Files:
+        import test_meshio_files as meshes  # skips the test without meshio
+
+        meshes.write(folder / name, cells=meshes.CELLS[:1])
+        found = [folder / name, *([folder / "a.h5"] if name == "a.xdmf" else [])]
+        return {one.name: one.read_bytes() for one in found}
+
+    return files
+
+
 def _netcdf(path: Path, engine: str) -> None:
     others.needed(engine)
     others.dataset().isel(lev=slice(0, 2)).to_netcdf(path, engine=engine)
@@ -257,6 +270,11 @@ KINDS: dict[str, Callable[[Path], Files]] = {
     "vtm": lambda _: _blocks(),
     "vtk": lambda _: {"a.vtk": vtk.LEGACY.encode()},
     "vtk binary": lambda _: {"a.vtk": _legacy_binary()},
+    "meshio gmsh": _of_meshio("b.msh"),
+    "meshio gmsh 2": _of_meshio("a.msh"),
+    "meshio med": _of_meshio("a.med"),
+    "meshio xdmf": _of_meshio("a.xdmf"),
+    "meshio xdmf text": _of_meshio("b.xdmf"),
     "vtkhdf": _made(vtk.vtkhdf, "a.vtkhdf"),
     "vtkhdf image": _made(vtk.vtkhdf, "a.vtkhdf", kind="ImageData"),
     "picture png": lambda folder: _picture(".png", folder),
@@ -265,7 +283,7 @@ KINDS: dict[str, Callable[[Path], Files]] = {
 }
 
 OF_LIBRARIES = ("nii", "nii of version 2", "dicom", "netcdf", "netcdf 4", "zarr", "zarr 3", "ome-zarr", "mrc") + tuple(
-    kind for kind in KINDS if kind.startswith("tiff")
+    kind for kind in KINDS if kind.startswith(("tiff", "meshio"))
 )
 NUMBERS = [
     b"0",
@@ -325,8 +343,8 @@ def valid(kind: str, folder: Path) -> Files:
     return KINDS[kind](folder)
 
 
-class Waited(Exception):
-    """A reader took too long."""
+class Waited(BaseException):
+    """A reader took too long. As an Exception it would become an error of the file."""
 
 
 def _wait_no_longer(*_: object) -> None:
@@ -398,7 +416,7 @@ def test_spoiled_files(kind: str, tmp_path_factory: pytest.TempPathFactory) -> N
         spoiled = data.draw(spoilings(files[which]))
         packed = data.draw(st.sampled_from([False, False, False, True]))
         note(f"{which}: {spoiled[:2000]!r}")
-        packed = packed and "picture" not in kind and "zarr" not in kind
+        packed = packed and "picture" not in kind and "zarr" not in kind and "meshio" not in kind
         changed = {name: spoiled if name == which else content for name, content in files.items()}
         write(folder, {name: gzip.compress(content) if packed else content for name, content in changed.items()})
         with warnings.catch_warnings():
@@ -435,7 +453,7 @@ def test_files_under_other_names(tmp_path: Path) -> None:
     )
     contents = [b"", b"\0" * 300, *(next(iter(KINDS[kind](tmp_path).values())) for kind in KINDS if "zarr" not in kind)]
     for number, content in enumerate(contents):
-        for suffix in suffixes[number % 3 :: 3]:
+        for suffix in suffixes[number % 6 :: 6]:
             folder = tmp_path / f"{number}{suffix}"
             folder.mkdir()
             (folder / f"a{suffix}").write_bytes(content)

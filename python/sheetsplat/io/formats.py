@@ -18,6 +18,7 @@ from sheetsplat.io.source import Folder, Source, opened
 _RAW_SUFFIXES = (".raw", ".bin", ".dat", ".img", ".vol")
 _META_SUFFIXES = (".mhd", ".mha")
 _TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
+_MESHIO = (".msh", ".med", ".xdmf", ".xmf")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _NETCDF = (b"CDF\x01", b"CDF\x02", b"CDF\x05")
 # Files of a folder by which its format is recognized: where all must be of it, and where others may lie beside them.
@@ -78,6 +79,10 @@ class Format:
             found = f"{source.path}:{source.inner}, a part of a file of format {self.name}"
             raise complain("the part cannot be read", found, "a file that is a whole, or HDF5, NetCDF, Zarr or .vtm")
         return pkgutil.resolve_name(self.reader)(source, **options)
+
+
+def _is_of_meshio(source: Source) -> bool:
+    return source.suffix in _MESHIO and bool(source.head(1))
 
 
 def _begins(*signatures: bytes) -> Callable[[Source], bool]:
@@ -142,8 +147,8 @@ def _is_mrc(source: Source) -> bool:
 
 
 def _hdf5_kind(source: Source) -> str:
-    """Return what an HDF5 file holds, as `hdf5_volumes.kind_of` does, "" for other files."""
-    if not source.head(_HEAD).startswith(_HDF5):
+    """Return what an HDF5 file holds, as `hdf5_volumes.kind_of` does, "" for other files, and for meshes of MED."""
+    if source.suffix in _MESHIO or not source.head(_HEAD).startswith(_HDF5):
         return ""
     kind: str = pkgutil.resolve_name(_IO + "hdf5_volumes:kind_of")(source)
     return kind
@@ -249,6 +254,14 @@ FORMATS: tuple[Format, ...] = (
         shown="Zarr and OME-Zarr (FOLDER:/array)",
         recognizes_folder=_is_zarr,
         parts=True,
+    ),
+    Format(
+        "meshio",
+        _IO + "meshio_files:read",
+        _is_of_meshio,
+        ("scalar",),
+        scattered=True,
+        shown="Gmsh (.msh), MED, XDMF",
     ),
     Format(
         "hdf5",

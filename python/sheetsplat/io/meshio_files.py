@@ -1,0 +1,165 @@
+"""Meshes that meshio reads: Gmsh, MED and XDMF.
+
+Others are left out: those whose files name other files (Abaqus, Nastran …), and those whose reader in meshio does not
+end where a file is cut off (Tecplot). What an XDMF or MED file refers to is looked at before meshio reads it: only
+files of its own folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+from pathlib import Path
+from typing import Any
+
+import h5py  # type: ignore[import-untyped, unused-ignore]
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat import _memory
+from sheetsplat._checks import shown
+from sheetsplat.io.checks import beside, finite_points, require_rows, unreadable
+from sheetsplat.io.hdf5_access import walk
+from sheetsplat.io.records import Floats, Scattered
+from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
+from sheetsplat.io.source import DEFLATE_RATIO, Source
+from sheetsplat.io.vtk_cells import Cells, Meshes, joined
+from sheetsplat.io.vtk_xml.document import GuardedParser
+
+#: Modules of meshio by the suffixes of their files.
+MODULES = {".msh": "gmsh", ".med": "med", ".xdmf": "xdmf", ".xmf": "xdmf"}
+_HDF5 = b"\x89HDF"
+# VTK's numbers of linear cells; of others without a volume that of a polygon, of others with one what VTK has not.
+_TYPES = {"tetra": 10, "hexahedron": 12, "wedge": 13, "pyramid": 14}
+_FLAT = ("vertex", "line", "triangle", "quad", "polygon")
+_POLYGON, _UNKNOWN = 7, 255
+_CHUNK = 1 << 20
+# Bytes that meshio takes for a byte of a text.
+_PER_BYTE = 16
+
+
+class _References(GuardedParser):
+    """Finds the files that an XDMF file names."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._parser.CharacterDataHandler = self._take
+        self._texts: list[str] | None = None
+        self.files: set[str] = set()
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        """Take the DataItems whose numbers are elsewhere."""
+        if name.lower() == "include" or name.lower().endswith(":include"):
+            raise unreadable(self._path, f"an element {shown(name)}", "one file")
+        kind = attributes.get("Format", "XML")
+        if name != "DataItem" or kind == "XML":
+            return
+        if kind != "HDF":
+            raise unreadable(self._path, f"numbers of format {shown(kind)}", "XML or HDF")
+        self._texts = []
+
+    def _take(self, text: str) -> None:
+        if self._texts is not None and sum(map(len, self._texts)) < 4096:
+            self._texts.append(text)
+
+    def _end(self, name: str) -> None:
+        super()._end(name)
+        if self._texts is not None:
+            self.files.add("".join(self._texts).strip().partition(":")[0])
+            self._texts = None
+
+
+def _check_hdf5(path: Path) -> None:
+    """Raise InvalidInput for links to other files, and for datasets larger than what is stored of them."""
+    with h5py.File(path, "r") as file:
+        needed = 0
+        for one in walk(path, file, strict=True):
+            if one.dtype.kind not in "biufSOV" or one.shape is None:
+                continue
+            size, stored = one.size * one.dtype.itemsize, one.id.get_storage_size()
+            if size > (stored if one.chunks is None else stored * DEFLATE_RATIO) and one.dtype.kind in "biuf":
+                raise unreadable(path, f"{stored} stored bytes of {one.name}", f"{size} bytes, as its shape says")
+            needed += size
+        _memory.require(2 * needed, f"the numbers of {path}")
+
+
+def _check(source: Source) -> None:
+    """Raise an error for what meshio would trust."""
+    path = source.path
+    if source.packed:
+        raise unreadable(path, "a gzipped file", "a file as meshio reads it", "unpack it first")
+    if source.head(len(_HDF5)) == _HDF5:
+        _check_hdf5(path)
+        return
+    _memory.require(_PER_BYTE * source.at_most(), f"the numbers of {path}")
+    if MODULES[source.suffix] == "xdmf":
+        parser = _References(path)
+        source.stream.seek(0)
+        while piece := source.stream.read(_CHUNK):
+            parser.feed(piece)
+        parser.feed(b"", True)
+        for name in sorted(parser.files):
+            _check_hdf5(beside(path, name))
+
+
+def _cells(mesh: Any, path: Path) -> Cells:
+    lists: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
+    types = [np.empty(0, np.int64)]
+    for block in mesh.cells:
+        rows = np.asarray(block.data)
+        if rows.ndim != 2 or rows.dtype.kind not in "iu":
+            raise unreadable(path, f"cells of type {shown(block.type)}", "as many points in each of a type")
+        count, size = rows.shape
+        if rows.size and not (rows.min() >= 0 and rows.max() < len(mesh.points)):
+            found = f"cells with the points {rows.min()} to {rows.max()}"
+            raise unreadable(path, found, f"points 0 to {len(mesh.points) - 1}")
+        lists.append((rows.astype(np.int64).reshape(-1), size * np.arange(1, count + 1, dtype=np.int64)))
+        number = _TYPES.get(block.type, _POLYGON if block.type.startswith(_FLAT) else _UNKNOWN)
+        types.append(np.full(count, number, dtype=np.int64))
+    return joined(lists, np.concatenate(types))
+
+
+def _rows(values: Any) -> NDArray[Any] | None:
+    """Return numbers as rows, (N,) or (N, columns); None for anything else."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "biuf" or array.ndim < 1:
+        return None
+    return array if array.ndim == 1 else array.reshape(len(array), -1)
+
+
+def read(source: Source, scalar: str | None = None) -> Scattered:
+    """Read a mesh: an array of its points or of its cells; see `vtk_xml.meshes.read`.
+
+    Raises InvalidInput for damaged files, and for files that name others outside of their folder.
+    """
+    path = source.path
+    _check(source)
+    module = importlib.import_module("meshio." + MODULES[source.suffix])
+    with contextlib.redirect_stdout(io.StringIO()):
+        mesh = module.read(str(path))
+    points: Floats = np.asarray(mesh.points, dtype=np.float64)
+    if points.ndim != 2 or not 1 <= points.shape[1] <= 3:
+        raise unreadable(path, f"points of shape {points.shape}", "(N, 3)")
+    require_rows(path, len(points))
+    points = finite_points(path, np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
+    cells = _cells(mesh, path)
+    arrays: dict[str, tuple[bool, NDArray[Any]]] = {}
+    for name, values in mesh.point_data.items():
+        rows = _rows(values)
+        if rows is not None and len(rows) == len(points) and rows.size:
+            arrays[str(name)] = (False, rows)
+    for name, blocks in mesh.cell_data.items():
+        parts = [_rows(values) for values in blocks]
+        same = all(part is not None and part.shape[1:] == parts[0].shape[1:] for part in parts)  # type: ignore[union-attr]
+        rows = np.concatenate(parts) if parts and same else None  # type: ignore[arg-type]
+        if rows is not None and len(rows) == cells.ends.size and rows.size:
+            arrays.setdefault(str(name), (True, rows))
+    widths = {name: 1 if rows.ndim == 1 else int(rows.shape[1]) for name, (_, rows) in arrays.items()}
+    # Numbers of geometric parts are no data, unless there are no others.
+    data = [name for name in widths if ":" not in name]
+    name, base, column = choose_scalar(path, scalar, sorted(data, key=lambda one: widths[one] > 1), widths)
+    of_cells, rows = arrays[base]
+    made = Meshes(path, of_cells)
+    made.add(points, cells, column_of(rows if widths[base] > 1 else rows.reshape(-1), column))
+    return made.scattered(name, MODULES[source.suffix], scalar_names(widths))

@@ -43,6 +43,10 @@ if TYPE_CHECKING:
     from sheetsplat import io as io
     from sheetsplat.accuracy import AccuracyReport as AccuracyReport
     from sheetsplat.accuracy import AccuracyRow as AccuracyRow
+    from sheetsplat.animation import Animation as Animation
+    from sheetsplat.animation import CameraPath as CameraPath
+    from sheetsplat.animation import animate as animate
+    from sheetsplat.animation import turntable as turntable
     from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
     from sheetsplat.ripple import lattice_ripple as lattice_ripple
     from sheetsplat.scene_file import SceneFile as SceneFile
@@ -53,7 +57,9 @@ __all__ = [
     "AccuracyReport",
     "AccuracyRow",
     "AmbientOcclusion",
+    "Animation",
     "Camera",
+    "CameraPath",
     "Cancelled",
     "Clip",
     "DepthCue",
@@ -87,6 +93,7 @@ __all__ = [
     "Viewer",
     "__version__",
     "accuracy",
+    "animate",
     "datasets",
     "fit",
     "io",
@@ -95,6 +102,7 @@ __all__ = [
     "open",
     "render",
     "resample_to_bcc",
+    "turntable",
     "view",
 ]
 
@@ -102,6 +110,10 @@ logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
 
 # Read when first asked for, so that importing the package stays quick.
 _LATE = {
+    "Animation": ("sheetsplat.animation", "Animation"),
+    "CameraPath": ("sheetsplat.animation", "CameraPath"),
+    "animate": ("sheetsplat.animation", "animate"),
+    "turntable": ("sheetsplat.animation", "turntable"),
     "AccuracyReport": ("sheetsplat.accuracy.report", "AccuracyReport"),
     "AccuracyRow": ("sheetsplat.accuracy.report", "AccuracyRow"),
     "SceneFile": ("sheetsplat.scene_file", "SceneFile"),

@@ -33,7 +33,7 @@ __all__ = [
 _LONGEST = 1200
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 # Packages whose modules have other names.
-_PACKAGES = {"PIL": "pillow", "flip_evaluator": "flip-evaluator", "nrrd": "pynrrd"}
+_PACKAGES = {"PIL": "pillow", "flip_evaluator": "flip-evaluator", "nrrd": "pynrrd", "imageio_ffmpeg": "imageio-ffmpeg"}
 # The extras of this package that install what it needs beside its dependencies.
 _EXTRAS = {
     "plot": ("matplotlib",),
@@ -42,6 +42,8 @@ _EXTRAS = {
     "pyvista": ("vtk", "vtkmodules", "pyvista"),
     "view": ("aiohttp",),
     "jupyter": ("anywidget", "traitlets"),
+    "video": ("imageio_ffmpeg",),
+    "distributed": ("distributed",),
 }
 _CONSTANTS = {"true": "True", "false": "False", "none": "None", "...": "..."}
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -300,6 +301,14 @@ class Image:
             return
         text = self._description() if metadata and target.suffix.lower() == ".png" else ""
         pictures.save_raster(self._raster(target.suffix.lower()), target, text)
+
+    def to_png(self, *, metadata: bool = True, texts: Mapping[str, str] = MappingProxyType({})) -> bytes:
+        """Return the bytes of the PNG that `save` writes, with further texts by their keywords."""
+        from sheetsplat.io.pictures import png_bytes
+        from sheetsplat.io.png_text import KEYWORD
+
+        own = {KEYWORD: text} if metadata and (text := self._description()) else {}
+        return png_bytes(self._raster(".png"), {**own, **texts})
 
     def _description(self) -> str:
         """Return the recipe as text, or "" with a warning where it has no text, or too long a one."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import secrets
 import stat
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -156,19 +157,34 @@ def _utf8_name(path: Path, handle: int) -> str:
     return str(path)
 
 
+def png_bytes(array: NDArray[Any], texts: Mapping[str, str]) -> bytes:
+    """Return gray levels, RGB or RGBA of 8 bits as a PNG with some texts by their keywords."""
+    from PIL import Image as PillowImage
+
+    stream = io.BytesIO()
+    PillowImage.fromarray(array).save(stream, format="PNG", pnginfo=_png_information(texts))
+    return stream.getvalue()
+
+
+def _png_information(texts: Mapping[str, str]) -> Any:
+    from PIL.PngImagePlugin import PngInfo
+
+    information = PngInfo()
+    for keyword, text in texts.items():
+        information.add_text(keyword, text)
+    return information
+
+
 def save_raster(array: NDArray[Any], path: Path, text: str = "") -> None:
     """Write gray levels, RGB or RGBA of 8 bits, or float32 (h, w), in the format of the suffix; whole or not at all.
 
     `text` goes into a PNG, under `png_text.KEYWORD`.
     """
     from PIL import Image as PillowImage
-    from PIL.PngImagePlugin import PngInfo
 
     form, options = _RASTERS[check_suffix(path, tuple(_RASTERS))]
     if text:
-        information = PngInfo()
-        information.add_text(KEYWORD, text)
-        options = {**options, "pnginfo": information}
+        options = {**options, "pnginfo": _png_information({KEYWORD: text})}
     with whole_file(path) as made:
         try:
             with made.open("r+b") as stream:

@@ -22,8 +22,8 @@ def is_png(path: Path) -> bool:
         return source.head(len(_SIGNATURE)) == _SIGNATURE
 
 
-def read_text(path: Path, most: int) -> str | None:
-    """Return the uncompressed text of `KEYWORD`, or None without one.
+def read_text(path: Path, most: int, keyword: str = KEYWORD) -> str | None:
+    """Return the uncompressed text of a keyword, or None without one.
 
     Nothing is decompressed, and no chunk is read before its length is checked. InvalidInput for files that are no PNG,
     that are cut off or damaged before or in the text, for more than `most` characters, and for more than one text.
@@ -41,18 +41,18 @@ def read_text(path: Path, most: int) -> str | None:
             length, kind = struct.unpack(">I4s", head)
             if kind == b"IEND":
                 return found
-            start = stream.read(min(length, len(KEYWORD) + 1))
-            if kind != b"tEXt" or start != KEYWORD.encode() + b"\0":
+            start = stream.read(min(length, len(keyword) + 1))
+            if kind != b"tEXt" or start != keyword.encode() + b"\0":
                 stream.seek(length - len(start) + 4, 1)
                 continue
             if found is not None:
-                raise complain(failed, f"two texts {KEYWORD!r}", "one")
+                raise complain(failed, f"two texts {keyword!r}", "one")
             if length - len(start) > most:
-                raise complain(failed, f"{length - len(start)} bytes of text {KEYWORD!r}", f"at most {most}")
+                raise complain(failed, f"{length - len(start)} bytes of text {keyword!r}", f"at most {most}")
             text, check = stream.read(length - len(start)), stream.read(4)
             if len(text) < length - len(start) or len(check) < 4:
-                raise complain(failed, f"the end of the file in the text {KEYWORD!r}", "a whole PNG")
+                raise complain(failed, f"the end of the file in the text {keyword!r}", "a whole PNG")
             if struct.unpack(">I", check)[0] != zlib.crc32(kind + start + text):
-                raise complain(failed, f"a wrong checksum of the text {KEYWORD!r}", "the text as it was written")
+                raise complain(failed, f"a wrong checksum of the text {keyword!r}", "the text as it was written")
             found = text.decode("latin-1")
     raise complain(failed, f"more than {_MOST_CHUNKS} chunks", "a picture")

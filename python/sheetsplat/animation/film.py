@@ -1,0 +1,378 @@
+"""Films: frames on demand, and their files."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import os
+import tempfile
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+
+from sheetsplat import _sheetsplat
+from sheetsplat._checks import shown, truth
+from sheetsplat.animation.drawing import Drawn, Form, Task, content_of, draw_elsewhere, rgb_of, settings_of
+from sheetsplat.animation.encoding import SUFFIXES, encoder, find_ffmpeg
+from sheetsplat.animation.folder import frames_there, make_folder, name_of
+from sheetsplat.animation.sources import MemoryStep, OneScene, Source
+from sheetsplat.animation.workers import Workers, cores
+from sheetsplat.camera import Camera
+from sheetsplat.errors import Cancelled, Unsupported, complain, option_ref, unusable
+from sheetsplat.image import Image
+from sheetsplat.io.pictures import check_folder, listed_suffixes, whole_file
+from sheetsplat.notices import warn
+from sheetsplat.options.film import client_of, rate_of, workers_of
+from sheetsplat.options.renderer import Progress
+from sheetsplat.recipe import Recipe
+from sheetsplat.renderer import Renderer
+
+# How many frames are drawn ahead of the one that is written, in frames for each process.
+_AHEAD = 2
+
+
+@dataclass(frozen=True)
+class SceneFrame:
+    """A frame that is drawn of a scene."""
+
+    source: Source | MemoryStep
+    camera: Camera
+
+
+@dataclass(frozen=True)
+class PictureFrame:
+    """A frame that a function of the caller draws."""
+
+    draw: Callable[[], Image]
+
+
+Frame = SceneFrame | PictureFrame
+
+
+class Animation(Sequence[Image]):
+    """A film: its frames are drawn when they are asked for, or written. Made by `turntable` and `animate`.
+
+    ``len(film)`` counts the frames, ``film[n]`` draws one, ``film[10:20]`` is a part of the film. A notebook shows it
+    as a video.
+
+    Parameters
+    ----------
+    frames
+        What each frame shows.
+    size
+        (width, height) in pixels.
+    renderer
+        Draws the frames.
+    fps
+        Pictures a second.
+    workers, client
+        What draws the frames that are written, unless `save` is told.
+    """
+
+    def __init__(
+        self,
+        frames: Sequence[Frame],
+        size: tuple[int, int],
+        renderer: Renderer,
+        *,
+        fps: float = 30.0,
+        workers: int | None = None,
+        client: Any = None,
+    ) -> None:
+        self._frames = tuple(frames)
+        self._size, self._renderer, self._fps = size, renderer, rate_of("Animation: fps", fps)
+        self._workers, self._client = workers_of("Animation: workers", workers), client_of("Animation: client", client)
+        self._made: tuple[MemoryStep | None, OneScene | None] = (None, None)
+        self._digests: dict[int, str] = {}
+        self._page = ""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self._size
+
+    @property
+    def fps(self) -> float:
+        """Pictures a second."""
+        return self._fps
+
+    @property
+    def renderer(self) -> Renderer:
+        """What draws the frames: one backend for all."""
+        return self._renderer
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """The camera of each frame; none where a function draws them."""
+        return tuple(one.camera for one in self._frames if isinstance(one, SceneFrame))
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self._frames)
+
+    @overload
+    def __getitem__(self, index: int) -> Image: ...
+    @overload
+    def __getitem__(self, index: slice) -> Animation: ...
+    def __getitem__(self, index: int | slice) -> Image | Animation:
+        """Return a frame as a picture, or a part of the film."""
+        if isinstance(index, slice):
+            options: Any = {"fps": self._fps, "workers": self._workers, "client": self._client}
+            return Animation(self._frames[index], self._size, self._renderer, **options)
+        return self._image(self._frames[index])
+
+    def __iter__(self) -> Iterator[Image]:
+        """Draw the frames one after the other."""
+        return map(self._image, self._frames)
+
+    def __repr__(self) -> str:
+        """Return a short description."""
+        width, height = self._size
+        return f"Animation({len(self)} frames, {width} x {height}, {self._fps:g} a second)"
+
+    # ------------------------------------------------------------------------------------------------------- drawing
+
+    def _source(self, frame: SceneFrame) -> Source:
+        """Return what makes the scene of a frame anywhere; the last data in memory are kept."""
+        if not isinstance(frame.source, MemoryStep):
+            return frame.source
+        step, made = self._made
+        if step is not frame.source or made is None:
+            made = frame.source.here()
+            self._made = frame.source, made
+        return made
+
+    def _image(self, frame: Frame, progress: Progress | None = None) -> Image:
+        if isinstance(frame, PictureFrame):
+            return frame.draw()
+        return self._renderer.render(self._source(frame).scene(), frame.camera, size=self._size, progress=progress)
+
+    def _mark(self, frame: Frame) -> str:
+        """Return what a PNG says about which frame it is: a digest of its data and of how it is made."""
+        if isinstance(frame, PictureFrame):
+            return ""
+        source = self._source(frame)
+        recipe = Recipe.of(source.template, frame.camera, self._size, self._renderer.settings)
+        key = id(source)
+        if key not in self._digests or isinstance(frame.source, MemoryStep):
+            self._digests[key] = source.digest()
+        text = f"{_sheetsplat.__version__}\n{self._digests[key]}\n{recipe.to_json()}"
+        return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+
+    def _task(self, number: int, form: Form, settings: Any, mark: str, *, metadata: bool) -> Task:
+        frame = self._frames[number]
+        camera = frame.camera if isinstance(frame, SceneFrame) else Camera.orthographic((0, 0, 1), (0, 0, 0), height=1)
+        return Task(number, camera, self._size, settings, form, mark, metadata)
+
+    def _drawn(
+        self, numbers: Sequence[int], form: Form, workers: int, client: Any, progress: Progress, *, metadata: bool
+    ) -> Iterator[tuple[int, bytes]]:
+        """Yield frames as bytes, in their order."""
+        here = client is None and workers == 1 or any(isinstance(self._frames[n], PictureFrame) for n in numbers)
+        settings = dict(self._renderer.settings)
+        if not here and client is None and settings["threads"] is None:
+            settings["threads"] = max(1, cores() // workers)
+        pairs = settings_of(Renderer(**settings))
+
+        def task(number: int) -> Task:
+            mark = self._mark(self._frames[number]) if form == "png" else ""
+            return self._task(number, form, pairs, mark, metadata=metadata)
+
+        if here:
+            yield from self._drawn_here(numbers, task, progress)
+            return
+        pool = Workers(min(workers, len(numbers))) if client is None and numbers else None
+        try:
+            yield from self._drawn_there(numbers, task, pool, client, workers, progress)
+        finally:
+            if pool is not None:
+                pool.close()
+
+    def _drawn_here(
+        self, numbers: Sequence[int], task: Callable[[int], Task], progress: Progress
+    ) -> Iterator[tuple[int, bytes]]:
+        for done, number in enumerate(numbers):
+            start, share = done / len(numbers), 1 / len(numbers)
+            image = self._image(self._frames[number], lambda part, a=start, b=share: progress(a + b * part))  # type: ignore[misc]
+            if image.size != self._size:
+                found = f"a picture of {image.size[0]} x {image.size[1]} pixels as frame {number}"
+                raise complain("the film cannot be written", found, f"{self._size[0]} x {self._size[1]}, as the first")
+            yield number, content_of(image, task(number))
+            _tell(progress, (done + 1) / len(numbers))
+
+    def _drawn_there(
+        self,
+        numbers: Sequence[int],
+        task: Callable[[int], Task],
+        pool: Workers | None,
+        client: Any,
+        workers: int,
+        progress: Progress,
+    ) -> Iterator[tuple[int, bytes]]:
+        ahead = _AHEAD * (workers if pool is not None else max(workers, _parallel(client)))
+        waiting: deque[tuple[int, Any]] = deque()
+        scattered: list[tuple[Source, Any]] = []
+        rest = iter(numbers)
+        done = 0
+        try:
+            while True:
+                while len(waiting) < ahead and (number := next(rest, None)) is not None:
+                    frame = self._frames[number]
+                    assert isinstance(frame, SceneFrame)
+                    source = self._source(frame)
+                    if pool is not None:
+                        future: Any = pool.submit(source, task(number))
+                    elif hasattr(client, "scatter"):
+                        if not scattered or scattered[0][0] is not source:
+                            scattered[:] = [(source, client.scatter(source))]
+                        future = client.submit(draw_elsewhere, scattered[0][1], task(number), pure=False)
+                    else:
+                        future = client.submit(draw_elsewhere, source, task(number))
+                    waiting.append((number, future))
+                if not waiting:
+                    return
+                number, future = waiting.popleft()
+                drawn: Drawn = future.result()
+                for words in drawn.notices:
+                    warn(words)
+                yield number, drawn.content
+                done += 1
+                _tell(progress, done / len(numbers))
+        finally:
+            for _, future in waiting:
+                future.cancel()
+
+    # ------------------------------------------------------------------------------------------------------- writing
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        fps: float | None = None,
+        workers: int | None = None,
+        client: Any = None,
+        progress: Progress | None = None,
+        overwrite: bool = False,
+        metadata: bool = True,
+    ) -> None:
+        """Write the film: a file that appears whole or not at all, or a folder of pictures.
+
+        A folder goes on where it stopped: frames of this film that are in it stay, and only the others are drawn. Each
+        PNG says of which data and options it is made; files of changed data, and other options, make another film.
+        Films of functions that draw their own pictures begin anew.
+
+        Parameters
+        ----------
+        path
+            .mp4 (H.264), .webm (VP9) or .gif; these need the extra ``video``. Or a folder, without a suffix, for
+            frame_0000.png and so on. Films have no transparency: they are over the background, or white; PNGs do. Odd
+            numbers of pixels of .mp4 and .webm are made even by a black edge.
+        fps
+            Pictures a second; the film's own unless given.
+        workers, client
+            What draws the frames, as for `turntable`.
+        progress
+            Called with the finished share, from 0 to 1; where it returns False, the film is given up.
+        overwrite
+            Replace frames of another film in a folder.
+        metadata
+            Whether each PNG says how it was made (`Image.save`).
+
+        Raises
+        ------
+        InvalidInput
+            For another suffix, and for a folder with anything but frames of this film.
+        Unsupported
+            Where imageio-ffmpeg is not installed.
+        Cancelled
+            Where `progress` returned False.
+        Error
+            Where the file cannot be written, and what drawing raises.
+        """
+        if not isinstance(path, str | os.PathLike) or "\0" in os.fsdecode(path) or not os.fsdecode(path):
+            raise complain(
+                "the film cannot be saved", shown(path), f"a folder, or a path with {listed_suffixes(SUFFIXES)}"
+            )
+        if not self._frames:
+            raise complain("the film cannot be saved", "no frames", "at least one")
+        if progress is not None and not callable(progress):
+            raise complain(unusable("Animation: progress"), shown(progress), "a function of one number, or None")
+        target = Path(os.fsdecode(path))
+        rate = self._fps if fps is None else rate_of("Animation: fps", fps)
+        count = self._workers if workers is None else workers_of("Animation: workers", workers)
+        chosen = self._client if client is None else client_of("Animation: client", client)
+        # A number of processes wins over the client of the film.
+        chosen = None if client is None and workers is not None else chosen
+        call: Progress = (lambda share: None) if progress is None else progress
+        if target.suffix.lower() in SUFFIXES and not target.is_dir():
+            self._save_video(target, rate, count, chosen, call)
+        elif target.suffix == "" or target.is_dir():
+            self._save_folder(
+                target, count, chosen, call, overwrite=truth("Animation: overwrite", overwrite), metadata=metadata
+            )
+        else:
+            wanted = f"{', '.join(SUFFIXES)}, or a folder"
+            raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", wanted)
+
+    def _save_video(self, path: Path, fps: float, workers: int, client: Any, progress: Progress) -> None:
+        check_folder(path)
+        find_ffmpeg(path)
+        with encoder(path, self._size, fps) as film:
+            for _, frame in self._drawn(range(len(self)), "rgb", workers, client, progress, metadata=False):
+                film.write(frame)
+
+    def _save_folder(
+        self, folder: Path, workers: int, client: Any, progress: Progress, *, overwrite: bool, metadata: bool
+    ) -> None:
+        make_folder(folder)
+        there = frames_there(folder, len(self), lambda number: self._mark(self._frames[number]), overwrite=overwrite)
+        rest = [number for number in range(len(self)) if number not in there]
+        for number, content in self._drawn(rest, "png", workers, client, progress, metadata=metadata):
+            with whole_file(folder / name_of(number)) as made:
+                made.write_bytes(content)
+
+    # ------------------------------------------------------------------------------------------------------ notebooks
+
+    def _repr_html_(self) -> str:
+        """Return the film for a notebook: a video, or without imageio-ffmpeg an animated picture."""
+        if not self._page:
+            width, height = self._size
+            try:
+                find_ffmpeg(Path("film.mp4"))
+            except Unsupported:
+                content = base64.b64encode(self._webp()).decode()
+                self._page = f'<img width="{width}" height="{height}" src="data:image/webp;base64,{content}">'
+            else:
+                with tempfile.TemporaryDirectory() as folder:
+                    film = Path(folder) / "film.mp4"
+                    self.save(film)
+                    content = base64.b64encode(film.read_bytes()).decode()
+                source = f'<source type="video/mp4" src="data:video/mp4;base64,{content}">'
+                self._page = f'<video controls autoplay loop muted playsinline width="{width}">{source}</video>'
+        return self._page
+
+    def _webp(self) -> bytes:
+        from PIL import Image as Pillow
+
+        frames = [Pillow.fromarray(np.ascontiguousarray(rgb_of(one))) for one in self]
+        stream = io.BytesIO()
+        duration = round(1000 / self._fps)
+        frames[0].save(stream, "WEBP", save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=90)
+        return stream.getvalue()
+
+
+def _tell(progress: Progress, share: float) -> None:
+    if progress(share) is False:
+        raise complain("the film was given up", option_ref("progress") + " returned False", kind=Cancelled)
+
+
+def _parallel(client: Any) -> int:
+    """Return how many frames a client draws at once, as far as it says."""
+    if hasattr(client, "ncores"):
+        return max(1, sum(client.ncores().values()))
+    return int(getattr(client, "_max_workers", 0) or cores())

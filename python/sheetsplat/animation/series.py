@@ -1,0 +1,143 @@
+"""One look for all steps of a time series, and one backend for all frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat import api
+from sheetsplat.animation.sources import SharedLook
+from sheetsplat.animation.steps import Steps
+from sheetsplat.camera import Camera
+from sheetsplat.fields import Field, RegularField
+from sheetsplat.framing import compose_camera, fitting_depth_cue
+from sheetsplat.look.decades import in_decades
+from sheetsplat.look.strays import without_strays
+from sheetsplat.notices import muted
+from sheetsplat.options.camera import CameraOptions
+from sheetsplat.options.core import definitions, pick, pick_given
+from sheetsplat.options.data import OpenOptions
+from sheetsplat.options.picture import LookOptions
+from sheetsplat.quality.choose import Choice
+from sheetsplat.renderer import Renderer
+from sheetsplat.scene import Scene
+
+#: How many steps are looked at.
+LOOKED_AT = 8
+_KERNEL = ("radius", "falloff", "prefilter")
+
+
+def settled(picture: api.Prepared) -> tuple[Scene, Renderer]:
+    """Return the scene and the renderer of all frames of a film: what the renderer chooses, it has chosen once."""
+    scene, renderer = picture.scene, picture.renderer
+    settings = dict(renderer.settings)
+    if renderer.max_error is not None or renderer.max_seconds is not None:
+        image = renderer.render(scene, picture.camera, size=picture.size)
+        settings |= {**image.recipe.renderer, "max_error": None, "max_seconds": None}
+        options = image.recipe.options
+        changes = {name: one for name, one in options.items() if one != scene.options[name]}
+        scene = scene.replace(**changes).with_quality(scene.quality)
+    elif settings["backend"] == "auto":
+        settings["backend"] = renderer.plan(scene, picture.camera, picture.size).backend
+    same = settings == dict(renderer.settings)
+    return scene, renderer if same else Renderer(**settings)
+
+
+def _numbers(count: int) -> list[int]:
+    return sorted({round(n) for n in np.linspace(0, count - 1, min(count, LOOKED_AT))})
+
+
+def _alike(fields: Sequence[Field]) -> list[RegularField] | None:
+    """Return volumes on one lattice, None where there is anything else."""
+    volumes = [one for one in fields if isinstance(one, RegularField)]
+    places = {(one.shape, one.spacing, one.origin, one.lattice) for one in volumes}
+    return volumes if len(volumes) == len(fields) and len(places) == 1 else None
+
+
+def _mixed(volumes: Sequence[RegularField]) -> RegularField:
+    """Return a volume each of whose samples is of another step in turn: its histogram is that of all of them."""
+    k, j, i = np.ogrid[tuple(slice(size) for size in volumes[0].shape)]
+    turn = (k + j + i) % len(volumes)
+    kind = np.result_type(*(one.values.dtype for one in volumes))
+    mixed: NDArray[Any] = np.empty(volumes[0].shape, kind)
+    for number, one in enumerate(volumes):
+        np.copyto(mixed, one.values, where=turn == number, casting="unsafe")
+    return volumes[0].replace(mixed)
+
+
+def _largest(volumes: Sequence[RegularField]) -> RegularField:
+    """Return the largest sample of all steps at each place, which is where anything is seen."""
+    peak = np.array(volumes[0].values)
+    for one in volumes[1:]:
+        peak = np.fmax(peak, one.values)
+    return volumes[0].replace(peak)
+
+
+def one_look(
+    steps: Steps, options: dict[str, Any], camera: Camera | None
+) -> tuple[SharedLook, Camera, tuple[int, int], Renderer]:
+    """Return what all steps share, the camera, the size and the renderer.
+
+    Volumes on one lattice are looked at together: range and opacity by the samples of all of them, the camera by the
+    largest sample at each place. Of other data the range is that of the step with the widest one, and the camera shows
+    all steps that are looked at.
+    """
+    of_data = {name: one for name, one in options.items() if name in definitions(OpenOptions) and name != "quality"}
+    rest = {name: one for name, one in options.items() if name not in of_data}
+    looked = [steps[number] for number in _numbers(len(steps))]
+    middle = looked[len(looked) // 2]
+    if isinstance(middle, Scene):
+        # The caller chose the look; the camera is that of the middle.
+        picture = api.prepare(middle, **rest, **({} if camera is None else {"camera": camera}))
+        scene, renderer = settled(picture)
+        return SharedLook(scene, {}), picture.camera, picture.size, renderer
+    look = pick_given(LookOptions, options)
+    made = [isinstance(one, Field) for one in looked]
+    with muted():
+        fields = [api.to_fields(one, **of_data) for one in looked]
+    if any(len(one) > 1 for one in fields):
+        picture = api.prepare(fields[len(fields) // 2], **rest, **({} if camera is None else {"camera": camera}))
+        scene, renderer = settled(picture)
+        return SharedLook(scene, of_data), picture.camera, picture.size, renderer
+    alone = [one[0] for one in fields]
+    volumes = _alike(alone)
+    shared = _mixed(volumes) if volumes is not None else max(alone, key=_width)
+    shared = in_decades([shared], look, options.get("log"))[0]
+    floor = shared.quantity.floor if shared.quantity.floor != alone[0].quantity.floor else None
+    shared = without_strays([shared], look, framed=False)[0]
+    kernel = _kernel(shared, alone[len(alone) // 2], options, made=all(made))
+    if kernel is not None and isinstance(shared, RegularField):
+        shared = shared.replace(**kernel)
+    if camera is not None:
+        rest["camera"] = camera
+    picture = api.prepare(shared, **{**rest, "log": False})
+    scene = picture.scene
+    seen = picture.camera
+    if camera is None:
+        opened = SharedLook(scene, {}, kernel, floor, look)
+        with muted():
+            everything = [_largest(volumes)] if volumes is not None else alone
+            shown = [opened.of(one).fields[0] for one in everything]
+            seen = compose_camera(scene.replace(field=shown), picture.size, **pick(CameraOptions, options))
+        if options.get("depth_cue") == "auto":
+            scene = scene.replace(depth_cue=fitting_depth_cue(scene, seen)).with_quality(scene.quality)
+    scene, renderer = settled(api.Prepared(scene, seen, picture.size, picture.renderer))
+    return SharedLook(scene, of_data, kernel, floor, look), seen, picture.size, renderer
+
+
+def _width(field: Field) -> float:
+    low, high = field.value_range
+    return high - low
+
+
+def _kernel(shared: Field, step: Field, options: dict[str, Any], *, made: bool) -> dict[str, Any] | None:
+    """Return the kernels of all volumes, as the quality finds them for one step; None: as they are."""
+    if made or not isinstance(shared, RegularField) or not isinstance(step, RegularField):
+        return None
+    found = Choice("render", {name: one for name, one in options.items() if name != "filter"}).kernel(step)
+    return {name: getattr(found, name) for name in _KERNEL} | (
+        {} if found.prefilter else {"normalization": found.normalization}
+    )

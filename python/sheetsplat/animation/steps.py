@@ -1,0 +1,115 @@
+"""The steps of a time series: files, data in memory, a time axis of an array, or what a function returns."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Hashable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sheetsplat._checks import shown
+from sheetsplat._objects import kind_of_object
+from sheetsplat.errors import complain, option_ref
+from sheetsplat.fields import Field
+from sheetsplat.scene import Scene
+from sheetsplat.scene_file import SceneFile
+
+_TIME = ("time", "t", "step", "frame", "timestep", "date", "member")
+_WANTED = "a sequence of files or data, an array (t, k, j, i), a DataArray with a time axis, or a function"
+
+
+class Steps:
+    """Data by the number of the step; each is made when it is asked for, and the first one is kept."""
+
+    def __init__(self, count: int, get: Callable[[int], Any], *, is_series: bool = True) -> None:
+        self._count, self._get = count, get
+        self.is_series = is_series
+
+    @classmethod
+    def of_function(cls, function: Callable[[int], Any], first: Any, count: int) -> Steps:
+        """Return the steps of a function, whose first result is known."""
+        return cls(count, lambda number: first if number == 0 else function(number))
+
+    def __len__(self) -> int:
+        """Return the number of steps."""
+        return self._count
+
+    def __getitem__(self, number: int) -> Any:
+        """Return the data of a step."""
+        return self._get(number)
+
+    def path(self, number: int) -> Path | None:
+        """Return the file of a step, absolute, where it is one; functions are not asked."""
+        return None
+
+
+class _Listed(Steps):
+    """Steps that are known beforehand."""
+
+    def __init__(self, data: Sequence[Any], *, is_series: bool = True) -> None:
+        super().__init__(len(data), data.__getitem__, is_series=is_series)
+
+    def path(self, number: int) -> Path | None:
+        one = self[number]
+        return Path(os.path.abspath(one)) if isinstance(one, str | os.PathLike) else None
+
+
+def steps_of(data: Any, scalar: str | None) -> Steps:
+    """Return the steps of anything but a function; `scalar`: the variable of a Dataset."""
+    if isinstance(data, str | os.PathLike | Field | Scene | SceneFile):
+        return _Listed([data], is_series=False)
+    kind = kind_of_object(data)
+    if kind is not None and kind.name in ("the DataArray", "the Dataset"):
+        return _of_xarray(data, scalar)
+    if kind is None and isinstance(data, list | tuple):
+        if not data:
+            raise complain("the film cannot be made", "no data", "at least one step")
+        return _Listed(data)
+    sizes = getattr(data, "ndim", None)
+    if sizes == 4:
+        array = data
+        return Steps(len(array), lambda number: array[number])
+    if kind is not None or isinstance(sizes, int) or callable(getattr(data, "field", None)):
+        return _Listed([data], is_series=False)
+    try:
+        return _Listed(list(data))
+    except TypeError:
+        raise complain("the film cannot be made", f"{type(data).__name__}, {shown(data)}", _WANTED) from None
+
+
+def _of_xarray(data: Any, scalar: str | None) -> Steps:
+    """Return the steps along the time axis of a DataArray, or of a variable of a Dataset."""
+    if not hasattr(data, "dims") or hasattr(data, "data_vars"):
+        known = [name for name, one in data.data_vars.items() if one.ndim >= 3]
+        chosen = scalar if scalar is not None else known[0] if len(known) == 1 else None
+        if chosen not in data.data_vars:
+            found = ", ".join(map(str, known)) or "no variable of three dimensions"
+            raise complain(
+                "the film cannot be made of the Dataset", found, "one of them", "pass " + option_ref("scalar", "...")
+            )
+        data = data[chosen]
+    if data.ndim <= 3:
+        return _Listed([data], is_series=False)
+    axis = _time_axis(data)
+    return Steps(data.sizes[axis], lambda number: data.isel({axis: number}))
+
+
+def _time_axis(array: Any) -> Hashable:
+    """Return the dimension that is time: by name, attribute or type of its coordinate; else the first of four."""
+    for name in array.dims:
+        coordinate = array.coords[name] if name in array.coords else None
+        told = {} if coordinate is None else coordinate.attrs
+        words = {str(name).lower(), str(told.get("standard_name", "")).lower()}
+        is_date = coordinate is not None and np.asarray(coordinate.values).dtype.kind in "mM"
+        if words.intersection(_TIME) or str(told.get("axis", "")).upper() == "T" or is_date:
+            found: Hashable = name
+            return found
+    if array.ndim == 4:
+        first: Hashable = array.dims[0]
+        return first
+    sizes = ", ".join(f"{name} {size}" for name, size in array.sizes.items())
+    raise complain(
+        "the film cannot be made of the DataArray", sizes, "a dimension named time", "rename one, .rename(d0='time')"
+    )

@@ -16,6 +16,7 @@ from sheetsplat.cli.plan import command as plan_command
 from sheetsplat.cli.render import command as render_command
 from sheetsplat.options.core import MODES, SCALAR, choices_of, definitions
 from sheetsplat.options.data import OpenOptions
+from sheetsplat.options.film import AnimateOptions, TurntableOptions
 from sheetsplat.options.page import page
 from sheetsplat.options.picture import LookOptions, RenderOptions, unused
 from sheetsplat.options.renderer import RendererClassOptions
@@ -29,6 +30,8 @@ TAKERS = [
     (ss.open, OpenOptions),
     (ss.Scene, SceneOptions),
     (ss.Renderer, RendererClassOptions),
+    (ss.turntable, TurntableOptions),
+    (ss.animate, AnimateOptions),
 ]
 
 

@@ -64,7 +64,7 @@ class Drawn:
 
 @lru_cache(maxsize=2)
 def _renderer(settings: tuple[tuple[str, Any], ...]) -> Renderer:
-    plain = {name: dict(value) if name == "effects" else value for name, value in settings}
+    plain: dict[str, Any] = {name: dict(value) if name == "effects" else value for name, value in settings}
     return Renderer(**plain)
 
 

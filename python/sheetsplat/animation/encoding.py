@@ -69,7 +69,8 @@ def nameless_file(path: Path) -> Iterator[str]:
         yield f"/proc/{os.getpid()}/fd/{handle}"
         # A name of its own first: only a renaming replaces a file.
         named = target.with_name(f".{secrets.token_hex(8)}{path.suffix}")
-        os.link(f"/proc/self/fd/{handle}", named, follow_symlinks=True)
+        # Python follows the link to the file only where a folder is given, which an absolute path does not need.
+        os.link(f"/proc/self/fd/{handle}", named, src_dir_fd=handle, follow_symlinks=True)
         try:
             named.replace(target)
         except OSError:

@@ -374,5 +374,5 @@ def _tell(progress: Progress, share: float) -> None:
 def _parallel(client: Any) -> int:
     """Return how many frames a client draws at once, as far as it says."""
     if hasattr(client, "ncores"):
-        return max(1, sum(client.ncores().values()))
+        return max(1, int(sum(client.ncores().values())))
     return int(getattr(client, "_max_workers", 0) or cores())

@@ -76,8 +76,8 @@ class CameraPath:
 
     def _interpolated(self) -> tuple[bool, Any, Any, Any]:
         """Return whether the target is fixed, and the interpolators of position, rotation and lengths."""
-        from scipy.interpolate import CubicSpline, PchipInterpolator
-        from scipy.spatial.transform import Rotation, RotationSpline
+        from scipy.interpolate import CubicSpline, PchipInterpolator  # type: ignore[import-untyped]
+        from scipy.spatial.transform import Rotation, RotationSpline  # type: ignore[import-untyped]
 
         keys, times = list(self._keys), self._times
         if self._closed:
@@ -92,6 +92,7 @@ class CameraPath:
         around = bool(np.ptp(targets, axis=0).max() <= _SAME_TARGET * distances.max())
         axes = [np.array(one.world_axes()).T for one in keys]
         turns = RotationSpline(times, Rotation.from_matrix(np.array(axes)))
+        lengths: list[tuple[float, ...]]
         if keys[0].kind == "orthographic":
             lengths = [(distance, one.height) for distance, one in zip(distances, keys, strict=True)]
         else:

@@ -87,11 +87,12 @@ def one_look(
     """
     of_data = {name: one for name, one in options.items() if name in definitions(OpenOptions) and name != "quality"}
     rest = {name: one for name, one in options.items() if name not in of_data}
+    placed: dict[str, Any] = {} if camera is None else {"camera": camera}
     looked = [steps[number] for number in _numbers(len(steps))]
     middle = looked[len(looked) // 2]
     if isinstance(middle, Scene):
         # The caller chose the look; the camera is that of the middle.
-        picture = api.prepare(middle, **rest, **({} if camera is None else {"camera": camera}))
+        picture = api.prepare(middle, **rest, **placed)
         scene, renderer = settled(picture)
         return SharedLook(scene, {}), picture.camera, picture.size, renderer
     look = pick_given(LookOptions, options)
@@ -99,7 +100,7 @@ def one_look(
     with muted():
         fields = [api.to_fields(one, **of_data) for one in looked]
     if any(len(one) > 1 for one in fields):
-        picture = api.prepare(fields[len(fields) // 2], **rest, **({} if camera is None else {"camera": camera}))
+        picture = api.prepare(fields[len(fields) // 2], **rest, **placed)
         scene, renderer = settled(picture)
         return SharedLook(scene, of_data), picture.camera, picture.size, renderer
     alone = [one[0] for one in fields]
@@ -111,9 +112,7 @@ def one_look(
     kernel = _kernel(shared, alone[len(alone) // 2], options, made=all(made))
     if kernel is not None and isinstance(shared, RegularField):
         shared = shared.replace(**kernel)
-    if camera is not None:
-        rest["camera"] = camera
-    picture = api.prepare(shared, **{**rest, "log": False})
+    picture = api.prepare(shared, **{**rest, **placed, "log": False})
     scene = picture.scene
     seen = picture.camera
     if camera is None:

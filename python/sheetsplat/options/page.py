@@ -5,6 +5,7 @@ from __future__ import annotations
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, Option, definitions, in_python
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
+from sheetsplat.options.film import FilmOptions, TurnOptions
 from sheetsplat.options.look import TransferOptions
 from sheetsplat.options.picture import ObjectOptions, PictureOptions
 from sheetsplat.options.quality import QualityOptions
@@ -22,6 +23,8 @@ what they do to the picture.
 
 An option with modes in its last column has a meaning in these modes only: the command line refuses it in others, and
 `sheetsplat.render` logs a warning, or raises an error where the scene itself does not allow it.
+
+`sheetsplat.turntable` and `sheetsplat.animate` take all of them but `outputs` and `progress`, and those of films.
 
 This page is made from the definitions in `sheetsplat/options`:
 `python -m sheetsplat.options.page > python/docs/options.md`.
@@ -41,6 +44,8 @@ _GROUPS: tuple[tuple[str, tuple[type, ...]], ...] = (
     ("Files", (FileOptions,)),
     ("Positions of samples", (PlacementOptions,)),
     ("Kernels", (KernelOptions,)),
+    ("Films", (FilmOptions,)),
+    ("Turntables", (TurnOptions,)),
 )
 
 

@@ -1,0 +1,82 @@
+"""sheetsplat animate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from sheetsplat.cli.films import film_options, write
+from sheetsplat.cli.output import check_outputs
+from sheetsplat.cli.scene import given_keywords
+from sheetsplat.options.film import MOST_FRAMES
+
+if TYPE_CHECKING:
+    from sheetsplat.animation import Animation
+    from sheetsplat.camera import Camera
+
+
+def _camera_of(path: Path) -> Camera:
+    """Return the camera of a picture that says how it was made, or of a scene file with an eye."""
+    from sheetsplat.cli.scene import is_scene_file
+    from sheetsplat.recipe import Recipe
+    from sheetsplat.scene_file import SceneFile
+
+    if not is_scene_file(path):
+        return Recipe.read(path).camera
+    scene = SceneFile.read(path)
+    return scene.camera if scene.camera is not None else scene.prepare().camera
+
+
+@click.command("animate")
+@click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option(
+    "--frames",
+    type=click.IntRange(1, MOST_FRAMES),
+    help="Number of frames, over which the files are spread evenly.  [default: as many as there are files]",
+)
+@click.option(
+    "--key",
+    "keys",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    help="A picture (.png) or scene file (.toml) whose camera is a key frame; repeated, the camera moves smoothly "
+    "through them, in their order.",
+)
+@film_options
+def command(
+    files: tuple[Path, ...],
+    output: Path,
+    frames: int | None,
+    keys: tuple[Path, ...],
+    fps: float,
+    as_json: bool,
+    quiet: bool,
+    **options: Any,
+) -> None:
+    r"""Write a film of a time series, FILES in their order, with one look for all; or of one file and a moving camera.
+
+    Range, opacity, quality, camera and backend are decided once, by up to eight of the files from the first to the
+    last. A folder goes on where it stopped.
+
+    \b
+    Examples:
+      sheetsplat animate run/step*.nrrd -o run.mp4 --fps 12
+      sheetsplat animate head.nrrd -o flight.mp4 --frames 120 --key front.png --key side.png --key top.toml
+    """
+    from sheetsplat.animation import animate
+
+    check_outputs([output], [*dict.fromkeys([*files, *keys])])
+    of_film = {"scheduler": options.pop("scheduler"), "workers": options.pop("workers")}
+    of_film["overwrite"] = options.pop("overwrite")
+    keywords = given_keywords(options)
+    if len(files) == 1 and frames is None:
+        raise click.UsageError("one file stays the same; give --frames, and --key for a camera that moves")
+
+    def film() -> Animation:
+        camera = [_camera_of(path) for path in keys] or None
+        data = files[0] if len(files) == 1 else list(files)
+        return animate(data, frames, fps=fps, camera=camera, **keywords)
+
+    write(film, output, files[0].name, of_film, as_json=as_json, quiet=quiet)

@@ -60,6 +60,12 @@ class Animation(Sequence[Image]):
     ``len(film)`` counts the frames, ``film[n]`` draws one, ``film[10:20]`` is a part of the film. A notebook shows it
     as a video.
 
+    >>> film = ss.turntable(values, frames=4, size=32)
+    >>> film[2].size
+    (32, 32)
+    >>> film[1:3]
+    Animation(2 frames, 32 x 32, 30 a second)
+
     Parameters
     ----------
     frames

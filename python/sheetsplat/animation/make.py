@@ -44,7 +44,10 @@ def turntable(data: Any, **options: Unpack[TurntableOptions]) -> Animation:
     Range, opacity, quality and backend are decided once. The camera is as near as it can be with nothing cut off from
     any side.
 
-    >>> ss.turntable("head.nrrd").save("head.mp4")
+    >>> film = ss.turntable(values, frames=3, size=32)
+    >>> len(film)
+    3
+    >>> film.save("frames")  # or "film.mp4"
 
     Parameters
     ----------
@@ -103,9 +106,13 @@ def animate(function_or_sequence: Any, frames: int | None = None, **options: Unp
     A series has one look: range, opacity, quality, camera and backend are decided once, by up to eight of its steps
     from the first to the last, and hold for all.
 
-    >>> ss.animate(sorted(Path("run").glob("*.nrrd"))).save("run.mp4")
-    >>> ss.animate("head.nrrd", 120, camera=[front, side, top]).save("flight.mp4")
-    >>> ss.animate(lambda n: ss.render(data, clim=(0, 10 + n)), 60).save("range.gif")
+    >>> series = ss.animate([values, 0.5 * values], clim=(0, 1), size=32)  # arrays, or the paths of files
+    >>> front = ss.Camera.fit(scene, "-x", "z")
+    >>> side = ss.Camera.fit(scene, "-y", "z")
+    >>> flight = ss.animate(scene, 20, camera=[front, side], size=32)
+    >>> widths = ss.animate(lambda n: ss.render(values, clim=(0, 1 + n), size=32), 2)
+    >>> len(series), len(flight), len(widths)
+    (2, 20, 2)
 
     Parameters
     ----------

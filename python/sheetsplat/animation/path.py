@@ -29,6 +29,11 @@ class CameraPath:
     are interpolated, and key frames on a circle give a circle. Heights of orthographic cameras, distances and angles of
     view change monotonically between keys, by their logarithms.
 
+    >>> keys = [ss.Camera.fit(scene, direction, "z") for direction in ("-x", "-y")]
+    >>> path = ss.CameraPath(keys)
+    >>> path.cameras(3)[2] == keys[1]
+    True
+
     Parameters
     ----------
     keys

@@ -19,6 +19,8 @@ void register_plan(py::module_& module) {
         .def_property_readonly("slice_spacing", [](const RenderPlan& plan) { return plan.slice_spacing; })
         .def_property_readonly("first_slice", [](const RenderPlan& plan) { return plan.first_slice; })
         .def_property_readonly("slices", [](const RenderPlan& plan) { return plan.slices; })
+        .def_property_readonly("first_depth", [](const RenderPlan& plan) { return plan.first_depth; })
+        .def_property_readonly("cut_by_near", [](const RenderPlan& plan) { return plan.cut_by_near; })
         .def_property_readonly("memory", [](const RenderPlan& plan) { return plan.memory; })
         .def_property_readonly("device", [](const RenderPlan& plan) { return plan.device; })
         .def_property_readonly(

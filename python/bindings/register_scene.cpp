@@ -3,6 +3,8 @@
 #include <tuple>
 #include <vector>
 
+#include <pybind11/numpy.h>
+
 #include "convert.hpp"
 #include "registrars.hpp"
 #include "sheetsplat/scene.hpp"
@@ -89,6 +91,17 @@ Scene make_scene(const std::vector<OwnLook>& groups, std::optional<double> slice
     return scene;
 }
 
+/// depths: (h, w).
+Scene with_depth_limit(const Scene& scene,
+                       const py::array_t<double, py::array::c_style | py::array::forcecast>& depths) {
+    const py::buffer_info info = depths.request();
+    const auto* first = static_cast<const double*>(info.ptr);
+    const Size size{static_cast<int>(info.shape.at(1)), static_cast<int>(info.shape.at(0))};
+    Scene limited = scene;
+    limited.depth_limit = DepthLimit(size, std::vector<double>(first, first + info.size));
+    return limited;
+}
+
 } // namespace
 
 void register_scene(py::module_& module) {
@@ -109,6 +122,7 @@ void register_scene(py::module_& module) {
              py::arg("opacity_stop"), py::arg("preintegration"), py::arg("background"), py::arg("filter"),
              py::arg("second_order"), py::arg("gradient"), py::arg("clip"), py::arg("gradient_opacity"),
              py::arg("depth_cue"), py::arg("shadows"), py::arg("ambient_occlusion"))
+        .def("with_depth_limit", &with_depth_limit, py::arg("depths"))
         .def_property_readonly("slice_distance", &Scene::slice_distance)
         .def_property_readonly("reference_distance", &Scene::reference_distance)
         .def_property_readonly("centres", [](const Scene& scene) { return to_corners(scene.centres_world()); });

@@ -252,7 +252,7 @@ class Prepared:
     ----------
     scene, camera, size, renderer
         What `Renderer.render` takes, and the renderer that draws it.
-    outputs, progress
+    outputs, progress, depth_limit
         As given.
     """
 
@@ -262,11 +262,12 @@ class Prepared:
     renderer: Renderer
     outputs: tuple[Output, ...] = ()
     progress: Progress | None = None
+    depth_limit: ArrayLike | None = None
 
     def render(self) -> Image:
         """Return the picture; raises what `Renderer.render` does."""
         return self.renderer.render(
-            self.scene, self.camera, size=self.size, outputs=self.outputs, progress=self.progress
+            self.scene, self.camera, self.size, self.outputs, self.progress, depth_limit=self.depth_limit
         )
 
 
@@ -295,7 +296,7 @@ def prepare(data: Data | Dataset | BccVolume | Scene | Opened, **options: Unpack
     scene = quality.finished(scene, camera, size)
     if renderer is None:
         renderer = Renderer(**pick(RendererOptions, options))
-    return Prepared(scene, camera, size, renderer, outputs, picture["progress"])
+    return Prepared(scene, camera, size, renderer, outputs, picture["progress"], picture["depth_limit"])
 
 
 @documented(RenderOptions, chooses=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, Literal
@@ -14,6 +15,7 @@ from sheetsplat._checks import (
     Triple,
     Vector,
     choice,
+    image_size,
     measurable,
     number,
     optional_number,
@@ -23,7 +25,7 @@ from sheetsplat._checks import (
 from sheetsplat._checks import (
     direction as axis_or_vector,
 )
-from sheetsplat.errors import complain
+from sheetsplat.errors import Unsupported, complain
 from sheetsplat.fields import Field, joined_bounds
 
 Kind = Literal["orthographic", "perspective"]
@@ -53,8 +55,30 @@ def bounds_of(thing: object) -> Bounds:
     return triple("bounds", corners[0]), triple("bounds", corners[1])
 
 
+def _refuse_distorted(camera: Any) -> None:
+    """Raise Unsupported for a camera of VTK whose pictures are not those of an eye, a target and an angle."""
+    transform = camera.GetModelTransformMatrix()
+    moved = any(transform.GetElement(i, j) != float(i == j) for i in range(4) for j in range(4))
+    distortions = {
+        "a model transform": moved,
+        "a window centre": tuple(camera.GetWindowCenter()) != (0.0, 0.0),
+        "a shear": tuple(camera.GetViewShear()) != (0.0, 0.0, 1.0),
+        "a projection matrix of its own": bool(camera.GetUseExplicitProjectionTransformMatrix()),
+        "an off-axis projection": bool(camera.GetUseOffAxisProjection()),
+    }
+    found = [name for name, there in distortions.items() if there]
+    if found:
+        raise complain(
+            "Camera.from_pyvista: this camera has no counterpart",
+            f"a camera with {', '.join(found)}",
+            "position, focal point, up, and an angle or a parallel scale",
+            "leave them out",
+            kind=Unsupported,
+        )
+
+
 class Camera:
-    """Position and projection of the view. Immutable; made by `orthographic`, `perspective` or `fit`.
+    """Position and projection of the view. Immutable; made by `orthographic`, `perspective`, `fit` or `from_pyvista`.
 
     The camera looks from eye to target; lengths are world units, angles degrees.
 
@@ -70,7 +94,9 @@ class Camera:
     native: _sheetsplat.Camera
 
     def __init__(self) -> None:
-        raise TypeError("a Camera is made by Camera.orthographic, Camera.perspective or Camera.fit")
+        raise TypeError(
+            "a Camera is made by Camera.orthographic, Camera.perspective, Camera.fit or Camera.from_pyvista"
+        )
 
     @classmethod
     def _by(cls, maker: str, **arguments: Any) -> Camera:
@@ -192,6 +218,45 @@ class Camera:
             margin=number("Camera: margin", margin),
             fov_y=number("Camera: fov_y", fov_y),
         )
+
+    @classmethod
+    def from_pyvista(cls, plotter: Any, size: tuple[int, int] | None = None) -> Camera:
+        """Return the camera of a plotter of PyVista: pictures of both show every point at the same pixel.
+
+        The plotter's own clipping range is left out: it follows from the surfaces alone. A camera that was not placed
+        yet is placed as the plotter's first picture would place it.
+
+        Parameters
+        ----------
+        plotter
+            A ``pyvista.Plotter``, or a camera of PyVista or VTK.
+        size
+            (width, height) of the picture in pixels; it matters only where the camera holds a horizontal angle. The
+            size of the plotter's window unless given.
+
+        Raises
+        ------
+        InvalidInput
+            For anything else.
+        Unsupported
+            For what this camera does not have: a model transform, a window centre, a shear, a projection matrix.
+        """
+        source = getattr(plotter, "camera", plotter)
+        if not hasattr(source, "GetParallelProjection"):
+            raise complain("Camera.from_pyvista: there is no camera", shown(plotter), "a plotter of PyVista")
+        renderer = getattr(plotter, "renderer", None)
+        if renderer is not None and not source.is_set:
+            renderer.camera_position = renderer.get_default_cam_pos()
+            renderer.ResetCamera()
+        _refuse_distorted(source)
+        placed = source.GetPosition(), source.GetFocalPoint(), source.GetViewUp()
+        if source.GetParallelProjection():
+            return cls.orthographic(*placed, height=2.0 * source.GetParallelScale())
+        angle = source.GetViewAngle()
+        if source.GetUseHorizontalViewAngle():
+            width, height = image_size(getattr(plotter, "window_size", None) if size is None else size)
+            angle = 2.0 * math.degrees(math.atan(math.tan(0.5 * math.radians(angle)) * height / width))
+        return cls.perspective(*placed, fov_y=angle)
 
     @property
     def kind(self) -> str:

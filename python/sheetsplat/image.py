@@ -10,12 +10,13 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from sheetsplat import _sheetsplat, pixels
-from sheetsplat._checks import shown
+from sheetsplat._checks import numbers, shown
 from sheetsplat.camera import Camera
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, unusable
+from sheetsplat.limits import Depths
 from sheetsplat.notices import warn
 from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
@@ -100,8 +101,8 @@ class Image:
     """
 
     __slots__ = (
-        *("_coverage", "_depth", "_error", "_estimate", "_plan", "_recipe", "_rgba", "_scalar", "_scene", "_settings"),
-        "_stats",
+        *("_coverage", "_depth", "_depth_limit", "_error", "_estimate", "_plan", "_recipe", "_rgba", "_scalar"),
+        *("_scene", "_settings", "_stats"),
     )
     _error: ErrorEstimate | None
     _estimate: Callable[[Progress | None], ErrorEstimate] | None
@@ -112,7 +113,9 @@ class Image:
         recipe: Recipe,
         estimate: Callable[[Progress | None], ErrorEstimate] | None = None,
         scene: Scene | None = None,
+        depth_limit: Depths | None = None,
     ) -> None:
+        self._depth_limit = depth_limit
         self._rgba: NDArray[np.float32] | None = native.rgba
         self._scalar: NDArray[np.float32] | None = native.scalar
         self._coverage: NDArray[np.float32] | None = native.coverage
@@ -127,14 +130,15 @@ class Image:
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
         """Pickle by arrays, without the scene; the error estimate goes along where it was computed, else it is lost."""
-        kept = [name for name in self.__slots__ if name not in ("_estimate", "_scene")]
-        return _restored, ({name: getattr(self, name) for name in kept},)
+        parts = {name: getattr(self, name) for name in self.__slots__}
+        return _of_parts, (parts | {"_estimate": None, "_scene": None},)
 
     def __eq__(self, other: object) -> bool:
         """Return whether pixels and further outputs are the same, and what is shown."""
         if not isinstance(other, Image):
             return NotImplemented
-        pairs = ((getattr(self, name), getattr(other, name)) for name in ("_rgba", "_scalar", "_coverage", "_depth"))
+        arrays = ("_rgba", "_scalar", "_coverage", "_depth", "_depth_limit")
+        pairs = ((getattr(self, name), getattr(other, name)) for name in arrays)
         return self._recipe == other._recipe and all(_same(one, two) for one, two in pairs)
 
     __hash__ = None  # type: ignore[assignment]
@@ -185,6 +189,11 @@ class Image:
         InvalidInput unless asked for.
         """
         return self._there("depth", self._depth, 'render with outputs=("depth",)')
+
+    @property
+    def depth_limit(self) -> Depths | None:
+        """Depths of the surface behind which nothing was drawn, float64 (h, w); None without one."""
+        return self._depth_limit
 
     @property
     def plan(self) -> RenderPlan:
@@ -269,6 +278,26 @@ class Image:
             self._estimate = None
         return self._error
 
+    def with_rgba(self, rgba: ArrayLike) -> Image:
+        """Return this picture with other colours, such as those of a composite with another picture.
+
+        Parameters
+        ----------
+        rgba
+            Premultiplied, linear colour and opacity, (h, w, 4).
+
+        Raises
+        ------
+        InvalidInput
+            In scalar modes, and for another shape.
+        """
+        colors = numbers("Image.with_rgba: rgba", rgba, f"an array of shape {self.rgba.shape}")
+        if colors.shape != self.rgba.shape:
+            found = f"an array of shape {colors.shape}"
+            raise complain(unusable("Image.with_rgba: rgba"), found, f"an array of shape {self.rgba.shape}")
+        parts = {name: getattr(self, name) for name in self.__slots__}
+        return _of_parts(parts | {"_rgba": np.ascontiguousarray(colors, dtype=np.float32)})
+
     def save(self, path: str | os.PathLike[str], *, metadata: bool = True) -> None:
         """Write the picture in the format of the suffix; the file appears whole or not at all.
 
@@ -281,7 +310,8 @@ class Image:
             .exr: float32, premultiplied R, G, B, A, or Y for scalar pictures. .npy: `pixels` unchanged.
         metadata
             Whether a PNG says how it was made (`recipe`), without paths and names of users, so that
-            ``sheetsplat render x.png DATA`` makes it again.
+            ``sheetsplat render x.png DATA`` makes it again. Pictures with a depth limit do not: a text cannot say what
+            hid a part of them.
 
         Raises
         ------
@@ -299,7 +329,8 @@ class Image:
         if pictures.check_suffix(target) in pictures.FLOATS:
             pictures.save_array(self.pixels, target)
             return
-        text = self._description() if metadata and target.suffix.lower() == ".png" else ""
+        described = metadata and self._depth_limit is None and target.suffix.lower() == ".png"
+        text = self._description() if described else ""
         pictures.save_raster(self._raster(target.suffix.lower()), target, text)
 
     def to_png(self, *, metadata: bool = True, texts: Mapping[str, str] = MappingProxyType({})) -> bytes:
@@ -454,15 +485,15 @@ def pixels_of(picture: Any) -> Any:
     return picture.pixels if isinstance(picture, Image) else picture
 
 
-def _same(one: NDArray[np.float32] | None, other: NDArray[np.float32] | None) -> bool:
+def _same(one: NDArray[Any] | None, other: NDArray[Any] | None) -> bool:
     if one is None or other is None:
         return one is other
     return np.array_equal(one, other, equal_nan=True)
 
 
-def _restored(parts: dict[str, Any]) -> Image:
-    """Return the image of what `Image.__reduce_ex__` gave."""
+def _of_parts(parts: dict[str, Any]) -> Image:
+    """Return the image of all its parts by their names."""
     image = Image.__new__(Image)
-    for name, part in {**parts, "_estimate": None, "_scene": None}.items():
+    for name, part in parts.items():
         setattr(image, name, part)
     return image

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple, number, shown, triple
-from sheetsplat.camera import Camera
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.limits import in_front
 from sheetsplat.options.core import SCALAR
 
 if TYPE_CHECKING:
@@ -133,12 +133,15 @@ class _Samples:
 def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
     """Return what is seen at a pixel of a picture of a scene; see `Image.pick`."""
     width, height = image.size
-    ray = _ray(image, _number("x", x, width), _number("y", y, height))
-    depths = _depths(image, scene)
+    column, row = _number("x", x, width), _number("y", y, height)
+    ray = _ray(image, column, row)
+    plan = image.plan
+    depths: Floats = plan.first_depth + plan.slice_spacing * np.arange(plan.slices, dtype=np.float64)
     if not depths.size:
         return None
     points = ray.at(depths)
-    kept, stop = scene.options["clip"].keeps(points), float(image.recipe.options["opacity_stop"])
+    visible = in_front(image.depth_limit, column, row, depths, plan.slice_spacing)
+    kept, stop = scene.options["clip"].keeps(points) & visible, float(image.recipe.options["opacity_stop"])
     if scene.mode in SCALAR:
         all_fields = _Samples.of(scene.fields, points)
         shown_here = all_fields.reached & kept
@@ -148,9 +151,11 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
         return _pick_at(scene.fields, 0, ray, float(depths[np.where(shown_here, values, -np.inf).argmax()]), None)
     groups = [_Samples.of(fields, points) for fields in scene.groups]
     if scene.mode == "isosurface":
-        spacing = image.plan.slice_spacing
-        open_front = _cut_by_near(scene, image.camera, float(depths[0]) - spacing, spacing)
-        found = _seen_surface(scene, groups, depths, kept, spacing, stop, open_front=open_front)
+        # Slices behind the last one are empty, but a surface may hide them.
+        behind = depths[-1:] + plan.slice_spacing
+        open_back = bool(in_front(image.depth_limit, column, row, behind, plan.slice_spacing)[0])
+        ends = not plan.cut_by_near, open_back
+        found = _seen_surface(scene, groups, depths, kept, plan.slice_spacing, stop, ends)
         return None if found is None else _surface_at(scene, ray, *found)
     opacities = np.array(
         [
@@ -158,7 +163,7 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
             for function, group in zip(scene.transfer_functions, groups, strict=True)
         ]
     )
-    lengths = image.plan.slice_spacing * ray.stretch / scene.reference_length
+    lengths = plan.slice_spacing * ray.stretch / scene.reference_length
     with np.errstate(divide="ignore"):
         alpha = -np.expm1(lengths * np.log1p(-opacities).sum(axis=0))
     n = _seen(alpha, stop)
@@ -168,15 +173,6 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
     which = int(opacities[:, n].argmax())
     first = sum(map(len, scene.groups[:which]))
     return _pick_at(scene.groups[which], first, ray, float(depths[n]), float(opacities[which, n]))
-
-
-def _depths(image: Image, scene: Scene) -> Floats:
-    """Return the depths of the picture's slices. Conventions, section 3 (Slices)."""
-    plan, camera = image.plan, image.camera
-    lower, upper = scene.native.centres
-    middle = -camera.native.to_eye(triple("centre", 0.5 * (np.asarray(lower) + np.asarray(upper))))[2]
-    depths = middle + (plan.first_slice + np.arange(plan.slices, dtype=np.float64) + 0.5) * plan.slice_spacing
-    return depths[depths > camera.near] if camera.kind == "perspective" else depths
 
 
 def _opacities(scene: Scene, function: TransferFunction, group: _Samples, kept: NDArray[np.bool_]) -> Floats:
@@ -200,19 +196,6 @@ def _seen(alpha: Floats, stop: float) -> int | None:
     return int(half[0] if half.size else contributions.argmax())
 
 
-def _cut_by_near(scene: Scene, camera: Camera, depth: float, spacing: float) -> bool:
-    """Return whether the near plane removes the slice of a depth: surfaces are open there (conventions, section 7)."""
-    if camera.kind != "perspective" or depth > camera.near:
-        return False
-    back = np.asarray(camera.world_axes()[2])
-    for field in scene.fields:
-        if field.size:
-            corners = np.array(np.meshgrid(*zip(*field.bounds, strict=True))).reshape(3, -1).T
-            if float((-(corners - np.asarray(camera.eye)) @ back).min()) < depth + 0.5 * spacing:
-                return True
-    return False
-
-
 @dataclass(frozen=True)
 class _Crossing:
     """Where the ray crosses a surface, between two slices; ordered as surfaces are composited."""
@@ -233,13 +216,15 @@ def _seen_surface(
     kept: NDArray[np.bool_],
     spacing: float,
     stop: float,
-    *,
-    open_front: bool,
+    ends_kept: tuple[bool, bool],
 ) -> tuple[_Crossing, float, float] | None:
-    """Return the crossing that is seen, its value and its opacity, or None. Conventions, section 7 (Modes)."""
+    """Return the crossing that is seen, its value and its opacity, or None. Conventions, section 7 (Modes).
+
+    ends_kept: whether the slices that there are not, before the first one and behind the last, may end an interval.
+    """
     # Outside of all slices the scalar is 0.
     ends = np.concatenate([[depths[0] - spacing], depths, [depths[-1] + spacing]])
-    both = np.concatenate([[not open_front], kept]) & np.concatenate([kept, [True]])
+    both = np.concatenate([ends_kept[:1], kept]) & np.concatenate([kept, ends_kept[1:]])
     crossings = []
     for number_of_group, group in enumerate(groups):
         values = np.concatenate([[0.0], group.values, [0.0]])

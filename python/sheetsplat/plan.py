@@ -127,6 +127,10 @@ class RenderPlan:
         Distance of slices in world units.
     first_slice, slices
         Index n of the first slice, and the number of slices.
+    first_depth
+        Depth of the first slice, world units from the eye along the view direction.
+    cut_by_near
+        Whether slices that meet kernels are missing in front because of the near plane.
     memory
         Bytes in addition to the fields.
     effects
@@ -158,6 +162,8 @@ class RenderPlan:
     slice_spacing: float
     first_slice: int
     slices: int
+    first_depth: float
+    cut_by_near: bool
     memory: int
     effects: tuple[Effect, ...]
     error_budget: dict[str, float]

@@ -7,13 +7,16 @@ import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
-from typing import Any, Unpack
+from typing import Any, NamedTuple, Unpack
+
+from numpy.typing import ArrayLike
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, instance, names, number, shown, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import complain, option_ref, unusable
 from sheetsplat.image import ErrorEstimate, Image
+from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
 from sheetsplat.notices import is_muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
@@ -52,13 +55,33 @@ def _names(outputs: object) -> tuple[str, ...]:
     return names("Renderer: outputs", outputs, OUTPUTS)
 
 
-def _asked(scene: Scene, camera: Camera, size: object, outputs: object) -> dict[str, Any]:
-    """Return the checked arguments that all pictures and plans of the native renderer have."""
-    instance("Renderer: scene", scene, Scene)
-    instance("Renderer: camera", camera, Camera)
-    wanted = _names(outputs)
-    also = {name: name in wanted for name in OUTPUTS}
-    return {"scene": scene.native, "camera": camera.native, "size": image_size(size), **also}
+class _View(NamedTuple):
+    """What a picture shows: the checked arguments that pictures and plans have."""
+
+    scene: Scene
+    camera: Camera
+    size: tuple[int, int]
+    outputs: tuple[str, ...]
+    depth_limit: Depths | None
+
+    @classmethod
+    def of(cls, scene: Scene, camera: Camera, size: object, outputs: object, depth_limit: ArrayLike | None) -> _View:
+        """Return the view of arguments, or InvalidInput."""
+        instance("Renderer: scene", scene, Scene)
+        instance("Renderer: camera", camera, Camera)
+        pixels = image_size(size)
+        return cls(scene, camera, pixels, _names(outputs), checked_depths(depth_limit, camera, pixels))
+
+    @property
+    def native_scene(self) -> _sheetsplat.Scene:
+        """The scene of the native renderer, to which depth limits belong."""
+        native = self.scene.native
+        return native if self.depth_limit is None else native.with_depth_limit(self.depth_limit)
+
+    def native(self) -> dict[str, Any]:
+        """Return the arguments of the native renderer."""
+        also = {name: name in self.outputs for name in OUTPUTS}
+        return {"scene": self.native_scene, "camera": self.camera.native, "size": self.size, **also}
 
 
 def _check_progress(progress: object) -> None:
@@ -171,6 +194,8 @@ class Renderer:
         camera: Camera,
         size: tuple[int, int] = (400, 400),
         outputs: Iterable[Output] = (),
+        *,
+        depth_limit: ArrayLike | None = None,
     ) -> RenderPlan:
         """Return the plan of a picture. Raises what `render` would raise before it draws.
 
@@ -182,6 +207,8 @@ class Renderer:
             (width, height) in pixels.
         outputs
             Arrays to render in addition to the picture: "coverage", "depth".
+        depth_limit
+            As for `render`.
 
         Raises
         ------
@@ -190,7 +217,7 @@ class Renderer:
         InvalidInput, Unsupported, OutOfMemory
             As `render` would.
         """
-        native = self.native.plan(**_asked(scene, camera, size, outputs))
+        native = self.native.plan(**_View.of(scene, camera, size, outputs, depth_limit).native())
         plan = RenderPlan.of_native(native, scene.notes, scene.quality)
         self._warn_of_unused(plan)
         return plan
@@ -204,6 +231,7 @@ class Renderer:
         *,
         repeats: int = 3,
         progress: Progress | None = None,
+        depth_limit: ArrayLike | None = None,
     ) -> RenderPlan:
         """Return the plan with the milliseconds that each effect costs, by drawing the picture with and without it.
 
@@ -213,7 +241,7 @@ class Renderer:
 
         Parameters
         ----------
-        scene, camera, size, outputs
+        scene, camera, size, outputs, depth_limit
             As for `render`.
         repeats
             Number of timed pictures of each kind, at least 1.
@@ -231,7 +259,8 @@ class Renderer:
         count = whole("Renderer: repeats", repeats)
         if count < 1:
             raise complain(unusable("Renderer: repeats"), str(count), "a whole number of at least 1")
-        plan = self.plan(scene, camera, size, outputs)
+        view = _View.of(scene, camera, size, outputs, depth_limit)
+        plan = self.plan(scene, camera, size, outputs, depth_limit=view.depth_limit)
         settings = self._settings | {"backend": plan.backend}
         others: dict[str, _sheetsplat.Renderer] = {}
 
@@ -245,10 +274,10 @@ class Renderer:
                     forced = settings["effects"] | effects
                     others[key] = _native(settings | {"effects": forced, "allow_inexact": True})
                 native = others[key]
-            image = native.render(**_asked(drawn, camera, size, asked), progress=progress)
+            image = native.render(**view._replace(scene=drawn, outputs=asked).native(), progress=progress)
             return RenderPlan.of_native(image.plan)
 
-        return measured_plan(plan, scene, _names(outputs), draw, count)
+        return measured_plan(plan, scene, view.outputs, draw, count)
 
     def render(
         self,
@@ -257,6 +286,8 @@ class Renderer:
         size: tuple[int, int] = (400, 400),
         outputs: Iterable[Output] = (),
         progress: Progress | None = None,
+        *,
+        depth_limit: ArrayLike | None = None,
     ) -> Image:
         """Return the picture. It releases the GIL while it renders; Ctrl-C stops it within a slice.
 
@@ -271,13 +302,17 @@ class Renderer:
         progress
             Called between slices, at most fifty times a second, with the finished share, 0 to 1. Where it returns
             False, the rendering stops; an error that it raises is raised here.
+        depth_limit
+            Depths of a surface that was drawn elsewhere with the same camera, which hides what lies behind it: (h, w),
+            row 0 at the top, world units from the eye along the view direction; infinite, or masked, where there is no
+            surface. One number counts for all pixels.
 
         Raises
         ------
         DeviceUnavailable
             Where the backend has no device here; the message lists every attempt.
         InvalidInput
-            For an invalid size or output, an unknown effect, and for more than 10⁷ slices.
+            For an invalid size, output or depth limit, an unknown effect, and for more than 10⁷ slices.
         Unsupported
             Where the backend does not have a setting, or the error bound cannot be kept.
         OutOfMemory
@@ -285,10 +320,10 @@ class Renderer:
         Cancelled
             Where `progress` returned False.
         """
-        asked = _asked(scene, camera, size, outputs)
+        view = _View.of(scene, camera, size, outputs, depth_limit)
         _check_progress(progress)
         began = time.perf_counter()
-        return self._finished(self.native.render(**asked, progress=progress), scene, camera, began)
+        return self._finished(self.native.render(**view.native(), progress=progress), view, began)
 
     def progressive(
         self,
@@ -299,6 +334,7 @@ class Renderer:
         progress: Progress | None = None,
         *,
         first_seconds: float = 0.05,
+        depth_limit: ArrayLike | None = None,
     ) -> Iterator[Image]:
         """Return an iterator over stages of the picture, from coarse to fine, each at least twice as fine as the last.
 
@@ -309,7 +345,7 @@ class Renderer:
 
         Parameters
         ----------
-        scene, camera, size, outputs
+        scene, camera, size, outputs, depth_limit
             As for `render`.
         progress
             As for `render`, for each stage anew: its share starts at 0 again.
@@ -323,26 +359,26 @@ class Renderer:
         DeviceUnavailable, Unsupported, OutOfMemory, Cancelled
             As `render`.
         """
-        asked = _asked(scene, camera, size, outputs)
+        view = _View.of(scene, camera, size, outputs, depth_limit)
         _check_progress(progress)
         seconds = number("Renderer: first_seconds", first_seconds)
-        stages = self.native.begin_stages(**asked, first_seconds=seconds)
-        return self._stages(stages, scene, camera, progress)
+        stages = self.native.begin_stages(**view.native(), first_seconds=seconds)
+        return self._stages(stages, view, progress)
 
-    def _stages(
-        self, stages: _sheetsplat.Stages, scene: Scene, camera: Camera, progress: Progress | None
-    ) -> Iterator[Image]:
+    def _stages(self, stages: _sheetsplat.Stages, view: _View, progress: Progress | None) -> Iterator[Image]:
         while not stages.done:
             began = time.perf_counter()
             native = self.native.next_stage(stages, progress=progress)
-            yield self._finished(native, scene, camera, began)
+            yield self._finished(native, view, began)
 
-    def _finished(self, native: _sheetsplat.Image, scene: Scene, camera: Camera, began: float) -> Image:
+    def _finished(self, native: _sheetsplat.Image, view: _View, began: float) -> Image:
+        scene, camera = view.scene, view.camera
+
         def estimate(progress: Progress | None) -> ErrorEstimate:
-            found = self.native.estimate_error(native, scene.native, camera.native, progress=progress)
+            found = self.native.estimate_error(native, view.native_scene, camera.native, progress=progress)
             return ErrorEstimate.of_native(found)
 
-        image = Image(native, self._recipe(native, scene, camera), estimate, scene)
+        image = Image(native, self._recipe(native, scene, camera), estimate, scene, view.depth_limit)
         width, height = image.size
         plan = image.plan
         self._warn_of_unused(plan)
@@ -383,7 +419,8 @@ class Renderer:
         if is_muted():
             return
         if empty.is_empty(image, scene):
-            warn("nothing can be seen in the picture: " + empty.why_empty(scene, image.camera, image.size))
+            why = empty.why_empty(scene, image.camera, image.size, hidden=image.plan.has("depth_limit"))
+            warn("nothing can be seen in the picture: " + why)
         elif outside := empty.why_one_color(image, scene):
             warn("all values have one colour in the picture: " + outside)
 

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.lib.format import open_memmap
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat._checks import Triple, image_size, instance, parts, shown, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, Unsupported, complain, unusable
 from sheetsplat.io.pictures import check_folder, whole_file
+from sheetsplat.limits import checked_depths
 from sheetsplat.notices import muted
 from sheetsplat.options.core import SCALAR
 from sheetsplat.renderer import Renderer
@@ -100,6 +101,7 @@ def render_tiles(
     renderer: Renderer | None = None,
     tile: int = TILE,
     progress: Callable[[float], object] | None = None,
+    depth_limit: ArrayLike | None = None,
 ) -> Floats:
     """Render a picture of any size into an .npy file, tile by tile, and return the file as a memory map.
 
@@ -122,6 +124,8 @@ def render_tiles(
         Largest edge of a tile in pixels.
     progress
         Called with the finished share, 0 to 1, as often as `Renderer.render` calls it; False stops the rendering.
+    depth_limit
+        Depths (h, w) of a surface that hides what lies behind it, as for `Renderer.render`.
 
     Raises
     ------
@@ -163,6 +167,7 @@ def render_tiles(
         )
     # Refuse perspective cameras before anything is drawn.
     window(camera, (width, height), (0, 0), (1, 1))
+    depths = checked_depths(depth_limit, camera, (width, height))
     drawing = Renderer() if renderer is None else renderer
     all_pieces = list(pieces((width, height), edge))
     with whole_file(target) as made:
@@ -175,7 +180,8 @@ def render_tiles(
             part = window(camera, (width, height), (column, row), (across, down))
             # Many a tile is empty.
             with muted():
-                image = drawing.render(scene, part, size=(across, down), progress=told)
+                limit = None if depths is None else depths[row : row + down, column : column + across]
+                image = drawing.render(scene, part, size=(across, down), progress=told, depth_limit=limit)
             # Mapped anew for each tile: written pages stay in memory as long as the file is mapped.
             open_memmap(made, mode="r+")[row : row + down, column : column + across] = image.pixels
     if progress is not None and progress(1.0) is False:

@@ -96,7 +96,8 @@ def make(case: Case) -> tuple[ss.Scene, ss.Camera]:
     options = {"lights": LIGHTS if case.lit else (), "material": MATERIAL, "slice_spacing": 0.2, "opacity_stop": 1.0}
     options |= case.scene
     if "iso_value" in options:
-        options["iso_value"] -= case.nudge_value
+        given, moved = options["iso_value"], case.nudge_value
+        options["iso_value"] = tuple((at - moved, o) for at, o in given) if isinstance(given, tuple) else given - moved
     if case.nudge_stop:
         options["opacity_stop"] += case.nudge_stop
     scene = ss.Scene(fields(case.field, case.normalization, 1 + case.nudge_radius), points, **options)

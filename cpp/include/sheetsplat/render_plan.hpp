@@ -50,6 +50,8 @@ struct RenderPlan {
     double slice_spacing = 0.0;   ///< world units
     std::int64_t first_slice = 0; ///< n of the first slice
     std::int64_t slices = 0;      ///< number of slices
+    double first_depth = 0.0;     ///< of the first slice
+    bool cut_by_near = false;     ///< slices that meet kernels are missing in front because of the near plane
     std::vector<Effect> effects;
     std::vector<ErrorShare> error_budget;
     std::uint64_t memory = 0; ///< bytes beside the fields, all stages at once

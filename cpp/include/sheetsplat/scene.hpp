@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "sheetsplat/camera.hpp"
 #include "sheetsplat/field.hpp"
 #include "sheetsplat/transfer_function.hpp"
 #include "sheetsplat/types.hpp"
@@ -50,6 +51,32 @@ struct Clip {
     [[nodiscard]] bool empty() const { return planes.empty() && !box; }
     /// The planes, and the box as six of them.
     [[nodiscard]] std::vector<Plane> half_spaces() const;
+};
+
+/// Depths of a surface that was drawn elsewhere with the same camera: of each pixel, the points of slices at this depth
+/// or behind it are cut off (section 10).
+class DepthLimit {
+  public:
+    /// depths: h * w, row 0 at the top, world units from the eye along the view direction; infinite where nothing is
+    /// cut off. Throws InvalidInput for another number of depths, NaN and -infinity.
+    DepthLimit(Size size, std::vector<double> depths);
+
+    [[nodiscard]] Size size() const { return size_; }
+    [[nodiscard]] double at(int column, int row) const {
+        return (*depths_)[static_cast<std::size_t>(row) * static_cast<std::size_t>(size_.width) +
+                          static_cast<std::size_t>(column)];
+    }
+    /// The smallest and the largest depth.
+    [[nodiscard]] double nearest() const { return nearest_; }
+    [[nodiscard]] double farthest() const { return farthest_; }
+
+    /// Throws InvalidInput where a picture has another size, or a depth lies behind the eye of a perspective camera.
+    void require_for(Size picture, const Camera& camera) const;
+
+  private:
+    Size size_;
+    std::shared_ptr<const std::vector<double>> depths_;
+    double nearest_, farthest_;
 };
 
 /// Shaded colours fade to `color` between two depths: by `strength` from `end` on (section 10).
@@ -101,7 +128,7 @@ struct Group {
     const TransferFunction* transfer_function; ///< the scene's: valid while that is
 };
 
-/// Everything about a picture but the camera and its size.
+/// Everything about a picture but the camera and its size; a depth limit belongs to one camera and size.
 struct Scene {
     /// A group after the first one: its transfer function, and where in `fields` it begins. It ends where the next
     /// group begins.
@@ -126,6 +153,8 @@ struct Scene {
     Filter filter = Filter::none;
     Gradient gradient = Gradient::sheets;
     Clip clip{};
+    std::optional<DepthLimit>
+        depth_limit{}; ///< of pictures of its size, with the camera that the surface was drawn with
     std::optional<double> gradient_opacity{}; ///< g1: opacity is multiplied by min(1, |grad rho| / g1)
     std::optional<DepthCue> depth_cue{};
     bool shadows = false; ///< of all lights

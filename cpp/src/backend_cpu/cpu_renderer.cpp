@@ -18,6 +18,7 @@
 #include "base/poll.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
+#include "view/kept_slices.hpp"
 
 namespace sheetsplat::backend_cpu {
 
@@ -37,14 +38,27 @@ int edge_of_tiles(Size size, int asked) {
     return edge;
 }
 
+/// Fills the plane of the last slices in front of the depth limit.
+template <class T>
+void set_last_kept(const Job& job, const TileShape& shape, T* plane) {
+    const SlicesInFront in_front(&*job.scene->depth_limit, *job.frame);
+    for (int y = 0; y < shape.height; ++y) {
+        T* row = plane + static_cast<std::ptrdiff_t>(y) * shape.stride;
+        for (int x = 0; x < shape.width; ++x) {
+            row[x] = static_cast<T>(in_front.last(shape.x + x, shape.y + y));
+        }
+    }
+}
+
 /// Planes of a tile's picture, cleared.
 template <class T>
-void clear_picture(const DrawPlan& plan, const TileShape& shape, TileScratch<T>& scratch) {
+void clear_picture(const Job& job, const TileShape& shape, TileScratch<T>& scratch) {
+    const DrawPlan& plan = *job.plan;
     const bool scalar = is_scalar(plan.mode);
     const std::size_t elements = shape.picture_elements();
     const bool counts = plan.mode == Mode::average;
-    const std::size_t planes =
-        (scalar ? 1U : 4U) + (counts ? 1U : 0U) + (plan.depth ? 1U : 0U) + (plan.coverage ? 1U : 0U);
+    const std::size_t planes = (scalar ? 1U : 4U) + (counts ? 1U : 0U) + (plan.depth ? 1U : 0U) +
+                               (plan.coverage ? 1U : 0U) + (plan.depth_limit ? 1U : 0U);
     scratch.picture.assign(planes * elements, T(0));
     T* next = scratch.picture.data();
     const auto take = [&](bool wanted) {
@@ -61,6 +75,11 @@ void clear_picture(const DrawPlan& plan, const TileShape& shape, TileScratch<T>&
     picture.counted = take(counts);
     picture.coverage = take(plan.coverage);
     picture.depth = take(plan.depth);
+    T* last_kept = take(plan.depth_limit);
+    picture.last_kept = last_kept;
+    if (last_kept != nullptr) {
+        set_last_kept(job, shape, last_kept);
+    }
     const auto fill_infinite = [elements](T* plane) {
         std::fill(plane, plane + elements, std::numeric_limits<T>::infinity());
     };
@@ -278,7 +297,7 @@ struct CpuRenderer::State {
                                    room.kernels[part]);
             any = any || !room.kernels[part].sections.empty();
         }
-        clear_picture(*job.plan, shape, room);
+        clear_picture(job, shape, room);
         if (any) {
             const std::size_t elements = shape.sheet_elements();
             const std::size_t wanted = elements * ring_slots * static_cast<std::size_t>(setup.channels);

@@ -134,7 +134,7 @@ HWY_INLINE hn::Mask<D> may_show(D d, const Slab<T>& slab, V least, V greatest) {
 template <class T, class D>
 HWY_INLINE hn::Mask<D> point_open(D d, const Slab<T>& slab, hn::Mask<D> mask, int y, int x, int ahead,
                                   const Columns& kept) {
-    return slab.reached(d, slab.within(d, mask, x, kept), ahead, y, x);
+    return slab.reached(d, slab.kept(d, mask, ahead, y, x, kept), ahead, y, x);
 }
 template <class T, class D>
 HWY_INLINE hn::Mask<D> any_end_open(D d, const Slab<T>& slab, hn::Mask<D> mask, int y, int x, const Columns& here,
@@ -328,7 +328,7 @@ struct Crossings {
         const auto iso = hn::Set(d, slab.group.surfaces.front().value);
         const bool any = row.see_if(slab, T(0), [&](int x) {
             const auto crossed = hn::Xor(hn::Lt(slab.rho(d, 1, row.y, x), iso), hn::Lt(slab.rho(d, 2, row.y, x), iso));
-            return slab.within(d, slab.within(d, crossed, x, here), x, after);
+            return slab.kept(d, slab.kept(d, crossed, 0, row.y, x, here), 1, row.y, x, after);
         });
         row.for_each(row.seen, [&](int x, int number, auto found) {
             hn::Store(crossing(d, slab.rho(d, 1, row.y, x), slab.rho(d, 2, row.y, x), iso, found), d,

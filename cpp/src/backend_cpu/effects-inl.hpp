@@ -183,8 +183,8 @@ HWY_INLINE void for_each_row(const Slab<T>& slab, EffectRow<T>& row, const Draw&
             continue;
         }
         const Columns whole{rect.x0, rect.x1};
-        const Columns here = slab.shading.clip ? slab.columns_kept(row.y, 0) : whole;
-        const Columns after = slab.shading.clip && between ? slab.columns_kept(row.y, 1) : whole;
+        const Columns here = slab.shading.cuts ? slab.columns_kept(row.y, 0) : whole;
+        const Columns after = slab.shading.cuts && between ? slab.columns_kept(row.y, 1) : whole;
         for (row.begin = slab.first_column(); row.begin < rect.x1; row.begin += EffectRow<T>::room) {
             row.past = std::min(row.begin + EffectRow<T>::room, rect.x1);
             draw(here, after);

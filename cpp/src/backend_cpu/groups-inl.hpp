@@ -185,7 +185,7 @@ HWY_NOINLINE bool see_crossings(const std::vector<GroupSlab<T>>& slabs, EffectRo
                 some = hn::Or(some, hn::Xor(hn::Lt(front, iso), hn::Lt(back, iso)));
             }
         }
-        return first.within(d, first.within(d, some, x, here), x, after);
+        return first.kept(d, first.kept(d, some, 0, row.y, x, here), 1, row.y, x, after);
     });
     if (any) {
         std::copy(row.seen, row.seen + EffectRow<T>::room, crossed.open);

@@ -71,9 +71,43 @@ struct Live {
     }
 };
 
-/// Updates what of the sheets unfinished pixels still read, for themselves or for gradients.
+/// Counts the pixels that end between slices `before` and n, since nothing behind slice n is in front of the depth
+/// limit.
 template <class T>
-void shrink(Live& live, T stop_at, const TileShape& shape, TileScratch<T>& scratch, bool look_at_pixels) {
+void end_at_limit(T stop_at, const TileShape& shape, TilePicture<T>& picture, std::int64_t before, std::int64_t n) {
+    const hn::CappedTag<T, TileShape::padding> d;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto past = hn::Set(d, static_cast<T>(before)), here = hn::Set(d, static_cast<T>(n));
+    const auto stop = hn::Set(d, stop_at);
+    for (int y = 0; y < shape.height; ++y) {
+        if (picture.row_alive[y] == 0) {
+            continue;
+        }
+        const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * shape.stride;
+        int ended = 0;
+        for (int x = 0; x < shape.width; x += lanes) {
+            const auto last = hn::LoadU(d, picture.last_kept + row + x);
+            auto ends = hn::And(hn::Gt(last, past), hn::Le(last, here));
+            if (hn::AllFalse(d, ends)) {
+                continue;
+            }
+            if (picture.alpha != nullptr) {
+                ends = hn::And(ends, hn::Lt(hn::LoadU(d, picture.alpha + row + x), stop));
+            }
+            if (shape.width - x < lanes) {
+                ends = hn::And(ends, hn::FirstN(d, static_cast<std::size_t>(shape.width - x)));
+            }
+            ended += static_cast<int>(hn::CountTrue(d, ends));
+        }
+        picture.row_alive[y] -= ended;
+        picture.alive -= ended;
+    }
+}
+
+/// Updates what of the sheets unfinished pixels still read, for themselves or for gradients. n: the slice that is done.
+template <class T>
+void shrink(Live& live, T stop_at, const TileShape& shape, TileScratch<T>& scratch, std::int64_t n,
+            bool look_at_pixels) {
     const int* rows = scratch.planes.row_alive;
     int first = 0, past = shape.height;
     while (first < past && rows[first] == 0) {
@@ -90,7 +124,8 @@ void shrink(Live& live, T stop_at, const TileShape& shape, TileScratch<T>& scrat
     // One bit a pixel that is alive, with its neighbours; then one a block.
     const hn::CappedTag<T, 16> d;
     const int lanes = static_cast<int>(hn::Lanes(d));
-    const auto stop = hn::Set(d, stop_at);
+    const auto stop = hn::Set(d, stop_at), here = hn::Set(d, static_cast<T>(n));
+    const T* last_kept = scratch.planes.last_kept;
     std::vector<std::uint64_t>& bits = scratch.alive_rows;
     bits.assign(static_cast<std::size_t>(shape.height) + 2, 0);
     const std::uint64_t inside = (std::uint64_t{1} << shape.width) - 1;
@@ -100,8 +135,12 @@ void shrink(Live& live, T stop_at, const TileShape& shape, TileScratch<T>& scrat
         }
         std::uint64_t row = 0;
         for (int x = 0; x < shape.width; x += lanes) {
-            const auto alive =
-                hn::Lt(hn::LoadU(d, scratch.planes.alpha + static_cast<std::ptrdiff_t>(y) * shape.stride + x), stop);
+            const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * shape.stride + x;
+            auto alive = scratch.planes.alpha != nullptr ? hn::Lt(hn::LoadU(d, scratch.planes.alpha + at), stop)
+                                                         : hn::FirstN(d, static_cast<std::size_t>(lanes));
+            if (last_kept != nullptr) {
+                alive = hn::And(alive, hn::Gt(hn::LoadU(d, last_kept + at), here));
+            }
             std::uint8_t packed[8] = {};
             hn::StoreMaskBits(d, alive, packed);
             std::uint64_t word = 0;

@@ -32,7 +32,7 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     setup.slab = plan.sampling == Sampling::slab;
     setup.perspective = frame.projection == Projection::perspective;
     setup.intervals = uses_intervals(plan.mode, plan.preintegration);
-    setup.stops = (plan.stop || plan.mode == Mode::isosurface) && !plan.coverage;
+    setup.stops = (plan.stop || plan.mode == Mode::isosurface || plan.depth_limit) && !plan.coverage;
     setup.first_depth = frame.first_depth;
     setup.slice_spacing = frame.slice_spacing;
     setup.slopes = shading.analytic_gradient;

@@ -93,7 +93,7 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
     }
     const Slab<T> slab(shading, shape, window, picture);
     const auto add = [&](const T* sheet, T step, T* plane) {
-        shading.clip ? add_sheet<true>(slab, sheet, step, plane) : add_sheet<false>(slab, sheet, step, plane);
+        shading.cuts ? add_sheet<true>(slab, sheet, step, plane) : add_sheet<false>(slab, sheet, step, plane);
     };
     const std::size_t groups = shading.groups.size();
     for (std::size_t group = 0; group < groups && picture.coverage != nullptr && window.n >= 0; ++group) {
@@ -105,11 +105,11 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
     if (shading.mode == Mode::xray) {
         add(window.rho[1], shading.scalar_step, picture.scalar);
     } else if (shading.mode == Mode::mip) {
-        shading.clip ? raise_scalar<true>(slab) : raise_scalar<false>(slab);
+        shading.cuts ? raise_scalar<true>(slab) : raise_scalar<false>(slab);
     } else if (shading.mode == Mode::minimum) {
-        shading.clip ? lower_scalar<true>(slab) : lower_scalar<false>(slab);
+        shading.cuts ? lower_scalar<true>(slab) : lower_scalar<false>(slab);
     } else if (shading.mode == Mode::average) {
-        shading.clip ? add_counted<true>(slab) : add_counted<false>(slab);
+        shading.cuts ? add_counted<true>(slab) : add_counted<false>(slab);
     } else if (groups > 1 || shading.several_surfaces) {
         shade_groups(slab);
     } else if (shading.by_effects) {

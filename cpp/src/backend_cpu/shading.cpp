@@ -133,7 +133,7 @@ SurfaceLight<T> surface_light_of(const Scene& scene, const Camera& camera, const
 template <class T>
 void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
                  const ShadingInputs& inputs, const LightVolumes* volumes, Shading<T>& shading) {
-    shading.clip = plan.clip;
+    shading.cuts = plan.cuts();
     if (plan.clip) {
         shading.kept = kept_of(scene.clip, camera, frame.slice_spacing);
     }
@@ -163,7 +163,7 @@ void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, c
         shading.openness = by_surfaces ? VolumeLookup{} : lookup_of(*volumes->openness, camera, frame);
         shading.occlusion_strength = static_cast<T>(inputs.occlusion_strength);
     }
-    shading.by_effects = shading.clip || shading.second_order || shading.analytic_gradient ||
+    shading.by_effects = shading.cuts || shading.second_order || shading.analytic_gradient ||
                          shading.gradient_opacity || shading.depth_cue || shading.shadows || shading.occlusion;
 }
 

@@ -194,6 +194,17 @@ struct Slab {
         return {static_cast<int>(first), static_cast<int>(past)};
     }
 
+    /// Lanes whose point of slice n + ahead is kept: by clipping, which leaves an interval of columns, and by the depth
+    /// limit.
+    HWY_INLINE M kept(D d, M mask, int ahead, int y, int x, const Columns& columns) const {
+        mask = within(d, mask, x, columns);
+        if (picture.last_kept == nullptr) {
+            return mask;
+        }
+        const V slice = hn::Set(d, static_cast<T>(window.n + ahead));
+        return hn::And(mask, hn::Ge(hn::LoadU(d, picture.last_kept + in_plane(y) + x), slice));
+    }
+
     /// Lanes whose columns are in an interval.
     HWY_INLINE M within(D d, M mask, int x, const Columns& columns) const {
         const int skipped = columns.x0 - x, left = columns.x1 - x;

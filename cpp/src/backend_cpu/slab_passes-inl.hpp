@@ -158,37 +158,37 @@ HWY_NOINLINE void find_crossings(const Slab<T>& slab) {
 }
 
 /// Calls visit(x, y, columns that clipping keeps) for vectors of the slice, row by row.
-template <bool clip, class T, class Visit>
+template <bool cuts, class T, class Visit>
 HWY_INLINE void for_each_kept(const Slab<T>& slab, const Visit& visit) {
     constexpr int lanes = Slab<T>::lanes;
     const Rect& rect = slab.window.rect;
     for (int y = rect.y0; y < rect.y1; ++y) {
-        const Columns kept = clip ? slab.columns_kept(y, 0) : Columns{rect.x0, rect.x1};
+        const Columns kept = cuts ? slab.columns_kept(y, 0) : Columns{rect.x0, rect.x1};
         for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
             visit(x, y, kept);
         }
     }
 }
 
-/// Calls visit(x, y, numbers) for a sheet, row by row; clip: 0 where clipping takes the point.
-template <bool clip, class T, class Visit>
+/// Calls visit(x, y, numbers) for a sheet, row by row; cuts: 0 where the point is cut off.
+template <bool cuts, class T, class Visit>
 HWY_INLINE void for_each_in_sheet(const Slab<T>& slab, const T* sheet, const Visit& visit) {
     const typename Slab<T>::D d;
-    for_each_kept<clip>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
+    for_each_kept<cuts>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
         auto value = hn::LoadU(d, sheet + slab.in_sheet(y) + x);
-        if constexpr (clip) {
-            value = hn::IfThenElseZero(slab.within(d, hn::Eq(value, value), x, kept), value);
+        if constexpr (cuts) {
+            value = hn::IfThenElseZero(slab.kept(d, hn::Eq(value, value), 0, y, x, kept), value);
         }
         visit(x, y, value);
     });
 }
 
 /// Adds a sheet, times a step along the pixel's ray, to a plane: x-ray and coverage.
-template <bool clip, class T>
+template <bool cuts, class T>
 HWY_NOINLINE void add_sheet(const Slab<T>& slab, const T* sheet, T step, T* plane) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
-    for_each_in_sheet<clip>(slab, sheet, [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
+    for_each_in_sheet<cuts>(slab, sheet, [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
         if (hn::AllTrue(d, hn::Eq(value, hn::Zero(d)))) {
             return;
         }
@@ -202,25 +202,25 @@ HWY_NOINLINE void add_sheet(const Slab<T>& slab, const T* sheet, T step, T* plan
 }
 
 /// Maximum intensity.
-template <bool clip, class T>
+template <bool cuts, class T>
 HWY_NOINLINE void raise_scalar(const Slab<T>& slab) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
     const V step = hn::Set(d, slab.shading.scalar_step);
-    for_each_in_sheet<clip>(slab, slab.sheets.rho[1], [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
+    for_each_in_sheet<cuts>(slab, slab.sheets.rho[1], [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
         T* to = slab.picture.scalar + slab.in_plane(y) + x;
         hn::StoreU(hn::Max(hn::LoadU(d, to), hn::Mul(value, step)), d, to);
     });
 }
 
 /// Calls visit(x, y, lanes) for vectors with points of the slice that some kernel reaches and that are kept.
-template <bool clip, class T, class Visit>
+template <bool cuts, class T, class Visit>
 HWY_INLINE void for_each_reached(const Slab<T>& slab, const Visit& visit) {
     const typename Slab<T>::D d;
-    for_each_kept<clip>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
+    for_each_kept<cuts>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
         auto reached = hn::Ne(hn::LoadU(d, slab.sheets.weight[0] + slab.in_sheet(y) + x), hn::Zero(d));
-        if constexpr (clip) {
-            reached = slab.within(d, reached, x, kept);
+        if constexpr (cuts) {
+            reached = slab.kept(d, reached, 0, y, x, kept);
         }
         if (!hn::AllFalse(d, reached)) {
             visit(x, y, reached);
@@ -229,13 +229,13 @@ HWY_INLINE void for_each_reached(const Slab<T>& slab, const Visit& visit) {
 }
 
 /// The least scalar.
-template <bool clip, class T>
+template <bool cuts, class T>
 HWY_NOINLINE void lower_scalar(const Slab<T>& slab) {
     using V = typename Slab<T>::V;
     using M = typename Slab<T>::M;
     const typename Slab<T>::D d;
     const V step = hn::Set(d, slab.shading.scalar_step);
-    for_each_reached<clip>(slab, [&](int x, int y, M reached) SHEETSPLAT_CPU_INLINE {
+    for_each_reached<cuts>(slab, [&](int x, int y, M reached) SHEETSPLAT_CPU_INLINE {
         T* to = slab.picture.scalar + slab.in_plane(y) + x;
         const V least = hn::LoadU(d, to);
         const V value = hn::Mul(slab.rho(d, 1, y, x), step);
@@ -244,13 +244,13 @@ HWY_NOINLINE void lower_scalar(const Slab<T>& slab) {
 }
 
 /// Adds scalars up, and counts them.
-template <bool clip, class T>
+template <bool cuts, class T>
 HWY_NOINLINE void add_counted(const Slab<T>& slab) {
     using V = typename Slab<T>::V;
     using M = typename Slab<T>::M;
     const typename Slab<T>::D d;
     const V step = hn::Set(d, slab.shading.scalar_step), one = hn::Set(d, T(1));
-    for_each_reached<clip>(slab, [&](int x, int y, M reached) SHEETSPLAT_CPU_INLINE {
+    for_each_reached<cuts>(slab, [&](int x, int y, M reached) SHEETSPLAT_CPU_INLINE {
         const std::ptrdiff_t at = slab.in_plane(y) + x;
         const auto add = [&](T* plane, V value) SHEETSPLAT_CPU_INLINE {
             hn::StoreU(hn::Add(hn::LoadU(d, plane + at), hn::IfThenElseZero(reached, value)), d, plane + at);

@@ -53,7 +53,15 @@ class TileLoop {
             if (const auto* slot = ring_.find(n)) {
                 divide(setup_, ring_, shape_, n, slot->touched);
             }
+            const int alive = scratch_.planes.alive;
             shade(n - lag);
+            if (setup_.stops && scratch_.planes.last_kept != nullptr) {
+                end_at_limit(setup_.shading->stop, shape_, scratch_.planes, ended_, n - lag);
+                ended_ = n - lag;
+            }
+            if (setup_.stops && scratch_.planes.alive != alive) {
+                shrink(live_, setup_.shading->stop, shape_, scratch_, n - lag, ++changes_ % 2 == 0);
+            }
             ring_.release(n - lag - 1);
             if (!between() || (setup_.stops && scratch_.planes.alive == 0)) {
                 break;
@@ -336,11 +344,7 @@ class TileLoop {
             absorb_slab(*setup_.shading, shape_, window, scratch_.planes);
             return;
         }
-        const int alive = scratch_.planes.alive;
         shade_slab(*setup_.shading, shape_, window, scratch_.planes);
-        if (setup_.stops && scratch_.planes.alive != alive) {
-            shrink(live_, setup_.shading->stop, shape_, scratch_, ++changes_ % 2 == 0);
-        }
     }
 
     /// The sheets of a group around slice n.
@@ -373,6 +377,7 @@ class TileLoop {
     std::vector<std::size_t> next_ = std::vector<std::size_t>(scratch_.kernels.size(), 0);
     std::vector<LeanTables<T>> lean_ = std::vector<LeanTables<T>>(scratch_.kernels.size()); ///< one a part
     std::int64_t last_touched_ = -1;
+    std::int64_t ended_ = -3;   ///< slice up to which pixels at the depth limit are counted as finished
     std::int64_t recorded_ = 0; ///< planes
     std::uint64_t drawn_ = 0;
 };

@@ -221,7 +221,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"READ_IMAGE", plan.read_image},
         {"PREINTEGRATION", plan.preintegration},
         {"SECOND_ORDER", plan.second_order},
-        {"CLIP", plan.clip},
+        {"CLIP", plan.cuts()},
         {"OPEN_FRONT", plan.open_front},
         {"GRADIENT_OPACITY", plan.gradient_opacity},
         {"DEPTH_CUE", plan.depth_cue},

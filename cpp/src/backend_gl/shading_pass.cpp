@@ -11,8 +11,8 @@ namespace sheetsplat::backend_gl {
 
 namespace {
 
-gl::Texture make_clip(const TileScope& scope) {
-    const KeptSlices kept(*scope.job.scene, *scope.job.camera, scope.frame);
+gl::Texture make_kept(const TileScope& scope) {
+    const KeptSlices kept(*scope.job.scene, scope.plan, *scope.job.camera, scope.frame);
     const int width = scope.tile.target_width();
     const int height = scope.tile.target_height();
     std::vector<SliceRun> runs(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
@@ -37,8 +37,8 @@ ShadingInputs make_inputs(const TileScope& scope) {
 
 ShadingPass::ShadingPass(const TileScope& scope, const Classification* classification)
     : scope_(scope), classification_(classification), inputs_(make_inputs(scope)) {
-    if (scope.plan.clip) {
-        kept_ = make_clip(scope);
+    if (scope.plan.cuts()) {
+        kept_ = make_kept(scope);
     }
 }
 
@@ -59,7 +59,7 @@ void ShadingPass::shade(const TouchedPixels& touched, std::int64_t pass) const {
     } else {
         targets.sheet(1).bind(program, "front");
     }
-    if (plan.clip) {
+    if (plan.cuts()) {
         program.bind("clip_texture", kept_, UNIT_CLIP);
     }
     set_shading(program, scope_, inputs_, classification_, pass);

@@ -19,7 +19,7 @@ class ShadingPass {
     const TileScope& scope_;
     const Classification* classification_;
     const ShadingInputs inputs_;
-    gl::Texture kept_; ///< where a clip cuts: of each pixel the first slice that it keeps, and the last one
+    gl::Texture kept_; ///< where anything is cut off: of each pixel the first slice that it keeps, and the last one
 };
 
 } // namespace sheetsplat::backend_gl

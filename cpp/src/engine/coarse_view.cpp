@@ -1,6 +1,9 @@
 #include "coarse_view.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 namespace sheetsplat {
 
@@ -23,6 +26,28 @@ Camera coarse_camera(const Camera& full, Size full_size, int larger) {
     }
     const double angle = 2.0 * std::atan(full.half_height() * taller) * 180.0 / pi;
     return Camera::perspective(full.eye(), full.target(), full.up(), angle, full.near());
+}
+
+Scene coarse_scene(const Scene& full, Size full_size, int larger) {
+    Scene scene = full;
+    if (!full.depth_limit || larger == 1) {
+        return scene;
+    }
+    const Size size = coarse_size(full_size, larger);
+    const auto nearest = [larger](int pixel, int pixels, int full_pixels) {
+        const double middle = (pixel + 0.5 - 0.5 * pixels) * larger + 0.5 * full_pixels;
+        return std::clamp(static_cast<int>(std::floor(middle)), 0, full_pixels - 1);
+    };
+    std::vector<double> depths;
+    depths.reserve(static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height));
+    for (int row = 0; row < size.height; ++row) {
+        const int from = nearest(row, size.height, full_size.height);
+        for (int column = 0; column < size.width; ++column) {
+            depths.push_back(full.depth_limit->at(nearest(column, size.width, full_size.width), from));
+        }
+    }
+    scene.depth_limit = DepthLimit(size, std::move(depths));
+    return scene;
 }
 
 } // namespace sheetsplat

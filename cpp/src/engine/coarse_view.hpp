@@ -2,6 +2,7 @@
 #pragma once
 
 #include "sheetsplat/camera.hpp"
+#include "sheetsplat/scene.hpp"
 #include "sheetsplat/types.hpp"
 
 namespace sheetsplat {
@@ -10,5 +11,7 @@ namespace sheetsplat {
 Size coarse_size(Size full, int larger);
 /// The camera that sees coarse_size(full_size, larger) pixels.
 Camera coarse_camera(const Camera& full, Size full_size, int larger);
+/// The scene that it sees: of a depth limit, the depths at the pixels nearest to the middles of the larger ones.
+Scene coarse_scene(const Scene& full, Size full_size, int larger);
 
 } // namespace sheetsplat

@@ -20,6 +20,7 @@
 #include "reference/clip.hpp"
 #include "reference/screen.hpp"
 #include "scene/mode_rules.hpp"
+#include "view/kept_slices.hpp"
 #include "view/surface_lines.hpp"
 
 namespace sheetsplat {
@@ -73,7 +74,8 @@ class View {
          LightErrorProbe::BlocksOf& blocks, std::vector<std::shared_ptr<const PointValues>> values)
         : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan),
           volumes_(volumes), values_(std::move(values)), surfaces_(!volumes.groups.empty()), groups_(scene_.groups()),
-          screen_(camera_, request.size), clipping_(scene_, camera_), box_(supports_world(scene_)),
+          screen_(camera_, request.size), clipping_(scene_, camera_),
+          in_front_(plan_.depth_limit ? &*scene_.depth_limit : nullptr, frame_), box_(supports_world(scene_)),
           lengths_(frame_.slice_spacing / frame_.reference_length) {
         if (plan_.filter) {
             const double wider = 4.0 * (frame_.largest_pixel() + frame_.slice_spacing);
@@ -152,6 +154,7 @@ class View {
         int column = 0, row = 0;
         Vec3 start{0.0}, along{0.0};       ///< world
         std::int64_t first = 0, last = -1; ///< slices where it meets supports
+        std::int64_t last_kept = 0;        ///< the last one in front of the depth limit
         [[nodiscard]] Vec3 point(double depth) const { return start + depth * along; }
     };
     /// What is shaded.
@@ -172,6 +175,7 @@ class View {
         Ray ray;
         ray.column = column;
         ray.row = row;
+        ray.last_kept = in_front_.last(column, row);
         ray.start = to_world(screen_.point(column, row, 0.0));
         ray.along = to_world(screen_.point(column, row, 1.0)) - ray.start;
         double from = frame_.depth_of(0), to = frame_.depth_of(frame_.slices - 1);
@@ -275,16 +279,19 @@ class View {
         return sure ? PointValues::Value{plan_.value_unit * around.number, false} : value_at(group, world);
     }
 
-    [[nodiscard]] bool keeps(const Vec3& world) const {
+    [[nodiscard]] bool clip_keeps(const Vec3& world) const {
         return scene_.clip.empty() || clipping_.keeps(camera_.to_eye(world));
+    }
+    /// Whether a ray's point of a slice is kept.
+    [[nodiscard]] bool keeps(const Ray& ray, std::int64_t n) const {
+        return n <= ray.last_kept && clip_keeps(ray.point(frame_.depth_of(n)));
     }
 
     template <class At>
     void add_crossings(const Ray& ray, std::int64_t n, const At& values, bool occlusion, double& alpha,
                        Off& off) const {
         const double front_depth = frame_.depth_of(n);
-        if ((frame_.cut_by_near && n < 0) || !keeps(ray.point(front_depth)) ||
-            !keeps(ray.point(front_depth + frame_.slice_spacing))) {
+        if ((frame_.cut_by_near && n < 0) || !keeps(ray, n) || !keeps(ray, n + 1)) {
             return;
         }
         struct Crossing {
@@ -331,8 +338,8 @@ class View {
         };
         const bool interval = scene_.preintegration;
         const double depth = frame_.depth_of(n) + (interval ? 0.5 * frame_.slice_spacing : 0.0);
-        const bool here = keeps(ray.point(frame_.depth_of(n)));
-        const bool behind = interval && keeps(ray.point(frame_.depth_of(n + 1)));
+        const bool here = keeps(ray, n);
+        const bool behind = interval && keeps(ray, n + 1);
         const double lengths = lengths_ * screen_.secant(ray.column, ray.row);
         std::vector<Spot> spots;
         double extinction = 0.0, weights = 0.0;
@@ -495,7 +502,7 @@ class View {
         double left = 1.0;
         for (double step = 1.0; step <= last && left > dark; step += 1.0) {
             const Vec3 point = world + step * frame_.slice_spacing * direction;
-            if (clear_at(point) || !keeps(point)) {
+            if (clear_at(point) || !clip_keeps(point)) {
                 continue;
             }
             for (std::size_t group = 0; group < groups_.size(); ++group) {
@@ -519,6 +526,7 @@ class View {
     std::vector<Group> groups_;
     reference::Screen screen_;
     reference::Clipping clipping_;
+    SlicesInFront in_front_;
     Box box_; ///< of all supports, world
     double lengths_;
     std::vector<Vec3> to_lights_; ///< world

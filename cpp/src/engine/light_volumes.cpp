@@ -39,6 +39,7 @@ DrawPlan through(const DrawPlan& plan, const Scene& scene) {
     made.gradient = made.lit = made.analytic_gradient = made.gradient_opacity = false;
     made.specular = made.two_sided = made.depth_cue = made.shadows = made.ambient_occlusion = false;
     made.stop = made.coverage = made.depth = false;
+    made.depth_limit = false; // It belongs to the picture's rays.
     const std::vector<Group> groups = scene.groups();
     made.empty_test = std::any_of(groups.begin(), groups.end(), [](const Group& group) {
         return !group.transfer_function->transparent_over(0.0, 0.0);

@@ -35,6 +35,7 @@ double rmse(const Image& picture, const Image& reference) {
 Renderer::State::Pilots::Pilots(State& state, const Request& request, const Settings& start, int larger)
     : state_(state), request_(request), start_(start), size_(coarse_size(request.size, larger)),
       camera_(coarse_camera(request.camera, request.size, larger)),
+      scene_(coarse_scene(request.scene, request.size, larger)),
       watch_([this](double) { return !request_.progress || request_.progress(0.0); }) {
     const Prepared prepared = state_.prepare(whole(with_settings(request.scene, start), request.progress));
     backend_ = prepared.plan.summary.backend;
@@ -149,8 +150,7 @@ Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {
     if (settings.precision != Precision::automatic) {
         options.precision = settings.precision;
     }
-    return state_.render({with_settings(request_.scene, settings), camera_, size_, no_outputs_, watch_, options},
-                         &widest_);
+    return state_.render({with_settings(scene_, settings), camera_, size_, no_outputs_, watch_, options}, &widest_);
 }
 
 const Image& Renderer::State::Pilots::converged_for(double spacing) {

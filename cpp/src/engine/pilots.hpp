@@ -43,6 +43,7 @@ class Renderer::State::Pilots : public Judge {
     Settings start_;
     Size size_;
     Camera camera_;
+    Scene scene_; ///< as that camera sees it
     Progress watch_;
     Outputs no_outputs_;
     Frame widest_;

@@ -169,12 +169,12 @@ struct Stages::State {
 
     Coarse draw(const Step& step, const Progress& progress) {
         const Camera through = coarse_camera(camera, size, step.pixels);
-        Scene coarse_scene = scene;
-        coarse_scene.reference_length = frame.reference_length;
-        coarse_scene.slice_spacing = frame.slice_spacing * step.spacing;
-        return {step, renderer->render({coarse_scene, through, coarse_size(size, step.pixels), outputs, progress,
-                                        renderer->options()},
-                                       &frame)};
+        Scene seen = coarse_scene(scene, size, step.pixels);
+        seen.reference_length = frame.reference_length;
+        seen.slice_spacing = frame.slice_spacing * step.spacing;
+        return {step,
+                renderer->render(
+                    {seen, through, coarse_size(size, step.pixels), outputs, progress, renderer->options()}, &frame)};
     }
 
     [[nodiscard]] double order_of(double newer) const {
@@ -224,7 +224,7 @@ Stages::Stages(Renderer& renderer, const Scene& scene, const Camera& camera, Siz
     }
     if (const Chosen* chosen =
             renderer.state_->choose({scene, camera, size, outputs, {}, renderer.state_->options()})) {
-        state_->scene = chosen->scene_to_draw();
+        state_->scene = chosen->scene_to_draw(scene);
     }
     state_->choose_steps(first_seconds);
 }

@@ -109,6 +109,9 @@ Reach Renderer::State::reach() const {
 Prepared Renderer::State::prepare(const Request& request) {
     const Scene& scene = request.scene;
     scene.validate();
+    if (scene.depth_limit) {
+        scene.depth_limit->require_for(request.size, request.camera);
+    }
     Prepared prepared;
     prepared.frame = make_frame(scene, request.camera, request.size, reach());
     check_picture_memory(request.size, request.outputs);

@@ -59,7 +59,8 @@ bool same(const Scene& a, const Scene& b) {
            same(a.material, b.material) && a.opacity_stop == b.opacity_stop && a.preintegration == b.preintegration &&
            a.second_order == b.second_order && a.filter == b.filter && a.gradient == b.gradient &&
            same(a.clip, b.clip) && a.gradient_opacity == b.gradient_opacity && same(a.depth_cue, b.depth_cue) &&
-           a.shadows == b.shadows && same(a.ambient_occlusion, b.ambient_occlusion) && a.background == b.background;
+           a.depth_limit.has_value() == b.depth_limit.has_value() && a.shadows == b.shadows &&
+           same(a.ambient_occlusion, b.ambient_occlusion) && a.background == b.background;
 }
 
 } // namespace sheetsplat

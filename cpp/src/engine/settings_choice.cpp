@@ -104,7 +104,7 @@ bool Chosen::serves(const Scene& other, const Camera& from, Size other_size) con
            glm::length(from.target() - camera.target()) <= near && same(scene, other);
 }
 
-Scene Chosen::scene_to_draw() const { return with_settings(scene, choice.settings); }
+Scene Chosen::scene_to_draw(const Scene& asked) const { return with_settings(asked, choice.settings); }
 
 RendererOptions Chosen::options(const RendererOptions& options) const {
     RendererOptions chosen = options;
@@ -222,7 +222,7 @@ RenderPlan Renderer::State::plan_chosen(const Request& request) {
         measure_light(request, plan);
         return plan;
     }
-    const Scene scene = chosen->scene_to_draw();
+    const Scene scene = chosen->scene_to_draw(request.scene);
     const RendererOptions options = chosen->options(options_);
     const Request drawn = request.with(scene).with(options);
     RenderPlan plan = prepare(drawn).plan.summary;
@@ -240,7 +240,7 @@ Image Renderer::State::render_chosen(const Request& request) {
         image.plan = std::make_shared<const RenderPlan>(std::move(plan));
         return image;
     }
-    const Scene scene = chosen->scene_to_draw();
+    const Scene scene = chosen->scene_to_draw(request.scene);
     const RendererOptions options = chosen->options(options_);
     const Request drawn = request.with(scene).with(options);
     Image image = render(drawn);

@@ -22,10 +22,10 @@ struct Chosen {
     Backend backend = Backend::cpu;
 
     /// True where a view has the same scene and size, and differs by less than an eighth of its height, its width and
-    /// 10 degrees.
+    /// 10 degrees. The depths of a depth limit, which change with the camera, may be others.
     [[nodiscard]] bool serves(const Scene& other, const Camera& from, Size other_size) const;
-    /// The scene, and the caller's options, with what was chosen.
-    [[nodiscard]] Scene scene_to_draw() const;
+    /// A scene that is served, and the caller's options, with what was chosen.
+    [[nodiscard]] Scene scene_to_draw(const Scene& asked) const;
     [[nodiscard]] RendererOptions options(const RendererOptions& options) const;
     /// The row of the plan.
     [[nodiscard]] Effect plan_row(const RendererOptions& options) const;

@@ -19,6 +19,7 @@ FrameFacts frame_facts(const Frame& frame) {
     facts.largest_pixel = frame.largest_pixel();
     facts.largest_slant = frame.largest_slant();
     facts.cut_by_near = frame.cut_by_near;
+    facts.nearest_depth = frame.depth_of(0);
     // A crossing or an interval ends beyond its slice.
     facts.farthest_depth = frame.depth_of(frame.slices);
     return facts;

@@ -190,7 +190,7 @@ bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const Draw
     if (plan.mode != Mode::composite || !plan.preintegration) {
         return false;
     }
-    if (plan.clip) {
+    if (plan.cuts()) {
         return true;
     }
     bool negative = false;

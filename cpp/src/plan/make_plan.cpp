@@ -128,6 +128,24 @@ void plan_clip(const Scene& scene, const ViewFacts& view, Effects& effects, Draw
     plan.blank = plan.clip && kept == Kept::nothing;
 }
 
+void plan_depth_limit(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
+    const bool given = scene.depth_limit.has_value();
+    const Kept kept = !given ? Kept::everything
+                      : scene.depth_limit->nearest() > view.frame.farthest_depth + view.frame.slice_spacing
+                          ? Kept::everything
+                      : scene.depth_limit->farthest() <= view.frame.nearest_depth ? Kept::nothing
+                                                                                  : Kept::something;
+    plan.depth_limit = effects.decide_given(
+        EffectId::depth_limit, given, kept != Kept::everything,
+        !given                     ? "no depths of a surface were given"
+        : kept == Kept::everything ? "the surface lies behind all that kernels reach, at depth " +
+                                         number(scene.depth_limit->nearest()) + " or more"
+        : kept == Kept::nothing ? "the surface lies in front of all that kernels reach: the picture is empty"
+                                : "a surface drawn elsewhere hides what lies behind it, from depth " +
+                                      number(scene.depth_limit->nearest()) + " on");
+    plan.blank = plan.blank || (plan.depth_limit && kept == Kept::nothing);
+}
+
 bool black(const Vec3& color) { return color.x == 0.0 && color.y == 0.0 && color.z == 0.0; }
 
 /// Lights, gradients and what only they need.
@@ -280,6 +298,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     summary.slice_spacing = view.frame.slice_spacing;
     summary.first_slice = view.frame.first_slice;
     summary.slices = view.frame.slices;
+    summary.first_depth = view.frame.nearest_depth;
+    summary.cut_by_near = view.frame.cut_by_near;
     Effects effects(options.effects, backend, summary.effects);
 
     const bool scalar = is_scalar(scene.mode);
@@ -360,6 +380,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         true);
 
     plan_clip(scene, view, effects, plan);
+    plan_depth_limit(scene, view, effects, plan);
     plan_light(scene, view, backend, shows, effects, plan);
 
     // Opacity.

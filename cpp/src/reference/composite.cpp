@@ -14,6 +14,9 @@ namespace {
 
 constexpr double never = std::numeric_limits<double>::infinity();
 
+// A point so little in front of a depth limit, in slice distances, is at it.
+constexpr double at_the_limit = 1e-6;
+
 } // namespace
 
 bool calls_for_gradients(const Scene& scene) {
@@ -209,6 +212,10 @@ void Compositor::add_scalar(const SheetWindow& window, const Pixel& pixel) {
 
 bool Compositor::kept(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const {
     const double depth = slices_.depth(window.n + static_cast<std::int64_t>(ahead));
+    if (scene_.depth_limit &&
+        depth >= scene_.depth_limit->at(pixel.column, pixel.row) - at_the_limit * slices_.spacing) {
+        return false;
+    }
     return clipping_.keeps(screen_.point(pixel.column, pixel.row, depth));
 }
 

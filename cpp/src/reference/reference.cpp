@@ -129,6 +129,9 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
     scene.validate();
     check_size(size);
     check_memory(size, scene, request, nudges.size());
+    if (scene.depth_limit) {
+        scene.depth_limit->require_for(size, camera);
+    }
 
     const Screen screen(camera, size);
     const Slices slices = find_slices(scene, camera, screen, radius_factor);

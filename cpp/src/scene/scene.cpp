@@ -1,11 +1,14 @@
 #include "sheetsplat/scene.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <string>
+#include <utility>
 
 #include <glm/common.hpp>
 
 #include "base/checks.hpp"
+#include "base/unusable.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -186,6 +189,43 @@ std::size_t group_drawn_of(const Scene& scene, std::size_t field) {
     const auto begins_behind = [field](const Scene::LaterGroup& group) { return group.first_field > field; };
     return static_cast<std::size_t>(std::find_if(scene.later_groups.begin(), scene.later_groups.end(), begins_behind) -
                                     scene.later_groups.begin());
+}
+
+namespace {
+
+/// Says that depths cannot be used, unless a condition holds.
+void require_depths(bool right, const std::string& found, const Words& wanted, const Words& advice = {}) {
+    if (!right) {
+        throw InvalidInput(Complaint{unusable("Renderer", "depth_limit"), found, wanted, advice, "depth_limit"});
+    }
+}
+
+std::string name_of(Size size) { return std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels"; }
+
+} // namespace
+
+DepthLimit::DepthLimit(Size size, std::vector<double> depths)
+    : size_(size), nearest_(std::numeric_limits<double>::infinity()), farthest_(-nearest_) {
+    require_depths(size.width > 0 && size.height > 0 &&
+                       depths.size() == static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height),
+                   text_of_count(depths.size(), "depth") + " for " + name_of(size), "a depth for each pixel");
+    for (const double depth : depths) {
+        require_depths(depth > -std::numeric_limits<double>::infinity(), text_of(depth),
+                       "depths in world units, and infinity where nothing is cut off");
+        nearest_ = std::min(nearest_, depth);
+        farthest_ = std::max(farthest_, depth);
+    }
+    depths_ = std::make_shared<const std::vector<double>>(std::move(depths));
+}
+
+void DepthLimit::require_for(Size picture, const Camera& camera) const {
+    require_depths(picture.width == size_.width && picture.height == size_.height,
+                   "depths of " + name_of(size_) + " for a picture of " + name_of(picture),
+                   "a depth for each pixel of the picture", "draw the surface at the size of the picture");
+    require_depths(camera.projection() == Projection::orthographic || nearest_ >= 0.0,
+                   "the depth " + text_of(nearest_) + " with a perspective camera",
+                   "depths of at least 0, and infinity where nothing is cut off",
+                   "count depths from the eye along the view direction, away from the viewer");
 }
 
 double Scene::default_slice_spacing() const {

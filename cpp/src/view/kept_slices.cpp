@@ -16,12 +16,26 @@ constexpr double no_end = 1 << 30;
 
 } // namespace
 
-KeptSlices::KeptSlices(const Scene& scene, const Camera& camera, const Frame& frame)
+SlicesInFront::SlicesInFront(const DepthLimit* limit, const Frame& frame)
+    : limit_(limit), first_depth_(frame.first_depth), spacing_(frame.slice_spacing), slices_(frame.slices) {}
+
+std::int32_t SlicesInFront::last(int column, int row) const {
+    const auto behind_all = static_cast<std::int32_t>(slices_ + 1);
+    if (limit_ == nullptr || column < 0 || row < 0 || column >= limit_->size().width || row >= limit_->size().height) {
+        return behind_all;
+    }
+    // A point so little in front of the surface is at it.
+    const double place = (limit_->at(column, row) - first_depth_) / spacing_ - rounding;
+    return static_cast<std::int32_t>(std::clamp(std::ceil(place) - 1.0, -2.0, static_cast<double>(behind_all)));
+}
+
+KeptSlices::KeptSlices(const Scene& scene, const DrawPlan& plan, const Camera& camera, const Frame& frame)
     : half_columns_(0.5 * frame.size.width), half_rows_(0.5 * frame.size.height), pixel_(frame.pixel),
-      lowest_(-rounding * frame.slice_spacing) {
+      lowest_(-rounding * frame.slice_spacing),
+      in_front_(plan.depth_limit && scene.depth_limit ? &*scene.depth_limit : nullptr, frame) {
     const double spacing = frame.slice_spacing;
     const double depth = frame.first_depth;
-    for (const Clip::Plane& given : scene.clip.half_spaces()) {
+    for (const Clip::Plane& given : plan.clip ? scene.clip.half_spaces() : std::vector<Clip::Plane>{}) {
         // Scaled first: squares of components can leave float64 where the components do not.
         const double scale = std::max({std::abs(given.normal.x), std::abs(given.normal.y), std::abs(given.normal.z)});
         const Vec3 scaled = given.normal / scale;
@@ -43,7 +57,7 @@ KeptSlices::KeptSlices(const Scene& scene, const Camera& camera, const Frame& fr
 SliceRun KeptSlices::at(int column, int row) const {
     const double x = (column + 0.5 - half_columns_) * pixel_;
     const double y = (half_rows_ - row - 0.5) * pixel_;
-    double first = -no_end, last = no_end;
+    double first = -no_end, last = in_front_.last(column, row);
     for (const Plane& plane : planes_) {
         const double start = plane.start.at(x, y) - lowest_;
         const double step = plane.step.at(x, y);

@@ -44,8 +44,20 @@ def _range_of(field: Field) -> tuple[float, float]:
     return float(found.min(initial=math.inf)), float(found.max(initial=-math.inf))
 
 
-def why_empty(scene: Scene, camera: Camera | None = None, size: tuple[int, int] | None = None) -> str:
-    """Return the probable reason why the picture of a scene shows nothing; camera and size of it, where known."""
+def why_empty(
+    scene: Scene, camera: Camera | None = None, size: tuple[int, int] | None = None, *, hidden: bool = False
+) -> str:
+    """Return the probable reason why the picture of a scene shows nothing.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    camera, size
+        Of the picture, where known.
+    hidden
+        Whether a surface drawn elsewhere hides a part of the scene.
+    """
     known = [one for one in scene.fields if one.size]
     if not known:
         return f"the field has no {'kernels' if isinstance(scene.fields[0], EllipsoidField) else 'samples'}"
@@ -72,6 +84,8 @@ def why_empty(scene: Scene, camera: Camera | None = None, size: tuple[int, int] 
                 f"the opacity is 0 for all of {values}; "
                 f"the transfer function goes from {function.v_min:g} to {function.v_max:g}"
             )
+    if hidden:
+        return "perhaps the surface whose depths were given as depth_limit hides all that there is"
     if scene.options["clip"].planes or scene.options["clip"].box is not None:
         return "perhaps the clip cuts off all that there is, or the camera looks past the field"
     if scene.options["filter"] == "ewa":

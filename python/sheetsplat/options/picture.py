@@ -4,6 +4,8 @@ from collections.abc import Iterable
 from functools import cache
 from typing import Annotated, TypedDict
 
+from numpy.typing import ArrayLike
+
 from sheetsplat.camera import Camera
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import COLORED, MODES, CommandLine, Option, definitions
@@ -47,6 +49,15 @@ class PictureOptions(SizeOptions, total=False):
             "which the opacity first reaches one half.",
             default=(),
             accepts="sequence of str",
+            cli=(),
+        ),
+    ]
+    depth_limit: Annotated[
+        ArrayLike | None,
+        Option(
+            "Depths of a surface that was drawn elsewhere with the same camera, which hides what lies behind it: an "
+            "array (h, w), world units from the eye along the view direction, infinite where there is no surface.",
+            accepts="array (h, w), or float",
             cli=(),
         ),
     ]

@@ -522,7 +522,7 @@ class SceneFile:
         return f"SceneFile({files}{', exact' if self.is_exact else ''})"
 
 
-_OF_PICTURE = ("quality", "size", "camera", "outputs", "progress", *definitions(CameraOptions))
+_OF_PICTURE = ("quality", "size", "camera", "outputs", "progress", "depth_limit", *definitions(CameraOptions))
 
 
 def _paths(data: Paths) -> list[str | os.PathLike[str]]:

@@ -32,7 +32,7 @@ _BINS = 256
 # Samples that a histogram looks at.
 _ENOUGH = 500_000
 # Options of `render` that a viewer has in other ways, or that belong to one picture.
-REFUSED = ("outputs", "progress", "renderer")
+REFUSED = ("outputs", "progress", "renderer", "depth_limit")
 MOST_DATA = 100_000
 
 

@@ -1,6 +1,7 @@
 // Effects that every backend shares: what calls for them, what of a scene's values makes them idle, and what each owes.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include <gtest/gtest.h>
@@ -359,6 +360,31 @@ TEST(SceneEffects, ScalarModesHaveNoneButClip) {
         EXPECT_FALSE(plan.gradient || plan.lit || plan.analytic_gradient || plan.depth_cue || plan.shadows ||
                      plan.ambient_occlusion || plan.ambient_only || plan.second_order);
     }
+}
+
+TEST(SceneEffects, DepthLimitsAreOnWhereTheyCutSomething) {
+    struct Case {
+        double nearest, farthest;
+        bool on, blank;
+    };
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    // Slices lie at depths from 0 on; crossings and intervals end at 10.
+    for (const Case& one : {Case{11.1, infinity, false, false}, Case{9.9, infinity, true, false},
+                            Case{0.1, 0.2, true, false}, Case{-1.0, 0.0, true, true}}) {
+        Scene scene = lit_scene();
+        scene.depth_limit = DepthLimit({1, 2}, {one.nearest, one.farthest});
+        for (const Backend backend : backends) {
+            const DrawPlan plan = plan_of(scene, backend);
+            EXPECT_EQ(plan.depth_limit, one.on) << one.nearest;
+            EXPECT_EQ(plan.blank, one.blank) << one.nearest;
+            EXPECT_EQ(plan.cuts(), one.on) << one.nearest;
+            EXPECT_EQ(row(plan, "depth_limit").on, one.on) << one.nearest;
+        }
+        scene.preintegration = true;
+        EXPECT_EQ(plan_of(scene, Backend::cpu).empty_test, one.on) << "an interval may have one end that is cut off";
+    }
+    EXPECT_FALSE(plan_of(lit_scene()).cuts());
+    expect_parts(row(plan_of(lit_scene()), "depth_limit").reason, {"no depths"});
 }
 
 TEST(SceneEffects, ClipsThatKeepAllAreOffAndThoseThatKeepNothingDrawNothing) {

@@ -5,8 +5,10 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "sheetsplat/camera.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/scene.hpp"
 #include "support.hpp"
@@ -106,6 +108,29 @@ TEST(Scene, clipping_has_a_meaning) {
         EXPECT_FALSE(inside(below));
         EXPECT_FALSE(inside(above));
     }
+}
+
+TEST(Scene, depth_limits_are_depths_of_a_picture) {
+    const DepthLimit limit({2, 1}, {3.0, infinity});
+    EXPECT_EQ(limit.at(0, 0), 3.0);
+    EXPECT_EQ(limit.at(1, 0), infinity);
+    EXPECT_EQ(limit.nearest(), 3.0);
+    EXPECT_EQ(limit.farthest(), infinity);
+    const auto made = [](Size size, std::vector<double> depths) {
+        return message_of<InvalidInput>([&] { (void)DepthLimit(size, std::move(depths)); });
+    };
+    expect_parts(made({2, 2}, {1.0}), {"depth_limit", "1 depth for 2 x 2 pixels"});
+    expect_parts(made({0, 0}, {}), {"depth_limit", "0 x 0"});
+    expect_parts(made({1, 1}, {nan}), {"depth_limit", "NaN"});
+    expect_parts(made({1, 1}, {-infinity}), {"depth_limit", "-infinity"});
+
+    const Camera across = Camera::orthographic({0, 0, 5}, {0, 0, 0}, {0, 1, 0}, 1.0);
+    const Camera near = Camera::perspective({0, 0, 5}, {0, 0, 0}, {0, 1, 0}, 30.0);
+    const DepthLimit behind({1, 1}, {-1.0});
+    EXPECT_NO_THROW(behind.require_for({1, 1}, across));
+    EXPECT_NO_THROW(limit.require_for({2, 1}, near));
+    expect_parts(message_of<InvalidInput>([&] { behind.require_for({1, 1}, near); }), {"depth -1", "perspective"});
+    expect_parts(message_of<InvalidInput>([&] { limit.require_for({1, 2}, across); }), {"2 x 1", "1 x 2"});
 }
 
 TEST(Scene, numbers_of_effects_have_a_meaning) {

@@ -133,8 +133,14 @@ def shade(
     return shaded
 
 
-def render(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge | None = None) -> Picture:
-    """Return the picture (sections 4 to 7)."""
+def render(
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    nudge: Nudge | None = None,
+    depth_limit: Array | None = None,
+) -> Picture:
+    """Return the picture (sections 4 to 7), cut off at depths (h, w) where they are given (section 10)."""
     w, h = size
     nudge = nudge or Nudge()
     spacing, length = scene.spacing(), scene.length()
@@ -153,6 +159,8 @@ def render(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge | N
     rho, empty = samples.rho[inner], samples.empty[inner]
     depths, weights = samples.depth[1:-1], samples.weight[1:-1]
     kept = kept_points(scene, camera, size, depths)
+    if depth_limit is not None:
+        kept &= before_limit(depths, depth_limit, spacing)
     coverage = (weights * kept).sum(0) * spacing * stretch
     depth = np.full((h, w), np.inf)
     found = max(len(depths) - 2, 0)
@@ -195,6 +203,11 @@ def ray_points(camera: Camera, size: tuple[int, int], at: Mask, t: Array) -> Arr
     x, y = np.broadcast_to(x, (h, w))[at], np.broadcast_to(y[:, None], (h, w))[at]
     scale = t if camera.is_perspective else 1.0
     return np.stack([x * scale, y * scale, -t], -1)
+
+
+def before_limit(depths: Array, limit: Array, spacing: float) -> Mask:
+    """Return which points of slices are in front of a depth limit, (S, h, w)."""
+    return np.asarray(depths[:, None, None] < limit - 1e-6 * spacing)
 
 
 def kept_points(scene: Scene, camera: Camera, size: tuple[int, int], depths: Array) -> Mask:

@@ -92,7 +92,7 @@ struct Shading {
     /// Rows go through the effects one after the other: of what follows, anything is on, or preintegration of second
     /// order.
     bool by_effects = false;
-    bool clip = false;
+    bool cuts = false; ///< clip or depth limit take points of slices away
     bool analytic_gradient = false;
     bool gradient_opacity = false;
     bool depth_cue = false;
@@ -122,7 +122,7 @@ struct Shading {
     /// depth. In float64: a slab's own scale is put in before they are rounded.
     double gradient_across = 0.0, gradient_along = 0.0;
 
-    std::vector<KeptHalfSpace> kept;     ///< all of them
+    std::vector<KeptHalfSpace> kept;     ///< all of them; none without a clip
     std::vector<VolumeLookup> shadow_of; ///< a light
     VolumeLookup openness;               ///< what ambient occlusion leaves open of a point's surroundings
     SurfaceLight<T> surface_light;       ///< in place of both, in mode isosurface

@@ -76,12 +76,13 @@ struct TilePicture {
     T* green = nullptr;
     T* blue = nullptr;
     T* alpha = nullptr;
-    T* scalar = nullptr;      ///< scalar modes; minimum: infinite until a slice counts
-    T* counted = nullptr;     ///< mode average: slices that count
-    T* depth = nullptr;       ///< infinite until opacity reaches one half; null unless asked for
-    T* coverage = nullptr;    ///< null unless asked for
-    int* row_alive = nullptr; ///< a row: pixels that still change: those with alpha < A_stop
-    int alive = 0;            ///< sum of row_alive
+    T* scalar = nullptr;          ///< scalar modes; minimum: infinite until a slice counts
+    T* counted = nullptr;         ///< mode average: slices that count
+    T* depth = nullptr;           ///< infinite until opacity reaches one half; null unless asked for
+    T* coverage = nullptr;        ///< null unless asked for
+    const T* last_kept = nullptr; ///< the last slice in front of the depth limit; null without one
+    int* row_alive = nullptr;     ///< a row: pixels that still change: alpha < A_stop, and not yet at the depth limit
+    int alive = 0;                ///< sum of row_alive
 };
 
 } // namespace sheetsplat::backend_cpu

@@ -24,6 +24,7 @@ struct FrameFacts {
     double smallest_pixel = 1.0, largest_pixel = 1.0; ///< width over all slices
     double largest_slant = 1.0;                       ///< largest s = 1 / cos(theta) over the picture
     bool cut_by_near = false;                         ///< slices are missing in front because of the near plane
+    double nearest_depth = 0.0;                       ///< of the first slice
     /// Depth up to which slices, slabs and crossings lie.
     double farthest_depth = std::numeric_limits<double>::infinity();
 

@@ -27,13 +27,14 @@ enum class Control : std::uint8_t {
     X(separate_normalization,  is,  is,  is, "the fields' normalization", "fields are divided by their own weight sums before they are added") \
     X(scattered_kernels,       is,  is,  is, "the scene's fields", "kernels are ellipsoids that are sliced one by one") \
     X(empty_test,              can, can, is, nullptr, "points that no kernel reaches are distinguished from points where the sum is 0") \
-    X(empty_intervals,         is,  is,  no, "the scene's clip and preintegration", "intervals that no kernel reaches are distinguished from intervals whose ends are 0") \
+    X(empty_intervals,         is,  is,  no, "the scene's clip, the depth limit and preintegration", "intervals that no kernel reaches are distinguished from intervals whose ends are 0") \
     X(weight,                  can, can, is, nullptr, "sums of weights are kept beside sums of values") \
     X(ewa_filter,              is,  is,  is, "the scene's filter", "small kernels are widened and keep their mass") \
     X(slab_sampling,           is,  is,  is, "the scene's sampling", "slices hold means over their slabs") \
     X(perspective,             is,  is,  is, "the camera", "the camera is perspective") \
     X(general_sections,        can, can, is, nullptr, "sections of a lattice's kernel move or scale from slab to slab") \
     X(clip,                    can, can, is, nullptr, "points outside the scene's clip are transparent") \
+    X(depth_limit,             can, can, is, nullptr, "points at or behind a surface that was drawn elsewhere are transparent") \
     X(gradient,                can, can, is, nullptr, "gradients are made, for light or for gradient_opacity") \
     X(analytic_gradient,       can, can, is, nullptr, "gradients are sums of the kernels' own derivatives") \
     X(fine_gradient,           can, no,  no, nullptr, "differences of neighbouring samples are splatted, since differences of sums would lose their digits") \

@@ -25,11 +25,15 @@ struct DrawPlan {
     Projection projection = Projection::orthographic;
     Sampling sampling = Sampling::point;
     Mode mode = Mode::composite;
-    bool clip = false;     ///< points outside Scene::clip are transparent
-    bool blank = false;    ///< the clip leaves nothing: the picture is empty whatever else is on
-    bool filter = false;   ///< kernels are widened by pixel and slice distance
-    bool coverage = false; ///< an output
-    bool depth = false;    ///< an output
+    bool clip = false;        ///< points outside Scene::clip are transparent
+    bool depth_limit = false; ///< points at Scene::depth_limit or behind it are transparent
+    bool blank = false;       ///< clip or depth limit leave nothing: the picture is empty whatever else is on
+    bool filter = false;      ///< kernels are widened by pixel and slice distance
+    bool coverage = false;    ///< an output
+    bool depth = false;       ///< an output
+
+    /// Some points of slices are cut off.
+    [[nodiscard]] bool cuts() const { return clip || depth_limit; }
 
     // Sums and their division.
     bool weight = false;    ///< sums of weights are kept

@@ -80,7 +80,7 @@ class Compositor {
 
     /// Crossings between slices n and n + 1, the nearest first.
     [[nodiscard]] std::vector<Crossing> find_crossings(const SheetWindow& window, const Pixel& pixel) const;
-    /// True where clipping keeps the point of slice n + ahead.
+    /// True where clipping and the depth limit keep the point of slice n + ahead.
     [[nodiscard]] bool kept(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
     /// True where the interval behind slice n shows a group: an end is neither empty nor cut off.
     [[nodiscard]] bool open_interval(const View& view) const;

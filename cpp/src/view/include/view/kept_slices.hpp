@@ -1,10 +1,11 @@
-// What a scene's clip leaves of each pixel's slices. Source: conventions, section 10.
+// What a clip and a depth limit leave of each pixel's slices. Source: conventions, section 10.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
 #include "facts/frame.hpp"
+#include "plan/make_plan.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
 
@@ -17,11 +18,28 @@ struct SliceRun {
     [[nodiscard]] bool holds(std::int64_t slice) const { return slice >= first && slice <= last; }
 };
 
+/// The last slice of each pixel in front of a depth limit.
+class SlicesInFront {
+  public:
+    /// limit: null where nothing is cut off. Refers to it.
+    SlicesInFront(const DepthLimit* limit, const Frame& frame);
+
+    /// Of a pixel of the picture; beyond its edges the one behind all slices. -2 where no slice is in front, nor what
+    /// lies before the first one.
+    [[nodiscard]] std::int32_t last(int column, int row) const;
+
+  private:
+    const DepthLimit* limit_;
+    double first_depth_, spacing_;
+    std::int64_t slices_;
+};
+
 /// Half spaces are convex, so that what they leave of a ray is one run of slices: found in float64, with any number of
 /// planes, it can be looked up in any number format.
 class KeptSlices {
   public:
-    KeptSlices(const Scene& scene, const Camera& camera, const Frame& frame);
+    /// The plan says whether clip and depth limit are on. Refers to the scene.
+    KeptSlices(const Scene& scene, const DrawPlan& plan, const Camera& camera, const Frame& frame);
 
     /// Of a pixel of the picture, or beyond its edges.
     [[nodiscard]] SliceRun at(int column, int row) const;
@@ -39,6 +57,7 @@ class KeptSlices {
     double half_columns_, half_rows_; ///< of the picture, pixels
     double pixel_;                    ///< width of a pixel, as Frame has it
     double lowest_;                   ///< height of what still counts as kept
+    SlicesInFront in_front_;
 };
 
 } // namespace sheetsplat

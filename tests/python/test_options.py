@@ -9,15 +9,17 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import sheetsplat as ss
 from sheetsplat.cli.accuracy import command as accuracy_command
+from sheetsplat.cli.help import FIRST, titles
 from sheetsplat.cli.plan import command as plan_command
 from sheetsplat.cli.render import command as render_command
 from sheetsplat.options.core import MODES, SCALAR, choices_of, definitions
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.film import AnimateOptions, TurntableOptions
-from sheetsplat.options.page import page
+from sheetsplat.options.page import GROUPS, page
 from sheetsplat.options.picture import LookOptions, RenderOptions, unused
 from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions
@@ -169,3 +171,19 @@ def test_errors_name_their_option():
         with pytest.raises(ss.InvalidInput) as caught:
             call()
         assert caught.value.option == option
+
+
+@pytest.mark.parametrize("command", [render_command, plan_command, accuracy_command])
+def test_help_is_one_screen_or_all_in_groups(command):
+    first, every = (CliRunner().invoke(command, [flag], prog_name="x") for flag in ("--help", "--help-all"))
+    assert first.exit_code == every.exit_code == 0
+    assert set(FIRST) <= set(titles())
+    for title, groups in GROUPS:
+        names = [one for group in groups for one in definitions(group)]
+        shown = any(one.name in names for one in command.params)
+        assert (f"\n{title}:\n" in every.output) == shown
+        assert f"\n{title}:\n" not in first.output
+    flags_there = {flag for one in command.params if isinstance(one, click.Option) for flag in one.opts}
+    assert [flag for flag in flags_there if flag not in every.output] == []
+    assert "\n  --falloff" not in first.output and "\n  --cmap" in first.output
+    assert len(first.output) < 0.5 * len(every.output)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import click
 
 from sheetsplat.accuracy.knobs import KNOBS
+from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
 from sheetsplat.cli.scene import forced_effects, prepare
@@ -27,7 +28,7 @@ def _knobs(text: str) -> tuple[str, ...]:
     return names
 
 
-@click.command("accuracy")
+@click.command("accuracy", cls=GroupedCommand)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="The plot: .png, .svg or .pdf.")
 @click.option(

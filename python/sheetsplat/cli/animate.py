@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sheetsplat.cli.films import film_options, write
+from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.output import check_outputs
 from sheetsplat.cli.scene import given_keywords
 from sheetsplat.options.film import MOST_FRAMES
@@ -29,7 +30,7 @@ def _camera_of(path: Path) -> Camera:
     return scene.camera if scene.camera is not None else scene.prepare().camera
 
 
-@click.command("animate")
+@click.command("animate", cls=GroupedCommand)
 @click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option(
     "--frames",

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import click
 from click.core import ParameterSource
 
+from sheetsplat.cli.help import help_all
 from sheetsplat.cli.types import param_type
 from sheetsplat.cli.wording import warnings_on_stderr
 from sheetsplat.options.camera import CameraOptions
@@ -121,7 +122,7 @@ def single(group: type, *names: str) -> list[Callable[[Any], Any]]:
 def scene_options(function: Function) -> Function:
     """Add every option that `sheetsplat.cli.scene.prepare` takes."""
     groups = (QualityOptions, FileOptions, PlacementOptions, KernelOptions, LookOptions, PictureOptions, CameraOptions)
-    decorated: Function = apply(options_of(*groups, RendererOptions))(function)
+    decorated: Function = apply([*options_of(*groups, RendererOptions), help_all])(function)
     return decorated
 
 

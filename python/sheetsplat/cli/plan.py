@@ -7,12 +7,13 @@ from typing import Any
 
 import click
 
+from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import report_json
 from sheetsplat.cli.scene import prepare
 
 
-@click.command("plan")
+@click.command("plan", cls=GroupedCommand)
 @click.argument("file", type=click.Path(path_type=Path))
 @scene_options
 @click.option("--measure", is_flag=True, help="Measure the time of each effect: draw with and without it.")

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
 from sheetsplat.cli.scene import given_keywords, is_scene_file, prepare, prepare_again, prepare_scene_file
@@ -32,7 +33,7 @@ Options whose help ends with names of modes are for these modes only.
 """
 
 
-@click.command("render", help=_HELP)
+@click.command("render", help=_HELP, cls=GroupedCommand)
 @click.argument("file", type=click.Path(path_type=Path))
 @click.argument("data", type=click.Path(path_type=Path), nargs=-1)
 @click.option(

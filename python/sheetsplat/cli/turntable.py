@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from sheetsplat.cli.films import film_options, write
+from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import apply, options_of
 from sheetsplat.cli.output import check_outputs
 from sheetsplat.cli.scene import given_keywords
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from sheetsplat.animation import Animation
 
 
-@click.command("turntable")
+@click.command("turntable", cls=GroupedCommand)
 @click.argument("file", type=click.Path(path_type=Path))
 @apply(options_of(TurnOptions))
 @film_options

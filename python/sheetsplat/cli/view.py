@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import check_mode, common, scene_options
 from sheetsplat.cli.output import say, tell
 from sheetsplat.cli.scene import given_keywords
@@ -26,7 +27,7 @@ the page shows first.
 """
 
 
-@click.command("view", help=_HELP)
+@click.command("view", help=_HELP, cls=GroupedCommand)
 @click.argument("files", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option("--choose", is_flag=True, help="Several files are no time series: the page lets choose among them.")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port of the page; any free one unless given.")

@@ -30,7 +30,8 @@ This page is made from the definitions in `sheetsplat/options`:
 `python -m sheetsplat.options.page > python/docs/options.md`.
 """
 _COLUMNS = ("option", "command line", "type", "default", "meaning", "modes")
-_GROUPS: tuple[tuple[str, tuple[type, ...]], ...] = (
+#: Titles of groups of options, in the order of the page.
+GROUPS: tuple[tuple[str, tuple[type, ...]], ...] = (
     ("Picture", (QualityOptions, PictureOptions)),
     ("Colours and opacity", (TransferOptions,)),
     ("Mode", (ModeOptions,)),
@@ -64,7 +65,7 @@ def _row(option: Option) -> str:
 def page() -> str:
     """Return the page as Markdown."""
     lines = [_ABOUT]
-    for title, groups in _GROUPS:
+    for title, groups in GROUPS:
         lines += [f"## {title}", "", f"| {' | '.join(_COLUMNS)} |", "|---" * len(_COLUMNS) + "|"]
         lines += [_row(option) for group in groups for option in definitions(group).values()]
         lines.append("")

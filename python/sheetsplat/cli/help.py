@@ -1,0 +1,79 @@
+"""Help of commands with the options of pictures: one screen by --help, all options in groups by --help-all."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+import click
+
+from sheetsplat.options.core import definitions
+from sheetsplat.options.page import GROUPS
+
+#: Options of pictures on the first screen.
+FIRST = (
+    *("quality", "size", "scalar", "spacing", "mode", "cmap", "opacity", "clim", "iso_value", "background", "shadows"),
+    *("direction", "up", "azimuth", "elevation", "zoom", "projection", "backend", "frames", "axis", "fps", "workers"),
+)
+_ALL = "sheetsplat.help_all"
+_DETAILS = re.compile(r"(?<=[.;]) |  \[")
+
+
+@cache
+def titles() -> dict[str, str]:
+    """Return the title of the group of each parameter that stands for an option of pictures or films."""
+    return {
+        spelling.parameter or name: title
+        for title, groups in GROUPS
+        for group in groups
+        for name, defined in definitions(group).items()
+        for spelling in defined.spellings
+    }
+
+
+def _show_all(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    if value and not context.resilient_parsing:
+        context.meta[_ALL] = True
+        click.echo(context.get_help(), color=context.color)
+        context.exit()
+
+
+help_all = click.option(
+    "--help-all",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_all,
+    help="Show all options, in groups, and exit.",
+)
+
+
+class GroupedCommand(click.Command):
+    """A command whose help has groups."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write its own options, then those of pictures: the most used ones, or all of them in groups."""
+        own: list[tuple[str, str]] = []
+        groups: dict[str, list[tuple[str, str]]] = {title: [] for title, _ in GROUPS}
+        first: dict[str, tuple[str, str]] = {}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            # Arguments stand in the usage, and in the text before.
+            if record is None or not isinstance(parameter, click.Option):
+                continue
+            title = titles().get(parameter.name or "")
+            (own if title is None else groups[title]).append(record)
+            if parameter.name in FIRST and title is not None:
+                # What it does, without the details.
+                first[parameter.name] = (record[0], _DETAILS.split(record[1])[0].rstrip(".;:"))
+        with formatter.section("Options"):
+            formatter.write_dl(own)
+        if ctx.meta.get(_ALL):
+            for title, records in groups.items():
+                if records:
+                    with formatter.section(title):
+                        formatter.write_dl(records)
+            return
+        count = sum(map(len, groups.values()))
+        with formatter.section(f"The most used of {count} options of pictures; --help-all shows all"):
+            formatter.write_dl([first[name] for name in FIRST if name in first])

@@ -56,7 +56,7 @@ def command(
     quiet: bool,
     **options: Any,
 ) -> None:
-    r"""Write a film of a time series, FILES in their order, with one look for all; or of one file and a moving camera.
+    """Write a film of a time series, FILES in their order, with one look for all; or of one file and a moving camera.
 
     Range, opacity, quality, camera and backend are decided once, by up to eight of the files from the first to the
     last. A folder goes on where it stopped.
@@ -65,7 +65,7 @@ def command(
     Examples:
       sheetsplat animate run/step*.nrrd -o run.mp4 --fps 12
       sheetsplat animate head.nrrd -o flight.mp4 --frames 120 --key front.png --key side.png --key top.toml
-    """
+    """  # noqa: D301
     from sheetsplat.animation import animate
 
     check_outputs([output], [*dict.fromkeys([*files, *keys])])

@@ -12,8 +12,24 @@ from sheetsplat.options.page import GROUPS
 
 #: Options of pictures on the first screen.
 FIRST = (
-    *("quality", "size", "scalar", "spacing", "mode", "cmap", "opacity", "clim", "iso_value", "background", "shadows"),
-    *("direction", "up", "azimuth", "elevation", "zoom", "projection", "backend", "frames", "axis", "fps", "workers"),
+    *(
+        "frames",
+        "axis",
+        "fps",
+        "workers",
+        "quality",
+        "size",
+        "scalar",
+        "spacing",
+        "mode",
+        "cmap",
+        "opacity",
+        "clim",
+        "iso_value",
+        "background",
+        "shadows",
+    ),
+    *("direction", "up", "azimuth", "elevation", "zoom", "projection", "backend"),
 )
 _ALL = "sheetsplat.help_all"
 _DETAILS = re.compile(r"(?<=[.;]) |  \[")

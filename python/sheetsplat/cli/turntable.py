@@ -33,7 +33,7 @@ def command(
     quiet: bool,
     **options: Any,
 ) -> None:
-    r"""Write a film in which the eye turns about FILE, a file of data or a scene file (.toml).
+    """Write a film in which the eye turns about FILE, a file of data or a scene file (.toml).
 
     Range, opacity, quality and backend are decided once. A folder goes on where it stopped.
 
@@ -42,7 +42,7 @@ def command(
       sheetsplat turntable head.nrrd -o head.mp4
       sheetsplat turntable head.nrrd -o frames --frames 180 --workers 4 --cmap magma
       sheetsplat turntable scene.toml -o scene.gif --size 320 --fps 15
-    """
+    """  # noqa: D301
     from sheetsplat.animation import turntable
 
     check_outputs([output], [file])

@@ -33,7 +33,8 @@ namespace {
 constexpr std::size_t surface_probes = 2048, volume_probes = 256;
 /// Pixels that are tried for them.
 constexpr std::size_t tries_per_probe = 8;
-/// Occlusion is looked at in every so many of them: it costs 14 lines, and changes slowly.
+/// Occlusion is looked at in every so many of them: it costs 14 lines, and changes slowly. (On surfaces of small
+/// pictures at all: few lines of few pixels are off.)
 constexpr std::size_t every_occlusion = 4;
 /// Kernels of which a grid is made for a picture that nobody asked the error of.
 constexpr std::size_t most_scattered = 200'000;
@@ -559,6 +560,7 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     const bool surfaces = request.scene.mode == Mode::isosurface;
     const std::size_t wanted = surfaces ? surface_probes : volume_probes;
     const bool all = pixels <= wanted;
+    const std::size_t every = surfaces && all ? 1 : every_occlusion;
     const std::size_t most = all ? pixels : tries_per_probe * wanted;
     ThreadPool pool(thread_count(request.options.threads));
     std::vector<View::Off> found;
@@ -574,7 +576,7 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
                 const std::array<int, 2> at =
                     all ? std::array<int, 2>{static_cast<int>(number % width), static_cast<int>(number / width)}
                         : spread(number, size);
-                found[number] = view.look(at[0], at[1], number % every_occlusion == 0);
+                found[number] = view.look(at[0], at[1], number % every == 0);
             },
             [&] { report_progress(request.progress, 1.0); });
         seen += static_cast<std::size_t>(std::count_if(found.begin() + static_cast<std::ptrdiff_t>(start), found.end(),
@@ -585,7 +587,7 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
         const View::Off& off = found[number];
         shadows += glm::dot(off.shadows, off.shadows);
         occlusion += glm::dot(off.occlusion, off.occlusion);
-        if (number % every_occlusion == 0) {
+        if (number % every == 0) {
             const Vec3 both = off.shadows + off.occlusion;
             apart += glm::dot(off.shadows, off.shadows) + glm::dot(off.occlusion, off.occlusion);
             together += glm::dot(both, both);
@@ -596,7 +598,7 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     // Of four channels, of which opacity is right.
     const double channels = 4.0 * static_cast<double>(std::max<std::size_t>(found.size(), 1));
     return {reserve * more * std::sqrt(shadows / channels),
-            reserve * more * std::sqrt(occlusion * static_cast<double>(every_occlusion) / channels)};
+            reserve * more * std::sqrt(occlusion * static_cast<double>(every) / channels)};
 }
 
 void state_light_errors(const LightErrors& errors, RenderPlan& plan) {

@@ -507,6 +507,21 @@ void sharpen(LightVolume& volume, const Stretches& near, const Loops& loops, Thr
 
 } // namespace
 
+namespace {
+
+void halve_row(const float* from, std::size_t many, float* to, std::size_t fewer) {
+    to[0] = many > 1 ? 0.5F * from[0] + 0.25F * from[1] : 0.5F * from[0];
+    std::size_t n = 1;
+    for (; 2 * n + 1 < many; ++n) {
+        to[n] = 0.25F * from[2 * n - 1] + 0.5F * from[2 * n] + 0.25F * from[2 * n + 1];
+    }
+    for (; n < fewer; ++n) {
+        to[n] = 0.25F * from[2 * n - 1] + (2 * n < many ? 0.5F * from[2 * n] : 0.0F);
+    }
+}
+
+} // namespace
+
 LightVolume halved(const LightVolume& volume) {
     LightVolume half{volume.origin, volume.per_step, volume.counts, volume.values};
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -520,6 +535,10 @@ LightVolume halved(const LightVolume& volume) {
         const auto fewer = static_cast<std::size_t>(half.counts[axis]);
         const std::size_t outer = from.values.size() / (inner * many);
         for (std::size_t block = 0; block < outer; ++block) {
+            if (inner == 1) {
+                halve_row(from.values.data() + block * many, many, half.values.data() + block * fewer, fewer);
+                continue;
+            }
             for (std::size_t n = 0; n < fewer; ++n) {
                 float* to = half.values.data() + (block * fewer + n) * inner;
                 for (std::size_t neighbour = 0; neighbour < 3; ++neighbour) {

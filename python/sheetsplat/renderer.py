@@ -448,13 +448,19 @@ class Renderer:
     def _warn_of_light(image: Image) -> None:
         """Warn of shadows or ambient occlusion that the backend draws far from their definition."""
         plan = image.plan
-        # What was not measured is a bound, and mostly many times too large.
-        for effect in plan.effects if image.stats.get("light_measured") else ():
+        measured = image.stats.get("light_measured")
+        for effect in plan.effects:
             if effect.name in _LIGHT and effect.error > _LARGE_LIGHT_ERROR:
-                what = _LIGHT[effect.name]
+                differ = (
+                    f"differ from their definition by {effect.error:.2g} (root mean square over the picture): "
+                    if measured
+                    else f"may differ from their definition by up to {effect.error:.2g} (root mean square over the "
+                    "picture, estimated): Image.error measures by how much, "
+                )
                 warn(
-                    f"{what} of backend {plan.backend} differ from their definition by {effect.error:.2g} (root mean "
-                    "square over the picture): " + option_ref("backend", "reference") + " draws them as defined"
+                    f"{_LIGHT[effect.name]} of backend {plan.backend} {differ}"
+                    + option_ref("backend", "reference")
+                    + " draws them as defined"
                 )
 
     def _warn_of_unused(self, plan: RenderPlan) -> None:

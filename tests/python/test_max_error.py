@@ -49,6 +49,34 @@ def test_the_bound_holds(seed: int, exact: ss.Renderer) -> None:
         least = image.stats["slices"]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["orthographic", "perspective"])
+def test_the_bound_holds_by_tiles(kind: Any) -> None:
+    """Pilots of large pictures are some of their tiles."""
+    rng = np.random.default_rng(3)
+    field = ss.RegularField(error_scenes.smooth_noise(rng, (18, 20, 22), 1.2))
+    scene = ss.Scene(
+        field,
+        [(0.3, 0.2, 0.4, 0.9, 0), (0.5, 0.9, 0.4, 0.2, 0.1), (1, 1, 0.9, 0.6, 0.5)],
+        lights=[ss.Light((0.4, 0.6, 1))],
+        material=ss.Material(ambient=0.2, diffuse=0.7, specular=0.2),
+    )
+    camera = ss.Camera.fit(field, direction=(0.4, -0.5, -0.8), kind=kind)
+    size = (272, 260)
+    renderer = ss.Renderer("cpu", max_error=1e-3)
+    image = renderer.render(scene, camera, size)
+    assert image.settings is not None
+    fine = {"slice_spacing": image.settings["slice_spacing"] / 6, "preintegration": True, "opacity_stop": 1.0}
+    converged = ss.Renderer("cpu").render(scene.replace(**fine, reference_length=scene.reference_length), camera, size)
+    found = float(np.sqrt(np.mean((image.pixels - converged.pixels) ** 2)))
+    print(f"{kind}: {found:.2e}, expected {image.stats['estimated_rmse']:.2e}")
+    assert found <= 1e-3
+    assert found / 1.3 <= image.stats["estimated_rmse"] <= 2 * found
+    # The default misses it.
+    usual = ss.Renderer("cpu").render(scene, camera, size)
+    assert np.sqrt(np.mean((usual.pixels - converged.pixels) ** 2)) > 1e-3
+
+
 def test_the_bound_is_what_decides(exact: ss.Renderer) -> None:
     """Negative control: the default settings would miss the bound."""
     missed = 0

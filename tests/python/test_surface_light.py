@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -264,6 +265,29 @@ def test_large_errors_are_seen() -> None:
         image = ss.Renderer("cpu").render(scene, camera, size=(40, 40))
     assert stated(image) > 0.05
     assert distance(image.pixels, ss.Renderer("reference").render(scene, camera, size=(40, 40)).pixels).rmse > 0.025
+
+
+def test_large_errors_that_are_not_measured_are_told() -> None:
+    """Of very many scattered kernels the plan's estimate stands; where it is large, the picture says so."""
+    rng = np.random.default_rng(7)
+    field = ss.EllipsoidField(rng.uniform(-1, 1, (200_001, 3)), 0.004, values=np.ones(200_001), normalization="none")
+    scene = ss.Scene(
+        field,
+        [(0, 1, 1, 1, 0), (0.3, 1, 1, 1, 0), (0.3, 1, 1, 1, 0.99), (2, 1, 1, 1, 0.99)],
+        slice_spacing=0.1,
+        lights=[ss.Light((1, 0.4, 0.5), (3, 3, 3))],
+        material=ss.Material(ambient=0.0, diffuse=1.0),
+        shadows=True,
+    )
+    camera = ss.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), height=2)
+    with pytest.warns(ss.PictureWarning, match="shadows of backend cpu may differ from their definition by up to 0"):
+        image = ss.Renderer("cpu").render(scene, camera, size=(16, 16))
+    assert image.stats["light_measured"] == 0
+    assert stated(image) > 0.05
+    with warnings.catch_warnings(record=True) as issued:
+        warnings.simplefilter("always")
+        ss.Renderer("cpu").render(scene.replace(shadows=False), camera, size=(16, 16))
+    assert not any("definition" in str(warning.message) for warning in issued)
 
 
 def test_plans_state_what_pictures_state() -> None:

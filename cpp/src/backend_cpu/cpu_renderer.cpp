@@ -205,7 +205,7 @@ struct CpuRenderer::State {
 
     void sort(const Job& job, const TileLayout& layout, int edge, RectsFunction rects, Report& tell, Image& image) {
         const auto start = Clock::now();
-        const bool reused = sorted && sorted->serves(job, edge);
+        const bool reused = sorted && sorted->serves(job, layout, edge);
         if (!reused) {
             sorted.reset();
             const std::function<void()> poll = [&] { tell(0.0); };
@@ -238,6 +238,9 @@ struct CpuRenderer::State {
         pool->run(
             tiles,
             [&](std::size_t tile, int thread) {
+                if (!layout.draws(tile)) {
+                    return;
+                }
                 TileScratch<T>& room = rooms[static_cast<std::size_t>(thread)];
                 const TileShape shape = layout.shape(tile);
                 const bool first = thread == 0;
@@ -326,7 +329,8 @@ struct CpuRenderer::State {
                 pool = OwnPool(new ThreadPool(threads));
             }
             const int edge = edge_of_tiles(job.frame->size, job.tile_size);
-            const TileLayout layout(job.frame->size, edge);
+            const TileLayout layout(job.frame->size, edge,
+                                    job.drawn_tiles != nullptr ? *job.drawn_tiles : std::vector<std::uint8_t>{});
             const InstructionSet set = chosen_instruction_set();
             sort(job, layout, edge, tile_functions<float>(set)->rects, tell, image);
             if (precision == Precision::float64) {

@@ -51,6 +51,7 @@ SortedView SortedView::of(const Job& job, const TileLayout& layout, int edge, Re
     SortedView view;
     view.frame = *job.frame;
     view.edge = edge;
+    view.drawn = layout.drawn();
     view.sampling = job.plan->sampling;
     for (const RegularPart& part : job.regular) {
         view.lattices.push_back({job.scene->fields[part.field], *part.view, extents_of(*part.runs),
@@ -75,9 +76,10 @@ std::size_t SortedView::bytes() const {
     return sum;
 }
 
-bool SortedView::serves(const Job& job, int edge_now) const {
-    if (edge != edge_now || !same_view(frame, *job.frame) || sampling != job.plan->sampling ||
-        lattices.size() != job.regular.size() || scattered.size() != job.ellipsoids.size()) {
+bool SortedView::serves(const Job& job, const TileLayout& layout, int edge_now) const {
+    if (edge != edge_now || drawn != layout.drawn() || !same_view(frame, *job.frame) ||
+        sampling != job.plan->sampling || lattices.size() != job.regular.size() ||
+        scattered.size() != job.ellipsoids.size()) {
         return false;
     }
     for (std::size_t part = 0; part < lattices.size(); ++part) {

@@ -23,84 +23,110 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// A vector of lines from places in the grid.
-template <class D>
-struct Lines {
-    using T = hn::TFromD<D>;
-    using V = hn::Vec<D>;
-    using M = hn::Mask<D>;
-    using Line = typename SurfaceLight<T>::Line;
-    static constexpr T farthest = T(1e6); ///< steps; grids end before
-
-    D d;
-    const SurfaceLight<T>& light;
-    M wanted;   ///< lanes that are looked at
-    V place[3]; ///< where they start, in elements
-
-    /// What is left of light that comes along a line through points 1 to `steps`.
-    [[nodiscard]] HWY_INLINE V left_along(const Line& line, T steps) const {
-        const V last = last_step(line, steps), opaque = hn::Set(d, static_cast<T>(SurfaceLines::opaque));
-        V absorbed = hn::Zero(d);
-        for (const LightVolume* group : light.groups) {
-            V before = hn::Zero(d);
-            for (T point = T(1);; point += T(1)) {
-                const V at = hn::Set(d, point);
-                const M reached = hn::And(hn::Ge(last, at), hn::Lt(absorbed, opaque));
-                if (hn::AllFalse(d, reached)) {
-                    break;
-                }
-                const V here[3] = {hn::MulAdd(at, hn::Set(d, line.step[0]), place[0]),
-                                   hn::MulAdd(at, hn::Set(d, line.step[1]), place[1]),
-                                   hn::MulAdd(at, hn::Set(d, line.step[2]), place[2])};
-                const V below = absorbed_below(look_up(d, *group, here));
-                if (point > T(1)) {
-                    absorbed = hn::Add(absorbed, hn::IfThenElseZero(reached, hn::Abs(hn::Sub(below, before))));
-                }
-                before = below;
-            }
-        }
-        const V left = exp2_nonpositive(d, hn::Neg(hn::Min(absorbed, opaque)));
-        return hn::IfThenElseZero(hn::Lt(absorbed, opaque), left);
+/// b(rho) of view/surface_lines.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE V absorbed_below(D d, const SurfaceLight<T>& light, V rho) {
+    V sum = hn::Zero(d);
+    for (const auto& surface : light.surfaces) {
+        const V absorption = hn::Set(d, surface.absorption);
+        sum = hn::Add(sum, hn::IfThenElseZero(hn::Ge(rho, hn::Set(d, surface.value)), absorption));
     }
+    return sum;
+}
 
-  private:
-    /// The last step that matters, as SurfaceLines::last_step has it; 0 outside of `wanted`.
-    [[nodiscard]] HWY_INLINE V last_step(const Line& line, T steps) const {
-        V last = hn::Set(d, farthest);
+/// Steps; grids end before.
+template <class T>
+constexpr T farthest_step = T(1e6);
+
+/// SurfaceLines::last_step of a vector of lines, at most `steps`. place, step: in elements.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE V last_step(D d, const SurfaceLight<T>& light, const V (&place)[3], const V (&step)[3], T steps) {
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1)), farthest = hn::Set(d, farthest_step<T>);
+    V last = farthest;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const auto moves = hn::Ne(step[axis], zero);
+        const V end = hn::Set(d, static_cast<T>(light.groups.front()->counts[axis] - 1));
+        const V face = hn::IfThenElseZero(hn::Gt(step[axis], zero), end);
+        const V way = hn::Div(hn::Sub(face, place[axis]), hn::IfThenElse(moves, step[axis], one));
+        last = hn::Min(last, hn::IfThenElse(moves, way, farthest));
+    }
+    last = hn::Min(hn::Add(hn::Floor(last), one), hn::Set(d, steps));
+    for (const auto& half : light.kept) {
+        V nearer = zero, above = hn::Set(d, half.distance);
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            const T step = line.step[axis];
-            if (step != T(0)) {
-                const T face = step > T(0) ? static_cast<T>(light.groups.front()->counts[axis] - 1) : T(0);
-                last = hn::Min(last, hn::Mul(hn::Sub(hn::Set(d, face), place[axis]), hn::Set(d, T(1) / step)));
-            }
+            const V normal = hn::Set(d, half.normal[axis]);
+            nearer = hn::NegMulAdd(normal, step[axis], nearer);
+            above = hn::MulAdd(normal, place[axis], above);
         }
-        last = hn::Min(hn::Add(hn::Floor(last), hn::Set(d, T(1))), hn::Set(d, steps));
-        for (const auto& half : light.kept) {
-            T nearer = T(0);
-            V above = hn::Set(d, half.distance);
-            for (std::size_t axis = 0; axis < 3; ++axis) {
-                nearer -= half.normal[axis] * line.step[axis];
-                above = hn::MulAdd(hn::Set(d, half.normal[axis]), place[axis], above);
-            }
-            if (nearer > T(1e-6)) {
-                last = hn::Min(last, hn::Floor(hn::Mul(above, hn::Set(d, T(1) / nearer))));
-            }
-        }
-        return hn::IfThenElseZero(wanted, last);
+        const auto comes_near = hn::Gt(nearer, hn::Set(d, T(1e-6)));
+        const V kept = hn::Floor(hn::Div(above, hn::IfThenElse(comes_near, nearer, one)));
+        last = hn::Min(last, hn::IfThenElse(comes_near, kept, farthest));
     }
+    return last;
+}
 
-    [[nodiscard]] HWY_INLINE V absorbed_below(V rho) const {
-        V sum = hn::Zero(d);
-        for (const auto& surface : light.surfaces) {
-            const V absorption = hn::Set(d, surface.absorption);
-            sum = hn::Add(sum, hn::IfThenElseZero(hn::Ge(rho, hn::Set(d, surface.value)), absorption));
+/// What is left of light whose absorptions add up to `absorbed`.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V left_of_absorbed(D d, V absorbed) {
+    const V opaque = hn::Set(d, static_cast<hn::TFromD<D>>(SurfaceLines::opaque));
+    const V left = exp2_nonpositive(d, hn::Neg(hn::Min(absorbed, opaque)));
+    return hn::IfThenElseZero(hn::Lt(absorbed, opaque), left);
+}
+
+/// What is left of light that comes along lines through points 1 to `last`, a line a lane.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE V left_along(D d, const SurfaceLight<T>& light, const V (&place)[3], const V (&step)[3], V last) {
+    const V opaque = hn::Set(d, static_cast<T>(SurfaceLines::opaque));
+    V absorbed = hn::Zero(d);
+    for (const LightVolume* group : light.groups) {
+        V before = hn::Zero(d);
+        for (T point = T(1);; point += T(1)) {
+            const V at = hn::Set(d, point);
+            const auto reached = hn::And(hn::Ge(last, at), hn::Lt(absorbed, opaque));
+            if (hn::AllFalse(d, reached)) {
+                break;
+            }
+            const V here[3] = {hn::MulAdd(at, step[0], place[0]), hn::MulAdd(at, step[1], place[1]),
+                               hn::MulAdd(at, step[2], place[2])};
+            const V below = absorbed_below(d, light, look_up(d, *group, here));
+            if (point > T(1)) {
+                absorbed = hn::Add(absorbed, hn::IfThenElseZero(reached, hn::Abs(hn::Sub(below, before))));
+            }
+            before = below;
         }
-        return sum;
     }
-};
+    return left_of_absorbed(d, absorbed);
+}
 
-/// What is left of light at the pixels of a row that show a surface. These are few in a slice: their lines are followed
-/// side by side, wherever in the row they are.
+/// The same of a single line, a point a lane.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE T left_along_one(D d, const SurfaceLight<T>& light, const T (&from)[3],
+                            const typename SurfaceLight<T>::Line& line, T steps) {
+    constexpr int lanes = static_cast<int>(hn::MaxLanes(D()));
+    constexpr T opaque = static_cast<T>(SurfaceLines::opaque);
+    const V place[3] = {hn::Set(d, from[0]), hn::Set(d, from[1]), hn::Set(d, from[2])};
+    const V step[3] = {hn::Set(d, line.step[0]), hn::Set(d, line.step[1]), hn::Set(d, line.step[2])};
+    const V last = last_step(d, light, place, step, steps);
+    const T end = hn::GetLane(last);
+    T absorbed = T(0);
+    for (const LightVolume* group : light.groups) {
+        T below[lanes + 1] = {}; // Of the point before the first lane, and of the lanes.
+        for (T first = T(1); first <= end && absorbed < opaque; first += static_cast<T>(lanes)) {
+            const V at = hn::Iota(d, first);
+            const V here[3] = {hn::MulAdd(at, step[0], place[0]), hn::MulAdd(at, step[1], place[1]),
+                               hn::MulAdd(at, step[2], place[2])};
+            const V own = absorbed_below(d, light, look_up(d, *group, here));
+            below[0] = first > T(1) ? below[lanes] : hn::GetLane(own);
+            hn::StoreU(own, d, below + 1);
+            const V change = hn::Abs(hn::Sub(own, hn::LoadU(d, below)));
+            absorbed += hn::GetLane(hn::SumOfLanes(d, hn::IfThenElseZero(hn::Le(at, last), change)));
+        }
+    }
+    return hn::GetLane(left_of_absorbed(d, hn::Set(d, absorbed)));
+}
+
+/// What is left of light at the pixels of a row that show a surface. These are few in a slice: vectors hold the points
+/// of one long line, or short lines of several directions and pixels.
 template <class T>
 class LightOfRow {
   public:
@@ -139,7 +165,7 @@ class LightOfRow {
                                  row.against_z[number] * towards[2];
                 return facing > T(0) || (shading.two_sided && facing < T(0));
             });
-            follow(light, numbers, count, &light.to_lights[n], 1, Lines<D>::farthest, left_.data() + n * room);
+            follow(light, numbers, count, &light.to_lights[n], 1, farthest_step<T>, left_.data() + n * room);
         }
         open_ = left_.data() + lights * room;
         if (shading.occlusion) {
@@ -156,35 +182,73 @@ class LightOfRow {
     [[nodiscard]] const T* ambient() const { return open_; }
 
   private:
+    using Line = typename SurfaceLight<T>::Line;
+    static constexpr int lanes = static_cast<int>(hn::MaxLanes(D()));
+
     /// Means over some lines of what they leave.
-    HWY_NOINLINE void follow(const SurfaceLight<T>& light, const int* numbers, int count,
-                             const typename SurfaceLight<T>::Line* lines, std::size_t line_count, T steps,
-                             T* left) const {
+    void follow(const SurfaceLight<T>& light, const int* numbers, int count, const Line* lines, std::size_t line_count,
+                T steps, T* left) const {
+        for (int n = 0; n < count; ++n) {
+            left[numbers[n]] = T(0);
+        }
+        if (steps > static_cast<T>(lanes)) {
+            follow_each(light, numbers, count, lines, line_count, steps, left);
+        } else {
+            follow_together(light, numbers, count, lines, line_count, steps, left);
+        }
+        const T share = T(1) / static_cast<T>(line_count);
+        for (int n = 0; n < count; ++n) {
+            left[numbers[n]] *= share;
+        }
+    }
+
+    HWY_NOINLINE void follow_each(const SurfaceLight<T>& light, const int* numbers, int count, const Line* lines,
+                                  std::size_t line_count, T steps, T* sums) const {
+        for (int n = 0; n < count; ++n) {
+            const int number = numbers[n];
+            const T from[3] = {place_[0][number], place_[1][number], place_[2][number]};
+            for (std::size_t line = 0; line < line_count; ++line) {
+                sums[number] += left_along_one(D(), light, from, lines[line], steps);
+            }
+        }
+    }
+
+    HWY_NOINLINE void follow_together(const SurfaceLight<T>& light, const int* numbers, int count, const Line* lines,
+                                      std::size_t line_count, T steps, T* sums) const {
         const D d;
-        constexpr int lanes = static_cast<int>(hn::MaxLanes(D()));
-        const auto share = hn::Set(d, T(1) / static_cast<T>(line_count));
-        for (int first = 0; first < count; first += lanes) {
-            HWY_ALIGN T from[3][lanes];
-            HWY_ALIGN T found[lanes];
-            const int past = std::min(lanes, count - first);
-            for (int lane = 0; lane < lanes; ++lane) {
-                const int number = numbers[first + std::min(lane, past - 1)];
+        HWY_ALIGN T from[3][lanes], towards[3][lanes], found[lanes];
+        int whose[lanes], used = 0;
+        const auto look = [&] {
+            // Unused lanes follow the first line.
+            for (int lane = used; lane < lanes; ++lane) {
                 for (int axis = 0; axis < 3; ++axis) {
-                    from[axis][lane] = place_[axis][number];
+                    from[axis][lane] = from[axis][0];
+                    towards[axis][lane] = towards[axis][0];
                 }
             }
-            const Lines<D> vector{d,
-                                  light,
-                                  hn::FirstN(d, static_cast<std::size_t>(past)),
-                                  {hn::Load(d, from[0]), hn::Load(d, from[1]), hn::Load(d, from[2])}};
-            auto sum = hn::Zero(d);
+            using V = hn::Vec<D>;
+            const V place[3] = {hn::Load(d, from[0]), hn::Load(d, from[1]), hn::Load(d, from[2])};
+            const V step[3] = {hn::Load(d, towards[0]), hn::Load(d, towards[1]), hn::Load(d, towards[2])};
+            hn::Store(left_along(d, light, place, step, last_step(d, light, place, step, steps)), d, found);
+            for (int lane = 0; lane < used; ++lane) {
+                sums[whose[lane]] += found[lane];
+            }
+            used = 0;
+        };
+        for (int n = 0; n < count; ++n) {
             for (std::size_t line = 0; line < line_count; ++line) {
-                sum = hn::Add(sum, vector.left_along(lines[line], steps));
+                whose[used] = numbers[n];
+                for (int axis = 0; axis < 3; ++axis) {
+                    from[axis][used] = place_[axis][numbers[n]];
+                    towards[axis][used] = lines[line].step[axis];
+                }
+                if (++used == lanes) {
+                    look();
+                }
             }
-            hn::Store(hn::Mul(sum, share), d, found);
-            for (int lane = 0; lane < past; ++lane) {
-                left[numbers[first + lane]] = found[lane];
-            }
+        }
+        if (used > 0) {
+            look();
         }
     }
 

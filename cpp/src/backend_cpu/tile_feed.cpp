@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <utility>
 
 #include <glm/geometric.hpp>
 
@@ -121,7 +122,8 @@ TileLayout::Axis::Axis(int pixels_in, int largest) : pixels(pixels_in), tiles((p
     }
 }
 
-TileLayout::TileLayout(Size size, int largest) : across_(size.width, largest), down_(size.height, largest) {}
+TileLayout::TileLayout(Size size, int largest, std::vector<std::uint8_t> drawn)
+    : across_(size.width, largest), down_(size.height, largest), drawn_(std::move(drawn)) {}
 
 TileShape TileLayout::shape(std::size_t tile) const {
     const int column = static_cast<int>(tile % static_cast<std::size_t>(columns()));
@@ -146,7 +148,10 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
     const double half_x = view.extent_x / frame.pixel, half_y = view.extent_y / frame.pixel;
     const double first_depth = frame.depth_of(0) - view.slab_half;
     const double last_depth = frame.depth_of(frame.slices - 1) + view.slab_half;
-    const auto columns = static_cast<std::size_t>(layout.columns());
+    const auto tile_at = [&](int row, int column) {
+        return static_cast<std::size_t>(row) * static_cast<std::size_t>(layout.columns()) +
+               static_cast<std::size_t>(column);
+    };
     const double per_pixel = 1.0 / frame.pixel;
     const Line line_x(view.step_i.x * per_pixel), line_y(-view.step_i.y * per_pixel);
     // Then short parts of rows are looked at, since all of one goes to every tile.
@@ -169,12 +174,14 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
             const TileLayout::Range across =
                 layout.across().between(std::min(x_begin, x_end) - half_x, std::max(x_begin, x_end) + half_x);
             for (int tile_column = across.first; tile_column <= across.last; ++tile_column) {
+                if (!layout.draws(tile_at(tile_row, tile_column))) {
+                    continue;
+                }
                 const Samples here =
                     line_x.between(x, layout.left(tile_column) - 0.5 - half_x,
                                    layout.left(tile_column + 1) + 0.5 + half_x, in_row.begin, in_row.end);
                 if (here.begin < here.end) {
-                    emit(static_cast<std::size_t>(tile_row) * columns + static_cast<std::size_t>(tile_column),
-                         RowPart{row, here.begin, here.end});
+                    emit(tile_at(tile_row, tile_column), RowPart{row, here.begin, here.end});
                 }
             }
         }
@@ -224,14 +231,16 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
                                                       (layout.top(tile_row + 1) + 0.5 - axis_y) * frame.pixel, deep);
             for (int tile_column = across.first; in_row.begin < in_row.end && tile_column <= across.last;
                  ++tile_column) {
+                if (!layout.draws(tile_at(tile_row, tile_column))) {
+                    continue;
+                }
                 const Samples here =
                     through_eye ? deep
                                 : between_rays(first.x, view.step_i.x, -first.z, -view.step_i.z, view.extent_x,
                                                (layout.left(tile_column) - 0.5 - axis_x) * frame.pixel,
                                                (layout.left(tile_column + 1) + 0.5 - axis_x) * frame.pixel, in_row);
                 if (here.begin < here.end) {
-                    emit(static_cast<std::size_t>(tile_row) * columns + static_cast<std::size_t>(tile_column),
-                         RowPart{row, here.begin, here.end});
+                    emit(tile_at(tile_row, tile_column), RowPart{row, here.begin, here.end});
                 }
             }
         }
@@ -279,8 +288,10 @@ Buckets<std::uint32_t> bucket_kernels(const EllipsoidView& view, const std::vect
             const TileRect& rect = found[i];
             for (std::int32_t row = rect.rows.first; row <= rect.rows.last; ++row) {
                 for (std::int32_t column = rect.columns.first; column <= rect.columns.last; ++column) {
-                    emit(static_cast<std::size_t>(row) * columns + static_cast<std::size_t>(column),
-                         static_cast<std::uint32_t>(i));
+                    const std::size_t tile = static_cast<std::size_t>(row) * columns + static_cast<std::size_t>(column);
+                    if (layout.draws(tile)) {
+                        emit(tile, static_cast<std::uint32_t>(i));
+                    }
                 }
             }
         }

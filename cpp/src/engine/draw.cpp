@@ -120,6 +120,10 @@ void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, con
     backend_cpu::Job job =
         cpu_job(request, prepared, indexed, prepared.views, scattered, request.camera, prepared.frame, prepared.plan);
     job.volumes = &indexed.volumes;
+    if (request.excerpt != nullptr) {
+        job.tile_size = request.excerpt->edge;
+        job.drawn_tiles = &request.excerpt->drawn;
+    }
     image.stats["seconds_view"] = seconds_since(viewing);
     // Short pictures end before the first poll.
     report_progress(request.progress, 0.0);

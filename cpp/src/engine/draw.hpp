@@ -21,6 +21,14 @@ namespace backend_gl {
 class GlRenderer;
 }
 
+/// Tiles of a picture that are drawn alone, on backend cpu; the others stay empty.
+struct Excerpt {
+    int edge = 0;                    ///< of a tile, pixels at most
+    std::vector<std::uint8_t> drawn; ///< a flag a tile, row by row
+    double pixels = 0.0;             ///< of the drawn ones
+    std::size_t tiles = 0;           ///< how many are drawn
+};
+
 /// A requested picture, and the options that it is drawn with.
 struct Request {
     const Scene& scene;
@@ -29,11 +37,14 @@ struct Request {
     const Outputs& outputs;
     const Progress& progress;
     const RendererOptions& options;
+    const Excerpt* excerpt = nullptr; ///< null: the whole picture
 
     /// The same picture of another scene, or with other options.
-    [[nodiscard]] Request with(const Scene& other) const { return {other, camera, size, outputs, progress, options}; }
+    [[nodiscard]] Request with(const Scene& other) const {
+        return {other, camera, size, outputs, progress, options, excerpt};
+    }
     [[nodiscard]] Request with(const RendererOptions& other) const {
-        return {scene, camera, size, outputs, progress, other};
+        return {scene, camera, size, outputs, progress, other, excerpt};
     }
 };
 

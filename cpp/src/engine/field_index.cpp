@@ -83,6 +83,9 @@ int slices_beyond(const DrawPlan& plan) {
 
 /// Slice distances around a point that shows in which rho must be right: lines towards lights interpolate it there.
 constexpr double around_surfaces = 2.0;
+/// How much farther than asked kernels are drawn. What light is looked up in is made anew when they change, so pixels
+/// may grow a little first.
+double reach_ahead(const DrawPlan& plan) { return plan.shadows || plan.ambient_occlusion ? 1.4 : 1.0; }
 
 /// Shortest and longest semi-axis of a field's kernels.
 std::array<double, 2> semi_axes_of(const Field& field) {
@@ -183,6 +186,7 @@ const RunsEntry& FieldIndex::runs_of(std::size_t number, const Scene& scene, con
         query.reach_world = ahead((*found)->decided.query.reach_world, query.reach_world);
         query.filter_gain = ahead((*found)->decided.query.filter_gain, query.filter_gain);
     }
+    query.reach_world *= reach_ahead(plan);
     auto made = std::make_unique<RunsEntry>();
     made->field = field;
     made->copy = copy;
@@ -235,6 +239,7 @@ const GridEntry& FieldIndex::grid_of(std::size_t number, const Scene& scene, con
         }
         query.reach_world = ahead(entry->decided->query.reach_world, query.reach_world);
     }
+    query.reach_world *= reach_ahead(plan);
     std::vector<std::uint8_t> visible = visible_kernels(*entry->kernels, entry->grid, query);
     if (!entry->decided || visible != entry->visible) {
         entry->visible = std::move(visible);

@@ -13,6 +13,7 @@
 #include "backend_choice.hpp"
 #include "base/poll.hpp"
 #include "base/threads.hpp"
+#include "light_volumes.hpp"
 #include "plan/charge_effects.hpp"
 #include "plan/effect_table.hpp"
 #include "plan/make_plan.hpp"
@@ -20,6 +21,7 @@
 #include "reference/clip.hpp"
 #include "reference/screen.hpp"
 #include "scene/mode_rules.hpp"
+#include "spread.hpp"
 #include "view/kept_slices.hpp"
 #include "view/surface_lines.hpp"
 
@@ -32,7 +34,8 @@ namespace {
 constexpr std::size_t surface_probes = 2048, volume_probes = 256;
 /// Pixels that are tried for them.
 constexpr std::size_t tries_per_probe = 8;
-/// Of volumes, occlusion is looked at in every so many of them: it costs 14 lines, and changes slowly.
+/// Occlusion is looked at in every so many of them: it costs 14 lines, and changes slowly. (On surfaces of small
+/// pictures at all: few lines of few pixels are off.)
 constexpr std::size_t every_occlusion = 4;
 /// Kernels of which a grid is made for a picture that nobody asked the error of.
 constexpr std::size_t most_scattered = 200'000;
@@ -43,9 +46,9 @@ constexpr double reserve = 1.25;
 /// Points that add less than this to a pixel are passed over. Of those that add less than `small_share`, so many are
 /// looked at, each for several, that the mean stays what it is.
 constexpr double least_share = 1e-4, small_share = 0.02;
-/// Where kernels are at least so many elements in radius, rho between elements is no farther from theirs than this
-/// share of what they differ by.
-constexpr double least_radius_of_cells = 2.0, margin_of_cell = 0.5;
+/// Where a grid shows all kernels, rho between elements is no farther from theirs than this share of what they differ
+/// by.
+constexpr double margin_of_cell = 0.5;
 /// What is left of light where it no longer matters how much.
 constexpr double dark = 1e-4;
 
@@ -57,15 +60,6 @@ double chance(int column, int row, std::int64_t slice) {
     bits = (bits ^ (bits >> 30)) * 0xBF58476D1CE4E5B9ULL;
     bits = (bits ^ (bits >> 27)) * 0x94D049BB133111EBULL;
     return static_cast<double>((bits ^ (bits >> 31)) >> 11) * 0x1p-53;
-}
-
-double least_semi_axis(const Field& field) {
-    const EllipsoidField* ellipsoids = as_ellipsoids(&field);
-    if (ellipsoids != nullptr) {
-        return ellipsoids->scale_range()[0];
-    }
-    const Vec3 axes = as_regular(&field)->semi_axes_world();
-    return std::min({axes.x, axes.y, axes.z});
 }
 
 class View {
@@ -85,15 +79,13 @@ class View {
             to_lights_.push_back(world_direction(light, camera_));
         }
         if (surfaces_) {
-            resolved_ = shows_kernels(*volumes.groups.front());
+            resolved_ = shows_kernels(scene_, *volumes.groups.front());
             lines_ =
                 make_surface_lines(scene_, camera_, *volumes.groups.front(), frame_.slice_spacing, plan_.value_unit);
             for (const auto& group : volumes.groups) {
                 find_sides(blocks(*group));
             }
-        } else if (absorption != nullptr && !plan_.filter && shows_kernels(*absorption) &&
-                   std::none_of(groups_.begin(), groups_.end(),
-                                [](const Group& group) { return group.transfer_function->has_steps(); })) {
+        } else if (absorption != nullptr && shows_matter(scene_, plan_, *absorption)) {
             absorption_ = absorption;
             absorbing_ = &blocks(*absorption);
         }
@@ -205,17 +197,6 @@ class View {
             values.groups.push_back(surfaces_ ? side_of(group, world) : value_at(group, world));
         }
         return values;
-    }
-
-    /// Whether a grid shows every kernel.
-    [[nodiscard]] bool shows_kernels(const LightVolume& grid) const {
-        double step = 0.0;
-        for (const Vec3& per_step : grid.per_step) {
-            step = std::max(step, 1.0 / glm::length(per_step));
-        }
-        return std::all_of(scene_.fields.begin(), scene_.fields.end(), [step](const auto& field) {
-            return field->size() == 0 || least_semi_axis(*field) >= least_radius_of_cells * step;
-        });
     }
 
     /// Blocks of a grid of rho that lie on one side of every surface: absorbed_below there; of others `mixed`.
@@ -539,17 +520,6 @@ class View {
     double occlusion_steps_ = 0.0;
 };
 
-/// Pixel `number` of a sequence that fills the picture evenly from the start: the additive recurrence with the powers
-/// of the plastic number.
-std::array<int, 2> spread(std::size_t number, Size size) {
-    constexpr double first = 0.7548776662466927, second = 0.5698402909980532;
-    const auto place = [number](double step, int count) {
-        const double at = 0.5 + static_cast<double>(number) * step;
-        return std::min(static_cast<int>((at - std::floor(at)) * count), count - 1);
-    };
-    return {place(first, size.width), place(second, size.height)};
-}
-
 } // namespace
 
 bool LightErrorProbe::is_cheap(const Request& request, const Prepared& prepared) {
@@ -596,8 +566,9 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     const Size size = request.size;
     const std::size_t pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
     const bool surfaces = request.scene.mode == Mode::isosurface;
-    const std::size_t wanted = surfaces ? surface_probes : volume_probes, every = surfaces ? 1 : every_occlusion;
+    const std::size_t wanted = surfaces ? surface_probes : volume_probes;
     const bool all = pixels <= wanted;
+    const std::size_t every = surfaces && all ? 1 : every_occlusion;
     const std::size_t most = all ? pixels : tries_per_probe * wanted;
     ThreadPool pool(thread_count(request.options.threads));
     std::vector<View::Off> found;

@@ -29,6 +29,18 @@ constexpr std::size_t most_kept = 32;
 /// Grids are this much coarser until they fit.
 constexpr double coarser = 1.25;
 
+/// Elements of a grid that shows all kernels in the radius of the smallest one.
+constexpr double least_radius_of_cells = 2.0;
+
+double least_semi_axis(const Field& field) {
+    const EllipsoidField* ellipsoids = as_ellipsoids(&field);
+    if (ellipsoids != nullptr) {
+        return ellipsoids->scale_range()[0];
+    }
+    const Vec3 axes = as_regular(&field)->semi_axes_world();
+    return std::min({axes.x, axes.y, axes.z});
+}
+
 /// The plan with which the opacity along a light is computed: point sampling, no shading, no outputs beside opacity.
 DrawPlan through(const DrawPlan& plan, const Scene& scene) {
     DrawPlan made = plan;
@@ -205,6 +217,23 @@ bool same_opacities(const std::vector<TransferPoint>& a, const std::vector<Trans
 
 } // namespace
 
+bool shows_kernels(const Scene& scene, const LightVolume& grid) {
+    double step = 0.0;
+    for (const Vec3& per_step : grid.per_step) {
+        step = std::max(step, 1.0 / glm::length(per_step));
+    }
+    return std::all_of(scene.fields.begin(), scene.fields.end(), [step](const auto& field) {
+        return field->size() == 0 || least_semi_axis(*field) >= least_radius_of_cells * step;
+    });
+}
+
+bool shows_matter(const Scene& scene, const DrawPlan& plan, const LightVolume& absorption) {
+    const std::vector<Group> groups = scene.groups();
+    return !plan.filter && shows_kernels(scene, absorption) &&
+           std::none_of(groups.begin(), groups.end(),
+                        [](const Group& group) { return group.transfer_function->has_steps(); });
+}
+
 bool LightVolumeCache::Origin::operator==(const Origin& other) const {
     return fields == other.fields && groups == other.groups && versions == other.versions &&
            same_opacities(points, other.points) && same(clip, other.clip) && slice_spacing == other.slice_spacing &&
@@ -313,6 +342,9 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                     return absorption_grid(request, plan, indexed, prepared, reach, step, elements, processor);
                 });
             };
+            const auto where = [&](const LightVolume& grid) {
+                return shows_matter(scene, prepared.plan, grid) ? WhereLight::near_matter : WhereLight::everywhere;
+            };
             const double step = light_step(prepared.frame);
             for (std::size_t number = 0; prepared.plan.shadows && number < scene.lights.size(); ++number) {
                 const Light& light = scene.lights[number];
@@ -321,7 +353,8 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                 wanted.step = step;
                 wanted.turns = light.space == LightSpace::eye;
                 volumes.lights.push_back(find(wanted, used, [&] {
-                    return transmittance(*absorbed(step), wanted.direction, spacing, threads(), poll);
+                    const auto grid = absorbed(step);
+                    return transmittance(*grid, wanted.direction, spacing, where(*grid), threads(), poll);
                 }));
             }
             if (prepared.plan.ambient_occlusion) {
@@ -333,6 +366,8 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                     const bool same = prepared.plan.shadows && step == wanted.step;
                     const bool finer = !same && wanted.step >= 2.0 * spacing;
                     std::shared_ptr<const LightVolume> grid = absorbed(finer ? 0.5 * wanted.step : wanted.step);
+                    // (What is halved spreads.)
+                    const WhereLight near = where(*grid);
                     if (finer) {
                         grid = std::make_shared<const LightVolume>(halved(*grid));
                     }
@@ -340,7 +375,8 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                         grid = std::make_shared<const LightVolume>(halved(*grid));
                     }
                     const std::array<Vec3, directions_around> around = around_world();
-                    return openness(*grid, {around.begin(), around.end()}, wanted.radius, spacing, threads(), poll);
+                    return openness(*grid, {around.begin(), around.end()}, wanted.radius, spacing, near, threads(),
+                                    poll);
                 });
             }
         }

@@ -14,6 +14,11 @@
 
 namespace sheetsplat {
 
+/// Whether the steps of a grid are small enough for the smallest kernels of a scene.
+bool shows_kernels(const Scene& scene, const LightVolume& grid);
+/// Whether a grid of absorption is 0 only where nothing is, but for what is smaller than its cells.
+bool shows_matter(const Scene& scene, const DrawPlan& plan, const LightVolume& absorption);
+
 /// Keeps volumes between pictures: those of world lights, of ambient occlusion and of rho serve every view of a
 /// scene.
 class LightVolumeCache {

@@ -4,10 +4,12 @@
 #include <cmath>
 #include <utility>
 
+#include "backend_cpu/tile_feed.hpp"
 #include "coarse_view.hpp"
 #include "error_estimate.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
+#include "spread.hpp"
 
 namespace sheetsplat {
 
@@ -24,6 +26,54 @@ constexpr double converged_close_share = 0.8;
 /// Requested errors from which on the picture that a pilot is compared with may be in float32.
 constexpr double plain_reference = 3e-5;
 constexpr int timed_pilots = 3;
+/// Edge of a tile of an excerpt, pixels, and how many of a picture's tiles it has: enough that its error is the
+/// picture's within some 20 %, few enough that it takes a small share of the picture's time.
+constexpr int excerpt_edge = 16;
+constexpr std::size_t least_tiles = 20, most_tiles = 64, tiles_of_picture = 16;
+/// Pixels of pictures that excerpts are taken of: larger ones are drawn with larger pixels.
+constexpr double most_excerpted = 1024.0 * 1024.0;
+
+/// Every so many-th tile of a picture, spread evenly; for a check others, half as many.
+Excerpt excerpt_of(Size size, bool checked) {
+    const backend_cpu::TileLayout layout(size, excerpt_edge);
+    const std::size_t all = layout.tiles();
+    const std::size_t wanted = std::min(std::clamp(all / tiles_of_picture, least_tiles, most_tiles), all / 2);
+    std::vector<std::uint8_t> passed(all, 0);
+    Excerpt excerpt{excerpt_edge, std::vector<std::uint8_t>(all, 0), 0.0, 0};
+    for (std::size_t number = 0, taken = 0; excerpt.tiles < (checked ? wanted / 2 : wanted); ++number) {
+        const auto [column, row] = spread(number, {layout.columns(), layout.rows()});
+        const std::size_t tile = static_cast<std::size_t>(row) * static_cast<std::size_t>(layout.columns()) +
+                                 static_cast<std::size_t>(column);
+        if (passed[tile] != 0) {
+            continue;
+        }
+        passed[tile] = 1;
+        if (!checked || taken >= wanted) {
+            const backend_cpu::TileShape shape = layout.shape(tile);
+            excerpt.drawn[tile] = 1;
+            excerpt.pixels += static_cast<double>(shape.width) * shape.height;
+            ++excerpt.tiles;
+        }
+        ++taken;
+    }
+    return excerpt;
+}
+
+/// Sum of squared differences over the pixels of a tile.
+double squares_in(const backend_cpu::TileShape& shape, int width, int channels, const std::vector<float>& picture,
+                  const std::vector<float>& reference) {
+    double sum = 0.0;
+    for (int y = shape.y; y < shape.y + shape.height; ++y) {
+        const std::size_t start = static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
+        const auto first = (start + static_cast<std::size_t>(shape.x)) * static_cast<std::size_t>(channels);
+        const auto count = static_cast<std::size_t>(shape.width) * static_cast<std::size_t>(channels);
+        for (std::size_t n = first; n < first + count; ++n) {
+            const double off = static_cast<double>(picture[n]) - static_cast<double>(reference[n]);
+            sum += off * off;
+        }
+    }
+    return sum;
+}
 
 double rmse(const Image& picture, const Image& reference) {
     return picture.rgba.empty() ? compare(picture.scalar, reference.scalar, 1).rmse
@@ -32,7 +82,7 @@ double rmse(const Image& picture, const Image& reference) {
 
 } // namespace
 
-Renderer::State::Pilots::Pilots(State& state, const Request& request, const Settings& start, int larger)
+Renderer::State::Pilots::Pilots(State& state, const Request& request, const Settings& start, int larger, Part part)
     : state_(state), request_(request), start_(start), size_(coarse_size(request.size, larger)),
       camera_(coarse_camera(request.camera, request.size, larger)),
       scene_(coarse_scene(request.scene, request.size, larger)),
@@ -42,6 +92,14 @@ Renderer::State::Pilots::Pilots(State& state, const Request& request, const Sett
     projection_ = request.camera.projection();
     work_ = prepared.work;
     precision_ = prepared.plan.precision;
+    if (part != Part::whole && backend_ != Backend::gl) {
+        const double pixels = static_cast<double>(request.size.width) * static_cast<double>(request.size.height);
+        larger = static_cast<int>(std::ceil(std::sqrt(std::max(1.0, pixels / most_excerpted))));
+        size_ = coarse_size(request.size, larger);
+        camera_ = coarse_camera(request.camera, request.size, larger);
+        scene_ = coarse_scene(request.scene, request.size, larger);
+        excerpt_ = excerpt_of(size_, part == Part::checked);
+    }
     // The pilot with the largest pixels and slice distance: kernels that it draws suffice for all pilots.
     widest_ = prepared.frame;
     widest_.slice_spacing *= coarsest_spacing;
@@ -54,8 +112,8 @@ std::optional<double> Renderer::State::Pilots::error(const Settings& settings) {
         const double spacing = settings.slice_spacing / start_.slice_spacing;
         const Image& reference = converged_for(spacing);
         const bool far = reference_spacing_ <= converged * spacing * (1.0 + 1e-9);
-        const double distance = rmse(picture, reference) / (far ? converged_share : converged_close_share);
-        return std::hypot(distance, of_model(settings));
+        const double found = distance(picture, reference) / (far ? converged_share : converged_close_share);
+        return std::hypot(found, of_model(settings));
     } catch (const Unsupported&) {
     } catch (const InvalidInput&) {}
     return std::nullopt;
@@ -67,7 +125,7 @@ double Renderer::State::Pilots::stop_error(const Settings& settings) {
     }
     Settings unstopped = settings;
     unstopped.opacity_stop = 1.0;
-    return rmse(draw(settings, false), draw(unstopped, false));
+    return distance(draw(settings, false), draw(unstopped, false));
 }
 
 double Renderer::State::Pilots::seconds(const Settings& settings) {
@@ -106,7 +164,7 @@ double Renderer::State::Pilots::arithmetic() {
         return 0.0;
     }
     try {
-        return rmse(draw(start_, false), draw(start_, true));
+        return distance(draw(start_, false), draw(start_, true));
     } catch (const Unsupported&) {
         return 0.0;
     }
@@ -143,6 +201,31 @@ double Renderer::State::Pilots::of_model(const Settings& settings) {
     return of_model_[spacing] = *measured_over_estimated_ * model_error(estimated(settings).error_budget);
 }
 
+double Renderer::State::Pilots::distance(const Image& picture, const Image& reference) const {
+    if (!excerpt_) {
+        return rmse(picture, reference);
+    }
+    const bool scalar = picture.rgba.empty();
+    const int channels = scalar ? 1 : 4;
+    const backend_cpu::TileLayout layout(size_, excerpt_edge);
+    double sum = 0.0, squares = 0.0;
+    for (std::size_t tile = 0; tile < layout.tiles(); ++tile) {
+        if (excerpt_->drawn[tile] == 0) {
+            continue;
+        }
+        const backend_cpu::TileShape shape = layout.shape(tile);
+        const double own = squares_in(shape, size_.width, channels, scalar ? picture.scalar : picture.rgba,
+                                      scalar ? reference.scalar : reference.rgba) /
+                           (static_cast<double>(channels) * shape.width * shape.height);
+        sum += own;
+        squares += own * own;
+    }
+    const auto tiles = static_cast<double>(excerpt_->tiles);
+    const double mean = sum / tiles;
+    const double variance = std::max(0.0, squares / tiles - mean * mean) / std::max(tiles - 1.0, 1.0);
+    return std::sqrt(mean + std::sqrt(variance));
+}
+
 Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {
     // The reference would take minutes; backend cpu in float64 gives the same estimate.
     const bool slow = backend_ == Backend::reference;
@@ -150,7 +233,9 @@ Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {
     if (settings.precision != Precision::automatic) {
         options.precision = settings.precision;
     }
-    return state_.render({with_settings(scene_, settings), camera_, size_, no_outputs_, watch_, options}, &widest_);
+    return state_.render({with_settings(scene_, settings), camera_, size_, no_outputs_, watch_, options,
+                          excerpt_ ? &*excerpt_ : nullptr},
+                         &widest_);
 }
 
 const Image& Renderer::State::Pilots::converged_for(double spacing) {

@@ -1,4 +1,4 @@
-// Pilots: pictures of few pixels of a view, from which errors and times of settings are estimated.
+// Pilots: coarse pictures of a view, or small parts of it, from which errors and times of settings are estimated.
 #pragma once
 
 #include <map>
@@ -12,8 +12,13 @@ namespace sheetsplat {
 /// Draws pilots with a renderer's state, which must outlive it, as must the request.
 class Renderer::State::Pilots : public Judge {
   public:
-    /// larger: width of a pilot's pixels, in pixels of the picture. start: the settings that others are compared with.
-    Pilots(State& state, const Request& request, const Settings& start, int larger);
+    /// What pilots show of a large picture where backend cpu draws them: other tiles for the search and for a check. By
+    /// the other backends, and of small pictures, they show all.
+    enum class Part { whole, searched, checked };
+
+    /// larger: width of a pilot's pixels, in pixels of the picture, where it shows all of it. start: the settings that
+    /// others are compared with.
+    Pilots(State& state, const Request& request, const Settings& start, int larger, Part part);
 
     std::optional<double> error(const Settings& settings) override;
     double stop_error(const Settings& settings) override;
@@ -26,10 +31,14 @@ class Renderer::State::Pilots : public Judge {
     void find_pace();
     [[nodiscard]] double pace() const { return pace_; }
     [[nodiscard]] Backend backend() const { return backend_; }
+    /// Whether pilots have the pixels of the picture, so that gradients are its own.
+    [[nodiscard]] bool of_excerpts() const { return excerpt_.has_value(); }
 
   private:
     /// The error expected of light looked up in volumes, which pilots share with what they are compared with.
     double of_model(const Settings& settings);
+    /// Root mean square difference of two pilots; of excerpts, with their standard error on top.
+    [[nodiscard]] double distance(const Image& picture, const Image& reference) const;
     /// exact: in float64.
     Image draw(const Settings& settings, bool exact);
     /// The picture that pilots of a slice spacing are compared with.
@@ -44,6 +53,7 @@ class Renderer::State::Pilots : public Judge {
     Size size_;
     Camera camera_;
     Scene scene_; ///< as that camera sees it
+    std::optional<Excerpt> excerpt_;
     Progress watch_;
     Outputs no_outputs_;
     Frame widest_;

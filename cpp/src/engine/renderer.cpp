@@ -18,6 +18,8 @@ namespace sheetsplat {
 
 namespace {
 
+constexpr double cosine_of_30_degrees = 0.86602540378443865;
+
 void check_options(const RendererOptions& options) {
     if (options.threads < 0 || options.threads > most_threads) {
         throw InvalidInput(
@@ -195,8 +197,13 @@ bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bo
         std::none_of(plan.error_budget.begin(), plan.error_budget.end(), is_of_model)) {
         return false;
     }
+    // Light that stands still is looked up in the same volumes from everywhere: only what is seen of them changes.
+    const bool turns =
+        request.scene.shadows && std::any_of(request.scene.lights.begin(), request.scene.lights.end(),
+                                             [](const Light& light) { return light.space == LightSpace::eye; });
     const bool known = measured_ && measured_->backend == plan.backend &&
-                       measured_->view.serves(request.scene, request.camera, request.size);
+                       measured_->view.serves(request.scene, request.camera, request.size,
+                                              turns ? cosine_of_10_degrees : cosine_of_30_degrees);
     if (anew || !known) {
         const Prepared prepared = prepare(request);
         if (prepared.plan.blank || (!anew && !LightErrorProbe::is_cheap(request, prepared))) {
@@ -245,7 +252,13 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     image.plan = std::make_shared<const RenderPlan>(prepared.plan.summary);
     // The index is not counted, because the next picture has it already.
     const double drawn = seconds_since(drawing) - image.stats["seconds_index"];
-    const double expected = expected_seconds(prepared.work, 1.0, 1.0, thread_count(request.options.threads));
+    double expected = expected_seconds(prepared.work, 1.0, 1.0, thread_count(request.options.threads));
+    if (request.excerpt != nullptr) {
+        // Kernels reach beyond a tile's edges.
+        const double pixels = static_cast<double>(request.size.width) * static_cast<double>(request.size.height);
+        const double wider = 1.0 + 2.0 * prepared.work.radius_px / request.excerpt->edge;
+        expected *= std::min(1.0, wider * wider * request.excerpt->pixels / pixels);
+    }
     paces_.note(backend, drawn_like != nullptr, drawn / expected);
     return image;
 }

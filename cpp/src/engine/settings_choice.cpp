@@ -25,6 +25,8 @@ namespace {
 /// surfaces occur at few pixels, on their edges, so their pilots have the full size up to 1024 x 1024.
 constexpr double pilot_pixels = 64.0 * 64.0;
 constexpr double surface_pilot_pixels = 1024.0 * 1024.0;
+/// From so many times as many pixels on, pilots are tiles of the picture, whose time does not grow with the data.
+constexpr double excerpted = 16.0;
 /// Largest share of the requested error that float32 may cause; beyond it float64 is used.
 constexpr double arithmetic_share = 0.3;
 /// A check looks through pixels of this share of a pilot's width.
@@ -39,8 +41,7 @@ constexpr double lit_found = 0.8;
 constexpr double surface_aim = 0.5;
 constexpr double surface_found = 0.6;
 constexpr double refining_order = 1.5;
-constexpr double least_turn_cosine = 0.9848; ///< of 10 degrees
-constexpr double least_move = 0.125;         ///< of the height of the view
+constexpr double least_move = 0.125; ///< of the height of the view
 /// Times that pictures take, over those that they were expected to take: another choice is due beyond.
 constexpr double pace_change = 1.25;
 
@@ -89,7 +90,7 @@ void check_goals(const RendererOptions& options) {
     }
 }
 
-bool Chosen::serves(const Scene& other, const Camera& from, Size other_size) const {
+bool Chosen::serves(const Scene& other, const Camera& from, Size other_size, double least_cosine) const {
     const double height = view_height(camera), other_height = view_height(from);
     const double near = least_move * std::min(height, other_height);
     // In perspective what is near the eye grows as the eye comes closer, though what is at the target does not.
@@ -100,7 +101,7 @@ bool Chosen::serves(const Scene& other, const Camera& from, Size other_size) con
                          std::abs(from.near() - camera.near()) <= least_move * std::min(from.near(), camera.near()));
     return as_far && other_size.width == size.width && other_size.height == size.height &&
            from.projection() == camera.projection() && std::abs(height - other_height) <= near &&
-           glm::dot(from.back_world(), camera.back_world()) >= least_turn_cosine &&
+           glm::dot(from.back_world(), camera.back_world()) >= least_cosine &&
            glm::length(from.target() - camera.target()) <= near && same(scene, other);
 }
 
@@ -180,7 +181,8 @@ const Chosen* Renderer::State::choose(const Request& request) {
     Settings start = settings_of(request.scene);
     Freedom freedom = freedom_of(request.scene);
     auto made = std::make_unique<Chosen>(Chosen{request.scene, request.camera, request.size});
-    Pilots pilots(*this, request, start, larger);
+    const bool large = !surface && pixels >= excerpted * pilot_pixels;
+    Pilots pilots(*this, request, start, larger, large ? Pilots::Part::searched : Pilots::Part::whole);
     const std::vector<Backend> backends = backends_.candidates(options_.backend);
     const bool may_be_float64 = options_.precision == Precision::automatic &&
                                 std::find(backends.begin(), backends.end(), Backend::cpu) != backends.end();
@@ -190,13 +192,15 @@ const Chosen* Renderer::State::choose(const Request& request) {
     pilots.find_pace();
     const bool lit =
         (!request.scene.lights.empty() || request.scene.gradient_opacity) && request.scene.gradient == Gradient::sheets;
-    const double aim = surface ? surface_aim : lit ? lit_aim : flat_aim;
-    const double most_found = surface ? surface_found : lit ? lit_found : flat_found;
+    const bool smoothed = lit && !pilots.of_excerpts();
+    const double aim = surface ? surface_aim : smoothed ? lit_aim : flat_aim;
+    const double most_found = surface ? surface_found : smoothed ? lit_found : flat_found;
     made->choice = choose_settings(start, freedom, {options_.max_error, options_.max_seconds, aim}, pilots);
     made->pace = pilots.pace();
     if (options_.max_error && made->choice.error_kept && freedom.spacing && larger > 2) {
         Choice& choice = made->choice;
-        Pilots check(*this, request, start, std::max(2, static_cast<int>(std::floor(check_pixels * larger))));
+        Pilots check(*this, request, start, std::max(2, static_cast<int>(std::floor(check_pixels * larger))),
+                     large ? Pilots::Part::checked : Pilots::Part::whole);
         for (int n = 0; n < most_corrections; ++n) {
             const double found = check.error(choice.settings).value_or(choice.error);
             choice.error = n == 0 ? std::max(choice.error, found) : found;

@@ -11,6 +11,8 @@
 
 namespace sheetsplat {
 
+constexpr double cosine_of_10_degrees = 0.98480775301220806;
+
 /// Kept for following pictures of the same scene from nearly the same place.
 struct Chosen {
     Scene scene; ///< as the caller has it
@@ -22,8 +24,9 @@ struct Chosen {
     Backend backend = Backend::cpu;
 
     /// True where a view has the same scene and size, and differs by less than an eighth of its height, its width and
-    /// 10 degrees. The depths of a depth limit, which change with the camera, may be others.
-    [[nodiscard]] bool serves(const Scene& other, const Camera& from, Size other_size) const;
+    /// an angle. The depths of a depth limit, which change with the camera, may be others.
+    [[nodiscard]] bool serves(const Scene& other, const Camera& from, Size other_size,
+                              double least_cosine = cosine_of_10_degrees) const;
     /// A scene that is served, and the caller's options, with what was chosen.
     [[nodiscard]] Scene scene_to_draw(const Scene& asked) const;
     [[nodiscard]] RendererOptions options(const RendererOptions& options) const;

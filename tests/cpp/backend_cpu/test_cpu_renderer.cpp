@@ -1,12 +1,16 @@
 // Whole pictures of backend_cpu::CpuRenderer against closed forms, and against themselves with other tiles, threads and
 // orders.
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numeric>
 #include <string>
+#include <vector>
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
 
+#include "backend_cpu/tile_feed.hpp"
 #include "renderer_scenes.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -228,6 +232,50 @@ TEST(CpuRenderer, TilesLeaveNoSeam) {
             distance(CpuDrawing(moved, Precision::float64).draw(), CpuDrawing(shot, Precision::float64).draw()).rms,
             1e-6)
             << one.name;
+    }
+}
+
+/// Tiles that are drawn alone are those of the whole picture, and the others stay empty.
+TEST(CpuRenderer, ExcerptsAreTilesOfThePicture) {
+    constexpr int edge = 16;
+    for (const Named& one : some_scenes()) {
+        Shot shot = one.shot;
+        shot.size = {90, 70};
+        const TileLayout layout(shot.size, edge);
+        std::vector<std::uint8_t> drawn(layout.tiles(), 0);
+        for (std::size_t tile = 0; tile < drawn.size(); tile += 3) {
+            drawn[tile] = 1;
+        }
+        const std::vector<std::uint8_t> none(layout.tiles(), 0);
+        const CpuDrawing drawing(shot, Precision::float32);
+        CpuRenderer renderer;
+        const Image whole = drawing.draw(renderer, {edge, 2});
+        Job job = drawing.job_with({edge, 2});
+        const auto draw = [&](const std::vector<std::uint8_t>& tiles) {
+            job.drawn_tiles = &tiles;
+            Image image;
+            image.size = shot.size;
+            renderer.render(job, image);
+            return image;
+        };
+        // (What was sorted for the whole picture, or for other tiles, is not taken for it.)
+        EXPECT_TRUE(pixels_of(draw(none)) == std::vector<float>(pixels_of(whole).size(), 0.0F)) << one.name;
+        const Image excerpt = draw(drawn);
+        EXPECT_EQ(excerpt.stats.at("buckets_reused"), 0.0);
+        EXPECT_EQ(draw(drawn).stats.at("buckets_reused"), 1.0);
+        const std::vector<float> all = pixels_of(whole), some = pixels_of(excerpt);
+        const std::size_t channels = all.size() / (90U * 70U);
+        for (std::size_t tile = 0; tile < layout.tiles(); ++tile) {
+            const TileShape shape = layout.shape(tile);
+            for (int y = shape.y; y < shape.y + shape.height; ++y) {
+                const auto first = static_cast<std::ptrdiff_t>(static_cast<std::size_t>(y * 90 + shape.x) * channels);
+                const auto past = first + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(shape.width) * channels);
+                ASSERT_TRUE(drawn[tile] != 0 ? std::equal(all.begin() + first, all.begin() + past, some.begin() + first)
+                                             : std::all_of(some.begin() + first, some.begin() + past,
+                                                           [](float value) { return value == 0.0F; }))
+                    << one.name << ", tile " << tile;
+            }
+        }
     }
 }
 

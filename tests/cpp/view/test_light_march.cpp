@@ -17,6 +17,7 @@ namespace sheetsplat {
 namespace {
 
 constexpr double spacing = 0.5; ///< slice distance, world
+constexpr WhereLight everywhere = WhereLight::everywhere;
 
 /// Two smooth blobs, as absorption of a slice distance.
 double blobs(const Vec3& x) {
@@ -88,15 +89,15 @@ TEST(LightMarch, TransmittanceIsThatOfSumsAlongLines) {
     const std::vector<Vec3> directions = some_directions();
     for (std::size_t n = 0; n < directions.size(); ++n) {
         const auto exact = [&](const Vec3& x) { return left_along(x, directions[n], 80.0); };
-        EXPECT_LT(rmse(transmittance(fine, directions[n], spacing, pool, {}), exact), 4e-3) << n;
-        EXPECT_LT(rmse(transmittance(coarse, directions[n], spacing, pool, {}), exact), 1.2e-2) << n;
+        EXPECT_LT(rmse(transmittance(fine, directions[n], spacing, everywhere, pool, {}), exact), 4e-3) << n;
+        EXPECT_LT(rmse(transmittance(coarse, directions[n], spacing, everywhere, pool, {}), exact), 1.2e-2) << n;
         // Of another direction, or of points that begin a slice distance farther, it is not.
         const auto other = [&](const Vec3& x) { return left_along(x, directions[(n + 2) % directions.size()], 80.0); };
-        EXPECT_GT(rmse(transmittance(fine, directions[n], spacing, pool, {}), other), 5e-2) << n;
+        EXPECT_GT(rmse(transmittance(fine, directions[n], spacing, everywhere, pool, {}), other), 5e-2) << n;
         const auto farther = [&](const Vec3& x) {
             return left_along(x + spacing * directions[n], directions[n], 80.0);
         };
-        EXPECT_GT(rmse(transmittance(fine, directions[n], spacing, pool, {}), farther), 1.5e-2) << n;
+        EXPECT_GT(rmse(transmittance(fine, directions[n], spacing, everywhere, pool, {}), farther), 1.5e-2) << n;
     }
 }
 
@@ -112,9 +113,9 @@ TEST(LightMarch, OpennessIsTheMeanOverShortLines) {
             return sum / static_cast<double>(directions.size());
         };
         const LightVolume fine = grid(spacing, spacing);
-        EXPECT_LT(rmse(openness(fine, directions, steps, spacing, pool, {}), exact), 5e-3) << steps;
-        EXPECT_LT(rmse(openness(halved(fine), directions, steps, spacing, pool, {}), exact), 2e-2) << steps;
-        EXPECT_GT(rmse(openness(fine, directions, steps + 2.0, spacing, pool, {}), exact), 1e-2) << steps;
+        EXPECT_LT(rmse(openness(fine, directions, steps, spacing, everywhere, pool, {}), exact), 5e-3) << steps;
+        EXPECT_LT(rmse(openness(halved(fine), directions, steps, spacing, everywhere, pool, {}), exact), 2e-2) << steps;
+        EXPECT_GT(rmse(openness(fine, directions, steps + 2.0, spacing, everywhere, pool, {}), exact), 1e-2) << steps;
     }
 }
 
@@ -122,17 +123,76 @@ TEST(LightMarch, NothingDependsOnThreads) {
     ThreadPool one(1), three(3);
     const LightVolume volume = grid(spacing, spacing);
     const Vec3 direction = glm::normalize(Vec3(0.5, -0.7, 0.6));
-    EXPECT_EQ(transmittance(volume, direction, spacing, one, {}).values,
-              transmittance(volume, direction, spacing, three, {}).values);
-    EXPECT_EQ(openness(volume, {direction, -direction}, 5.0, spacing, one, {}).values,
-              openness(volume, {direction, -direction}, 5.0, spacing, three, {}).values);
+    EXPECT_EQ(transmittance(volume, direction, spacing, everywhere, one, {}).values,
+              transmittance(volume, direction, spacing, everywhere, three, {}).values);
+    EXPECT_EQ(openness(volume, {direction, -direction}, 5.0, spacing, everywhere, one, {}).values,
+              openness(volume, {direction, -direction}, 5.0, spacing, everywhere, three, {}).values);
+}
+
+/// Whether an element or one beside it absorbs.
+bool near_matter(const LightVolume& volume, int u, int v, int w) {
+    for (int z = std::max(w - 1, 0); z <= std::min(w + 1, volume.counts[2] - 1); ++z) {
+        for (int y = std::max(v - 1, 0); y <= std::min(v + 1, volume.counts[1] - 1); ++y) {
+            for (int x = std::max(u - 1, 0); x <= std::min(u + 1, volume.counts[0] - 1); ++x) {
+                if (volume.values[volume.index(x, y, z)] > 0.0F) {
+                    return true;
+                }
+            }
+        }
+    }
+    return false;
+}
+
+TEST(LightMarch, NearMatterLightIsWhatItIsEverywhere) {
+    ThreadPool pool(2);
+    // Thin threads of matter with space between them, over more than one stretch of a row.
+    for (const std::array<int, 3>& counts :
+         std::vector<std::array<int, 3>>{{70, 31, 23}, {1100, 9, 8}, {9, 50, 30}, {5, 4, 70}}) {
+        LightVolume volume{Vec3(0.0), {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)}, counts, {}};
+        volume.values.assign(volume.index(0, 0, counts[2]), 0.0F);
+        std::mt19937 random(17);
+        for (int thread = 0; thread < 12; ++thread) {
+            std::array<int, 3> at{};
+            std::transform(counts.begin(), counts.end(), at.begin(),
+                           [&](int count) { return static_cast<int>(random() % static_cast<unsigned>(count)); });
+            const auto axis = static_cast<std::size_t>(thread % 3);
+            for (int n = 0; n < 11; ++n) {
+                at[axis] = (at[axis] + 1) % counts[axis];
+                volume.values[volume.index(at[0], at[1], at[2])] = 0.7F;
+            }
+        }
+        std::size_t left_out = 0;
+        const std::vector<Vec3> directions = some_directions();
+        for (std::size_t number = 0; number < directions.size(); number += 3) {
+            const Vec3& direction = directions[number];
+            const auto light = [&](WhereLight where) { return transmittance(volume, direction, 1.0, where, pool, {}); };
+            const auto open = [&](WhereLight where) {
+                return openness(volume, {direction}, 3.0, 1.0, where, pool, {});
+            };
+            const LightVolume all = light(everywhere), some = light(WhereLight::near_matter);
+            const LightVolume all_open = open(everywhere), some_open = open(WhereLight::near_matter);
+            for (int w = 0; w < counts[2]; ++w) {
+                for (int v = 0; v < counts[1]; ++v) {
+                    for (int u = 0; u < counts[0]; ++u) {
+                        const std::size_t at = volume.index(u, v, w);
+                        if (near_matter(volume, u, v, w)) {
+                            ASSERT_NEAR(all.values[at], some.values[at], 1e-6F) << u << " " << v << " " << w;
+                            ASSERT_NEAR(all_open.values[at], some_open.values[at], 1e-6F) << u << " " << v << " " << w;
+                        }
+                        left_out += all.values[at] < 0.9F && some.values[at] == 1.0F ? 1 : 0;
+                    }
+                }
+            }
+        }
+        EXPECT_GT(left_out, 0U);
+    }
 }
 
 TEST(LightMarch, OpaqueMatterLeavesNothingAndEmptySpaceAll) {
     ThreadPool pool(1);
     LightVolume volume = grid(spacing, spacing);
     std::fill(volume.values.begin(), volume.values.end(), 0.0F);
-    for (const float left : transmittance(volume, Vec3(0, 0, 1), spacing, pool, {}).values) {
+    for (const float left : transmittance(volume, Vec3(0, 0, 1), spacing, everywhere, pool, {}).values) {
         ASSERT_EQ(left, 1.0F);
     }
     // A wall across x.
@@ -141,16 +201,16 @@ TEST(LightMarch, OpaqueMatterLeavesNothingAndEmptySpaceAll) {
             volume.values[volume.index(20, v, w)] = volume.values[volume.index(21, v, w)] = 20.0F;
         }
     }
-    const LightVolume left = transmittance(volume, Vec3(1, 0, 0), spacing, pool, {});
+    const LightVolume left = transmittance(volume, Vec3(1, 0, 0), spacing, everywhere, pool, {});
     EXPECT_LT(left.values[left.index(15, 20, 20)], 1e-6F);
     EXPECT_GT(left.values[left.index(26, 20, 20)], 1.0F - 1e-6F);
     const std::vector<float> fewest(1, 3.0F);
     const LightVolume single{Vec3(0.0), {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)}, {1, 1, 1}, fewest};
     for (const Vec3& direction : some_directions()) {
-        const float alone = transmittance(single, direction, 1.0, pool, {}).values.front();
+        const float alone = transmittance(single, direction, 1.0, everywhere, pool, {}).values.front();
         EXPECT_GE(alone, 0.0F);
         EXPECT_LE(alone, 1.0F);
-        EXPECT_GT(openness(single, {direction}, 3.0, 1.0, pool, {}).values.front(), 0.0F);
+        EXPECT_GT(openness(single, {direction}, 3.0, 1.0, everywhere, pool, {}).values.front(), 0.0F);
     }
 }
 

@@ -48,6 +48,8 @@ struct Job {
     int threads = 0;   ///< 0: as many as the process may run on
     const Progress* progress = nullptr;
     const LightVolumes* volumes = nullptr; ///< where the plan has shadows or ambient occlusion
+    /// Of an excerpt, a flag for each tile with edges of tile_size: tiles of 0 stay empty. Null: all are drawn.
+    const std::vector<std::uint8_t>* drawn_tiles = nullptr;
 };
 
 struct SliceRecord;

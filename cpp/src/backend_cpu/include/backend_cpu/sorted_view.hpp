@@ -39,6 +39,7 @@ struct KernelBuckets {
 struct SortedView {
     Frame frame;
     int edge = 0;
+    std::vector<std::uint8_t> drawn; ///< TileLayout::drawn
     Sampling sampling = Sampling::point;
     std::vector<RowBuckets> lattices;
     std::vector<KernelBuckets> scattered;
@@ -47,8 +48,8 @@ struct SortedView {
     static SortedView of(const Job& job, const TileLayout& layout, int edge, RectsFunction rects, ThreadPool& pool,
                          const std::function<void()>& poll);
     [[nodiscard]] std::size_t bytes() const;
-    /// Whether it is what `job` would be sorted to, with tiles of the same edge.
-    [[nodiscard]] bool serves(const Job& job, int edge_now) const;
+    /// Whether it is what `job` would be sorted to.
+    [[nodiscard]] bool serves(const Job& job, const TileLayout& layout, int edge_now) const;
 };
 
 } // namespace sheetsplat::backend_cpu

@@ -19,8 +19,8 @@ namespace sheetsplat::backend_cpu {
 /// The tiles of a picture: as equal as whole pixels allow, row by row.
 class TileLayout {
   public:
-    /// largest: edge in pixels, >= 1.
-    TileLayout(Size size, int largest);
+    /// largest: edge in pixels, >= 1. drawn: a flag a tile, which is left out where it is 0; empty: all are drawn.
+    TileLayout(Size size, int largest, std::vector<std::uint8_t> drawn = {});
 
     [[nodiscard]] std::size_t tiles() const {
         return static_cast<std::size_t>(columns()) * static_cast<std::size_t>(rows());
@@ -28,6 +28,8 @@ class TileLayout {
     [[nodiscard]] int columns() const { return across_.tiles; }
     [[nodiscard]] int rows() const { return down_.tiles; }
     [[nodiscard]] TileShape shape(std::size_t tile) const;
+    [[nodiscard]] bool draws(std::size_t tile) const { return drawn_.empty() || drawn_[tile] != 0; }
+    [[nodiscard]] const std::vector<std::uint8_t>& drawn() const { return drawn_; }
     /// First pixel of a column or row of tiles; of column columns(): the picture's width.
     [[nodiscard]] int left(int column) const { return across_.begin(column); }
     [[nodiscard]] int top(int row) const { return down_.begin(row); }
@@ -57,6 +59,7 @@ class TileLayout {
 
   private:
     Axis across_, down_;
+    std::vector<std::uint8_t> drawn_;
 };
 
 inline TileLayout::Range TileLayout::Axis::between(double low, double high) const {
@@ -100,7 +103,7 @@ struct RowPart {
     std::uint32_t begin, end;
 };
 
-/// The parts of a lattice's rows that reach into each tile, of all rows that hold a drawn sample. poll: as
+/// The parts of a lattice's rows that reach into each drawn tile, of all rows that hold a drawn sample. poll: as
 /// ThreadPool::run takes it. Throws OutOfMemory.
 Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, const Frame& frame,
                              const TileLayout& layout, ThreadPool& pool, const std::function<void()>& poll = {});
@@ -109,7 +112,7 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
 using RectsFunction = void (*)(const EllipsoidView& view, const std::vector<std::uint8_t>& visible,
                                const TileLayout& layout, std::size_t begin, std::size_t end, TileRect* rects);
 
-/// The drawn kernels that reach into each tile. Throws OutOfMemory.
+/// The drawn kernels that reach into each drawn tile. Throws OutOfMemory.
 Buckets<std::uint32_t> bucket_kernels(const EllipsoidView& view, const std::vector<std::uint8_t>& visible,
                                       const TileLayout& layout, RectsFunction rects, ThreadPool& pool,
                                       const std::function<void()>& poll = {});

@@ -307,3 +307,30 @@ def test_an_automatic_depth_cue_spans_the_field(ball: np.ndarray, reference_rend
     assert 0.1 < cued[..., :3].sum() / plain[..., :3].sum() < 0.9
     with pytest.raises(ss.InvalidInput, match="depth_cue"):
         ss.render(ball, **options, depth_cue="far")
+
+
+@pytest.mark.parametrize("gradient", ["sheets", "analytic"])
+@pytest.mark.parametrize(("length", "value"), [(1e90, 1e-250), (1e-90, 1e250)], ids=["small", "large"])
+def test_light_in_any_unit_of_length_and_value(
+    length: float, value: float, gradient: str, ball: np.ndarray, reference_renderer: ss.Renderer
+) -> None:
+    """Gradients that leave double's range turn no normals: they are counted per reference length."""
+
+    def picture(length: float, value: float) -> np.ndarray:
+        field = ss.RegularField(
+            value * ball[::4, ::4, ::4].astype(float), spacing=(length,) * 3, origin=(-4 * length,) * 3
+        )
+        scene = ss.Scene(
+            field,
+            [(value * v, *color) for v, *color in [(0.1, 0.2, 0.5, 0.9, 0.0), (1.0, 0.9, 0.5, 0.2, 0.6)]],
+            lights=[ss.Light((0.3, 0.5, 0.8))],
+            material=ss.Material(specular=0.3),
+            gradient=gradient,  # type: ignore[arg-type]
+            sampling="slab" if gradient == "analytic" else "point",
+        )
+        camera = ss.Camera.perspective((5 * length, 8 * length, 20 * length), (0.0, 0.0, 0.0), fov_y=30)
+        return np.asarray(reference_renderer.render(scene, camera, size=(12, 10)).rgba)
+
+    plain = picture(1.0, 1.0)
+    assert plain[..., 3].max() > 0.2
+    np.testing.assert_allclose(picture(length, value), plain, atol=1e-6)

@@ -277,14 +277,16 @@ struct CpuRenderer::State {
         if (room.kernels.size() != parts) {
             room.kernels.resize(parts);
         }
+        std::size_t part = 0;
         for (TileKernels<T>& kernels : room.kernels) {
             kernels.poll = [&between] {
                 if (!between()) {
                     throw Ended();
                 }
             };
+            kernels.pivot = setup.parts[part++].pivot;
         }
-        std::size_t part = 0;
+        part = 0;
         bool any = false;
         room.lattices.clear();
         for (std::size_t lattice = 0; lattice < job.regular.size(); ++lattice, ++part) {

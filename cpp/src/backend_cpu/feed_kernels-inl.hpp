@@ -133,7 +133,7 @@ class KernelFeed {
         section.first = static_cast<std::int32_t>(first);
         extra.last = static_cast<std::int32_t>(last);
         const double weight = field_.weight(index) * amplitude;
-        section.value = static_cast<T>(field_.value(index) * weight * view_.value_scale());
+        section.value = static_cast<T>((field_.value(index) - kernels_.pivot) * weight * view_.value_scale());
         extra.weight = static_cast<T>(std::max(weight * view_.weight_scale(), least_drawn_weight));
     }
 

@@ -398,7 +398,7 @@ class RowFeed {
     template <class Value>
     void write(const Value* values, double least, Section<T>* sections) {
         const RowBatches& rows = kernels_.rows;
-        const double value_scale = view_.value_scale;
+        const double value_scale = view_.value_scale, pivot = kernels_.pivot;
         const double per_slice = frame_.slice_spacing * per_half_depth_;
         const auto origin = static_cast<std::int32_t>(least);
         const std::int32_t* slot = rows.slots.data();
@@ -408,7 +408,7 @@ class RowFeed {
             // Numbers first; then each to its place.
             T a1[fed_together], a2[fed_together], s[fed_together], value[fed_together];
             for (std::uint32_t i = 0; i < piece.count; ++i) {
-                value[i] = static_cast<T>(static_cast<double>(here[i]) * value_scale);
+                value[i] = static_cast<T>((static_cast<double>(here[i]) - pivot) * value_scale);
             }
             for (std::uint32_t i = 0; i < fed_together; ++i) {
                 const auto along = static_cast<double>(static_cast<std::int32_t>(piece.from + i));
@@ -451,7 +451,7 @@ class RowFeed {
                 section.first = static_cast<std::int32_t>(first);
                 extra.last = static_cast<std::int32_t>(last);
                 const Vec3 place_eye = eye + along * view_.step_i;
-                const double value = static_cast<double>(values[i]) * view_.value_scale;
+                const double value = (static_cast<double>(values[i]) - kernels_.pivot) * view_.value_scale;
                 if (view_.unfiltered) {
                     add_filtered(place_eye, value, section, extra);
                     continue;

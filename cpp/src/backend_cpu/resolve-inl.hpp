@@ -30,20 +30,21 @@ void divide_slopes(const GroupSheets<T>& group, const SheetRing<T>& ring, std::i
     for (int x = rect.x0; x < rect.x1; x += lanes) {
         const std::ptrdiff_t at = row + x;
         const auto load = [&](int channel) { return hn::LoadU(d, ring.plane(n, channel) + at); };
-        // (D' W - D W') / W^2 where W > w0, else D' / w0.
-        const auto quotient = [&](int value, int weight, int slope, int weight_slope, T w0) {
+        // With values counted from p: (D' W - D W') / W^2 where W > w0, else (D' + p W') / w0.
+        const auto quotient = [&](int value, int weight, int slope, int weight_slope, T w0, T pivot) {
             const auto least = hn::Set(d, w0), w = load(weight);
             const auto per_divisor = hn::Div(hn::Set(d, T(1)), hn::Max(least, w));
-            const auto rho = hn::IfThenElseZero(hn::Gt(w, least), hn::Mul(load(value), per_divisor));
+            const auto rho =
+                hn::IfThenElse(hn::Gt(w, least), hn::Mul(load(value), per_divisor), hn::Set(d, T(0) - pivot));
             return hn::Mul(hn::NegMulAdd(rho, load(weight_slope), load(slope)), per_divisor);
         };
         for (int axis = 0; axis < 3; ++axis) {
             auto sum = group.threshold ? quotient(group.rho_channel, group.weight_channel, group.slope_channel + axis,
-                                                  group.weight_slope_channel + axis, group.w0)
+                                                  group.weight_slope_channel + axis, group.w0, group.pivot)
                                        : load(group.slope_channel + axis);
             for (const OwnSheets<T>& own : group.own) {
                 sum = hn::Add(sum, quotient(own.value_channel, own.weight_channel, own.slope_channel + axis,
-                                            own.weight_slope_channel + axis, own.w0));
+                                            own.weight_slope_channel + axis, own.w0, own.pivot));
             }
             hn::StoreU(sum, d, ring.plane(n, group.slope_channel + axis) + at);
         }
@@ -59,6 +60,12 @@ void divide_group(const GroupSheets<T>& group, bool keep_weight, const SheetRing
     if (!group.threshold && group.own.empty()) {
         return;
     }
+    // D / max(w0, W); of values counted from p, p more for each W up to w0.
+    const auto quotient = [&](auto value, auto weight, T w0, T pivot) {
+        const auto least = hn::Set(d, w0);
+        const auto ratio = hn::Div(value, hn::Max(least, weight));
+        return pivot == T(0) ? ratio : hn::MulAdd(hn::Set(d, pivot), hn::Div(hn::Min(weight, least), least), ratio);
+    };
     for (int y = rect.y0; y < rect.y1; ++y) {
         const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * shape.stride;
         T* rho = ring.plane(n, group.rho_channel) + at;
@@ -69,12 +76,12 @@ void divide_group(const GroupSheets<T>& group, bool keep_weight, const SheetRing
         for (int x = rect.x0; x < rect.x1; x += lanes) {
             auto sum = hn::LoadU(d, rho + x);
             if (group.threshold) {
-                sum = hn::Div(sum, hn::Max(hn::Set(d, group.w0), hn::LoadU(d, weight + x)));
+                sum = quotient(sum, hn::LoadU(d, weight + x), group.w0, group.pivot);
             }
             for (const OwnSheets<T>& own : group.own) {
                 const auto own_weight = hn::LoadU(d, ring.plane(n, own.weight_channel) + at + x);
-                sum = hn::Add(sum, hn::Div(hn::LoadU(d, ring.plane(n, own.value_channel) + at + x),
-                                           hn::Max(hn::Set(d, own.w0), own_weight)));
+                const auto value = hn::LoadU(d, ring.plane(n, own.value_channel) + at + x);
+                sum = hn::Add(sum, quotient(value, own_weight, own.w0, own.pivot));
                 if (keep_weight) {
                     hn::StoreU(hn::Add(hn::LoadU(d, weight + x), own_weight), d, weight + x);
                 }

@@ -34,8 +34,8 @@ namespace {
 constexpr std::size_t surface_probes = 2048, volume_probes = 256;
 /// Pixels that are tried for them.
 constexpr std::size_t tries_per_probe = 8;
-/// Occlusion is looked at in every so many of them: it costs 14 lines, and changes slowly. (On surfaces of small
-/// pictures at all: few lines of few pixels are off.)
+/// Occlusion is looked at in every so many of them: it costs 14 lines, and changes slowly. (Of small pictures, in
+/// all: few lines of few pixels are off.)
 constexpr std::size_t every_occlusion = 4;
 /// Kernels of which a grid is made for a picture that nobody asked the error of.
 constexpr std::size_t most_scattered = 200'000;
@@ -49,6 +49,8 @@ constexpr double least_share = 1e-4, small_share = 0.02;
 /// Where a grid shows all kernels, rho between elements is no farther from theirs than this share of what they differ
 /// by.
 constexpr double margin_of_cell = 0.5;
+/// Slice distances over which differences stand for derivatives.
+constexpr double little_step = 1e-3;
 /// What is left of light where it no longer matters how much.
 constexpr double dark = 1e-4;
 
@@ -356,17 +358,34 @@ class View {
         alpha += share;
     }
 
-    /// Minus the gradient's direction, as section 5 has it; eye space.
+    /// Minus the gradient's direction, as section 5, or section 10 where it is analytic, has it; eye space.
     [[nodiscard]] Vec3 normal(const Ray& ray, const Spot& spot) const {
         const auto rho = [&](int column, int row) {
             return value_at(spot.group, to_world(screen_.point(column, row, spot.depth))).rho;
         };
+        if (plan_.analytic_gradient) {
+            const double h = little_step * frame_.slice_spacing;
+            Vec3 slope(0.0);
+            for (int axis = 0; axis < 3; ++axis) {
+                Vec3 by(0.0);
+                by[axis] = h;
+                const Vec3 here = screen_.point(ray.column, ray.row, spot.depth);
+                slope[axis] =
+                    (value_at(spot.group, to_world(here + by)).rho - value_at(spot.group, to_world(here - by)).rho) /
+                    (2.0 * h);
+            }
+            return facing_away(slope, spot.group);
+        }
         const double two_pixels = 2.0 * screen_.pixel_width(spot.depth);
         const double dx = (rho(ray.column + 1, ray.row) - rho(ray.column - 1, ray.row)) / two_pixels;
         const double dy = (rho(ray.column, ray.row - 1) - rho(ray.column, ray.row + 1)) / two_pixels;
         const Vec3 gradient(dx, dy,
                             screen_.slope_x(ray.column) * dx + screen_.slope_y(ray.row) * dy - spot.change_of_depth);
-        const TransferFunction& function = *groups_[spot.group].transfer_function;
+        return facing_away(gradient, spot.group);
+    }
+
+    [[nodiscard]] Vec3 facing_away(const Vec3& gradient, std::size_t group) const {
+        const TransferFunction& function = *groups_[group].transfer_function;
         const double weakest = 1e-3 * (function.v_max() - function.v_min()) / frame_.reference_length;
         return -gradient / std::max({glm::length(gradient), weakest, 1e-300});
     }
@@ -568,7 +587,7 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     const bool surfaces = request.scene.mode == Mode::isosurface;
     const std::size_t wanted = surfaces ? surface_probes : volume_probes;
     const bool all = pixels <= wanted;
-    const std::size_t every = surfaces && all ? 1 : every_occlusion;
+    const std::size_t every = all ? 1 : every_occlusion;
     const std::size_t most = all ? pixels : tries_per_probe * wanted;
     ThreadPool pool(thread_count(request.options.threads));
     std::vector<View::Off> found;

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "plan/limits_gl.hpp"
-#include "plan/pivot.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -58,28 +57,6 @@ bool sums_go_beyond(const Scene& scene) {
                        [](const auto& field) { return field->normalization() != Normalization::lattice; });
 }
 
-/// Largest values over what is resolved where those of quotients are counted from their middle. resolved: where one
-/// transfer function classifies all fields; else it follows from each group's.
-double ratio_from_middle(const Scene& scene, const DrawPlan& plan, double resolved) {
-    double ratio = 0.0;
-    const std::vector<Group> groups = groups_drawn(scene);
-    for (const Group& group : groups) {
-        double largest = 0.0, spread = 0.0;
-        for (std::size_t number = group.first; number < group.last; ++number) {
-            const Field& field = *scene.fields[number];
-            const std::array<double, 2> range = field.value_range();
-            spread = std::max(spread, range[1] - range[0]);
-            if (field.normalization() == Normalization::threshold) {
-                const double pivot = pivot_of(field);
-                largest = std::max({largest, std::abs(range[0] - pivot), std::abs(range[1] - pivot)});
-            }
-        }
-        const double own = plan.mode == Mode::isosurface && spread > 0.0 ? spread : plan.unit_of(group.first);
-        ratio = std::max(ratio, largest / (groups.size() == 1 ? resolved : own));
-    }
-    return ratio;
-}
-
 /// What float32 loses of gradients of quotients that are near their kernels' ends, or far magnified. ratio: of values
 /// over what is resolved.
 void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts, double ratio) {
@@ -110,6 +87,22 @@ void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts
              ? "leave out " + option_ref("gradient", "analytic") + ", use a larger " + option_ref("w0")
              : "use a larger " + option_ref("w0") + " or " + option_ref("gradient", "analytic")) +
         Words(", use " + option_ref("backend", "cpu"));
+    if (plan.analytic_gradient) {
+        const Words calmer =
+            "leave out " + option_ref("gradient", "analytic") + ", or use " + option_ref("backend", "cpu");
+        const double noise = noise_of_derivatives(view, facts, ratio);
+        if (noise > largest_noise_of_derivatives) {
+            refuse_sheets("lit derivatives of quotients where values of " + number(ratio) +
+                              " times the range of the transfer function from their middle, times reference lengths "
+                              "over semi-axes, times the root of the kernels at a point are " +
+                              number(noise),
+                          "at most " + number(largest_noise_of_derivatives), calmer);
+        }
+        if (view.shapes.largest_aspect > largest_derived_aspect) {
+            refuse_sheets("lit derivatives of quotients of kernels of 1:" + number(view.shapes.largest_aspect),
+                          "at most 1:" + number(largest_derived_aspect), calmer);
+        }
+    }
     if (facts.weight_range > most) {
         refuse_sheets("weights of up to " + number(facts.weight_range) +
                           " times w0: near the ends of kernels light would show rounding errors",
@@ -273,7 +266,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     const bool lit_quotient = lights_quotients(plan);
     // Quotients in sheets of their own are counted from the middle of the values, however far that is from 0.
     const bool from_middle = !plan.own_sheets.empty() && !plan.paper_slicing;
-    const double lit_ratio = from_middle ? std::min(ratio, ratio_from_middle(scene, plan, resolved)) : ratio;
+    const double lit_ratio = from_middle ? std::min(ratio, ratio_from_pivots(scene, plan, resolved)) : ratio;
     const bool too_far = lit_quotient && lit_ratio > largest_lit_ratio;
     const double most_times = 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0);
     if (plan.precision == Precision::float32 && (picture > float32_bound || too_far)) {

@@ -8,6 +8,7 @@
 #include "limits_errors.hpp"
 #include "occurring.hpp"
 #include "plan/effect_table.hpp"
+#include "plan/pivot.hpp"
 #include "scene/mode_rules.hpp"
 
 namespace sheetsplat {
@@ -184,6 +185,32 @@ SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& pl
     }
     facts.crowd = crowd_of(scene, view);
     return facts;
+}
+
+double ratio_from_pivots(const Scene& scene, const DrawPlan& plan, double resolved) {
+    double ratio = 0.0;
+    const std::vector<Group> groups = groups_drawn(scene);
+    for (const Group& group : groups) {
+        double largest = 0.0, spread = 0.0;
+        for (std::size_t number = group.first; number < group.last; ++number) {
+            const Field& field = *scene.fields[number];
+            const std::array<double, 2> range = field.value_range();
+            spread = std::max(spread, range[1] - range[0]);
+            if (field.normalization() == Normalization::threshold) {
+                const double pivot = pivot_of(field);
+                largest = std::max({largest, std::abs(range[0] - pivot), std::abs(range[1] - pivot)});
+            }
+        }
+        const double own = plan.mode == Mode::isosurface && spread > 0.0 ? spread : plan.unit_of(group.first);
+        ratio = std::max(ratio, largest / (groups.size() == 1 ? resolved : own));
+    }
+    return ratio;
+}
+
+double noise_of_derivatives(const ViewFacts& view, const SumFacts& sums, double ratio) {
+    const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
+    const double crowd = std::max(sums.overlap, view.overlap.densest);
+    return ratio * std::sqrt(crowd) * std::max(1.0, view.frame.reference_length / axis);
 }
 
 bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan) {

@@ -41,6 +41,10 @@ constexpr double most_alike_lit = 200.0;
 /// Where quotients hardly change, their rounding is lit. Seen were 1e-6 (RMSE) times values over what is resolved, the
 /// root of the kernels at a point, and the reference length over a pixel or slice spacing: the largest such product.
 constexpr double largest_lit_noise = 80.0;
+/// The same of the kernels' own derivatives, with values counted from the middle (noise_of_derivatives): seen
+/// were 1.5e-5 (RMSE) times it, where values hardly change around a point. Scenes with gentle opacities are held to
+/// 2e-5.
+constexpr double largest_noise_of_derivatives = 1.3;
 /// Slice spacing in perspective, world units, and its inverse: beyond, squares of lengths leave float32.
 constexpr double largest_unit = 1e8;
 

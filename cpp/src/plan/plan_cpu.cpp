@@ -102,12 +102,19 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "values reach " + number(sums.largest) + ", but the transfer function distinguishes " +
                number(sums.resolved);
     }
+    if (lights_quotients(plan) && plan.analytic_gradient) {
+        const double ratio = ratio_from_pivots(scene, plan, sums.resolved);
+        if (noise_of_derivatives(view, sums, ratio) > limits::largest_noise_of_derivatives) {
+            return "derivatives of quotients would be noisy in float32 where values hardly change: values reach " +
+                   number(ratio) + " times the range of the transfer function from their middle";
+        }
+    }
     // Distance over which gradients change: of neighbouring samples, or of derivatives over kernels.
     const double change =
         plan.analytic_gradient ? view.screen_px.smallest * view.frame.smallest_pixel : view.frame.smallest_step();
     const double magnified = std::max(1.0, view.frame.reference_length / change);
     const double crowd = std::max(sums.overlap, view.overlap.densest);
-    if (lights_quotients(plan) &&
+    if (lights_quotients(plan) && !plan.analytic_gradient &&
         (crowd > limits::largest_lit_overlap ||
          std::max(1.0, sums.ratio) * std::sqrt(crowd) * magnified > limits::largest_lit_noise)) {
         return "lit quotients of the sums of " + number(crowd) + " overlapping kernels, with values up to " +

@@ -231,7 +231,7 @@ Vec3 Compositor::gradient(const View& view, std::size_t ahead) const {
     const std::array<const Sheet*, 4>& sheets = view.window.groups[view.group];
     return gradient_eye(screen_, *sheets[ahead], *sheets[ahead + 1], *sheets[ahead + 2],
                         slices_.depth(view.window.n + static_cast<std::int64_t>(ahead)), slices_.spacing,
-                        view.pixel.column, view.pixel.row);
+                        reference_distance_, view.pixel.column, view.pixel.row);
 }
 
 Vec3 Compositor::gradient_of_interval(const View& view) const {
@@ -250,7 +250,8 @@ double Compositor::gradient_share(const Vec3& gradient) const {
     if (!scene_.gradient_opacity) {
         return 1.0;
     }
-    return std::min(1.0, std::hypot(gradient.x, gradient.y, gradient.z) / *scene_.gradient_opacity);
+    return std::min(1.0,
+                    std::hypot(gradient.x, gradient.y, gradient.z) / (*scene_.gradient_opacity * reference_distance_));
 }
 
 Vec3 Compositor::shaded(const View& view, const Vec3& color, const Vec3& gradient, double depth) const {

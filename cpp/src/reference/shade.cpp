@@ -8,14 +8,14 @@
 namespace sheetsplat::reference {
 
 Vec3 gradient_eye(const Screen& screen, const Sheet& before, const Sheet& here, const Sheet& after, double depth,
-                  double spacing, int column, int row) {
+                  double spacing, double length, int column, int row) {
     const auto rho = [&](const Sheet& sheet, int i, int j) { return sheet.rho[sheet.index(i, j)]; };
     // Rows count downwards, y upwards.
     const double over_columns = rho(here, column + 1, row) - rho(here, column - 1, row);
     const double over_rows = rho(here, column, row - 1) - rho(here, column, row + 1);
-    const double over_depth = (rho(after, column, row) - rho(before, column, row)) / (2.0 * spacing);
+    const double over_depth = (rho(after, column, row) - rho(before, column, row)) / (2.0 * spacing / length);
     // Where a sheet is blank its plane may be at or behind the eye, where pixels have no width.
-    const double two_pixels = 2.0 * screen.pixel_width(depth);
+    const double two_pixels = 2.0 * screen.pixel_width(depth) / length;
     const double dx = over_columns != 0.0 ? over_columns / two_pixels : 0.0;
     const double dy = over_rows != 0.0 ? over_rows / two_pixels : 0.0;
     return {dx, dy, screen.slope_x(column) * dx + screen.slope_y(row) * dy - over_depth};
@@ -25,7 +25,7 @@ Shader::Shader(const Scene& scene, const Camera& camera)
     : material_(scene.material), shadows_(scene.shadows), occlusion_(scene.ambient_occlusion.has_value()) {
     for (const Group& group : scene.groups()) {
         const TransferFunction& function = *group.transfer_function;
-        weakest_gradients_.push_back(1e-3 * (function.v_max() - function.v_min()) / scene.reference_distance());
+        weakest_gradients_.push_back(1e-3 * (function.v_max() - function.v_min()));
     }
     for (const Light& light : scene.lights) {
         Vec3 direction = light.direction;

@@ -100,9 +100,9 @@ Vec3 Normaliser::gradient(double d, double w, const Vec3& slope_d, const Vec3& s
 
 FieldSums::FieldSums(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen,
                      const Slices& slices, double radius_factor, ZeroKernels zero_kernels)
-    : screen_(screen), slices_(slices), sampling_(scene.sampling), zero_kernels_(zero_kernels),
-      eye_kernels_(field, scene, camera, screen, radius_factor), profile_(field.kernel().falloff),
-      normaliser_(field, radius_factor), next_(slices.first) {
+    : screen_(screen), slices_(slices), sampling_(scene.sampling), reference_distance_(scene.reference_distance()),
+      zero_kernels_(zero_kernels), eye_kernels_(field, scene, camera, screen, radius_factor),
+      profile_(field.kernel().falloff), normaliser_(field, radius_factor), next_(slices.first) {
     require_finite_sums(field);
     sort_kernels();
 }
@@ -232,7 +232,7 @@ void FieldSums::splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, 
                 }
                 g = profile_.at(r_squared);
                 if (with_slope) {
-                    slope = kernel.shape.slope_to_eye(profile_.slope(r_squared) * q);
+                    slope = reference_distance_ * kernel.shape.slope_to_eye(profile_.slope(r_squared) * q);
                 }
             } else {
                 const Chord chord = kernel.shape.mean(profile_, Vec3(dx, dy, 0.0), screen_.slope_x(i), slope_y,
@@ -241,7 +241,7 @@ void FieldSums::splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, 
                     continue;
                 }
                 g = chord.mean;
-                slope = chord.slope;
+                slope = reference_distance_ * chord.slope;
             }
             const std::size_t at = sheet.index(i, j);
             sums.d[at] += kernel.value * g;

@@ -597,7 +597,9 @@ TEST(PlanOfEllipsoids, RefusesLitQuotientsThatAreFarMagnified) {
     EXPECT_NO_THROW(plan_of(scene, {}, {}, view)) << "what changes over two pixels";
     view.screen_px.smallest = 1.0;
     scene.gradient = Gradient::analytic;
-    EXPECT_NO_THROW(plan_of(scene, {}, {}, view));
+    EXPECT_THROW(plan_of(scene, {}, {}, view), Unsupported);
+    scene.fields = {scattered({0.6, 0.601})};
+    EXPECT_NO_THROW(plan_of(scene, {}, {}, view)) << "values from their middle";
 }
 
 TEST(PlanOfEllipsoids, RefusesWeightsThatSheetsCannotHold) {

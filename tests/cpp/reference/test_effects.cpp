@@ -136,7 +136,7 @@ TEST(AnalyticGradient, IsTheDerivativeOfRhoAtPoints) {
                 for (int row = 0; row < size.height; ++row) {
                     for (int column = 0; column < size.width; ++column) {
                         const Vec3 point = screen.point(column, row, slices.depth(0));
-                        const Vec3 found = sheet.gradient[sheet.index(column, row)];
+                        const Vec3 found = sheet.gradient[sheet.index(column, row)] / scene.reference_distance();
                         Vec3 wanted(0.0);
                         for (int axis = 0; axis < 3; ++axis) {
                             wanted[axis] = derivative([&](double h) {
@@ -189,8 +189,8 @@ TEST(AnalyticGradient, OfSlabsIsTheMean) {
                 const double front = sums.at(screen.point(column, row, slices.front(1))).rho;
                 const Vec3 wanted((beside[0].rho[at] - beside[1].rho[at]) / (2.0 * h),
                                   (beside[2].rho[at] - beside[3].rho[at]) / (2.0 * h), (front - back) / 0.3);
-                farthest = std::max(farthest, glm::distance(sheet.gradient[at], wanted));
-                of_points = std::max(of_points, glm::distance(plane.gradient[at], wanted));
+                farthest = std::max(farthest, glm::distance(sheet.gradient[at] / scene.reference_distance(), wanted));
+                of_points = std::max(of_points, glm::distance(plane.gradient[at] / scene.reference_distance(), wanted));
             }
         }
         EXPECT_LT(farthest, 1e-3);

@@ -105,8 +105,8 @@ TEST(Phong, WeakGradientsFade) {
     expect_color(lit_color({head}, material, Vec3(1.0), Vec3(0.0)), Vec3(0.0));
     Scene scene = lit({head}, material);
     scene.reference_length = 0.1;
-    expect_color(Shader(scene, front_camera(2.0)).shade(Vec3(1.0), Vec3(0.0, 0.0, -1e-3), {Vec3(0.0, 0.0, 1.0)}),
-                 Vec3(0.1));
+    const Vec3 per_length = *scene.reference_length * Vec3(0.0, 0.0, -1e-3);
+    expect_color(Shader(scene, front_camera(2.0)).shade(Vec3(1.0), per_length, {Vec3(0.0, 0.0, 1.0)}), Vec3(0.1));
 }
 
 TEST(Phong, WorldLightsTurnWithTheWorld) {

@@ -363,7 +363,7 @@ def ambiguous(scene: Scene, camera: Camera, size: tuple[int, int], picture: Pict
 
 
 def is_gentle(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
-    """Return whether the tighter bound of section 9 holds: slopes of at most 10 and a pixel of at least ℓ/100."""
+    """Return whether the tighter bound of section 9 holds: slopes of at most 10 and, at t_c, a pixel of ℓ/100."""
     return all(_is_gentle(tf, scene, camera, size) for _, tf in scene.groups())
 
 
@@ -375,7 +375,7 @@ def _is_gentle(tf: TransferFunction, scene: Scene, camera: Camera, size: tuple[i
         return False
     tall = camera.height_at_one()
     stretch = math.sqrt(1 + (tall / 2) ** 2 * (1 + (size[0] / size[1]) ** 2)) if camera.is_perspective else 1.0
-    nearest = max(camera.near, place(scene, camera, size, Nudge()).begin) if camera.is_perspective else 1.0
+    centre = place(scene, camera, size, Nudge()).centre if camera.is_perspective else 1.0
     slope = (rises[steps > 0] / steps[steps > 0]).max() * span
-    pixel = tall / size[1] * nearest
+    pixel = tall / size[1] * centre
     return bool(slope * scene.spacing() * stretch / scene.length() <= 10 and pixel >= scene.length() / 100)

@@ -74,6 +74,7 @@ struct TileKernels {
     std::vector<SectionExtra<T>> extras; ///< empty, or as many as there are sections
     std::vector<RowShape<T>> shapes;     ///< one for all, or as many as there are sections
     T weight = 0;                        ///< of all where there are no extras
+    double pivot = 0.0;                  ///< what the field's values are counted from
     /// Half the extents of a support on the screen, in pixels: of all where there is one shape. In perspective times
     /// the depth of its centre, and not less than that for centres at least twice as far away as it is deep. 0: not
     /// known.

@@ -26,6 +26,7 @@ struct PartProfile {
     int weight_channel = -1; ///< -1: weights are not summed
     /// The first of three: derivatives over columns, rows and slices. -1: not summed.
     int slope_channel = -1, weight_slope_channel = -1;
+    double pivot = 0.0; ///< what values are counted from
 };
 
 /// A field that is divided by its own weights before fields are added.
@@ -34,6 +35,7 @@ struct OwnSheets {
     int value_channel = 0, weight_channel = 0;
     int slope_channel = -1, weight_slope_channel = -1;
     T w0 = 1;
+    T pivot = 0; ///< what the sums of values are counted from, in the sheets' unit
 };
 
 /// The sheets of a group of fields that is classified by itself.
@@ -43,6 +45,7 @@ struct GroupSheets {
     int weight_channel = -1; ///< of the fields that share sheets; in the end W of the group where it is kept; -1: none
     bool threshold = false;  ///< the fields that share sheets are divided by max(w0, W)
     T w0 = 1;
+    T pivot = 0; ///< as of OwnSheets; 0 unless threshold
     std::vector<OwnSheets<T>> own;
     /// Derivatives are summed beside values; these channels hold those of rho in the end.
     int slope_channel = -1, weight_slope_channel = -1;

@@ -1,5 +1,5 @@
-// The pivot of a field: a constant that backend gl subtracts from values before sums are divided, so that large values
-// keep their digits.
+// The pivot of a field: a constant that is subtracted from values before sums are divided, so that large values keep
+// their digits: by backend gl, and by backend cpu where derivatives are divided.
 #pragma once
 
 #include <array>

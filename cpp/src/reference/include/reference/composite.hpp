@@ -84,6 +84,7 @@ class Compositor {
     [[nodiscard]] bool kept(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
     /// True where the interval behind slice n shows a group: an end is neither empty nor cut off.
     [[nodiscard]] bool open_interval(const View& view) const;
+    /// Per reference length.
     [[nodiscard]] Vec3 gradient(const View& view, std::size_t ahead) const;
     [[nodiscard]] Vec3 gradient_of_interval(const View& view) const;
     /// The factor of gradient opacity; 1 without it.

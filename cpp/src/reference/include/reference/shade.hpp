@@ -12,9 +12,10 @@
 
 namespace sheetsplat::reference {
 
-/// Eye-space gradient of rho at a pixel of the sheet `here` at `depth`, between its neighbours `before` and `after`.
+/// Eye-space gradient of rho per `length` at a pixel of the sheet `here` at `depth`, between its neighbours `before`
+/// and `after`.
 Vec3 gradient_eye(const Screen& screen, const Sheet& before, const Sheet& here, const Sheet& after, double depth,
-                  double spacing, int column, int row);
+                  double spacing, double length, int column, int row);
 
 /// A point that is shaded, and what may shadow it.
 struct Lighting {
@@ -25,7 +26,8 @@ struct Lighting {
     std::size_t group = 0;                      ///< whose colour is shaded
 };
 
-/// Lights and material of a scene as one camera sees them.
+/// Lights and material of a scene as one camera sees them. Gradients are per reference length, so that they stay in
+/// double's range in any unit of length.
 class Shader {
   public:
     Shader(const Scene& scene, const Camera& camera);
@@ -44,7 +46,7 @@ class Shader {
     };
     std::vector<DirectedLight> lights_;
     Material material_;
-    std::vector<double> weakest_gradients_; // g_0 of each group
+    std::vector<double> weakest_gradients_; // g_0 of each group, times the reference length
     bool shadows_, occlusion_;
 };
 

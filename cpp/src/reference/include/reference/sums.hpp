@@ -24,13 +24,13 @@ class Sheet {
     std::vector<double> rho;            ///< 0 where empty
     std::vector<unsigned char> reached; ///< 1 where any kernel reaches; the others are empty
     std::vector<double> weight;         ///< W of all fields together; empty unless requested
-    std::vector<Vec3> gradient;         ///< analytic, eye space; empty unless requested
+    std::vector<Vec3> gradient;         ///< analytic, eye space, per reference length; empty unless requested
 
   private:
     std::size_t stride_;
 };
 
-/// D and W of one field on one slice; their gradients where the sheet has gradients, eye space.
+/// D and W of one field on one slice; their gradients where the sheet has gradients, eye space, per reference length.
 struct SheetSums {
     explicit SheetSums(const Sheet& like);
     void clear();
@@ -89,6 +89,7 @@ class FieldSums {
     const Screen& screen_;
     Slices slices_;
     Sampling sampling_;
+    double reference_distance_; ///< world units
     ZeroKernels zero_kernels_;
     EyeKernels eye_kernels_;
     Profile profile_;

@@ -1,0 +1,235 @@
+"""Random scenes over all effects, modes, cameras and fields: a backend against the reference, outside CI.
+
+    python tests/python/sweep_scenes.py --first 0 --scenes 3000 --minutes 30 --backend cpu
+
+Scenes are numbered: an interrupted sweep goes on with --first. A picture that breaks section 9 is told with its
+number, then made smaller (fewer kernels, fields, effects, pixels) as long as it stays wrong; the last line counts.
+tests/python/test_sweep_scenes.py draws some of each kind, and those that once were wrong.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import sys
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import oracle
+import scene_parts
+from image_checks import FLOAT32, FLOAT32_HARD, off_by, within
+from numpy.typing import NDArray
+from oracle.picture import Nudge
+from random_scenes import random_light
+from scene_parts import Parts, cloud, pick, random_camera
+from test_fuzz_scenes import harsh
+from test_oracle import build_effects, effect_scene
+from test_oracle_groups import group_scene
+
+import sheetsplat as ss
+
+LIGHT = ("shadows", "ambient_occlusion")
+# Share of a small picture beyond which its ambiguous pixels leave nothing to compare.
+MOST_AMBIGUOUS = 0.005
+
+
+def extreme_scene(seed: int) -> Parts:
+    """Return a scene of sizes, values, weights and magnifications over many decades."""
+    parts = harsh(seed)
+    parts["scene"] |= parts.pop("effects")
+    return parts
+
+
+def alike_scene(seed: int) -> Parts:
+    """Return a lit scattered field, divided by its weights, whose values are alike: everywhere, or on two plateaus."""
+    rng = np.random.default_rng([14, seed])
+    count = int(pick(rng, 1, 2, 5, 20, 60, 200))
+    field = cloud(
+        rng,
+        count,
+        float(rng.uniform(1, 9)),
+        float(10 ** rng.uniform(0, pick(rng, 0.5, 1, 3))),
+        w0=float(pick(rng, 1, 0.5, 0.1, 0.02)),
+        falloff=float(pick(rng, 8, 8, 4, 2)),
+    )
+    if rng.random() < 0.3:
+        field["rotations"] = np.repeat(field["rotations"][:1], count, 0)
+    middle, width = float(pick(rng, 0.3, 0.5, 0.7, 1.0)), float(10 ** rng.uniform(-0.7, 0.3))
+    spread = pick(rng, 0.0, 10 ** rng.uniform(-6, 0), rng.uniform(0.3, 1))
+    share = rng.random(count) - 0.5
+    field["values"] = middle + spread * (pick(rng, share, np.sign(field["centers"][:, 0]) / 2))
+    if rng.random() < 0.2:
+        field["weights"] = 10 ** rng.uniform(-1, 1, count)
+    spacing, low, top = float(2 / rng.uniform(6, 30)), float(pick(rng, 0.01, 0.1)), float(pick(rng, 0.02, 0.2, 0.8))
+    mode = pick(rng, "composite", "composite", "composite", "isosurface")
+    scene: dict[str, Any] = {
+        "mode": mode,
+        "sampling": pick(rng, "point", "point", "slab"),
+        "opacity_stop": 1.0,
+        "slice_spacing": spacing,
+        "reference_length": spacing * float(10 ** rng.uniform(-0.3, 1.3)),
+        "preintegration": bool(mode == "composite" and rng.random() < 0.3),
+        **({"gradient": "analytic"} if rng.random() < 0.7 else {}),
+        **({"filter": "ewa"} if rng.random() < 0.1 else {}),
+    }
+    if mode == "isosurface":
+        scene["iso_value"] = middle * float(rng.uniform(0.5, 0.95))
+    light = random_light(rng)
+    return {
+        "fields": [field],
+        "transfer": [
+            (low + share * width, *rng.random(3).tolist(), opacity)
+            for share, opacity in ((0.0, 0.0), (0.5, top / 2), (1.0, top))
+        ],
+        "scene": scene,
+        **light,
+        "lights": light["lights"] or scene_parts.LIGHTS,
+        "camera": random_camera(rng, 2.0),
+        "size": tuple(int(n) for n in rng.integers(8, 24, 2)),
+    }
+
+
+KINDS: dict[str, Callable[[int], Parts]] = {
+    "effects": effect_scene,
+    "groups": group_scene,
+    "extreme": extreme_scene,
+    "alike": alike_scene,
+}
+
+
+def scene_of(number: int) -> tuple[str, Parts]:
+    """Return the kind and the parts of a numbered scene: the kinds by turns."""
+    kind = list(KINDS)[number % len(KINDS)]
+    return kind, KINDS[kind](10_000 + number // len(KINDS))
+
+
+def ambiguous(parts: Parts) -> NDArray[np.bool_]:
+    """Return the pixels that jump under the nudges of section 9; of scalars, where slices begin or end to count."""
+    built = build_effects(oracle, parts)
+    here = oracle.render(*built)
+    if here.scalar is None:
+        return oracle.ambiguous(*built, here)
+    moved = [oracle.render(*built, Nudge(support=1 + by)).scalar for by in (-1e-5, 1e-5)]
+    return np.max([np.abs(other - here.scalar) for other in moved], axis=0) > 1e-3 * max(1.0, here.scalar.max())
+
+
+def stated(image: ss.Image, parts: Parts) -> float:
+    """Return the error that a picture states for its light, which section 9 does not bound."""
+    if not any(parts["scene"].get(name) for name in LIGHT):
+        return 0.0
+    return float(np.linalg.norm([effect.error for effect in image.plan.effects if effect.name in LIGHT]))
+
+
+def draw(parts: Parts, backend: str, outputs: Any) -> ss.Image:
+    """Return the picture of a backend."""
+    scene, camera, size = build_effects(ss, parts)
+    return ss.Renderer(backend, threads=1).render(scene, camera, size=size, outputs=outputs)  # type: ignore[arg-type]
+
+
+def fault(parts: Parts, backend: str) -> str:
+    """Return how a backend's picture breaks section 9, or "". Throws ss.Error where the scene is refused."""
+    # Coverage is compared on the processor; on OpenGL it has tests of its own.
+    outputs = ("coverage",) if backend == "cpu" else ()
+    expected, image = draw(parts, "reference", outputs), draw(parts, backend, outputs)
+    found = np.array(image.pixels)
+    if not np.isfinite(found).all():
+        return "not finite"
+    rmse, p99_9 = FLOAT32 if oracle.is_gentle(*build_effects(oracle, parts)) else FLOAT32_HARD
+    light = stated(image, parts)
+    bounds = (float(np.hypot(rmse, 1.1 * light)), p99_9 if light == 0 else np.inf)
+    if outputs and not within(off_by(image.coverage, expected.coverage), FLOAT32_HARD):
+        return f"coverage: {off_by(image.coverage, expected.coverage)}"
+    distance = off_by(found, expected)
+    if within(distance, bounds):
+        return ""
+    jumping = ambiguous(parts)
+    if jumping.sum() > max(1, MOST_AMBIGUOUS * jumping.size):
+        return ""
+    found[jumping] = expected.pixels[jumping]
+    distance = off_by(found, expected)
+    if within(distance, bounds):
+        return ""
+    return f"{image.plan.precision}: {distance}, at most {bounds}, {jumping.sum()} ambiguous"
+
+
+def smaller(parts: Parts) -> Iterator[Parts]:
+    """Yield simpler scenes: each lacks a part of this one."""
+    for number, field in enumerate(parts["fields"]):
+        count = len(field["centers"]) if "centers" in field else 0
+        for kept in (slice(0, count // 2), slice(count // 2, count)) if count > 1 else ():
+            less = copy.deepcopy(parts)
+            one = less["fields"][number]
+            for name, values in one.items():
+                if isinstance(values, np.ndarray) and len(values) == count:
+                    one[name] = values[kept]
+            yield less
+    if len(parts["fields"]) > 1 and parts.get("groups") is None:
+        for number in range(len(parts["fields"])):
+            yield {**parts, "fields": [one for place, one in enumerate(parts["fields"]) if place != number]}
+    for number in range(len(parts["lights"])):
+        yield {**parts, "lights": [one for place, one in enumerate(parts["lights"]) if place != number]}
+    for name in ("clip", "gradient", "depth_cue", *LIGHT, "gradient_opacity", "preintegration", "filter", "background"):
+        if parts["scene"].get(name):
+            yield {**parts, "scene": {key: value for key, value in parts["scene"].items() if key != name}}
+    if parts["scene"].get("sampling") == "slab":
+        yield {**parts, "scene": {**parts["scene"], "sampling": "point"}}
+    for axis in (0, 1):
+        if parts["size"][axis] > 3:
+            size = list(parts["size"])
+            size[axis] = (size[axis] + 1) // 2
+            yield {**parts, "size": tuple(size)}
+
+
+def shrunk(parts: Parts, backend: str, seconds: float = 60.0) -> Parts:
+    """Return a scene as small as is found in that time whose picture is wrong too."""
+    end = time.monotonic() + seconds
+    going = True
+    while going:
+        going = False
+        for less in smaller(parts):
+            if time.monotonic() > end:
+                return parts
+            try:
+                wrong = fault(less, backend)
+            except ss.Error:
+                continue
+            if wrong:
+                parts, going = less, True
+                break
+    return parts
+
+
+def main() -> int:
+    """Sweep over numbered scenes; return the number of wrong pictures, at most 1 more than none."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--first", type=int, default=0, help="number of the first scene")
+    parser.add_argument("--scenes", type=int, default=1000, help="how many")
+    parser.add_argument("--minutes", type=float, default=60.0, help="end after this time")
+    parser.add_argument("--backend", default="cpu", choices=("cpu", "gl"))
+    given = parser.parse_args()
+    warnings.simplefilter("ignore")
+    counts: Counter[str] = Counter()
+    end = time.monotonic() + 60 * given.minutes
+    number = given.first
+    while number < given.first + given.scenes and time.monotonic() < end:
+        kind, parts = scene_of(number)
+        try:
+            wrong = fault(parts, given.backend)
+            counts["wrong" if wrong else "right"] += 1
+            if wrong:
+                print(f"{number} ({kind}): {wrong}\n{shrunk(parts, given.backend)}", flush=True)
+        except ss.Unsupported:
+            counts["refused"] += 1
+        except ss.InvalidInput:
+            counts["no scene"] += 1
+        number += 1
+    print(f"scenes {given.first} to {number - 1}: " + ", ".join(f"{name} {n}" for name, n in sorted(counts.items())))
+    return min(counts["wrong"], 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

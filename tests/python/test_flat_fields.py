@@ -1,0 +1,86 @@
+"""Lit scattered fields whose values hardly change: the gradients of their quotients are next to nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scene_parts
+from image_checks import FLOAT32, assert_close, off_by, within
+from reference_pictures import by_reference
+from scene_parts import Parts, cloud
+
+import sheetsplat as ss
+
+# Values round a middle, with the width of their range over the transfer function's.
+SPREADS = [0.0, 1e-5, 1e-2]
+TRANSFER = [(0.1, 0.9, 0.3, 0.2, 0.0), (0.4, 0.3, 0.8, 0.5, 0.1), (0.7, 0.2, 0.6, 0.9, 0.3)]
+
+
+def flat(spread: float, fields: int = 1, **scene: object) -> Parts:
+    """Return a cloud of 200 spheres that overlap much, w0 far below their weights."""
+    rng = np.random.default_rng(38)
+    made = []
+    for _ in range(fields):
+        one = cloud(rng, 200, 6.0, 2.0, w0=0.1)
+        one["centers"] = 0.6 * one["centers"]
+        one["values"] = 1.0 / fields + spread * 0.6 * (rng.random(200) - 0.5)
+        made.append(one)
+    return scene_parts.parts(
+        made, transfer=TRANSFER, size=(24, 20), **{"reference_length": 0.8, "gradient": "analytic"} | scene
+    )
+
+
+def drawn(parts: Parts, backend: str, **options: object) -> ss.Image:
+    """Return the picture of a backend."""
+    scene, camera, size = scene_parts.build(ss, parts)
+    return ss.Renderer(backend, **options).render(scene, camera, size=size)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("fields", [1, 2])
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+@pytest.mark.parametrize("spread", SPREADS)
+def test_values_alike_keep_float32_and_its_bound(spread: float, sampling: str, fields: int) -> None:
+    parts = flat(spread, fields, sampling=sampling)
+    expected = by_reference(parts)
+    image = drawn(parts, "cpu")
+    assert image.plan.precision == "float32"
+    assert_close(image, expected.rgba, FLOAT32, f"flat {spread} {sampling} {fields}")
+    # The light of these gradients is seen.
+    unlit = by_reference(parts | {"lights": [], "scene": parts["scene"]})
+    assert not within(off_by(unlit, expected), FLOAT32)
+
+
+def test_lattices_of_one_value_keep_float32() -> None:
+    one = {"values": np.full((5, 6, 7), 0.8), "spacing": (0.3, 0.4, 0.3), "origin": (-1.0, -1.0, -0.6)}
+    for camera in (scene_parts.parallel(), scene_parts.central()):
+        for more in ({}, {"filter": "ewa"}):
+            parts = flat(0.0) | {"fields": [one | {"normalization": "threshold", "w0": 0.3}], "camera": camera}
+            parts["scene"] = parts["scene"] | more
+            image = drawn(parts, "cpu")
+            assert image.plan.precision == "float32"
+            assert_close(image, by_reference(parts).rgba, FLOAT32, f"lattice of one value {more}")
+
+
+def test_two_plateaus_take_float64() -> None:
+    """Where values are alike around each point but not everywhere, float32 would show its rounding."""
+    parts = flat(0.0)
+    one = parts["fields"][0]
+    one["values"] = np.where(one["centers"][:, 0] < 0, 0.3, 1.0)
+    expected = by_reference(parts)
+    image = drawn(parts, "cpu")
+    assert image.plan.precision == "float64" and image.plan.has("float64")
+    assert_close(image, expected.rgba, FLOAT32, "plateaus")
+    inexact = drawn(parts, "cpu", precision="float32", allow_inexact=True)
+    assert not within(off_by(inexact, expected), FLOAT32)
+
+
+@pytest.mark.gl
+def test_opengl_refuses_what_cancels_in_float32() -> None:
+    parts = flat(0.0)
+    one = parts["fields"][0]
+    one["scales"] = np.array([1.0, 1.0, 0.01]) * one["scales"]
+    one["values"] = np.linspace(0.1, 1.0, len(one["values"]))
+    with pytest.raises(ss.Unsupported, match="derivatives of quotients"):
+        drawn(parts, "gl")
+    expected = by_reference(parts)
+    assert_close(drawn(parts, "cpu"), expected.rgba, FLOAT32, "flakes")

@@ -1,0 +1,44 @@
+"""Some of the numbered scenes of sweep_scenes.py, and its own control."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import sweep_scenes
+from scene_parts import Parts
+from sweep_scenes import KINDS, fault, scene_of, shrunk
+
+import sheetsplat as ss
+
+EACH = 8
+# A scene of many kernels of one group, whose opacities are above 0 and below 1.
+DENSE = 135
+
+
+@pytest.mark.parametrize("number", range(EACH * len(KINDS)))
+def test_numbered_scenes_are_right_or_refused(number: int) -> None:
+    kind, parts = scene_of(number)
+    try:
+        wrong = fault(parts, "cpu")
+    except (ss.Unsupported, ss.InvalidInput) as error:
+        pytest.skip(f"refused: {error}")
+    assert not wrong, f"{kind}: {wrong}"
+
+
+def test_a_wrong_picture_is_seen_and_made_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Negative control: an opacity that is a thousandth too high."""
+    draw = sweep_scenes.draw
+
+    def denser(parts: Parts, backend: str, outputs: Any) -> ss.Image:
+        if backend == "cpu":
+            parts = parts | {"transfer": [(*point[:4], 1.001 * point[4]) for point in parts["transfer"]]}
+        return draw(parts, backend, outputs)
+
+    _, parts = scene_of(DENSE)
+    assert not fault(parts, "cpu")
+    monkeypatch.setattr(sweep_scenes, "draw", denser)
+    assert fault(parts, "cpu")
+    less = shrunk(parts, "cpu", seconds=2.0)
+    assert fault(less, "cpu")
+    assert len(less["fields"][0]["centers"]) < len(parts["fields"][0]["centers"])

@@ -143,15 +143,15 @@ class RowSums {
             const auto store_whole = [&](V number, std::int32_t* to) SHEETSPLAT_CPU_INLINE {
                 hn::Store(hn::DemoteTo(d_whole, number), d_whole, to + kernel);
             };
-            const V x = at(place.x, step.x), y = at(place.y, step.y), z = at(place.z, step.z);
-            const V column = hn::Ceil(hn::Sub(on_screen(x), half_x)), row = hn::Ceil(hn::Sub(on_screen(y), half_y));
+            const V x = on_screen(at(place.x, step.x)), y = on_screen(at(place.y, step.y)), z = at(place.z, step.z);
+            const V column = hn::Ceil(hn::Sub(x, half_x)), row = hn::Ceil(hn::Sub(y, half_y));
             store(hn::Sub(column, x), off_x_);
             store(hn::Sub(row, y), off_y_);
             store(hn::Abs(hn::Sub(z, hn::Round(z))), off_z_);
             // Pixel (0, 0) of the tile is that at (1, 1) of its sheets.
             store_whole(hn::Sub(column, one), column_);
             store_whole(hn::Sub(row, one), row_);
-            store_whole(hn::Floor(hn::Add(on_screen(x), half_x)), past_);
+            store_whole(hn::Floor(hn::Add(x, half_x)), past_);
             const V met = hn::Sub(hn::Floor(hn::Add(z, slices)), hn::Ceil(hn::Sub(z, slices)));
             store_whole(hn::Add(met, one), sections_of_);
         }

@@ -34,8 +34,9 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     setup.perspective = frame.projection == Projection::perspective;
     setup.intervals = uses_intervals(plan.mode, plan.preintegration);
     setup.stops = (plan.stop || plan.mode == Mode::isosurface) && !plan.coverage;
+    // (A pixel that ends looks at each slice.)
     setup.sums_slices = (plan.mode == Mode::xray || (plan.mode == Mode::average && counts_by_place)) && !plan.clip &&
-                        !plan.coverage && !setup.slab && !setup.perspective;
+                        !setup.stops && !plan.coverage && !setup.slab && !setup.perspective;
     for (const RegularPart& part : job.regular) {
         if (counts_by_place) {
             LatticeReach::add(*part.view, frame, setup.reach);

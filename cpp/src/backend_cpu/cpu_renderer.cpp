@@ -287,7 +287,7 @@ struct CpuRenderer::State {
             kernels.pivot = setup.parts[part++].pivot;
         }
         part = 0;
-        bool any = false;
+        bool any = !setup.reach.empty();
         room.lattices.clear();
         for (std::size_t lattice = 0; lattice < job.regular.size(); ++lattice, ++part) {
             const Buckets<RowPart>& rows = sorted->lattices[lattice].parts;

@@ -36,6 +36,27 @@ struct RowBasis {
     }
 };
 
+/// drift: change of a kernel's plane coordinates from slice to slice along a ray; step_s: of its height, times -1.
+template <class T>
+HWY_INLINE RowShape<T> row_shape(const RowBasis& basis, const glm::dvec2& drift, double step_s) {
+    RowShape<T> shape;
+    shape.X = static_cast<T>(basis.X);
+    shape.Y1 = static_cast<T>(basis.Y1);
+    shape.Y2 = static_cast<T>(basis.Y2);
+    shape.d1 = static_cast<T>(glm::dot(basis.q1, drift));
+    shape.d2 = static_cast<T>(glm::dot(basis.q2, drift));
+    shape.ds = static_cast<T>(-step_s);
+    return shape;
+}
+
+/// Where a kernel with plane coordinates `plane` at the tile's first pixel is, s above slice section.first.
+template <class T>
+HWY_INLINE void set_place(const RowBasis& basis, const glm::dvec2& plane, double s, Section<T>& section) {
+    section.a1 = static_cast<T>(glm::dot(basis.q1, plane));
+    section.a2 = static_cast<T>(glm::dot(basis.q2, plane));
+    section.s = static_cast<T>(s);
+}
+
 /// Where the tile's first sheet pixel looks: eye x and y, per unit of depth in perspective.
 inline glm::dvec2 origin_of(const TileShape& tile, const Frame& frame) {
     return {(tile.x - 0.5 - 0.5 * frame.size.width) * frame.pixel,

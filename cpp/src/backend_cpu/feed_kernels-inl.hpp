@@ -201,19 +201,10 @@ class KernelFeed {
         if (perspective_) {
             drift += frame_.slice_spacing * to_plane(origin_);
         }
-        RowShape<T> shape;
-        shape.X = static_cast<T>(basis.X);
-        shape.Y1 = static_cast<T>(basis.Y1);
-        shape.Y2 = static_cast<T>(basis.Y2);
-        shape.d1 = static_cast<T>(glm::dot(basis.q1, drift));
-        shape.d2 = static_cast<T>(glm::dot(basis.q2, drift));
-        shape.ds = static_cast<T>(-step_s);
         Section<T> section;
-        section.a1 = static_cast<T>(glm::dot(basis.q1, plane));
-        section.a2 = static_cast<T>(glm::dot(basis.q2, plane));
-        section.s = static_cast<T>(s);
+        set_place(basis, plane, s, section);
         fill(index, kernel.amplitude, first, last, section, extra);
-        keep(section, extra, shape);
+        keep(section, extra, row_shape<T>(basis, drift, step_s));
     }
 
     const EllipsoidView& view_;

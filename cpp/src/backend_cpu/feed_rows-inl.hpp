@@ -58,14 +58,7 @@ class RowFeed {
         own_rays_x_ = rays(tile.x, tile.width, frame_.size.width);
         own_rays_y_ = rays(tile.y, tile.height, frame_.size.height);
         kernels_.clear();
-        RowShape<T> shape;
-        shape.X = static_cast<T>(basis_.X);
-        shape.Y1 = static_cast<T>(basis_.Y1);
-        shape.Y2 = static_cast<T>(basis_.Y2);
-        shape.d1 = static_cast<T>(step_slice_.x);
-        shape.d2 = static_cast<T>(step_slice_.y);
-        shape.ds = static_cast<T>(step_slice_.z);
-        kernels_.shapes.assign(1, shape);
+        kernels_.shapes.assign(1, row_shape<T>(basis_, drift, -step_slice_.z));
         if (!view_.unfiltered) {
             kernels_.reach_x = static_cast<T>(
                 reach_px(view_.extent_x, lean_.x, origin_.x, origin_.x + (tile_.width + 1) * frame_.pixel));
@@ -74,8 +67,10 @@ class RowFeed {
         }
         kernels_.weight = static_cast<T>(view_.weight_scale);
         kernels_.last_slice = static_cast<std::int32_t>(frame_.slices - 1);
-        at_once_ = slab_ || view_.unfiltered || !plan_batches();
     }
+
+    /// To be called before the first batch.
+    void begin() { at_once_ = slab_ || view_.unfiltered || !plan_batches(); }
 
     [[nodiscard]] bool ended() const { return batch_ == batches_; }
     /// Kernels that begin before this slice have been fed.
@@ -87,8 +82,38 @@ class RowFeed {
             one_by_one();
         } else {
             in_order(live);
+            ++batch_;
         }
-        ++batch_;
+    }
+
+    /// Calls visit(values, eye, count) for neighbouring drawn samples of each row: their values, the first one's place,
+    /// how many. In place of batches.
+    template <class Visit>
+    HWY_INLINE void for_each_stretch(const Visit& visit) {
+        const auto& dims = view_.field->shape();
+        kernels_.counted = 0;
+        std::visit(
+            [&](const auto& data) {
+                for (const RowPart* part = begin_; part != end_; ++part) {
+                    kernels_.counted += owned(*part);
+                    poll_after(part->end - part->begin);
+                    for_each_run(
+                        *part, part->begin, part->end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
+                            visit(data.data() + part->row * dims[2] + begin, eye_of(part->row, begin), end - begin);
+                        });
+                }
+            },
+            view_.field->samples());
+        batch_ = batches_;
+    }
+
+    /// In orthographic views: pixels of the tile's sheets, and slices from slice 0.
+    [[nodiscard]] Vec3 place_of(const Vec3& eye) const {
+        return {(eye.x - origin_.x) * per_pixel_, (origin_.y - eye.y) * per_pixel_, depth_of(eye)};
+    }
+    /// From sample to sample of a row.
+    [[nodiscard]] Vec3 step_of_places() const {
+        return {view_.step_i.x * per_pixel_, -view_.step_i.y * per_pixel_, step_};
     }
 
   private:
@@ -432,11 +457,9 @@ class RowFeed {
 
     /// With the pixels that each can touch, all at once; sorted afterwards.
     void one_by_one() {
-        const auto& dims = view_.field->shape();
         const double spacing = frame_.slice_spacing;
         const T weight = static_cast<T>(view_.weight_scale);
-        kernels_.counted = 0;
-        const auto add_run = [&](const auto* values, const Vec3& eye, std::uint32_t count) {
+        for_each_stretch([&](const auto* values, const Vec3& eye, std::uint32_t count) {
             const double start = depth_of(eye);
             const Vec3 unit = unit_at(eye);
             for (std::uint32_t i = 0; i < count; ++i) {
@@ -467,19 +490,7 @@ class RowFeed {
                 kernels_.unsorted.push_back(section);
                 kernels_.unsorted_extras.push_back(extra);
             }
-        };
-        std::visit(
-            [&](const auto& data) {
-                for (const RowPart* part = begin_; part != end_; ++part) {
-                    kernels_.counted += owned(*part);
-                    poll_after(part->end - part->begin);
-                    for_each_run(
-                        *part, part->begin, part->end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
-                            add_run(data.data() + part->row * dims[2] + begin, eye_of(part->row, begin), end - begin);
-                        });
-                }
-            },
-            view_.field->samples());
+        });
         kernels_.sort();
     }
 
@@ -496,21 +507,12 @@ class RowFeed {
         const double s = (-eye.z - depth) / own.half_depth;
         const glm::dvec2 plane = own.to_unit * (depth * origin_ - glm::dvec2(eye.x, eye.y)) - s * own.shear;
         const glm::dvec2 drift = own.to_unit * (frame_.slice_spacing * origin_) + step * own.shear;
-        section.a1 = static_cast<T>(glm::dot(basis.q1, plane));
-        section.a2 = static_cast<T>(glm::dot(basis.q2, plane));
-        section.s = static_cast<T>(s);
+        set_place(basis, plane, s, section);
         section.value = static_cast<T>(value * shape.amplitude);
         extra.weight = static_cast<T>(std::max(view_.weight_scale * shape.amplitude, least_drawn_weight));
-        RowShape<T> row;
-        row.X = static_cast<T>(basis.X);
-        row.Y1 = static_cast<T>(basis.Y1);
-        row.Y2 = static_cast<T>(basis.Y2);
-        row.d1 = static_cast<T>(glm::dot(basis.q1, drift));
-        row.d2 = static_cast<T>(glm::dot(basis.q2, drift));
-        row.ds = static_cast<T>(-step);
         kernels_.unsorted.push_back(section);
         kernels_.unsorted_extras.push_back(extra);
-        kernels_.unsorted_shapes.push_back(row);
+        kernels_.unsorted_shapes.push_back(row_shape<T>(basis, drift, step));
     }
 
     /// What samples on a line between two places can touch.
@@ -583,6 +585,7 @@ class RowFeed {
 template <class T>
 void feed_rows(const LatticeRows& rows, const TileShape& tile, TileKernels<T>& kernels) {
     RowFeed<T> feed(rows, tile, kernels);
+    feed.begin();
     while (!feed.ended()) {
         feed.feed(Live(tile));
     }

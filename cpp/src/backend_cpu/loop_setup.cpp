@@ -30,11 +30,21 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     const Frame& frame = *job.frame;
     LoopSetup<T> setup;
     setup.shading = &shading;
-    setup.keep_weight = plan.empty_test || plan.coverage || counts_weighted_slices(plan.mode);
+    const bool counts = counts_weighted_slices(plan.mode), counts_by_place = counts && !plan.weight;
+    setup.keep_weight = plan.empty_test || plan.coverage || (counts && plan.weight);
     setup.slab = plan.sampling == Sampling::slab;
     setup.perspective = frame.projection == Projection::perspective;
     setup.intervals = uses_intervals(plan.mode, plan.preintegration);
     setup.stops = (plan.stop || plan.mode == Mode::isosurface || plan.depth_limit) && !plan.coverage;
+    // (A pixel that ends looks at each slice.)
+    setup.sums_slices = (plan.mode == Mode::xray || (plan.mode == Mode::average && counts_by_place)) && !plan.clip &&
+                        !setup.stops && !plan.coverage && !setup.slab && !setup.perspective;
+    for (const RegularPart& part : job.regular) {
+        if (counts_by_place) {
+            LatticeReach::add(*part.view, frame, setup.reach);
+        }
+    }
+    setup.slices = frame.slices;
     setup.first_depth = frame.first_depth;
     setup.slice_spacing = frame.slice_spacing;
     setup.slopes = shading.analytic_gradient;

@@ -15,16 +15,13 @@
 #include "backend_cpu/tile.hpp"
 #include "hwy/highway.h"
 #include "light-inl.hpp"
+#include "math-inl.hpp"
 #include "transfer-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
-
-/// Of a lambda: inlined wherever it is called, so that loops stay in registers, and arithmetic is fused in one way
-/// alone.
-#define SHEETSPLAT_CPU_INLINE __attribute__((always_inline))
 
 /// Columns x0 <= x < x1.
 struct Columns {

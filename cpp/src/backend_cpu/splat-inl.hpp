@@ -13,6 +13,7 @@
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
+#include "splat_batches-inl.hpp"
 #include "splat_ellipses-inl.hpp"
 #include "splat_products-inl.hpp"
 #include "splat_slabs-inl.hpp"

@@ -16,7 +16,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <type_traits>
 #include <vector>
 
 #include "backend_cpu/tile_task.hpp"
@@ -320,34 +319,15 @@ HWY_INLINE void product_rows(D d, const Target<T>* to, const Bells<T>& bells, co
 template <bool with_weight, class D, class Lean, class T = hn::TFromD<D>, bool slopes>
 HWY_INLINE void add_product_rows(D d, const Splat<T, slopes>& splat, const Bells<T>& bells, const Lean& lean, T value,
                                  T weight, int x0, int x1, int y0, int y1, int count) {
-    for (int slice = 0; slice < count;) {
-        const auto add = [&](auto together) {
-            const Bells<T> here{bells.x + slice * bells.stride, bells.y + slice * bells.stride, bells.stride};
-            Lean leaning = lean;
-            if constexpr (Lean::each) {
-                leaning.table += slice * lean.apart;
-            }
-            product_rows<with_weight, together.value>(d, splat.targets + slice, here, leaning, splat.profile.edge,
-                                                      value, weight, x0, x1, y0, y1);
-            slice += together.value;
-        };
-        switch (std::min(count - slice, 5)) {
-        case 1:
-            add(std::integral_constant<int, 1>());
-            break;
-        case 2:
-            add(std::integral_constant<int, 2>());
-            break;
-        case 3:
-            add(std::integral_constant<int, 3>());
-            break;
-        case 4:
-            add(std::integral_constant<int, 4>());
-            break;
-        default:
-            add(std::integral_constant<int, 5>());
+    in_batches<5>(0, count, [&](int slice, auto together) {
+        const Bells<T> here{bells.x + slice * bells.stride, bells.y + slice * bells.stride, bells.stride};
+        Lean leaning = lean;
+        if constexpr (Lean::each) {
+            leaning.table += slice * lean.apart;
         }
-    }
+        product_rows<with_weight, together.value>(d, splat.targets + slice, here, leaning, splat.profile.edge, value,
+                                                  weight, x0, x1, y0, y1);
+    });
 }
 
 /// Adds the slices from n on, `count` of them, of a kernel that lies in `box`. x_c, y_c: whole numbers, of the pixel
@@ -360,16 +340,9 @@ HWY_INLINE int add_products_in(const Rect& box, T x_c, T y_c, Splat<T, slopes>& 
     if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
         return 0;
     }
-    // The narrowest vectors that hold a row, as for spheres in orthographic views.
-    const hn::CappedTag<T, 4> narrow;
-    const hn::CappedTag<T, 8> middling;
     const hn::CappedTag<T, 16> wide;
     const int width = box.x1 - box.x0, height = box.y1 - box.y0;
-    const int size = width <= 4 ? 0 : width <= 24 ? 1 : 2;
-    const int lanes = static_cast<int>(size == 0   ? hn::Lanes(narrow)
-                                       : size == 1 ? hn::Lanes(middling)
-                                                   : hn::Lanes(wide));
-    const int start = start_of<T>(box.x0, box.x1, lanes);
+    const int start = start_of<T>(box.x0, box.x1, narrowest_lanes<T>(width));
     const T from_first = static_cast<T>(splat.n - section.first);
     ProductPlaces<T> first, more;
     first.step_x = shape.X * view.depth;
@@ -405,7 +378,7 @@ HWY_INLINE int add_products_in(const Rect& box, T x_c, T y_c, Splat<T, slopes>& 
         bells_of_rows(wide, k, first, more, height, count, room.y);
     }
     splat.through[count - 1].add(box);
-    const auto rows = [&](auto d) {
+    in_narrowest<T>(width, [&](auto d) {
         const auto add = [&](const auto& lean) {
             add_product_rows<with_weight>(d, splat, bells, lean, section.value, weight, start, box.x1, box.y0, box.y1,
                                           count);
@@ -421,14 +394,7 @@ HWY_INLINE int add_products_in(const Rect& box, T x_c, T y_c, Splat<T, slopes>& 
         } else {
             add(EachLean<T>{table, view.lean->stride(), view.lean->apart()});
         }
-    };
-    if (size == 0) {
-        rows(narrow);
-    } else if (size == 1) {
-        rows(middling);
-    } else {
-        rows(wide);
-    }
+    });
     return count;
 }
 

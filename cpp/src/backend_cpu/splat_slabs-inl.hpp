@@ -30,6 +30,10 @@ struct Nodes6 {
     static constexpr T share[3] = {T(0.46791393457269104), T(0.36076157304813861), T(0.17132449237917036)};
 };
 
+/// The integral of exp(-t^2) over t > 0.
+template <class T>
+constexpr T half_root_pi = T(0.88622692545275801);
+
 template <bool slopes, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
 HWY_INLINE V quadrature(D d, V low, V high, V nearest, V scale, V beside, V& moment) {
     using Nodes = Nodes6<T>;
@@ -65,8 +69,7 @@ template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
 HWY_INLINE V closed_form(D d, V low, V high, V nearest, V rate, V beside) {
     const V a = erf(d, hn::Mul(rate, hn::Sub(low, nearest)));
     const V b = erf(d, hn::Mul(rate, hn::Sub(high, nearest)));
-    const V half_root_pi = hn::Set(d, T(0.88622692545275801));
-    return hn::Mul(hn::Mul(beside, half_root_pi), hn::Div(hn::Sub(b, a), rate));
+    return hn::Mul(hn::Mul(beside, hn::Set(d, half_root_pi<T>)), hn::Div(hn::Sub(b, a), rate));
 }
 
 /// Adds a kernel's weight. Where a steep profile has nothing left, or a difference of two erf cancels, rays that meet
@@ -188,11 +191,11 @@ struct SlabEnds {
     template <class D>
     HWY_INLINE SlabEnds(D d, T first_end, T step, int ends, T root_k, T edge) : per_thickness(T(-1) / step) {
         using V = hn::Vec<D>;
-        const V half_root_pi = hn::Set(d, T(0.88622692545275801) * per_thickness / root_k);
+        const V whole = hn::Set(d, half_root_pi<T> * per_thickness / root_k);
         for (int end = 0; end < ends; end += static_cast<int>(hn::Lanes(d))) {
             const V at = hn::MulAdd(hn::Set(d, step), hn::Iota(d, static_cast<T>(end)), hn::Set(d, first_end));
             hn::Store(at, d, place + end);
-            hn::Store(hn::Mul(half_root_pi, erf(d, hn::Mul(hn::Set(d, root_k), at))), d, integral + end);
+            hn::Store(hn::Mul(whole, erf(d, hn::Mul(hn::Set(d, root_k), at))), d, integral + end);
             hn::Store(hn::Mul(hn::Set(d, edge * per_thickness), at), d, lowered + end);
         }
     }
@@ -208,7 +211,7 @@ HWY_INLINE void upright_slabs(D d, const Target<T>* to, int count, const SlabEnd
     const int lanes = static_cast<int>(hn::Lanes(d));
     const V zero = hn::Zero(d), one = hn::Set(d, T(1));
     const V value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
-    const V half_root_pi = hn::Set(d, T(0.88622692545275801) * ends.per_thickness / root_k);
+    const V whole = hn::Set(d, half_root_pi<T> * ends.per_thickness / root_k);
     const V edge = hn::Set(d, edge_t * ends.per_thickness), rate = hn::Set(d, root_k);
     for (int x = x0; x < x1; x += lanes) {
         const V q1 = hn::MulAdd(hn::Set(d, X), hn::Iota(d, static_cast<T>(x - x0)), hn::Set(d, at_x));
@@ -223,7 +226,7 @@ HWY_INLINE void upright_slabs(D d, const Target<T>* to, int count, const SlabEnd
                 continue;
             }
             const V bell = hn::Mul(bell_x, hn::Set(d, bell_y[y]));
-            const V here = hn::Mul(bell, half_root_pi);
+            const V here = hn::Mul(bell, whole);
             const V last = hn::MulSub(here, erf(d, hn::Mul(rate, half_chord)), hn::Mul(edge, half_chord));
             const V back = hn::Neg(half_chord);
             const auto integral_to = [&](int end) {
@@ -257,34 +260,23 @@ HWY_INLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& sect
     if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
         return 0;
     }
-    const hn::CappedTag<T, 4> narrow;
-    const hn::CappedTag<T, 8> middling;
-    const hn::CappedTag<T, 16> wide;
     const T k = splat.profile.falloff_log2, root_k = splat.profile.root_falloff, edge = splat.profile.edge;
     HWY_ALIGN T bell_y[most_edge];
     HWY_ALIGN T place_y2[most_edge];
     const T at_y = section.a2 + shape.Y2 * static_cast<T>(box.y0);
-    bells(middling, k, at_y, shape.Y2, box.y1 - box.y0, bell_y);
+    bells(hn::CappedTag<T, 8>(), k, at_y, shape.Y2, box.y1 - box.y0, bell_y);
     for (int y = 0; y < box.y1 - box.y0; ++y) {
         const T place = at_y + shape.Y2 * static_cast<T>(y);
         place_y2[y] = place * place;
     }
     const T first_end = section.s + (static_cast<T>(splat.n - section.first) - T(0.5)) * shape.ds;
-    const SlabEnds<T> ends(wide, first_end, shape.ds, count + 1, root_k, edge);
-    const auto rows = [&](auto d) {
+    const SlabEnds<T> ends(hn::CappedTag<T, 16>(), first_end, shape.ds, count + 1, root_k, edge);
+    in_narrowest<T>(box.x1 - box.x0, [&](auto d) {
         const int start = start_of<T>(box.x0, box.x1, static_cast<int>(hn::Lanes(d)));
         upright_slabs<with_weight>(d, splat.targets, count, ends, bell_y, place_y2, shape.X,
                                    section.a1 + shape.X * static_cast<T>(start), k, root_k, edge, section.value, weight,
                                    start, box.x1, box.y0, box.y1);
-    };
-    const int width = box.x1 - box.x0;
-    if (width <= 4) {
-        rows(narrow);
-    } else if (width <= 24) {
-        rows(middling);
-    } else {
-        rows(wide);
-    }
+    });
     splat.through[count - 1].add(box);
     return count;
 }

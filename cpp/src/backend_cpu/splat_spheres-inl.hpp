@@ -11,7 +11,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <type_traits>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
@@ -34,8 +33,9 @@ HWY_INLINE void bells(D d, T falloff_log2, T at, T step, int count, T* out) {
 }
 
 /// Rows of `slices` sections whose Gaussian is a product of one along x, which starts at pixel x0, one along y and one
-/// along depth. The sections' sheets are written side by side, so that one loop serves all of them.
-template <bool with_weight, int slices, class D, class T = hn::TFromD<D>>
+/// along depth; the latter two are stride_of_bells elements apart. The sections' sheets are written side by
+/// side, so that one loop serves all of them.
+template <bool with_weight, int slices, int stride_of_bells = 1, class D, class T = hn::TFromD<D>>
 HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z, T edge_t,
                                T value_t, T weight_t, int x0, int x1, int y0, int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
@@ -50,14 +50,14 @@ HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const 
     for (int slice = 0; slice < slices; ++slice) {
         values[slice] = to[slice].value;
         weights[slice] = to[slice].weight;
-        z[slice] = bell_z[slice];
+        z[slice] = bell_z[slice * stride_of_bells];
     }
     // Column by column of vectors, whose Gaussian along x stays in a register.
     for (int x = x0; x < x1; x += lanes) {
         const auto bell = hn::LoadU(d, bell_x + (x - x0));
         std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * stride + x;
         for (int y = 0; y < y1 - y0; ++y, at += stride) {
-            const auto here = hn::Mul(bell, hn::Set(d, bell_y[y]));
+            const auto here = hn::Mul(bell, hn::Set(d, bell_y[y * stride_of_bells]));
             for (int slice = 0; slice < slices; ++slice) {
                 add_bell<with_weight>(d, hn::MulSub(here, hn::Set(d, z[slice]), edge), value, weight,
                                       values[slice] + at, with_weight ? weights[slice] + at : nullptr);
@@ -129,16 +129,10 @@ HWY_INLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T
     HWY_ALIGN T bell_y[most_edge];
     HWY_ALIGN T bell_z[covered_slices + 16];
     const T k = splat.profile.falloff_log2;
-    // The narrowest vectors that hold a row: wider ones cost more where they are made of two halves.
-    const hn::CappedTag<T, 4> narrow;
     const hn::CappedTag<T, 8> middling;
     const hn::CappedTag<T, 16> wide;
     const int width = box.x1 - box.x0, height = box.y1 - box.y0;
-    const int size = width <= 4 ? 0 : width <= 24 ? 1 : 2;
-    const int lanes = static_cast<int>(size == 0   ? hn::Lanes(narrow)
-                                       : size == 1 ? hn::Lanes(middling)
-                                                   : hn::Lanes(wide));
-    const int start = start_of<T>(box.x0, box.x1, lanes);
+    const int start = start_of<T>(box.x0, box.x1, narrowest_lanes<T>(width));
     const T at_x = section.a1 + shape.X * static_cast<T>(start);
     const T at_y = section.a2 + shape.Y2 * static_cast<T>(box.y0);
     const T at_z = section.s + static_cast<T>(splat.n - section.first) * shape.ds;
@@ -159,47 +153,20 @@ HWY_INLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T
         lines(wide, at_y, shape.Y2, height, slope_y);
         lines(middling, at_z, shape.ds, covered_slices, slope_z);
     }
-    constexpr int most = slopes ? 2 : 5;
-    const auto rows = [&](auto d) {
-        for (int slice = 0; slice < count;) {
-            const auto add = [&](auto number) {
-                constexpr int together = std::min(static_cast<int>(number.value), most);
-                if constexpr (slopes) {
-                    separable_slopes<with_weight, together>(
-                        d, splat.targets + slice, bell_x, bell_y, bell_z + slice, slope_x, slope_y, slope_z + slice,
-                        splat.profile.edge, section.value, weight, splat.steep(), start, box.x1, box.y0, box.y1);
-                } else {
-                    separable_rows<with_weight, together>(d, splat.targets + slice, bell_x, bell_y, bell_z + slice,
-                                                          splat.profile.edge, section.value, weight, start, box.x1,
-                                                          box.y0, box.y1);
-                }
-                slice += together;
-            };
-            switch (std::min(count - slice, most)) {
-            case 1:
-                add(std::integral_constant<int, 1>());
-                break;
-            case 2:
-                add(std::integral_constant<int, 2>());
-                break;
-            case 3:
-                add(std::integral_constant<int, 3>());
-                break;
-            case 4:
-                add(std::integral_constant<int, 4>());
-                break;
-            default:
-                add(std::integral_constant<int, 5>());
+    in_narrowest<T>(width, [&](auto d) {
+        in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) {
+            constexpr int together = number.value;
+            if constexpr (slopes) {
+                separable_slopes<with_weight, together>(
+                    d, splat.targets + slice, bell_x, bell_y, bell_z + slice, slope_x, slope_y, slope_z + slice,
+                    splat.profile.edge, section.value, weight, splat.steep(), start, box.x1, box.y0, box.y1);
+            } else {
+                separable_rows<with_weight, together>(d, splat.targets + slice, bell_x, bell_y, bell_z + slice,
+                                                      splat.profile.edge, section.value, weight, start, box.x1, box.y0,
+                                                      box.y1);
             }
-        }
-    };
-    if (size == 0) {
-        rows(narrow);
-    } else if (size == 1) {
-        rows(middling);
-    } else {
-        rows(wide);
-    }
+        });
+    });
     return count;
 }
 

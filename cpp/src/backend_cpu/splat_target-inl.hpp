@@ -11,10 +11,12 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
 #include "live-inl.hpp"
+#include "math-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
@@ -90,6 +92,37 @@ HWY_INLINE int start_of(int x0, int x1, int lanes) {
         return std::min(x0, x0 - in_line + line - lanes);
     }
     return x0 & ~(lanes - 1);
+}
+
+/// The narrowest vectors that hold a row of `width` pixels: wider ones cost more where they are made of two halves.
+/// Calls use(d) with them.
+template <class T, class Use>
+HWY_INLINE void in_narrowest(int width, const Use& use) {
+    if (width <= 4) {
+        use(hn::CappedTag<T, 4>());
+    } else if (width <= 24) {
+        use(hn::CappedTag<T, 8>());
+    } else {
+        use(hn::CappedTag<T, 16>());
+    }
+}
+template <class T>
+HWY_INLINE int narrowest_lanes(int width) {
+    int lanes = 1;
+    in_narrowest<T>(width, [&](auto d) { lanes = static_cast<int>(hn::Lanes(d)); });
+    return lanes;
+}
+
+/// Calls add(slice, number) for slices `first` ... count - 1: as many at once as number.value says, `most` while so
+/// many are left.
+template <int most, class Add>
+HWY_INLINE void in_batches(int first, int count, const Add& add) {
+    for (; count - first >= most; first += most) {
+        add(first, std::integral_constant<int, most>());
+    }
+    if constexpr (most > 1) {
+        in_batches<most - 1>(first, count, add);
+    }
 }
 
 /// Kernels of one field on their way to the sheets of slices n ... n + covered_slices - 1; with_slopes: their

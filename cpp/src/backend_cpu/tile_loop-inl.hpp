@@ -20,10 +20,12 @@
 #include "feed_rows-inl.hpp"
 #include "hwy/highway.h"
 #include "live-inl.hpp"
+#include "reach-inl.hpp"
 #include "resolve-inl.hpp"
 #include "shade-inl.hpp"
 #include "sheet_ring-inl.hpp"
 #include "splat-inl.hpp"
+#include "sum_rows-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
@@ -33,15 +35,26 @@ class TileLoop {
   public:
     TileLoop(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch)
         : setup_(setup), shape_(shape), scratch_(scratch), ring_(scratch.ring.data(), setup.channels, shape),
-          live_(shape) {
+          live_(shape), reach_(setup.reach, shape, scratch) {
         feeds_.reserve(scratch.lattices.size());
         for (std::size_t part = 0; part < scratch.lattices.size(); ++part) {
             feeds_.emplace_back(scratch.lattices[part], shape, scratch.kernels[part]);
+            if (setup.sums_slices && setup.parts[part].weight_channel < 0 &&
+                sums_fit(scratch.kernels[part].shapes.front())) {
+                sum(part);
+            } else {
+                feeds_.back().begin();
+            }
         }
     }
 
     void run(const std::function<bool()>& between) {
         std::int64_t n = next_start();
+        if (!setup_.reach.empty()) {
+            // Each slice may count.
+            n = 0;
+            last_touched_ = setup_.slices - 1;
+        }
         if (n == none) {
             return; // (What is recorded there is 0 from the start.)
         }
@@ -108,6 +121,20 @@ class TileLoop {
 
     /// Whether the part is a lattice that is not fed to its end.
     [[nodiscard]] bool feeds(std::size_t part) const { return part < feeds_.size() && !feeds_[part].ended(); }
+
+    /// Adds the kernels of a lattice to the picture.
+    void sum(std::size_t part) {
+        RowFeed<T>& feed = feeds_[part];
+        RowSums<T> sums(setup_.parts[part], scratch_.kernels[part].shapes.front(),
+                        scratch_.lattices[part].view->value_scale, shape_, setup_.shading->scalar_step, scratch_,
+                        scratch_.planes.scalar);
+        const Vec3 step = feed.step_of_places();
+        feed.for_each_stretch([&](const auto* values, const Vec3& eye, std::uint32_t count) {
+            sums.add(values, feed.place_of(eye), step, count);
+        });
+        sums.flush();
+        scratch_.sections_drawn += sums.sections();
+    }
 
     /// Replaces the kernels of a lattice, all of which are drawn, by those of the next slices.
     void feed(std::size_t part) {
@@ -186,6 +213,7 @@ class TileLoop {
             const RowShape<T>& first_shape = kernels.shapes.front();
             const bool alike = shared_shape && shared_extra && !setup_.slab;
             const bool plain = alike && !setup_.perspective && is_upright(first_shape);
+            const bool batches = plain && !slopes && SphereBatch<T>::holds(first_shape);
             const bool products =
                 alike && !plain && !slopes && are_products(setup_, profile, kernels, shape_, n, lean_[part]);
             const ProductView<T> view =
@@ -226,7 +254,10 @@ class TileLoop {
                 return use(draw);
             };
             // One slice can hold very many kernels. (Where the picture is given up, so are the sheets.)
-            const auto given_up = [&] { return ++asked_ % splats_between_polls == 0 && !between(); };
+            const auto given_up = [&](unsigned drawn) {
+                asked_ += drawn;
+                return asked_ % splats_between_polls < drawn && !between();
+            };
             std::size_t& next = next_[part];
             std::size_t past = next;
             while (past < kernels.sections.size() && kernels.sections[past].first <= n) {
@@ -236,14 +267,14 @@ class TileLoop {
                 for (std::size_t entry = 0; entry < waiting; ++entry) {
                     if (again[entry].part == part) {
                         draw_one(again[entry].section);
-                        if (given_up()) {
+                        if (given_up(1)) {
                             return false;
                         }
                     }
                 }
-                for (; next < past; ++next) {
+                for (; next < past && !batches; ++next) {
                     draw_one(static_cast<std::uint32_t>(next));
-                    if (given_up()) {
+                    if (given_up(1)) {
                         return false;
                     }
                 }
@@ -251,6 +282,26 @@ class TileLoop {
             });
             if (!all_drawn) {
                 return false;
+            }
+            if constexpr (!slopes) {
+                SphereBatch<T> batch(first_shape, profile.falloff_log2, kernels.last_slice);
+                const auto draw_batch = [&](auto with_weight, unsigned number) {
+                    return add_sphere_batch<with_weight.value>(
+                        splat_part, batch, kernels.sections.data() + next, static_cast<int>(number), kernels.weight,
+                        [&](std::int64_t last, int kernel) {
+                            draw_again(last, static_cast<std::uint32_t>(next) + static_cast<std::uint32_t>(kernel));
+                        });
+                };
+                while (next < past) {
+                    const auto number = static_cast<unsigned>(std::min<std::size_t>(past - next, SphereBatch<T>::room));
+                    const int drawn = profile.weight_channel >= 0 ? draw_batch(std::true_type(), number)
+                                                                  : draw_batch(std::false_type(), number);
+                    drawn_ += static_cast<std::uint64_t>(drawn);
+                    next += number;
+                    if (given_up(number)) {
+                        return false;
+                    }
+                }
             }
             splat_part.tell([&](std::int32_t slice, const Rect& rect) {
                 ring_.touch(slice, rect);
@@ -314,17 +365,22 @@ class TileLoop {
         }
         const auto* here = ring_.find(n);
         const auto* after = setup_.intervals ? ring_.find(n + 1) : nullptr;
-        if (here == nullptr && after == nullptr) {
-            return;
-        }
         SlabWindow<T> window;
         window.n = n;
         Rect rect;
-        if (here != nullptr) {
-            rect.add(here->touched);
-        }
-        if (after != nullptr) {
-            rect.add(after->touched);
+        if (!setup_.reach.empty()) {
+            // (Points that no kernel was drawn to count too.)
+            window.weight[0] = n >= 0 && n < setup_.slices ? reach_.of(n) : nullptr;
+            if (window.weight[0] != nullptr) {
+                rect = Rect{0, 0, shape_.width + 2, shape_.height + 2};
+            }
+        } else {
+            if (here != nullptr) {
+                rect.add(here->touched);
+            }
+            if (after != nullptr) {
+                rect.add(after->touched);
+            }
         }
         window.rect = Rect{std::max(rect.x0 - 1, 0), std::max(rect.y0 - 1, 0), std::min(rect.x1 - 1, shape_.width),
                            std::min(rect.y1 - 1, shape_.height)};
@@ -370,6 +426,7 @@ class TileLoop {
     TileScratch<T>& scratch_;
     SheetRing<T> ring_;
     Live live_;
+    ReachSheets<T> reach_;
     std::vector<RowFeed<T>> feeds_; ///< of the lattices, the first parts
     std::vector<SheetWindow<T>> later_ = std::vector<SheetWindow<T>>(setup_.groups.size() - 1);
     unsigned asked_ = 0;

@@ -259,6 +259,16 @@ void plan_light(const Scene& scene, const ViewFacts& view, Backend backend, cons
     plan.fine_along = plan.fine_gradient && (view.frame.slice_spacing < share || !fine);
 }
 
+/// Whether a kernel reaches a point follows from where it is: all fields are lattices without holes, and points count
+/// by themselves.
+bool places_tell_reach(const Scene& scene) {
+    return scene.sampling == Sampling::point &&
+           std::all_of(scene.fields.begin(), scene.fields.end(), [](const std::shared_ptr<const Field>& field) {
+               const RegularField* lattice = as_regular(field.get());
+               return lattice != nullptr && !lattice->has_holes();
+           });
+}
+
 void plan_depth_cue(const Scene& scene, const ViewFacts& view, const SceneShows& shows, Effects& effects,
                     DrawPlan& plan) {
     const bool scalar = is_scalar(scene.mode);
@@ -328,18 +338,20 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                      : scalar        ? "empty points count as 0"
                                                      : "a scalar of 0 is transparent anyway",
                                      true);
+    const bool filtering = scene.filter == Filter::ewa && view.shapes.largest_filtering > least_filtering;
     const bool counted = counts_weighted_slices(scene.mode);
-    const bool weight = threshold || outputs.coverage || plan.empty_test || counted;
+    const bool by_place = counted && backend == Backend::cpu && !filtering && places_tell_reach(scene);
+    const bool weight = threshold || outputs.coverage || plan.empty_test || (counted && !by_place);
     plan.weight = effects.decide(EffectId::weight, weight,
                                  threshold          ? "rho is divided by the weight sum"
                                  : outputs.coverage ? "coverage is the weight sum"
+                                 : by_place         ? "the places of samples say which slices count"
                                  : counted          ? "only slices where the weight sum is above 0 count"
                                  : plan.empty_test  ? "only the weight distinguishes empty points from sums of 0"
                                                     : "no division by weights, no coverage, and opacity at 0 is 0",
                                  true) ||
                   plan.empty_test;
     const bool unresolved = view.kernels.unresolved > 0;
-    const bool filtering = scene.filter == Filter::ewa && view.shapes.largest_filtering > least_filtering;
     const std::string small = kernels(view.kernels.unresolved) + (view.kernels.unresolved == 1 ? " is" : " are") +
                               " smaller than a pixel or thinner than a slice distance";
     plan.filter = filtering;

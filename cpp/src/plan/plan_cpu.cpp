@@ -53,7 +53,7 @@ double least_faded(const Scene& scene, const ViewFacts& view, const SumFacts& su
 }
 
 /// Where kernels end shows.
-bool tells_empty(const DrawPlan& plan) { return plan.empty_test || counts_weighted_slices(plan.mode); }
+bool tells_empty(const DrawPlan& plan) { return plan.empty_test || (counts_weighted_slices(plan.mode) && plan.weight); }
 
 /// Why float32 would not keep its bound; empty where it does.
 std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {

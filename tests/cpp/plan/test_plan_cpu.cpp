@@ -99,13 +99,19 @@ TEST(PlanOfCpu, WhereKernelsEndShowsWhereSlicesCountByTheirWeights) {
     Scene scene = lit_scene();
     scene.fields = {small_field(Normalization::lattice, 0.0F, 25.0)};
     EXPECT_EQ(plan_of(scene).precision, Precision::float32);
+    RendererOptions weighing;
+    weighing.effects = {{"weight", true}};
     for (const Mode mode : {Mode::minimum, Mode::average}) {
         scene.mode = mode;
-        EXPECT_EQ(plan_of(scene).precision, Precision::float64);
-        EXPECT_TRUE(plan_of(scene).weight);
+        EXPECT_EQ(plan_of(scene, facts(), weighing).precision, Precision::float64);
+        EXPECT_TRUE(plan_of(scene, facts(), weighing).weight);
+        // Where samples are says which slices count.
+        EXPECT_EQ(plan_of(scene).precision, Precision::float32);
+        EXPECT_FALSE(plan_of(scene).weight);
     }
     scene.fields = {small_field(Normalization::lattice, 0.0F, 700.0)};
-    EXPECT_NE(refusal(scene, facts()).find("at most 600 in this mode"), std::string::npos);
+    EXPECT_NE(refusal(scene, facts(), weighing).find("at most 600 in this mode"), std::string::npos);
+    EXPECT_EQ(refusal(scene, facts()), "");
 }
 
 TEST(PlanOfCpu, RefusesWaysOfDrawingOnGl) {

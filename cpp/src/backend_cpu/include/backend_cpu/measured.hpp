@@ -62,6 +62,13 @@ constexpr int largest_lean_px = 20;
 template <class T>
 constexpr T deepest_lean = sizeof(T) == 4 ? T(100) : T(900);
 
+// Sums over slices. tests/python/test_cpu_scalar_modes.py
+
+/// Rows times slices of a kernel, at most: factors that are kept for sixteen kernels at once.
+constexpr int most_factors = 256;
+/// Kernels that are summed before their sum is added to the picture.
+constexpr std::size_t summed_together = 8192;
+
 // Slab sampling. CpuRenderer.XRayOfOneKernelIsItsChordSum, Matrix
 
 /// Below this many of the Gaussian's own lengths a slab is integrated by quadrature: six nodes are exact there to the

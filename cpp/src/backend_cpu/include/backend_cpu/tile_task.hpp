@@ -7,6 +7,7 @@
 #include <new>
 #include <vector>
 
+#include "backend_cpu/lattice_reach.hpp"
 #include "backend_cpu/measured.hpp"
 #include "backend_cpu/sections.hpp"
 #include "backend_cpu/shading.hpp"
@@ -79,6 +80,11 @@ struct LoopSetup {
     bool perspective = false;
     bool intervals = false; ///< pre-integration, isosurface
     bool stops = false;     ///< a tile whose pixels are all finished is left
+    /// The picture is a sum over slices, none of which is looked at by itself.
+    bool sums_slices = false;
+    /// Modes that count slices: of all lattices, where their places alone say which points count, drawn or not.
+    std::vector<LatticeReach> reach;
+    std::int64_t slices = 0;
     double first_depth = 0.0;
     double slice_spacing = 1.0;
 };
@@ -115,7 +121,8 @@ struct TileScratch {
     std::vector<TileKernels<T>> kernels; ///< one a part, lattices first
     std::vector<LatticeRows> lattices;   ///< fed by the loop, some slices at a time
     LineVector<T> ring;                  ///< [slot][channel][element]
-    LineVector<T> zeros;                 ///< a sheet
+    LineVector<T> zeros, ones, reached;  ///< sheets
+    LineVector<T> sums;                  ///< a plane (RowSums)
     LineVector<T> picture;               ///< planes
     std::vector<int> row_alive;
     std::vector<std::uint64_t> alive_rows; ///< a bit for each pixel of a row of the sheets that is still read
@@ -130,8 +137,10 @@ struct TileScratch {
     std::uint64_t kernels_drawn = 0;
 
     [[nodiscard]] std::size_t bytes() const {
-        std::size_t sum = carried.capacity() * sizeof(Section<T>) +
-                          (ring.capacity() + zeros.capacity() + picture.capacity()) * sizeof(T);
+        std::size_t sum =
+            carried.capacity() * sizeof(Section<T>) + (ring.capacity() + zeros.capacity() + ones.capacity() +
+                                                       reached.capacity() + sums.capacity() + picture.capacity()) *
+                                                          sizeof(T);
         for (const auto& part : kernels) {
             sum += part.bytes();
         }

@@ -1,0 +1,237 @@
+// Sums over all slices of a lattice's kernels, without sheets: where the picture is a sum over slices, its order does
+// not matter. For kernels whose axes are those of an orthographic picture. With h = exp(-k (q1^2 + q2^2)) at a pixel,
+// z_1
+// >= z_2 >= ... the Gaussian along depth on the slices nearest to a kernel's centre, and e = exp(-k), what its sections
+// add there is
+//     sum_n max(0, h z_n - e) = max_m (h (z_1 + ... + z_m) - m e),      m = 0, 1, ...,
+// since terms fall with n. Source: conventions, sections 2, 3 and 7.
+
+#if defined(SHEETSPLAT_CPU_SUM_ROWS_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_SUM_ROWS_INL
+#undef SHEETSPLAT_CPU_SUM_ROWS_INL
+#else
+#define SHEETSPLAT_CPU_SUM_ROWS_INL
+#endif
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+
+#include "backend_cpu/measured.hpp"
+#include "backend_cpu/tile_task.hpp"
+#include "feed_rows-inl.hpp"
+#include "hwy/highway.h"
+#include "math-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// Whether sections of kernels of this shape are few and small enough for RowSums.
+template <class T>
+bool sums_fit(const RowShape<T>& shape) {
+    const double rows = 2.0 / std::abs(static_cast<double>(shape.Y2)) + 1.0;
+    const double slices = 2.0 / std::abs(static_cast<double>(shape.ds)) + 1.0;
+    return is_upright(shape) && rows * slices <= most_factors;
+}
+
+template <class T>
+class RowSums {
+  public:
+    /// Adds to a plane of the tile's picture: `step` times what sheets would add up to. Takes room from `scratch`.
+    RowSums(const PartProfile<T>& profile, const RowShape<T>& shape, double value_scale, const TileShape& tile, T step,
+            TileScratch<T>& scratch, T* plane)
+        : profile_(profile), X_(shape.X), Y_(std::abs(shape.Y2)), per_slice_(std::abs(shape.ds)),
+          half_x_(1.0 / static_cast<double>(X_)), half_y_(1.0 / static_cast<double>(Y_)), value_scale_(value_scale),
+          tile_(tile), step_(step), plane_(plane), stride_(margin + tile.stride + margin),
+          rows_(static_cast<int>(2.0 * half_y_) + 1), terms_(static_cast<int>(std::ceil(T(2) / per_slice_))) {
+        scratch.sums.assign(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(tile.height), T(0));
+        sums_ = scratch.sums.data() + margin;
+    }
+
+    /// Adds kernels place, place + step, ...: in pixels of the tile's sheets and slices.
+    template <class Value>
+    void add(const Value* values, const Vec3& place, const Vec3& step, std::uint32_t count) {
+        for (std::uint32_t i = 0; i < count; i += together) {
+            look_at(place, step, i);
+            const int number = static_cast<int>(std::min(together, count - i));
+            in_terms([&](auto terms) SHEETSPLAT_CPU_INLINE {
+                factors(terms);
+                for (int kernel = 0; kernel < number; ++kernel) {
+                    add_one(terms, kernel, static_cast<T>(static_cast<double>(values[i + kernel]) * value_scale_));
+                }
+            });
+            for (int kernel = 0; kernel < number; ++kernel) {
+                sections_ += static_cast<std::uint64_t>(sections_of_[kernel]);
+            }
+            added_ += together;
+            if (added_ >= summed_together) {
+                flush();
+            }
+        }
+    }
+
+    /// Moves what has been added to the picture. (Sums of sums: a single one of very many terms would drift.)
+    void flush() {
+        const hn::CappedTag<T, TileShape::padding> d;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const auto step = hn::Set(d, step_);
+        for (int y = 0; y < tile_.height; ++y) {
+            T* from = sums_ + static_cast<std::ptrdiff_t>(y) * stride_;
+            T* to = plane_ + static_cast<std::ptrdiff_t>(y) * tile_.stride;
+            for (int x = 0; x < tile_.width; x += lanes) {
+                hn::StoreU(hn::MulAdd(hn::LoadU(d, from + x), step, hn::LoadU(d, to + x)), d, to + x);
+            }
+            std::fill(from - margin, from - margin + stride_, T(0));
+        }
+        added_ = 0;
+    }
+
+    /// Kernel times slice.
+    [[nodiscard]] std::uint64_t sections() const { return sections_; }
+
+  private:
+    static constexpr std::uint32_t together = 16;
+    /// Columns on both sides of the tile that vectors may run over.
+    static constexpr int margin = TileShape::padding;
+    /// Pixels: what is farther away stays outside.
+    static constexpr double outside = 1e6;
+
+    /// Calls use with the number of terms, known to the compiler where it is small.
+    template <class Use>
+    HWY_INLINE void in_terms(const Use& use) const {
+        switch (terms_) {
+        case 2:
+            return use(std::integral_constant<int, 2>());
+        case 3:
+            return use(std::integral_constant<int, 3>());
+        case 4:
+            return use(std::integral_constant<int, 4>());
+        case 5:
+            return use(std::integral_constant<int, 5>());
+        default:
+            return use(terms_);
+        }
+    }
+
+    /// Where kernels i ... i + together - 1 are; those beyond the end too.
+    HWY_INLINE void look_at(const Vec3& place, const Vec3& step, std::uint32_t i) {
+        const hn::CappedTag<double, 8> d;
+        const hn::Rebind<std::int32_t, decltype(d)> d_whole;
+        using V = hn::Vec<decltype(d)>;
+        const auto all = [&](double number) SHEETSPLAT_CPU_INLINE { return hn::Set(d, number); };
+        const V half_x = all(half_x_), half_y = all(half_y_), slices = all(1.0 / static_cast<double>(per_slice_));
+        const V one = all(1.0);
+        for (int kernel = 0; kernel < static_cast<int>(together); kernel += static_cast<int>(hn::Lanes(d))) {
+            const V along = hn::Iota(d, static_cast<double>(i) + kernel);
+            const auto at = [&](double first, double more)
+                                SHEETSPLAT_CPU_INLINE { return hn::MulAdd(along, all(more), all(first)); };
+            const auto on_screen = [&](V pixel) SHEETSPLAT_CPU_INLINE {
+                return hn::Min(hn::Max(pixel, all(-outside)), all(outside));
+            };
+            const auto store = [&](V number, T* to) SHEETSPLAT_CPU_INLINE {
+                if constexpr (sizeof(T) == sizeof(double)) {
+                    hn::Store(number, d, to + kernel);
+                } else {
+                    hn::Store(hn::DemoteTo(hn::Rebind<T, decltype(d)>(), number), hn::Rebind<T, decltype(d)>(),
+                              to + kernel);
+                }
+            };
+            const auto store_whole = [&](V number, std::int32_t* to) SHEETSPLAT_CPU_INLINE {
+                hn::Store(hn::DemoteTo(d_whole, number), d_whole, to + kernel);
+            };
+            const V x = on_screen(at(place.x, step.x)), y = on_screen(at(place.y, step.y)), z = at(place.z, step.z);
+            const V column = hn::Ceil(hn::Sub(x, half_x)), row = hn::Ceil(hn::Sub(y, half_y));
+            store(hn::Sub(column, x), off_x_);
+            store(hn::Sub(row, y), off_y_);
+            store(hn::Abs(hn::Sub(z, hn::Round(z))), off_z_);
+            // Pixel (0, 0) of the tile is that at (1, 1) of its sheets.
+            store_whole(hn::Sub(column, one), column_);
+            store_whole(hn::Sub(row, one), row_);
+            store_whole(hn::Floor(hn::Add(x, half_x)), past_);
+            const V met = hn::Sub(hn::Floor(hn::Add(z, slices)), hn::Ceil(hn::Sub(z, slices)));
+            store_whole(hn::Add(met, one), sections_of_);
+        }
+    }
+
+    /// The Gaussian along columns times sums of those along depth.
+    template <class Terms>
+    HWY_INLINE void factors(Terms terms) {
+        const hn::CappedTag<T, together> d;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const auto minus_k = hn::Set(d, -profile_.falloff_log2);
+        for (int kernel = 0; kernel < static_cast<int>(together); kernel += lanes) {
+            const auto off_z = hn::Load(d, off_z_ + kernel);
+            auto sum = hn::Zero(d);
+            for (int term = 0; term < terms; ++term) {
+                // Slices on the near side and on the far side of the centre's nearest one in turn.
+                const auto whole = hn::Set(d, static_cast<T>((term + 1) / 2));
+                const auto slices = term % 2 == 0 ? hn::Add(whole, off_z) : hn::Sub(whole, off_z);
+                const auto height = hn::Mul(slices, hn::Set(d, per_slice_));
+                sum = hn::Add(sum, exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(height, height))));
+                hn::Store(sum, d, depth_ + term * static_cast<int>(together) + kernel);
+            }
+            const auto off_y = hn::Load(d, off_y_ + kernel);
+            T* to = factors_ + kernel;
+            for (int row = 0; row < rows_; ++row) {
+                const auto q2 = hn::Mul(hn::Add(off_y, hn::Set(d, static_cast<T>(row))), hn::Set(d, Y_));
+                const auto bell = exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q2, q2)));
+                for (int term = 0; term < terms; ++term, to += together) {
+                    hn::Store(hn::Mul(bell, hn::Load(d, depth_ + term * static_cast<int>(together) + kernel)), d, to);
+                }
+            }
+        }
+    }
+
+    template <class Terms>
+    HWY_INLINE void add_one(Terms terms, int kernel, T value_t) {
+        const hn::CappedTag<T, TileShape::padding> d;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const int row = row_[kernel], column = column_[kernel];
+        const int first = std::max(0, -row), past = std::min(rows_, tile_.height - row);
+        // Whole vectors from multiples of their length on, so that kernels one after the other read what was written.
+        const int start = std::max(column & ~(lanes - 1), -margin), end = std::min(past_[kernel], tile_.width);
+        const auto zero = hn::Zero(d), value = hn::Set(d, value_t), minus_k = hn::Set(d, -profile_.falloff_log2);
+        const T edge = profile_.edge;
+        for (int x = start; x < end; x += lanes) {
+            const auto q1 =
+                hn::Mul(hn::Add(hn::Iota(d, static_cast<T>(x - column)), hn::Set(d, off_x_[kernel])), hn::Set(d, X_));
+            const auto bell = exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q1, q1)));
+            T* to = sums_ + static_cast<std::ptrdiff_t>(row + first) * stride_ + x;
+            const T* factor = factors_ + first * terms * static_cast<int>(together) + kernel;
+            for (int y = first; y < past; ++y, to += stride_) {
+                auto most = zero;
+                for (int term = 0; term < terms; ++term, factor += together) {
+                    const auto lowered = hn::Set(d, static_cast<T>(term + 1) * edge);
+                    most = hn::Max(most, hn::MulSub(bell, hn::Set(d, *factor), lowered));
+                }
+                hn::Store(hn::MulAdd(value, most, hn::Load(d, to)), d, to);
+            }
+        }
+    }
+
+    const PartProfile<T>& profile_;
+    const T X_, Y_, per_slice_; ///< of the unit sphere, per pixel and slice
+    const double half_x_, half_y_, value_scale_;
+    const TileShape& tile_;
+    const T step_;
+    T* const plane_;
+    const int stride_;
+    const int rows_, terms_;
+    T* sums_ = nullptr; ///< of the tile's first pixel
+    std::size_t added_ = 0;
+    std::uint64_t sections_ = 0;
+    // Of some kernels at once: pixels from the centre to the first row and column, and slices to the nearest one.
+    HWY_ALIGN T off_x_[together], off_y_[together], off_z_[together];
+    HWY_ALIGN std::int32_t column_[together], past_[together], row_[together], sections_of_[together];
+    HWY_ALIGN T depth_[most_factors * together];
+    HWY_ALIGN T factors_[most_factors * together]; ///< [row][term][kernel]
+};
+
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_CPU_SUM_ROWS_INL

@@ -1,0 +1,158 @@
+"""Scalar modes on the processor: sums over slices that need no sheets, and slices that count by the places of samples
+alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from image_checks import FLOAT32, FLOAT32_HARD, assert_close, distance
+
+import sheetsplat as ss
+
+SIZE = (62, 50)
+GRAY = [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)]
+LATTICES = {
+    "cubic": {},
+    "unequal": {"spacing": (1.0, 0.6, 1.7)},
+    "bcc": {"lattice": "bcc"},
+    "small": {"radius": 0.8},  # between samples nothing is reached
+}
+
+
+def sparse(holes=False):
+    """Mostly zeros, a few samples of either sign, some of them at the border."""
+    rng = np.random.default_rng(5)
+    values = np.zeros((11, 9, 10), np.float32)
+    some = rng.random(values.shape) < 0.06
+    values[some] = rng.normal(1.0, 1.0, int(some.sum()))
+    values[0, 3:6, 4:8] = 1.5
+    if holes:
+        values[3:6, 2:5, 3:7] = np.nan
+    return values
+
+
+def view(scene, kind, direction, zoom=1.0):
+    return ss.Camera.fit(scene, direction=direction, kind=kind, margin=1.05 / zoom)
+
+
+def shots(scene, camera):
+    """The processor's picture, the same for any number of threads, and the reference's."""
+    image = ss.Renderer("cpu", threads=1).render(scene, camera, size=SIZE)
+    assert np.array_equal(ss.Renderer("cpu", threads=3).render(scene, camera, size=SIZE).scalar, image.scalar)
+    return image, ss.Renderer("reference").render(scene, camera, size=SIZE).scalar
+
+
+def weighs(scene, camera):
+    effects = {effect.name: effect.on for effect in ss.Renderer("cpu").plan(scene, camera, size=SIZE).effects}
+    return effects["weight"]
+
+
+def moved(make, expected, camera):
+    """Where the reference jumps when supports grow or shrink by 1e-5 (section 9)."""
+    jumps = np.zeros(expected.shape, bool)
+    for factor in (1 - 1e-5, 1 + 1e-5):
+        other = ss.Renderer("reference").render(make(factor), camera, size=SIZE).scalar
+        jumps |= np.abs(other - expected) > 1e-3
+    return jumps
+
+
+@pytest.mark.parametrize("direction", [(0.4, 0.7, -1.0), (0.03, 0.01, -1.0)], ids=["askew", "along faces"])
+@pytest.mark.parametrize("kind", ["orthographic", "perspective"])
+@pytest.mark.parametrize("lattice", LATTICES)
+@pytest.mark.parametrize("mode", ["minimum", "average"])
+def test_slices_count_where_samples_of_any_value_reach(mode, lattice, kind, direction):
+    values = sparse()
+    options = LATTICES[lattice]
+    radius = options.get("radius", 2.0)
+
+    def make(factor):
+        field = ss.RegularField(values, **{**options, "radius": radius * factor})
+        return ss.Scene(field, GRAY, mode=mode, slice_spacing=0.7)
+
+    scene = make(1.0)
+    camera = view(scene, kind, direction)
+    assert not weighs(scene, camera)
+    image, expected = shots(scene, camera)
+    assert np.abs(expected).max() > 0.01
+    jumps = moved(make, expected, camera)
+    text = f"cpu {mode} of {lattice} {kind} {direction}"
+    assert_close(image.scalar, expected, FLOAT32_HARD, text, jumps)
+    if mode == "average":
+        wider = ss.Renderer("cpu").render(make(1.03), camera, size=SIZE).scalar
+        assert not distance(wider, expected, jumps).within(FLOAT32_HARD)
+    if radius == 2.0:
+        assert image.stats["kernels_drawn"] < values.size / 2
+
+
+@pytest.mark.parametrize("mode", ["minimum", "average"])
+@pytest.mark.parametrize("what", ["clip", "two fields", "holes", "ellipsoids", "weights", "float64", "tiles"])
+def test_counted_slices_beside_everything_else(what, mode):
+    fields = [ss.RegularField(sparse(what == "holes"), **({"nan": "skip"} if what == "holes" else {}))]
+    if what == "two fields":
+        fields.append(ss.RegularField(sparse()[:7], origin=(4.3, -5.2, 3.1), spacing=(0.7, 0.7, 0.7)))
+    if what == "ellipsoids":
+        fields.append(ss.EllipsoidField([(1.0, 2.0, -3.0), (12.0, 5.0, 4.0)], 2.5, values=[1.0, 2.0]))
+    clip = {"clip": ss.Clip(planes=[((0.3, 0.2, 1.0), 3.3)])} if what == "clip" else {}
+    scene = ss.Scene(fields, GRAY, mode=mode, slice_spacing=0.8, **clip)
+    camera = view(scene, "orthographic", (0.4, 0.7, -1.0))
+    assert weighs(scene, camera) == (what in ("holes", "ellipsoids"))
+    options = {
+        "weights": {"effects": {"weight": True}},
+        "float64": {"precision": "float64"},
+        "tiles": {"tile_size": 13},
+    }.get(what, {})
+    _, expected = shots(scene, camera)
+    image = ss.Renderer("cpu", **options).render(scene, camera, size=SIZE)
+    assert_close(image.scalar, expected, FLOAT32_HARD, f"cpu {mode} beside {what}")
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("spacing", [0.15, 0.5, 1.0, 2.7], ids=lambda spacing: f"slices {spacing}")
+@pytest.mark.parametrize("zoom", [0.2, 1.0, 3.5, 30.0], ids=lambda zoom: f"zoom {zoom}")
+def test_sums_over_slices(zoom, spacing, precision):
+    """From kernels below a pixel to such as are larger than what is summed without sheets."""
+    field = ss.RegularField(np.random.default_rng(3).random((9, 8, 10)).astype(np.float32) - 0.2)
+    scene = ss.Scene(field, GRAY, mode="xray", slice_spacing=spacing)
+    camera = view(scene, "orthographic", (0.4, 0.7, -1.0), zoom)
+    _, expected = shots(scene, camera)
+    text = f"cpu x-ray zoom {zoom} slices {spacing} {precision}"
+    pictures = {
+        tile: ss.Renderer("cpu", precision=precision, tile_size=tile).render(scene, camera, size=SIZE)
+        for tile in (None, 8, 13)
+    }
+    for tile, image in pictures.items():
+        assert_close(image.scalar, expected, FLOAT32, f"{text} tiles {tile}")
+    # Where coverage is asked for, sheets are summed: another way to the same numbers, kernels and sections.
+    sheets = ss.Renderer("cpu", precision=precision).render(scene, camera, size=SIZE, outputs=("coverage",))
+    assert_close(pictures[None].scalar, sheets.scalar, (4e-6, 1e-5), text + " beside sheets")
+    assert pictures[None].stats["kernels_drawn"] == sheets.stats["kernels_drawn"]
+    finer = ss.Renderer("cpu").render(scene.replace(slice_spacing=spacing * 0.98), camera, size=SIZE).scalar
+    assert not distance(finer, expected).within((2e-7, 1e-6))
+    assert not distance(expected * 1.0005, expected).within(FLOAT32)
+
+
+def test_sums_of_very_many_equal_kernels_do_not_drift():
+    """Rays along rows: thousands of equal terms at each pixel, whose roundings all go one way."""
+    field = ss.RegularField(np.full((6, 6, 3000), 0.7, np.float32))
+    scene = ss.Scene(field, GRAY, mode="xray")
+    camera = ss.Camera.orthographic((4000.0, 2.6, 2.4), (0.0, 2.6, 2.4), height=8.0)
+    image, expected = (
+        ss.Renderer(backend).render(scene, camera, size=(24, 20)).scalar for backend in ("cpu", "reference")
+    )
+    assert_close(image, expected, FLOAT32, "cpu x-ray along long rows")
+
+
+def test_sums_of_several_fields():
+    lattices = [
+        ss.RegularField(sparse()),
+        ss.RegularField(sparse()[:6], origin=(3.0, 1.0, 2.5), spacing=(0.7, 0.7, 0.7)),
+    ]
+    others = [
+        ss.RegularField(sparse(), spacing=(1.0, 0.6, 1.7)),
+        ss.RegularField(sparse(), normalization="threshold"),
+        ss.EllipsoidField([(1.0, 2.0, 3.0), (8.0, 5.0, 4.0)], 2.5, values=[1.0, 2.0]),
+    ]
+    scene = ss.Scene([*lattices, *others], GRAY, mode="xray", slice_spacing=0.6)
+    camera = view(scene, "orthographic", (0.4, 0.7, -1.0))
+    image, expected = shots(scene, camera)
+    assert_close(image.scalar, expected, FLOAT32, "cpu x-ray of several fields")

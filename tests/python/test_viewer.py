@@ -318,6 +318,22 @@ def test_a_page_that_does_not_answer_is_sent_frames_again():
     assert sent == [1, 2, 4, 5]
 
 
+def test_an_error_of_what_was_asked_for_keeps_the_page(opened):
+    session = opened()
+    page = Page(session)
+    page.wait("about")
+    page.say(type="look", direction=[0, 0, 0], up=None, kind=None)
+    assert "direction" in page.wait("error")[0]["text"]
+    page.say(type="code")
+    page.wait("code")
+    # A page that cannot be reached is forgotten; others stay.
+    lost = session.connect(lambda message, payload: 1 / 0)
+    session.receive(lost, {"type": "code"})
+    page.set(mode="mip")
+    page.wait("frame", last=True)
+    assert session._clients == [page.client]
+
+
 def test_two_pages_show_the_same(opened):
     session = opened()
     one, other = Page(session), Page(session, (60, 30))

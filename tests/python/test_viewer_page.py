@@ -359,6 +359,7 @@ def random_input(page, viewer, seconds, seed=1):
         else:
             page.evaluate(
                 "(all => { const one = all[Math.floor(Math.random() * all.length)];"
+                " if (!one) return;"
                 " if (one.type === 'range') { one.value = Math.random() * 1000; one.dispatchEvent(new Event('input')) }"
                 " else if (one.type === 'checkbox') one.click() })"
                 "([...document.querySelectorAll('aside input')].filter(e => e.offsetParent && e.type !== 'color'))"
@@ -374,4 +375,7 @@ def test_random_input_leaves_the_viewer_working(opened):
     assert random_input(page, viewer, 5.0) > 5
     page.evaluate("window.sheetsplat.set({automatic: true})")
     page.evaluate("window.sheetsplat.set({mode: 'composite'})")
-    page.wait("window.sheetsplat.view.state.mode === 'composite' && " + LAST)
+    page.wait("window.sheetsplat.view.state.mode === 'composite'")
+    number = shown(page)
+    page.evaluate("window.sheetsplat.set({background: '#ff0000'})")
+    complete_after(page, number)

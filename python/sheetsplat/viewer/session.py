@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import logging
 import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -64,11 +63,17 @@ class Client:
         self._under_way = 0
         self._waiting: tuple[dict[str, Any], bytes] | None = None
         self._sent = 0.0
+        self.gone = False
         self.size: tuple[int, int] | None = None
 
     def send(self, message: dict[str, Any], payload: bytes = b"") -> None:
-        """Send a message; numbers that are not finite become null."""
-        self._deliver(plain(message), payload)
+        """Send a message; numbers that are not finite become null. Where that fails, the page is gone."""
+        told = plain(message)
+        try:
+            self._deliver(told, payload)
+        except Exception:  # Whatever carries messages has errors of its own.
+            _log.debug("a page of the viewer is gone", exc_info=True)
+            self.gone = True
 
     def show(self, message: dict[str, Any], payload: bytes) -> None:
         """Send a frame as soon as the page is ready for it, unless a newer one comes before."""
@@ -198,8 +203,7 @@ class Session:
             self._wake.notify_all()
             clients, worker = self._clients, self._worker
         for client in clients:
-            with contextlib.suppress(Exception):
-                client.send({"type": "closed"})
+            client.send({"type": "closed"})
         if worker is not None and worker is not threading.current_thread():
             worker.join(10.0)
 
@@ -333,20 +337,14 @@ class Session:
         return self._closed or waits or bool(self._jobs) or bool(self._idle_jobs)
 
     def _tell(self, message: dict[str, Any], payload: bytes = b"") -> None:
-        with self._wake:
-            clients = list(self._clients)
-        for client in clients:
-            with self._dropping(client):
-                client.send(message, payload)
+        for client in self._pages():
+            client.send(message, payload)
 
-    @contextlib.contextmanager
-    def _dropping(self, client: Client) -> Iterator[None]:
-        """Forget a page to which nothing can be sent any more."""
-        try:
-            yield
-        except Exception:
-            _log.debug("a page of the viewer is gone", exc_info=True)
-            self.disconnect(client)
+    def _pages(self) -> list[Client]:
+        """Return the pages that are there; those that are gone are forgotten."""
+        with self._wake:
+            self._clients = [one for one in self._clients if not one.gone]
+            return list(self._clients)
 
     def _tell_warnings(self, warned: list[PictureWarning]) -> None:
         for text in dict.fromkeys(str(one) for one in warned):
@@ -458,11 +456,8 @@ class Session:
             "error": None if preview else stats.get("estimated_rmse"),
             "camera": camera_parts(state.camera),
         }
-        with self._wake:
-            clients = list(self._clients)
-        for client in clients:
-            with self._dropping(client):
-                client.show(message, payload)
+        for client in self._pages():
+            client.show(message, payload)
         if last:
             self._image = image
             if not self._superseded(version):
@@ -531,11 +526,9 @@ class Session:
             "measure": self._do_measure,
         }
         try:
-            with self._dropping(client):
-                actions[message.type](client, **message.parts)
+            actions[message.type](client, **message.parts)
         except Error as error:
-            with self._dropping(client):
-                client.send({"type": "error", "text": _text(error)})
+            client.send({"type": "error", "text": _text(error)})
 
     def _tell_state(self, clients: list[Client]) -> None:
         state = self.state
@@ -546,8 +539,7 @@ class Session:
             "data": compose.data_parts(self.shown, state, scene),
         }
         for client in clients:
-            with self._dropping(client):
-                client.send(message)
+            client.send(message)
 
     def _do_state(self, client: Client) -> None:
         try:

@@ -284,7 +284,7 @@ function clipPanel(set, cameraOf) {
       const middle = dot(normal, middleOf(data.bounds));
       const reach = 0.5 * data.diagonal * length(normal);
       const changed = (plane) => send({ ...state.clip, planes: state.clip.planes.map((one, k) => (k === n ? plane : one)) });
-      const place = slider(`Plane ${n + 1}`, { low: middle - reach, high: middle + reach, change: (value) => changed([state.clip.planes[n][0], value]) });
+      const place = slider(`Plane ${n + 1}`, { low: middle - reach, high: middle + reach, change: (value) => changed([normal, value]) });
       place.show(offset);
       return h("div", { className: "group" }, place, h("div", { className: "buttons" },
         button("Other side", () => changed([scaled(normal, -1), -offset])),

@@ -83,8 +83,8 @@ function mount(root, connect) {
   const kinds = button("Perspective", () => camera && fly(projectedAs(camera, camera.kind === "perspective" ? "orthographic" : "perspective")), "Perspective or parallel projection [P]");
   const theme = button("◐", () => setTheme(root.dataset.theme === "light" ? "dark" : "light"), "Light or dark");
   const bar = h("header", {}, title, names, modes, qualities, views, kinds, h("span", { className: "space" }),
-    button("Save picture", () => save(), "Save the picture as PNG, which says how it was made [S]"),
-    button("Save scene", () => send({ type: "scene" }), "Save a scene file: sheetsplat render makes the picture of it, sheetsplat view goes on"),
+    button("⤓ Picture", () => save(), "Save the picture as PNG, which says how it was made [S]"),
+    button("⤓ Scene", () => send({ type: "scene" }), "Save a scene file: sheetsplat render makes the picture of it, sheetsplat view goes on"),
     button("Python", () => send({ type: "code" }), "Python that makes this picture"),
     theme, button("?", () => help(), "Keys and gestures [?]"),
     button("☰", () => { root.classList.toggle("wide"); fit(); }, "Show or hide the panels"));

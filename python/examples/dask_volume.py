@@ -11,11 +11,11 @@ import sheetsplat as ss
 
 SIZE = (480, 420)
 
-# 120³ samples in blocks of 60³: foam, the distance to the two nearest of 30 seeds.
-axis = da.linspace(0, 1, 120, chunks=60)
+# 96³ samples in blocks of 48³: foam, the distance to the two nearest of 30 seeds.
+axis = da.linspace(0, 1, 96, chunks=48)
 random = np.random.default_rng(12)
 seeds = random.random((30, 3))
-nearest = da.full((120, 120, 120), 9.0, chunks=60, dtype="float32")
+nearest = da.full((96, 96, 96), 9.0, chunks=48, dtype="float32")
 second = nearest
 for x, y, z in seeds.astype("float32"):
     one = da.sqrt((axis - z)[:, None, None] ** 2 + (axis - y)[:, None] ** 2 + (axis - x) ** 2).astype("float32")

@@ -12,7 +12,7 @@ import sheetsplat as ss
 SIZE = (300, 260)
 
 # The density of the hydrogen orbital 4f (m = 0) in arbitrary units, signed by its wave function.
-z, y, x = np.meshgrid(*3 * [np.linspace(-24, 24, 72)], indexing="ij")
+z, y, x = np.meshgrid(*3 * [np.linspace(-24, 24, 56)], indexing="ij")
 r = np.sqrt(x**2 + y**2 + z**2)
 psi = r**3 * np.exp(-r / 4) * (5 * (z / r) ** 3 - 3 * z / r)
 values = np.sign(psi) * psi**2
@@ -36,7 +36,7 @@ looks = {
 }
 figure, axes = plt.subplots(2, 2, figsize=(7, 6.4), layout="constrained")
 for ax, (title, look) in zip(axes.flat, looks.items(), strict=True):
-    ax.imshow(ss.render(look.pop("data"), spacing=3 * (48 / 71,), elevation=15, size=SIZE, **look))
+    ax.imshow(ss.render(look.pop("data"), spacing=3 * (48 / 55,), elevation=15, size=SIZE, **look))
     ax.set_title(title, fontsize=10)
     ax.axis("off")
 figure.savefig("looks.png")

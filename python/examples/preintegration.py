@@ -18,7 +18,7 @@ for value, color in ((0.3, (0.9, 0.3, 0.2)), (0.5, (0.9, 0.8, 0.3)), (0.7, (0.3,
     shells += [(value - 0.008, *color, 0), (value, *color, 0.9), (value + 0.008, *color, 0)]
 scene = ss.Scene(ss.RegularField(values), [*shells, (3, 1, 1, 1, 0)], lights=[ss.Light((0.3, 0.5, 1))])
 camera = ss.Camera.fit(scene, direction=(0.5, 0.7, -0.4), up=(0, 0, 1), margin=0.6)
-exact = ss.Renderer().render(scene.replace(slice_spacing=1 / 32, opacity_stop=1), camera, size=SIZE)
+exact = ss.Renderer().render(scene.replace(slice_spacing=1 / 16, opacity_stop=1), camera, size=SIZE)
 figure, axes = plt.subplots(1, 3, figsize=(9, 3.4), layout="constrained")
 errors = []
 for ax, preintegration in zip(axes, (False, True, "second_order"), strict=True):

@@ -26,7 +26,7 @@ bend = pv.StructuredGrid(r * np.cos(turn), r * np.sin(turn), height)
 bend["speed"] = ((2 - r) * (r - 1) * height * (1 - height) * 16).ravel(order="F")
 second = bend.sheetsplat.render(scalar="speed", cmap="turbo", opacity=[(0, 0.02), (0.3, 0.02), (1, 0.6)], size=SIZE)
 
-tetrahedra = image.threshold((1, 3), scalars="tangle").triangulate()
+tetrahedra = image.extract_subset((0, 47, 0, 47, 0, 47), (2, 2, 2)).threshold((1, 3), scalars="tangle").triangulate()
 look = {"cmap": "plasma", "clim": (1, 2), "opacity": [(0.8, 0), (1, 0.02), (2, 0.5)]}
 third = ss.render(tetrahedra, scalar="tangle", size=SIZE, **look)
 print(ss.open(tetrahedra, scalar="tangle"))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ast
 import logging
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +15,22 @@ import pytest
 
 import sheetsplat as ss
 from sheetsplat import _sheetsplat
+from sheetsplat.errors import _EXTRAS
 
-HEAVY = ("scipy", "click", "rich", "nrrd", "OpenEXR", "PIL", "cmap", "flip_evaluator", "matplotlib", "zipfile")
+HEAVY = ("scipy", "click", "rich", "nrrd", "OpenEXR", "PIL", "cmap", "flip_evaluator", "matplotlib", "zipfile", "h5py")
+HEAVY += (
+    "xarray",
+    "dask",
+    "pandas",
+    "zarr",
+    "vtkmodules",
+    "pyvista",
+    "nibabel",
+    "pydicom",
+    "aiohttp",
+    "anywidget",
+    "IPython",
+)
 
 
 def python(code: str) -> str:
@@ -28,6 +44,32 @@ def test_import_reads_nothing_heavy():
     assert [name for name in HEAVY if name in loaded and name not in numpys_own] == []
     # The check can fail: what reads a file does read its library.
     assert "nrrd" in python("import sys, sheetsplat.io.nrrd_files, nrrd; print(*sys.modules)").split()
+
+
+def test_help_reads_nothing_of_other_libraries():
+    """`sheetsplat --help` must be quick whatever is installed."""
+    code = "import runpy, sys; sys.argv = ['sheetsplat', '--help']\n"
+    code += "try: runpy.run_module('sheetsplat', run_name='__main__')\n"
+    loaded = (
+        python(code + "except SystemExit: pass\nprint('modules:', *sorted(sys.modules))").split("modules:")[1].split()
+    )
+    numpys_own = set(python("import sys, numpy; print(*sorted(sys.modules))").split())
+    wanted = {"click", "rich"}
+    assert "click" in loaded
+    assert [name for name in HEAVY if name in loaded and name not in numpys_own | wanted] == []
+
+
+def test_extras_of_messages_are_those_of_the_package():
+    root = Path(__file__).parents[2]
+    extras = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    # These are not for what a message may miss: a library that is no Python package, all of them, work on the package.
+    others = {"osmesa", "all", "test", "docs", "bench", "dev"}
+    assert set(_EXTRAS) == set(extras) - others
+    for name, modules in _EXTRAS.items():
+        required = {re.split(r"[\[<>=]", one)[0].lower() for one in extras[name]}
+        assert required & {one.lower().replace("_", "-") for one in modules}, name
+    page = (root / "python" / "docs" / "installation.md").read_text(encoding="utf-8")
+    assert [name for name in extras if f"`{name}`" not in page] == []
 
 
 def test_import_needs_no_opengl():

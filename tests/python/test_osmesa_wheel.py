@@ -11,21 +11,24 @@ from pathlib import Path
 
 import pytest
 
+import sheetsplat as ss
 from sheetsplat import _sheetsplat
 
 CODE = """
 import json, sys
+sys.meta_path[:] = [one for one in sys.meta_path if "_editable" not in type(one).__module__]
 sys.path.insert(0, sys.argv[1])
-import _sheetsplat
-print(json.dumps([(d.platform, d.available, d.description) for d in _sheetsplat.devices() if d.platform == "osmesa"]))
+import sheetsplat
+assert sheetsplat.__file__.startswith(sys.argv[1])
+print(json.dumps([(d.platform, d.available, d.description) for d in sheetsplat.devices() if d.platform == "osmesa"]))
 """
 
 
 @pytest.fixture
 def packages(tmp_path):
-    """A folder of packages that holds the compiled module alone, and a search path on which libOSMesa is damaged."""
+    """A folder of packages that holds a copy of this one, and a search path on which libOSMesa is damaged."""
     folder = tmp_path / "site-packages" / "sheetsplat"
-    folder.mkdir(parents=True)
+    shutil.copytree(Path(ss.__file__).parent, folder, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
     shutil.copy(_sheetsplat.__file__, folder)
     hiding = tmp_path / "hiding"
     hiding.mkdir()
@@ -38,7 +41,7 @@ def osmesa_of(packages: Path) -> tuple[bool, str]:
     environment = {name: value for name, value in os.environ.items() if not name.startswith("SHEETSPLAT_")}
     environment["LD_LIBRARY_PATH"] = str(packages.parent / "hiding")
     done = subprocess.run(
-        [sys.executable, "-c", CODE, str(packages / "sheetsplat")],
+        [sys.executable, "-c", CODE, str(packages)],
         capture_output=True,
         text=True,
         env=environment,

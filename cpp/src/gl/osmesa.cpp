@@ -3,9 +3,13 @@
 #include "platforms.hpp"
 
 #include <array>
+#include <filesystem>
 #include <map>
 #include <mutex>
+#include <system_error>
 #include <utility>
+
+#include <dlfcn.h>
 
 #include "sheetsplat/error.hpp"
 
@@ -39,16 +43,37 @@ std::mutex& osmesa_mutex() {
     return mutex;
 }
 
+// The libOSMesa of the Python wheel lavavu-osmesa, which lies in a folder beside that of this package; "" where
+// there is none.
+std::string library_of_wheel() {
+    Dl_info here{};
+    if (dladdr(reinterpret_cast<const void*>(&library_of_wheel), &here) == 0 || here.dli_fname == nullptr) {
+        return "";
+    }
+    namespace fs = std::filesystem;
+    std::error_code ignored;
+    const fs::path packages = fs::absolute(here.dli_fname, ignored).parent_path().parent_path();
+    for (fs::directory_iterator one(packages / "lavavu_osmesa.libs", ignored), end; one != end;
+         one.increment(ignored)) {
+        if (one->path().filename().string().rfind("libOSMesa", 0) == 0) {
+            return one->path().string();
+        }
+    }
+    return "";
+}
+
 Osmesa load(const std::string& path) {
     Osmesa osmesa;
+    const std::string wheel = library_of_wheel();
     const std::array<const char*, 2> given = {path.c_str(), nullptr};
-    static constexpr std::array<const char*, 4> usual = {"libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so", nullptr};
+    const std::array<const char*, 5> usual = {"libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so",
+                                              wheel.empty() ? nullptr : wheel.c_str(), nullptr};
     const Library library = open_library(path.empty() ? usual.data() : given.data());
     osmesa.story = path.empty() ? library.story : "SHEETSPLAT_OSMESA: " + library.story;
     if (library.handle == nullptr) {
         tell(osmesa.story, path.empty()
-                               ? "install it (on Debian 12 or Ubuntu 24.04: apt-get install libosmesa6), or set "
-                                 "SHEETSPLAT_OSMESA to the path of a libOSMesa (the PyPI wheel lavavu-osmesa has one)"
+                               ? "install it (pip install \"sheetsplat[osmesa]\"; on Debian 12 or Ubuntu 24.04 also "
+                                 "apt-get install libosmesa6), or set SHEETSPLAT_OSMESA to the path of a libOSMesa"
                                : "set SHEETSPLAT_OSMESA to the path of a libOSMesa, or unset it");
         return osmesa;
     }

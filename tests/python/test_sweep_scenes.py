@@ -12,11 +12,13 @@ from sweep_scenes import KINDS, fault, scene_of, shrunk
 import sheetsplat as ss
 
 EACH = 8
+# Scenes that once were wrong: they stated too small an error of light.
+KEPT = (160, 328, 360, 621, 944)
 # A scene of many kernels of one group, whose opacities are above 0 and below 1.
 DENSE = 135
 
 
-@pytest.mark.parametrize("number", range(EACH * len(KINDS)))
+@pytest.mark.parametrize("number", [*range(EACH * len(KINDS)), *KEPT])
 def test_numbered_scenes_are_right_or_refused(number: int) -> None:
     kind, parts = scene_of(number)
     try:

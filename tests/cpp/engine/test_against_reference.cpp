@@ -153,7 +153,8 @@ TEST_P(Drawing, IsTheReferencesPicture) {
         }
     }
     auto field = blobs({});
-    // A way of drawing meets each mode in one projection, and in the other one with elimination; `Matrix` has all pairs.
+    // A way of drawing meets each mode in one projection, and in the other one with elimination; `Matrix` has all
+    // pairs.
     const auto found = draw.effects.find("elimination");
     const bool swapped = found != draw.effects.end() && found->second;
     for (const Projection projection : {Projection::orthographic, Projection::perspective}) {

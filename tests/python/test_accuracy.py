@@ -222,7 +222,7 @@ def test_the_plot(report: AccuracyReport, tmp_path: Path) -> None:
 
 def test_the_plot_without_matplotlib(report: AccuracyReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ss.Unsupported, match=r"no package matplotlib.*sheetsplat\[figures\]"):
+    with pytest.raises(ss.Unsupported, match=r"no package matplotlib.*sheetsplat\[plot\]"):
         report.plot(tmp_path / "accuracy.png")
     assert not list(tmp_path.iterdir())
 

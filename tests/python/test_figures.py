@@ -338,7 +338,7 @@ def test_round_lengths(most, length):
 def test_without_matplotlib_the_package_says_what_to_install(image, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     for draw in (image.to_axes, image.annotated):
-        with pytest.raises(ss.Unsupported, match=r"pip install \"sheetsplat\[figures\]\""):
+        with pytest.raises(ss.Unsupported, match=r"pip install \"sheetsplat\[plot\]\""):
             draw()
 
 

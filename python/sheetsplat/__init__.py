@@ -16,40 +16,58 @@ from typing import TYPE_CHECKING, Any
 
 # First of all: in a process of the command line it answers Ctrl-C until all others are read.
 from sheetsplat import _interrupt as _interrupt
-from sheetsplat._sheetsplat import __version__
+
+# A function and the package that it is in have the same name: only what is imported here keeps the name.
 from sheetsplat.accuracy import accuracy
-from sheetsplat.api import open, render
-from sheetsplat.camera import Camera
-from sheetsplat.device import Device, devices
-from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
-from sheetsplat.errors import Cancelled, DeviceUnavailable, Error, InvalidInput, OutOfMemory, Unsupported
-from sheetsplat.fields import EllipsoidField, RegularField
-from sheetsplat.image import ErrorEstimate, Image
-from sheetsplat.light import Light, Material
-from sheetsplat.notices import PictureWarning
-from sheetsplat.orientation import Orientation
-from sheetsplat.picking import Pick
-from sheetsplat.plan import Effect, PictureQuality, QualitySetting, RenderPlan
-from sheetsplat.quantity import Quantity
-from sheetsplat.recipe import FieldRecipe, Recipe
-from sheetsplat.renderer import Renderer
-from sheetsplat.scalar_colors import ScalarColors
-from sheetsplat.scene import Scene
-from sheetsplat.transfer import TransferFunction
 
 if TYPE_CHECKING:
     from sheetsplat import datasets as datasets
     from sheetsplat import fit as fit
     from sheetsplat import io as io
-    from sheetsplat.accuracy import AccuracyReport as AccuracyReport
-    from sheetsplat.accuracy import AccuracyRow as AccuracyRow
+    from sheetsplat._sheetsplat import __version__ as __version__
+    from sheetsplat.accuracy.report import AccuracyReport as AccuracyReport
+    from sheetsplat.accuracy.report import AccuracyRow as AccuracyRow
     from sheetsplat.animation import Animation as Animation
     from sheetsplat.animation import CameraPath as CameraPath
     from sheetsplat.animation import animate as animate
     from sheetsplat.animation import turntable as turntable
+    from sheetsplat.api import open as open
+    from sheetsplat.api import render as render
     from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
+    from sheetsplat.camera import Camera as Camera
+    from sheetsplat.device import Device as Device
+    from sheetsplat.device import devices as devices
+    from sheetsplat.effects import AmbientOcclusion as AmbientOcclusion
+    from sheetsplat.effects import Clip as Clip
+    from sheetsplat.effects import DepthCue as DepthCue
+    from sheetsplat.errors import Cancelled as Cancelled
+    from sheetsplat.errors import DeviceUnavailable as DeviceUnavailable
+    from sheetsplat.errors import Error as Error
+    from sheetsplat.errors import InvalidInput as InvalidInput
+    from sheetsplat.errors import OutOfMemory as OutOfMemory
+    from sheetsplat.errors import Unsupported as Unsupported
+    from sheetsplat.fields import EllipsoidField as EllipsoidField
+    from sheetsplat.fields import RegularField as RegularField
+    from sheetsplat.image import ErrorEstimate as ErrorEstimate
+    from sheetsplat.image import Image as Image
+    from sheetsplat.light import Light as Light
+    from sheetsplat.light import Material as Material
+    from sheetsplat.notices import PictureWarning as PictureWarning
+    from sheetsplat.orientation import Orientation as Orientation
+    from sheetsplat.picking import Pick as Pick
+    from sheetsplat.plan import Effect as Effect
+    from sheetsplat.plan import PictureQuality as PictureQuality
+    from sheetsplat.plan import QualitySetting as QualitySetting
+    from sheetsplat.plan import RenderPlan as RenderPlan
+    from sheetsplat.quantity import Quantity as Quantity
+    from sheetsplat.recipe import FieldRecipe as FieldRecipe
+    from sheetsplat.recipe import Recipe as Recipe
+    from sheetsplat.renderer import Renderer as Renderer
     from sheetsplat.ripple import lattice_ripple as lattice_ripple
+    from sheetsplat.scalar_colors import ScalarColors as ScalarColors
+    from sheetsplat.scene import Scene as Scene
     from sheetsplat.scene_file import SceneFile as SceneFile
+    from sheetsplat.transfer import TransferFunction as TransferFunction
     from sheetsplat.viewer import Viewer as Viewer
     from sheetsplat.viewer import view as view
 
@@ -108,31 +126,48 @@ __all__ = [
 
 logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
 
-# Read when first asked for, so that importing the package stays quick.
-_LATE = {
-    "Animation": ("sheetsplat.animation", "Animation"),
-    "CameraPath": ("sheetsplat.animation", "CameraPath"),
-    "animate": ("sheetsplat.animation", "animate"),
-    "turntable": ("sheetsplat.animation", "turntable"),
-    "AccuracyReport": ("sheetsplat.accuracy.report", "AccuracyReport"),
-    "AccuracyRow": ("sheetsplat.accuracy.report", "AccuracyRow"),
-    "SceneFile": ("sheetsplat.scene_file", "SceneFile"),
-    "Viewer": ("sheetsplat.viewer", "Viewer"),
-    "datasets": ("sheetsplat.datasets", None),
-    "fit": ("sheetsplat.fit", None),
-    "io": ("sheetsplat.io", None),
-    "lattice_ripple": ("sheetsplat.ripple", "lattice_ripple"),
-    "resample_to_bcc": ("sheetsplat.bcc", "resample_to_bcc"),
-    "view": ("sheetsplat.viewer", "view"),
+# The module of each public name, imported when the name is first asked for: importing the package takes no time, and
+# help on the command line needs neither NumPy nor the native module. The imports above tell type checkers the same.
+_HOMES = {
+    "_sheetsplat": ("__version__",),
+    "accuracy.report": ("AccuracyReport", "AccuracyRow"),
+    "animation": ("Animation", "CameraPath", "animate", "turntable"),
+    "api": ("open", "render"),
+    "bcc": ("resample_to_bcc",),
+    "camera": ("Camera",),
+    "device": ("Device", "devices"),
+    "effects": ("AmbientOcclusion", "Clip", "DepthCue"),
+    "errors": ("Cancelled", "DeviceUnavailable", "Error", "InvalidInput", "OutOfMemory", "Unsupported"),
+    "fields": ("EllipsoidField", "RegularField"),
+    "image": ("ErrorEstimate", "Image"),
+    "light": ("Light", "Material"),
+    "notices": ("PictureWarning",),
+    "orientation": ("Orientation",),
+    "picking": ("Pick",),
+    "plan": ("Effect", "PictureQuality", "QualitySetting", "RenderPlan"),
+    "quantity": ("Quantity",),
+    "recipe": ("FieldRecipe", "Recipe"),
+    "renderer": ("Renderer",),
+    "ripple": ("lattice_ripple",),
+    "scalar_colors": ("ScalarColors",),
+    "scene": ("Scene",),
+    "scene_file": ("SceneFile",),
+    "transfer": ("TransferFunction",),
+    "viewer": ("Viewer", "view"),
 }
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+_MODULES = ("datasets", "fit", "io")
 
+if not TYPE_CHECKING:  # else every name would be there for type checkers
 
-def __getattr__(name: str) -> Any:
-    if name in _LATE:
-        module, attribute = _LATE[name]
-        found = importlib.import_module(module)
-        return found if attribute is None else getattr(found, attribute)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    def __getattr__(name: str) -> Any:
+        if name in _MODULES:
+            return importlib.import_module(f"sheetsplat.{name}")
+        if name not in _HOME_OF:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        found = getattr(importlib.import_module(f"sheetsplat.{_HOME_OF[name]}"), name)
+        globals()[name] = found
+        return found
 
 
 def __dir__() -> list[str]:

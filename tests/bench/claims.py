@@ -20,6 +20,7 @@ from bench.measure import Floats, Timing, attempt, clock, difference, orthograph
 from bench.pictures import keep, make_sheet
 from bench.report import Options, Report, Row, columns
 from sheetsplat import datasets
+from sheetsplat.fields import Field
 
 #: Claims that can be measured alone.
 ROWS = ("slabs", "bits", "shading", "borders", "popping")
@@ -55,7 +56,7 @@ def _distance(picture: ss.Image, expected: ss.Image, spent: float) -> Row:
     return {"rmse": apart["rmse"], "maximum": apart["maximum"], "wall_ms": spent}
 
 
-def _camera(field: ss.Field, height: float) -> ss.Camera:
+def _camera(field: Field, height: float) -> ss.Camera:
     """Return an oblique view of a field's middle, `height` world units high."""
     low, high = (np.asarray(corner) for corner in field.centre_bounds)
     reach = float(np.linalg.norm(high - low))

@@ -15,6 +15,7 @@ from bench.quality import measured
 from bench.report import Options, Report, Row, columns, environment
 from bench.scenes import ellipsoids, spheres
 from sheetsplat import datasets
+from sheetsplat.fields import Field
 from sheetsplat.look.compose import compose_scene
 
 # How many of the steepest are listed.
@@ -27,7 +28,7 @@ _PASSES = 3
 _COPIED = 3_000_000
 
 
-def _engine(options: Options) -> tuple[str, ss.Field]:
+def _engine(options: Options) -> tuple[str, Field]:
     try:
         return "engine, 256 x 256 x 128", measured(options, "engine_256")
     except FileNotFoundError:
@@ -35,43 +36,43 @@ def _engine(options: Options) -> tuple[str, ss.Field]:
         return f"noisy ball, {made.shape[0]}^3 (engine is not in the data folder)", made.field()
 
 
-def _signal(options: Options) -> tuple[str, ss.Field]:
+def _signal(options: Options) -> tuple[str, Field]:
     edge = options.edge(128)
     return f"Marschner-Lobb, {edge}^3", datasets.marschner_lobb(edge).field()
 
 
-def _tubes(options: Options) -> tuple[str, ss.Field]:
+def _tubes(options: Options) -> tuple[str, Field]:
     edge = options.edge(128)
     return f"thin tubes, {edge}^3", datasets.tubes(edge).field()
 
 
-def _spheres(options: Options) -> tuple[str, ss.Field]:
+def _spheres(options: Options) -> tuple[str, Field]:
     count = options.count(100_000)
     return f"{count:,} spheres", spheres(count, options.edge(128))
 
 
-def _ellipsoids(options: Options) -> tuple[str, ss.Field]:
+def _ellipsoids(options: Options) -> tuple[str, Field]:
     count = options.count(35_000)
     return f"{count:,} ellipsoids to 1:20", ellipsoids(count, options.edge(128))
 
 
-def _combustor(options: Options) -> tuple[str, ss.Field]:
+def _combustor(options: Options) -> tuple[str, Field]:
     field = ss.open(data_file(options, "combq.bin.gz"), grid=data_file(options, "combxyz.bin.gz"))
     return f"combustor, {field.size:,} kernels", field
 
 
-def _galaxy(options: Options) -> tuple[str, ss.Field]:
+def _galaxy(options: Options) -> tuple[str, Field]:
     field = ss.open(data_file(options, "sph_gas_nchilada12M.h5"))
     return f"SPH galaxy, {field.size:,} kernels", field
 
 
-def _gaussians(options: Options) -> tuple[str, ss.Field]:
+def _gaussians(options: Options) -> tuple[str, Field]:
     one = ss.open(data_file(options, "3dgs_guitar.ply.gz"))
     assert isinstance(one, ss.EllipsoidField)
     return copied(one, round(_COPIED * options.scale))
 
 
-def copied(field: ss.EllipsoidField, least: int) -> tuple[str, ss.Field]:
+def copied(field: ss.EllipsoidField, least: int) -> tuple[str, Field]:
     """Return copies of a field side by side, with at least so many kernels together, and what they are."""
     copies = -(-least // field.size)
     side = int(np.ceil(copies ** (1.0 / 3.0)))
@@ -98,7 +99,7 @@ def copied(field: ss.EllipsoidField, least: int) -> tuple[str, ss.Field]:
 
 
 #: The fields, by the names of their rows.
-FIELDS: Mapping[str, Callable[[Options], tuple[str, ss.Field]]] = {
+FIELDS: Mapping[str, Callable[[Options], tuple[str, Field]]] = {
     "engine": _engine,
     "marschner-lobb": _signal,
     "spheres": _spheres,
@@ -106,7 +107,7 @@ FIELDS: Mapping[str, Callable[[Options], tuple[str, ss.Field]]] = {
     "tubes": _tubes,
 }
 #: Larger scattered fields, which are drawn where their names or "scattered" are asked for.
-SCATTERED: Mapping[str, Callable[[Options], tuple[str, ss.Field]]] = {
+SCATTERED: Mapping[str, Callable[[Options], tuple[str, Field]]] = {
     "combustor": _combustor,
     "galaxy": _galaxy,
     "gaussians": _gaussians,

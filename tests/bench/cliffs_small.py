@@ -15,6 +15,7 @@ from bench.effect_costs import EFFECTS, VIEWS, Conditions, Subject, surface, tim
 from bench.report import Row
 from bench.scenes import ellipsoids
 from sheetsplat import datasets
+from sheetsplat.fields import Field
 from sheetsplat.look.compose import compose_scene
 
 #: Where the ratios are stored: {field: {row: [ratio, ratio of the first frame]}}.
@@ -40,7 +41,7 @@ _CONDITIONS = Conditions("cpu", SIZE, seconds=(0.15, 0.05), settings=_SETTINGS)
 Ratios = dict[str, list[float]]
 
 #: The fields by their names.
-FIELDS: Mapping[str, Callable[[], ss.Field]] = {
+FIELDS: Mapping[str, Callable[[], Field]] = {
     "ball": lambda: datasets.noisy_ball(_EDGE).field(),
     "ellipsoids": lambda: _thick(ellipsoids(_COUNT, _EDGE)),
 }

@@ -17,6 +17,7 @@ import sheetsplat as ss
 from bench.measure import Timing, attempt, away, clock
 from bench.report import Row
 from sheetsplat.camera import bounds_of
+from sheetsplat.fields import Field
 from sheetsplat.framing import fitting_depth_cue
 from sheetsplat.look import automatic
 from sheetsplat.options.core import COLORED
@@ -75,7 +76,7 @@ class Subject:
         self.title = title
         self.base = base
         self.lower, self.upper = (np.array(corner) for corner in bounds_of(base))
-        self._kernels: dict[str, list[ss.Field]] = {}
+        self._kernels: dict[str, list[Field]] = {}
 
     @property
     def diagonal(self) -> float:

@@ -12,6 +12,7 @@ import sheetsplat as ss
 from bench.measure import Timing, away, clock, forget_peak, in_new_process, orthographic, renderer_for, resident
 from bench.report import Options, Row
 from sheetsplat.datasets.random_stream import Stream
+from sheetsplat.fields import Field
 
 _SEED = 2006
 # Numbers drawn at once.
@@ -90,7 +91,7 @@ def draw(
         drawn = random.uniform(part.stop - part.start, 4)
         centers[part], values[part] = edges * drawn[:, :3], drawn[:, 3]
 
-    def scene_of(field: ss.Field) -> ss.Scene:
+    def scene_of(field: Field) -> ss.Scene:
         return ss.Scene(field, points, **settings, lights=[ss.Light((0.3, 0.5, 1.0))])
 
     far = 3.0 * float(edges.max())

@@ -17,6 +17,7 @@ from bench.report import Options
 from bench.vtk_casters import Caster, Volume
 from sheetsplat import datasets
 from sheetsplat.datasets.random_stream import Stream
+from sheetsplat.fields import Field
 
 Point = tuple[float, float, float, float, float]
 
@@ -126,7 +127,7 @@ class Case:
 
     name: str
     title: str
-    field: ss.Field
+    field: Field
     volume: Volume | None
     points: tuple[Point, ...]
     distance: float

@@ -16,10 +16,10 @@ from PIL import Image as PillowImage
 from scipy import ndimage  # type: ignore[import-untyped]
 
 import sheetsplat as ss
-from sheetsplat.accuracy import KNOBS, AccuracyReport, AccuracyRow, accuracy
-from sheetsplat.accuracy.knobs import INTERPOLATED
+from sheetsplat.accuracy import accuracy
+from sheetsplat.accuracy.knobs import INTERPOLATED, KNOBS
 from sheetsplat.accuracy.measure import limit
-from sheetsplat.accuracy.report import front
+from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow, front
 from sheetsplat.accuracy.sweeps import cut_off, enlarge, smaller, table
 from sheetsplat.cli import main
 

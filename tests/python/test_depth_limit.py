@@ -212,7 +212,7 @@ def test_plans_say_what_the_surface_does(backend: str) -> None:
     scene, camera = make(case)
     renderer = ss.Renderer(backend)  # type: ignore[arg-type]
 
-    def row(depths: Any) -> ss.plan.Effect:
+    def row(depths: Any) -> ss.Effect:
         plan = renderer.plan(scene, camera, size=SIZE, depth_limit=depths)
         return next(effect for effect in plan.effects if effect.name == "depth_limit")
 
@@ -389,4 +389,4 @@ def test_pictures_remember_their_depths(tmp_path: Any) -> None:
         one.depth_limit[0, 0] = 1.0  # type: ignore[index]
     one.save(tmp_path / "x.png")
     with pytest.raises(ss.InvalidInput, match="does not say how it was made"):
-        ss.recipe.Recipe.read(tmp_path / "x.png")
+        ss.Recipe.read(tmp_path / "x.png")

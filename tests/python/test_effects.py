@@ -113,7 +113,7 @@ def forced() -> Iterator[Callable[[str], Forced]]:
     made.clear()
 
 
-def row(plan: ss.RenderPlan, name: str) -> ss.plan.Effect:
+def row(plan: ss.RenderPlan, name: str) -> ss.Effect:
     """Return an effect of a plan."""
     return next(effect for effect in plan.effects if effect.name == name)
 

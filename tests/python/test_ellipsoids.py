@@ -7,6 +7,7 @@ import pytest
 from conftest import random_rotations
 
 import sheetsplat as ss
+from sheetsplat.fields import axes
 from sheetsplat.look.empty import why_empty
 
 SMALL = {"size": (32, 32), "backend": "reference", "quality": "draft"}
@@ -353,7 +354,7 @@ def test_covariances_are_exactly_their_gaussians(rng, soup):
 
 
 def test_many_covariances_are_factored_block_by_block(rng, monkeypatch):
-    monkeypatch.setattr(ss.fields.axes, "_BLOCK", 7)
+    monkeypatch.setattr(axes, "_BLOCK", 7)
     matrices, scales = random_rotations(rng, 20), rng.uniform(0.5, 2, (20, 3))
     shapes = matrices * scales[:, np.newaxis]
     centers, values = rng.normal(size=(20, 3)), np.arange(20.0)

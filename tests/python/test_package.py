@@ -17,46 +17,111 @@ import sheetsplat as ss
 from sheetsplat import _sheetsplat
 from sheetsplat.errors import _EXTRAS
 
-HEAVY = ("scipy", "click", "rich", "nrrd", "OpenEXR", "PIL", "cmap", "flip_evaluator", "matplotlib", "zipfile", "h5py")
-HEAVY += (
-    "xarray",
-    "dask",
-    "pandas",
-    "zarr",
-    "vtkmodules",
-    "pyvista",
-    "nibabel",
-    "pydicom",
-    "aiohttp",
-    "anywidget",
-    "IPython",
-)
-
 
 def python(code: str) -> str:
     """Return what a new interpreter prints."""
     return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
 
 
-def test_import_reads_nothing_heavy():
-    loaded = python("import sys, sheetsplat; print(*sorted(sys.modules))").split()
-    numpys_own = set(python("import sys, numpy; print(*sorted(sys.modules))").split())
-    assert [name for name in HEAVY if name in loaded and name not in numpys_own] == []
-    # The check can fail: what reads a file does read its library.
-    assert "nrrd" in python("import sys, sheetsplat.io.nrrd_files, nrrd; print(*sys.modules)").split()
+# Modules of other packages, and of Python's own library those that take long to import.
+SLOW = (
+    "asyncio",
+    "dataclasses",
+    "inspect",
+    "json",
+    "multiprocessing",
+    "typing_extensions",
+    "unittest",
+    "urllib.request",
+)
+
+
+def loaded_by(code: str) -> set[str]:
+    """Return the modules that code loads in a new interpreter; what it prints must not be seen."""
+    before = "import sys\nbefore = set(sys.modules)\n"
+    after = "\nimport sys\nsys.__stderr__.write(' '.join(sorted(set(sys.modules) - before)))"
+    done = subprocess.run([sys.executable, "-c", before + code + after], check=True, capture_output=True, text=True)
+    return set(done.stderr.split())
+
+
+def of_others(modules: set[str]) -> set[str]:
+    """Return the packages among modules that are neither Python's nor this one."""
+    found = {name.partition(".")[0] for name in modules} - sys.stdlib_module_names - {"sheetsplat"}
+    return {name for name in found if not name.startswith("_sysconfigdata")}
+
+
+def test_import_reads_nothing_else():
+    """Importing takes no time: neither NumPy, nor the native module, nor anything slow of Python's own library."""
+    loaded = loaded_by("import sheetsplat")
+    assert of_others(loaded) == set()
+    assert "sheetsplat._sheetsplat" not in loaded and loaded.isdisjoint(SLOW)
+    assert {name for name in loaded if name.startswith("sheetsplat")} == {
+        "sheetsplat",
+        "sheetsplat._interrupt",
+        "sheetsplat.accuracy",
+    }
+    # The check can fail, and names are there when they are asked for.
+    assert "numpy" in loaded_by("import sheetsplat; sheetsplat.Camera")
+
+
+def test_names_read_what_they_need():
+    heavy = {"click", "rich", "nrrd", "OpenEXR", "PIL", "flip_evaluator", "matplotlib", "h5py", "xarray", "aiohttp"}
+    loaded = of_others(loaded_by("import sheetsplat; sheetsplat.render; sheetsplat.Renderer"))
+    assert "numpy" in loaded and loaded.isdisjoint(heavy)
 
 
 def test_help_reads_nothing_of_other_libraries():
     """`sheetsplat --help` must be quick whatever is installed."""
-    code = "import runpy, sys; sys.argv = ['sheetsplat', '--help']\n"
-    code += "try: runpy.run_module('sheetsplat', run_name='__main__')\n"
-    loaded = (
-        python(code + "except SystemExit: pass\nprint('modules:', *sorted(sys.modules))").split("modules:")[1].split()
-    )
-    numpys_own = set(python("import sys, numpy; print(*sorted(sys.modules))").split())
-    wanted = {"click", "rich"}
-    assert "click" in loaded
-    assert [name for name in HEAVY if name in loaded and name not in numpys_own | wanted] == []
+    code = "import runpy\nsys.argv = ['sheetsplat', '--help']\n"
+    code += "try: runpy.run_module('sheetsplat', run_name='__main__')\nexcept SystemExit: pass"
+    loaded = loaded_by(code)
+    assert of_others(loaded) == {"click"}
+    assert "sheetsplat._sheetsplat" not in loaded
+    assert not any(name.startswith(("sheetsplat.options", "sheetsplat.io")) for name in loaded)
+
+
+@pytest.mark.parametrize("command", ["plan", "compare"])
+def test_commands_read_their_own_modules(command):
+    code = "import click\nfrom sheetsplat.cli import main\n"
+    code += f"main.get_command(click.Context(main), {command!r})"
+    own = {name for name in loaded_by(code) if name.startswith("sheetsplat.cli.")}
+    assert f"sheetsplat.cli.{command}" in own
+    assert own.isdisjoint({"sheetsplat.cli.view", "sheetsplat.cli.info", "sheetsplat.cli.demo"})
+
+
+def test_import_is_silent():
+    command = [
+        sys.executable,
+        "-W",
+        "error",
+        "-c",
+        "import sheetsplat; [getattr(sheetsplat, n) for n in dir(sheetsplat)]",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_type_checkers_see_the_names_that_are_there():
+    """The imports for type checkers, the table of modules, and `__all__` name the same."""
+    tree = ast.parse(Path(ss.__file__).read_text(encoding="utf-8"))
+    told: dict[str, str] = {}
+    for block in tree.body:
+        if isinstance(block, ast.If) and isinstance(block.test, ast.Name):
+            for node in block.body:
+                assert isinstance(node, ast.ImportFrom) and node.module is not None
+                told |= {one.name: node.module for one in node.names}
+    modules = {name for name, home in told.items() if home == "sheetsplat"}
+    homes = {name: f"sheetsplat.{home}" for name, home in ss._HOME_OF.items()}
+    assert homes == {name: home for name, home in told.items() if name not in modules}
+    assert set(ss._MODULES) == modules
+    assert set(ss.__all__) == {*told, "accuracy"} == set(dir(ss))
+    assert len(ss.__all__) == len(set(ss.__all__))
+
+
+@pytest.mark.parametrize("first", ["sheetsplat.accuracy.knobs", "sheetsplat.cli.accuracy", "sheetsplat.fit"])
+def test_names_stay_what_they_are_whatever_is_imported_first(first):
+    code = f"import {first}, sheetsplat as ss; print(callable(ss.accuracy), ss.fit.__name__, ss.open.__module__)"
+    assert python(code).split() == ["True", "sheetsplat.fit", "sheetsplat.api"]
 
 
 def test_extras_of_messages_are_those_of_the_package():

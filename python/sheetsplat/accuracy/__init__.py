@@ -6,20 +6,21 @@ it needs is imported when it is called, so that importing the package stays quic
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from sheetsplat.accuracy.knobs import KNOBS, Clock
-from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow
-from sheetsplat.camera import Camera
-from sheetsplat.image import Image
-from sheetsplat.options.renderer import Backend, Progress
-from sheetsplat.scene import Scene
-
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import ArrayLike
 
-__all__ = ["KNOBS", "AccuracyReport", "AccuracyRow", "accuracy"]
+    from sheetsplat.accuracy.knobs import Clock
+    from sheetsplat.accuracy.report import AccuracyReport
+    from sheetsplat.camera import Camera
+    from sheetsplat.image import Image
+    from sheetsplat.options.renderer import Backend, Progress
+    from sheetsplat.scene import Scene
+
+__all__ = ["accuracy"]
 
 
 def accuracy(
@@ -53,7 +54,7 @@ def accuracy(
     backend
         What draws, as for `Renderer`; the knob "precision" tries the others as well.
     knobs
-        Names of the knobs to vary, from `sheetsplat.accuracy.KNOBS`; all unless given.
+        Names of the knobs to vary, from `sheetsplat.accuracy.knobs.KNOBS`; all unless given.
     repeats
         Number of timed frames for each setting, after one that is not timed.
     reference_seconds

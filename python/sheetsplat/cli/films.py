@@ -50,7 +50,8 @@ def connected(address: str | None) -> Iterator[Any]:
     except ImportError as error:
         raise missing_package(f"the scheduler {address} cannot be used", error) from error
     try:
-        client: Any = Client(address, timeout=10)
+        connect: Any = Client
+        client = connect(address, timeout=10)
     except (OSError, ValueError, TimeoutError) as error:
         raise complain(
             f"the scheduler {address} cannot be used", str(error), "a running scheduler", kind=Error

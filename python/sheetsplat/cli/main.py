@@ -16,7 +16,6 @@ from typing import Any
 
 import click
 
-from sheetsplat import __version__
 from sheetsplat.cli.output import tell
 from sheetsplat.cli.wording import message
 from sheetsplat.errors import Error, InvalidInput
@@ -121,8 +120,24 @@ class _Group(click.Group):
         sys.exit(1)
 
 
+def _tell_version(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    if value and not context.resilient_parsing:
+        # Only here: help needs no native module.
+        from sheetsplat import __version__
+
+        click.echo(f"sheetsplat, version {__version__}")
+        context.exit()
+
+
 @click.command(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="sheetsplat")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_tell_version,
+    help="Show the version and exit.",
+)
 def main() -> None:
     """Image-aligned sheet-buffer splatting of volumes.
 

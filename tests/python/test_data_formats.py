@@ -450,6 +450,26 @@ def picture(path, version, channels=("DAPI", "GFP")):
 
 
 @pytest.mark.parametrize("version", [2, 3])
+def test_time_steps_of_ome_zarr(tmp_path, version):
+    path = tmp_path / "a.zarr"
+    group = needed("zarr").create_group(str(path), zarr_format=version)
+    stack = np.stack([VALUES, VALUES + 1, VALUES + 2])
+    group.create_array("0", data=stack, chunks=(1, 2, 3, 3))
+    axes = [{"name": "t", "type": "time"}, *({"name": one} for one in "zyx")]
+    scale = [{"type": "scale", "scale": [1.0, 1.0, 1.0, 1.0]}]
+    told = {"multiscales": [{"axes": axes, "datasets": [{"path": "0", "coordinateTransformations": scale}]}]}
+    group.attrs.update(told if version == 2 else {"ome": {"version": "0.5", **told}})
+    for step in range(3):
+        assert np.array_equal(ss.open(path, step=step).values, stack[step])
+    assert len(ss.animate(path, size=16, backend="reference")) == 3
+    for options, text in (({}, "3 time steps; wanted one; pass step=0"), ({"step": 3}, "no step 3 of 3")):
+        with pytest.raises(ss.InvalidInput, match=text):
+            ss.open(path, **options)
+    with pytest.raises(ss.InvalidInput, match="step for an array"):
+        ss.open(f"{path}:/0", step=0)
+
+
+@pytest.mark.parametrize("version", [2, 3])
 def test_zarr(tmp_path, version):
     path = zarr_array(tmp_path / "a.zarr", version)
     assert np.array_equal(ss.open(path).values, VALUES)

@@ -170,6 +170,34 @@ def test_the_time_axis_of_xarray(ball):
         ss.animate(renamed, **SMALL)
 
 
+@pytest.mark.parametrize("engine", ["scipy", "h5netcdf"])
+def test_the_time_axis_of_a_netcdf_file(ball, tmp_path, engine):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip(engine)
+    data = xarray.DataArray(np.array(growing(ball)), dims=("time", "z", "y", "x"), name="density")
+    path = tmp_path / "a.nc"
+    data.transpose("z", "time", "y", "x").to_netcdf(path, engine=engine)
+    film, wanted = ss.animate(path, **SMALL), ss.animate(growing(ball), **SMALL)
+    assert len(film) == 4
+    assert all(np.array_equal(a.pixels, b.pixels) for a, b in zip(film, wanted, strict=True))
+    assert len(ss.animate(f"{path}:/density", 8, **SMALL)) == 8
+    # A step by itself, and files without steps.
+    assert np.array_equal(ss.open(path, step=2).values, growing(ball)[2])
+    assert len(ss.animate(path, 5, step=1, **SMALL)) == 5
+    for options, text in (({}, "4 time steps; wanted one; pass step=0"), ({"step": 4}, "no step 4 of 4")):
+        with pytest.raises(ss.InvalidInput, match=text) as found:
+            ss.open(path, **options)
+        assert found.value.option == "step"
+    np.save(tmp_path / "a.npy", ball)
+    with pytest.raises(ss.InvalidInput, match="step for a file of format npy"):
+        ss.open(tmp_path / "a.npy", step=0)
+    # Frames in a folder say of which step they are.
+    film.save(tmp_path / "film")
+    made = {one.name: one.stat().st_mtime_ns for one in (tmp_path / "film").iterdir()}
+    ss.animate(path, **SMALL).save(tmp_path / "film")
+    assert made == {one.name: one.stat().st_mtime_ns for one in (tmp_path / "film").iterdir()}
+
+
 def test_steps_are_spread_over_the_frames_while_the_camera_moves(ball):
     keys = [ss.Camera.orthographic(eye, (9, 8, 6), (0, 0, 1), height=20) for eye in ((40, 8, 6), (9, 40, 6))]
     steps = growing(ball, 2)

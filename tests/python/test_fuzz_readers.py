@@ -214,6 +214,11 @@ def _blocks() -> Files:
     return {"a.vtm": (text + "</vtkMultiBlockDataSet></VTKFile>").encode(), "a.vti": _vti("ascii")}
 
 
+def _series() -> Files:
+    text = '<VTKFile type="Collection"><Collection><DataSet timestep="0.5" group="" part="0" file="a.vti"/>'
+    return {"a.pvd": (text + "</Collection></VTKFile>").encode(), "a.vti": _vti("ascii")}
+
+
 # What is read is the first file of each, or the folder that it is in; the others lie beside it.
 KINDS: dict[str, Callable[[Path], Files]] = {
     "npy": lambda _: {"a.npy": test_io.npy_bytes(test_io.VALUES)},
@@ -268,6 +273,7 @@ KINDS: dict[str, Callable[[Path], Files]] = {
     "vts": lambda _: {"a.vts": _structured("StructuredGrid", "raw")},
     "vtr": lambda _: {"a.vtr": _structured("RectilinearGrid", "ascii")},
     "vtm": lambda _: _blocks(),
+    "pvd": lambda _: _series(),
     "vtk": lambda _: {"a.vtk": vtk.LEGACY.encode()},
     "vtk binary": lambda _: {"a.vtk": _legacy_binary()},
     "meshio gmsh": _of_meshio("b.msh"),

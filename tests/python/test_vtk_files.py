@@ -337,3 +337,50 @@ def test_time_steps_of_vtkhdf_are_refused(tmp_path):
         file["VTKHDF"].create_group("Steps").attrs["NSteps"] = 3
     with pytest.raises(ss.InvalidInput, match="3 time steps"):
         ss.open(path)
+
+
+@pytest.mark.parametrize("kind", ["vti", "vtkhdf"])
+def test_series_of_vtk(tmp_path, kind):
+    """A .pvd names a file for each time."""
+    for step in range(3):
+        values = VALUES + step
+        vtkhdf(tmp_path / f"a{step}.vtkhdf", "ImageData", **{"PointData/a": values, "CellData/b": None})
+        body = " ".join(map(repr, values.ravel().tolist()))
+        (tmp_path / f"a{step}.vti").write_text(
+            '<VTKFile type="ImageData"><ImageData WholeExtent="0 5 0 4 0 3" Spacing="1 2 3" Origin="0 0 1">'
+            '<Piece Extent="0 5 0 4 0 3"><PointData Scalars="a"><DataArray type="Float64" Name="a" format="ascii">'
+            f"{body}</DataArray></PointData></Piece></ImageData></VTKFile>"
+        )
+    path = tmp_path / "run.pvd"
+
+    def write(rows):
+        sets = "".join(
+            f'<DataSet timestep="{time}" group="" part="{part}" file="{file}"/>' for time, part, file in rows
+        )
+        path.write_text(f'<VTKFile type="Collection" version="0.1"><Collection>{sets}</Collection></VTKFile>')
+
+    write([(0.5 * step, 0, f"a{step}.vti") for step in range(3)])
+    if kind == "vtkhdf":
+        write([(0.5 * step, 0, f"a{step}.{kind}") for step in range(3)])
+        with pytest.raises(ss.InvalidInput, match="a block of format vtkhdf image"):
+            ss.open(path, step=1)
+        return
+    assert np.array_equal(ss.open(path, step=1).values, VALUES + 1)
+    options = {"size": 16, "backend": "reference", "opacity": 0.5}
+    film = ss.animate(path, **options)
+    wanted = ss.animate([tmp_path / f"a{step}.vti" for step in range(3)], **options)
+    assert len(film) == 3 and all(np.array_equal(a.pixels, b.pixels) for a, b in zip(film, wanted, strict=True))
+    for options, text in (({}, "3 time steps; wanted one; pass step=0"), ({"step": 3}, "no step 3 of 3")):
+        with pytest.raises(ss.InvalidInput, match=text):
+            ss.open(path, **options)
+    for rows, text in (
+        ([(0, 0, "a0.vti"), (0, 1, "a1.vti")], "2 parts at time"),
+        ([(0, 0, "../a0.vti")], "a0.vti"),
+        ([], "no step 0 of 0|0 blocks"),
+        ([(0, 0, "gone.vti")], "gone.vti"),
+    ):
+        write(rows)
+        with pytest.raises(ss.Error, match=text):
+            ss.open(path)
+    write([(0, 0, "a2.vti")])
+    assert np.array_equal(ss.open(path).values, VALUES + 2)

@@ -23,6 +23,7 @@ from sheetsplat.errors import complain, unusable
 from sheetsplat.image import Image
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import check_names, definitions, documented, filled, pick
+from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.film import AnimateOptions, FilmOptions, TurnOptions, TurntableOptions, frames_of
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene_file import SceneFile
@@ -117,9 +118,9 @@ def animate(function_or_sequence: Any, frames: int | None = None, **options: Unp
     Parameters
     ----------
     function_or_sequence
-        A sequence of files, arrays, fields or scenes; a DataArray with a time axis, or an array (t, k, j, i); a
-        function of the number of the frame that returns any of what `sheetsplat.render` takes, or the picture itself;
-        or data that stay the same while the camera moves.
+        A sequence of files, arrays, fields or scenes; a file or a DataArray with a time axis, or an array
+        (t, k, j, i); a function of the number of the frame that returns any of what `sheetsplat.render` takes, or the
+        picture itself; or data that stay the same while the camera moves.
     frames
         Number of frames: the steps are spread evenly over them. Unless given, that of the steps; of data that stay the
         same and of functions it must be given.
@@ -144,7 +145,7 @@ def animate(function_or_sequence: Any, frames: int | None = None, **options: Unp
             return _of_pictures(function_or_sequence, first, count, given)
         steps = Steps.of_function(function_or_sequence, first, count)
     else:
-        steps = steps_of(function_or_sequence, options.get("scalar"))
+        steps = steps_of(function_or_sequence, pick(OpenOptions, options))
     if count is None:
         if len(steps) == 1 and not steps.is_series:
             raise complain(
@@ -199,7 +200,7 @@ def _of_steps(steps: Steps, count: int, options: Any, given: dict[str, Any]) -> 
 def _source(steps: Steps, number: int, look: SharedLook) -> Source | MemoryStep:
     path = steps.path(number)
     if path is not None:
-        return FileStep(path, look)
+        return FileStep(path, look, steps.options(number))
     return MemoryStep(lambda: steps[number], look)
 
 

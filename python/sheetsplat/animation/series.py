@@ -88,7 +88,8 @@ def one_look(
     of_data = {name: one for name, one in options.items() if name in definitions(OpenOptions) and name != "quality"}
     rest = {name: one for name, one in options.items() if name not in of_data}
     placed: dict[str, Any] = {} if camera is None else {"camera": camera}
-    looked = [steps[number] for number in _numbers(len(steps))]
+    numbers = _numbers(len(steps))
+    looked = [steps[number] for number in numbers]
     middle = looked[len(looked) // 2]
     if isinstance(middle, Scene):
         # The caller chose the look; the camera is that of the middle.
@@ -98,7 +99,10 @@ def one_look(
     look = pick_given(LookOptions, options)
     made = [isinstance(one, Field) for one in looked]
     with muted():
-        fields = [api.to_fields(one, **of_data) for one in looked]
+        fields = [
+            api.to_fields(one, **{**of_data, **steps.options(number)})
+            for number, one in zip(numbers, looked, strict=True)
+        ]
     if any(len(one) > 1 for one in fields):
         picture = api.prepare(fields[len(fields) // 2], **rest, **placed)
         scene, renderer = settled(picture)

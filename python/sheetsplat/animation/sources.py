@@ -73,11 +73,12 @@ class SharedLook:
     floor: float | None = None
     given: Mapping[str, Any] = field(default_factory=dict)
 
-    def of(self, data: Any) -> Scene:
-        """Return the scene of a step."""
+    def of(self, data: Any, options: Mapping[str, Any] | None = None) -> Scene:
+        """Return the scene of a step; `options` of `sheetsplat.open` choose it among those of a file."""
         if isinstance(data, Scene):
             return data
-        fields = api.to_fields(data, **self.opened)
+        opened: Any = {**self.opened, **(options or {})}
+        fields = api.to_fields(data, **opened)
         if len(fields) != len(self.scene.fields):
             raise complain(
                 "a step of the film cannot be drawn",
@@ -124,6 +125,7 @@ class FileStep:
 
     path: Path
     look: SharedLook
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def template(self) -> Scene:
@@ -132,17 +134,18 @@ class FileStep:
 
     def scene(self) -> Scene:
         """Return the scene of the file."""
-        return self.look.of(self.path)
+        return self.look.of(self.path, self.options)
 
     def digest(self) -> str:
-        """Return name, size and time of change of the file."""
+        """Return name, size and time of change of the file, and what chooses a step of it."""
         # FILE:/dataset names a part of a file.
         path = self.path if self.path.exists() else Path(str(self.path).partition(":/")[0])
         try:
             found = os.stat(path)
         except OSError as error:
             raise complain(f"{self.path} cannot be read", error.strerror or str(error), "a file of the film") from None
-        return f"{self.path.name} {found.st_size} {found.st_mtime_ns}"
+        chosen = "".join(f" {name} {one}" for name, one in self.options.items())
+        return f"{self.path.name} {found.st_size} {found.st_mtime_ns}{chosen}"
 
 
 @dataclass(frozen=True, eq=False)

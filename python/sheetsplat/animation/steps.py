@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from sheetsplat._checks import shown
 from sheetsplat._objects import kind_of_object
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields import Field
+from sheetsplat.io.opening import time_steps
+from sheetsplat.io.xarray_data import time_axis
 from sheetsplat.scene import Scene
-from sheetsplat.scene_file import SceneFile
+from sheetsplat.scene_file.file import SUFFIX, SceneFile
 
-_TIME = ("time", "t", "step", "frame", "timestep", "date", "member")
 _WANTED = "a sequence of files or data, an array (t, k, j, i), a DataArray with a time axis, or a function"
 
 
@@ -44,6 +43,10 @@ class Steps:
         """Return the file of a step, absolute, where it is one; functions are not asked."""
         return None
 
+    def options(self, number: int) -> dict[str, Any]:
+        """Return the options of `sheetsplat.open` that choose a step of its file."""
+        return {}
+
 
 class _Listed(Steps):
     """Steps that are known beforehand."""
@@ -56,13 +59,31 @@ class _Listed(Steps):
         return Path(os.path.abspath(one)) if isinstance(one, str | os.PathLike) else None
 
 
-def steps_of(data: Any, scalar: str | None) -> Steps:
-    """Return the steps of anything but a function; `scalar`: the variable of a Dataset."""
+class _OfFile(Steps):
+    """The time steps of one file, by the path and the options that choose each."""
+
+    def __init__(self, chosen: Sequence[tuple[Path, dict[str, Any]]]) -> None:
+        super().__init__(len(chosen), lambda number: chosen[number][0])
+        self._chosen = chosen
+
+    def path(self, number: int) -> Path:
+        return Path(os.path.abspath(self._chosen[number][0]))
+
+    def options(self, number: int) -> dict[str, Any]:
+        return self._chosen[number][1]
+
+
+def steps_of(data: Any, options: Mapping[str, Any]) -> Steps:
+    """Return the steps of anything but a function; `options`: those of `sheetsplat.open` that were given."""
+    if isinstance(data, str | os.PathLike) and Path(data).suffix.lower() != SUFFIX:
+        chosen = time_steps(data, {name: one for name, one in options.items() if one is not None})
+        if len(chosen) > 1:
+            return _OfFile(chosen)
     if isinstance(data, str | os.PathLike | Field | Scene | SceneFile):
         return _Listed([data], is_series=False)
     kind = kind_of_object(data)
     if kind is not None and kind.name in ("the DataArray", "the Dataset"):
-        return _of_xarray(data, scalar)
+        return _of_xarray(data, options.get("scalar"))
     if kind is None and isinstance(data, list | tuple):
         if not data:
             raise complain("the film cannot be made", "no data", "at least one step")
@@ -92,24 +113,15 @@ def _of_xarray(data: Any, scalar: str | None) -> Steps:
         data = data[chosen]
     if data.ndim <= 3:
         return _Listed([data], is_series=False)
-    axis = _time_axis(data)
+    axis = time_axis(data)
+    if axis is None and data.ndim == 4:
+        axis = data.dims[0]
+    if axis is None:
+        sizes = ", ".join(f"{name} {size}" for name, size in data.sizes.items())
+        raise complain(
+            "the film cannot be made of the DataArray",
+            sizes,
+            "a dimension named time",
+            "rename one, .rename(d0='time')",
+        )
     return Steps(data.sizes[axis], lambda number: data.isel({axis: number}))
-
-
-def _time_axis(array: Any) -> Hashable:
-    """Return the dimension that is time: by name, attribute or type of its coordinate; else the first of four."""
-    for name in array.dims:
-        coordinate = array.coords[name] if name in array.coords else None
-        told = {} if coordinate is None else coordinate.attrs
-        words = {str(name).lower(), str(told.get("standard_name", "")).lower()}
-        is_date = coordinate is not None and np.asarray(coordinate.values).dtype.kind in "mM"
-        if words.intersection(_TIME) or str(told.get("axis", "")).upper() == "T" or is_date:
-            found: Hashable = name
-            return found
-    if array.ndim == 4:
-        first: Hashable = array.dims[0]
-        return first
-    sizes = ", ".join(f"{name} {size}" for name, size in array.sizes.items())
-    raise complain(
-        "the film cannot be made of the DataArray", sizes, "a dimension named time", "rename one, .rename(d0='time')"
-    )

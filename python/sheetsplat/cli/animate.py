@@ -11,6 +11,7 @@ from sheetsplat.cli.films import film_options, write
 from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.output import check_outputs
 from sheetsplat.cli.scene import given_keywords
+from sheetsplat.errors import InvalidInput
 from sheetsplat.options.film import MOST_FRAMES
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def _camera_of(path: Path) -> Camera:
 @click.option(
     "--frames",
     type=click.IntRange(1, MOST_FRAMES),
-    help="Number of frames, over which the files are spread evenly.  [default: as many as there are files]",
+    help="Number of frames, over which the files are spread evenly.  [default: as many as there are files, or steps]",
 )
 @click.option(
     "--key",
@@ -58,6 +59,8 @@ def command(
 ) -> None:
     """Write a film of a time series, FILES in their order, with one look for all; or of one file and a moving camera.
 
+    One file with several time steps (NetCDF, OME-Zarr, .pvd) is a time series, too.
+
     Range, opacity, quality, camera and backend are decided once, by up to eight of the files from the first to the
     last. A folder goes on where it stopped.
 
@@ -72,12 +75,16 @@ def command(
     of_film = {"scheduler": options.pop("scheduler"), "workers": options.pop("workers")}
     of_film["overwrite"] = options.pop("overwrite")
     keywords = given_keywords(options)
-    if len(files) == 1 and frames is None:
-        raise click.UsageError("one file stays the same; give --frames, and --key for a camera that moves")
 
     def film() -> Animation:
         camera = [_camera_of(path) for path in keys] or None
         data = files[0] if len(files) == 1 else list(files)
-        return animate(data, frames, fps=fps, camera=camera, **keywords)
+        try:
+            return animate(data, frames, fps=fps, camera=camera, **keywords)
+        except InvalidInput as error:
+            if frames is None and error.option == "frames":
+                told = "this file stays the same; give --frames, and --key for a camera that moves"
+                raise click.UsageError(told) from None
+            raise
 
     write(film, output, files[0].name, of_film, as_json=as_json, quiet=quiet)

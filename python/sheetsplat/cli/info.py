@@ -165,6 +165,8 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     from sheetsplat.look.histogram import choose_for
 
     given = {name: value for name, value in file_options(options).items() if value or isinstance(value, str)}
+    if options["step"] is not None:
+        given["step"] = options["step"]
     if kind_of(path, given).scattered:
         data, field = open_scattered(path, given)
         told = {"points": len(data.points), "scalar": data.scalar, "scalars": list(data.scalars)}

@@ -19,8 +19,8 @@ _HELP = f"""Show FILES in a page of the browser: turn, enlarge, change colours, 
 Each is a volume: {LISTED_REGULAR} (these with --shape and --dtype). Or it is scattered data: {LISTED_SCATTERED}
 (--grid). Each may be gzipped. A single FILE may be a scene file (.toml), as the page saves it.
 
-Several files are a time series, with one look for all and a slider; with --choose they are shown one by one, each with
-its own look.
+Several files, or one file with several time steps, are a time series, with one look for all and a slider; with --choose
+files are shown one by one, each with its own look.
 
 The link of the page is printed on stdout. It works as long as the command runs; Ctrl-C ends it. All options say what
 the page shows first.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import Error, Words, complain
+from sheetsplat.errors import Error, Words, complain, option_ref
 from sheetsplat.io.records import Floats
 
 #: A file, or the name of data in memory, for messages.
@@ -28,6 +28,17 @@ def unreadable(
 ) -> Error:
     """Return the InvalidInput for a file, or data in memory, with invalid content."""
     return complain(f"{path} cannot be read", found, wanted, advice, option=option)
+
+
+def chosen_step(path: Where, count: int, step: int | None) -> int:
+    """Return the number of a time step: `step`, else that of the only one; InvalidInput where there is no such."""
+    if step is None and count > 1:
+        raise unreadable(path, f"{count} time steps", "one", "pass " + option_ref("step", "0"), option="step")
+    if not 0 <= (step or 0) < count:
+        raise unreadable(
+            path, f"no step {step or 0} of {count}", f"from 0 to {count - 1}" if count else "one or more", option="step"
+        )
+    return step or 0
 
 
 def sides(shape: Sequence[int]) -> str:

@@ -61,6 +61,9 @@ class Format:
         How lists of formats name it.
     parts
         Whether FILE:/part stands for one part of a file.
+    steps
+        "module:function", which takes a `Source`, or a `Folder`, and `name`, and returns the number of time steps, of
+        which the option ``step`` chooses one, or the file of each; empty where files have one.
     """
 
     name: str
@@ -72,6 +75,7 @@ class Format:
     shown: str = ""
     recognizes_folder: Callable[[Folder], bool] = lambda _: False
     parts: bool = False
+    steps: str = ""
 
     def read(self, source: Source | Folder, **options: Any) -> Any:
         """Return what the reader makes of a file or a folder."""
@@ -114,8 +118,8 @@ def _is_vtk_image(source: Source) -> bool:
 
 
 def _blocks_of(source: Source, *, scattered: bool) -> bool:
-    """Return whether a file names blocks, of which the shown one is a volume, or scattered data."""
-    if _vtk_kind(source) != "vtkMultiBlockDataSet":
+    """Return whether a file names others, of which the shown one is a volume, or scattered data."""
+    if _vtk_kind(source) not in ("vtkMultiBlockDataSet", "Collection"):
         return False
     kind: str = pkgutil.resolve_name(_IO + "vtk_xml.blocks:kind_of")(source)
     return (kind in SCATTERED) == scattered
@@ -220,9 +224,10 @@ FORMATS: tuple[Format, ...] = (
         "netcdf",
         _IO + "netcdf:read",
         _is_netcdf,
-        ("name", "resample"),
+        ("name", "resample", "step"),
         shown="NetCDF",
         parts=True,
+        steps=_IO + "netcdf:count_steps",
     ),
     Format(
         "vtkhdf image",
@@ -250,10 +255,11 @@ FORMATS: tuple[Format, ...] = (
     Format(
         "zarr",
         _IO + "zarr_folders:read",
-        options=("name",),
+        options=("name", "step"),
         shown="Zarr and OME-Zarr (FOLDER:/array)",
         recognizes_folder=_is_zarr,
         parts=True,
+        steps=_IO + "zarr_folders:count_steps",
     ),
     Format(
         "meshio",
@@ -285,18 +291,20 @@ FORMATS: tuple[Format, ...] = (
         "vtm image",
         _IO + "vtk_xml.blocks:read",
         lambda source: _blocks_of(source, scattered=False),
-        ("name", "resample"),
-        shown=".vtm of images",
+        ("name", "resample", "step"),
+        shown=".vtm and .pvd of images",
         parts=True,
+        steps=_IO + "vtk_xml.blocks:steps",
     ),
     Format(
         "vtm",
         _IO + "vtk_xml.blocks:read",
         lambda source: _blocks_of(source, scattered=True),
-        ("scalar",),
+        ("scalar", "step"),
         scattered=True,
-        shown=".vtm of meshes (FILE.vtm:/block)",
+        shown=".vtm and .pvd of meshes (FILE.vtm:/block)",
         parts=True,
+        steps=_IO + "vtk_xml.blocks:steps",
     ),
     Format("vtk", _IO + "vtk_xml.meshes:read", _is_vtk_xml, ("scalar",), scattered=True, shown=".vtu, .vts, .vtp"),
     Format(

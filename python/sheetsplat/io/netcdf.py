@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -13,7 +15,7 @@ from sheetsplat import _memory
 from sheetsplat.io.hdf5_access import seekable, walk
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
-from sheetsplat.io.xarray_data import read_set
+from sheetsplat.io.xarray_data import one_step, read_array, steps_of, variable
 
 
 def _classic(source: Source) -> Any:
@@ -22,14 +24,9 @@ def _classic(source: Source) -> Any:
     return io.BytesIO(source.payload("raw").array(np.dtype(np.uint8), size).tobytes())
 
 
-def read(source: Source, name: str | None = None, resample: bool = False) -> Volume:
-    """Read a variable with three dimensions: FILE:/group/variable or `name`, else the only one.
-
-    Coordinates, names, units and missing values are those of the CF conventions; see `xarray_data.read_array`.
-
-    Raises InvalidInput where there is none or more than one, for uneven coordinates unless `resample` is true, and for
-    links to other files.
-    """
+@contextlib.contextmanager
+def _opened(source: Source, name: str | None) -> Iterator[Any]:
+    """Yield a variable as a DataArray: FILE:/group/variable or `name`, else the only one."""
     import xarray  # type: ignore[import-not-found, unused-ignore]
 
     # Times stay numbers, with their units.
@@ -49,7 +46,26 @@ def read(source: Source, name: str | None = None, resample: bool = False) -> Vol
             walk(source.path, file, strict=True)
         options |= {"group": group or None, "phony_dims": "access"}
     with xarray.open_dataset(opened, engine=engine, **options) as data:
-        found = read_set(data, source.path, name, resample)
+        yield variable(data, source.path, name)
+
+
+def count_steps(source: Source, name: str | None = None) -> int:
+    """Return the number of time steps of a variable."""
+    with _opened(source, name) as array:
+        return steps_of(array)
+
+
+def read(source: Source, name: str | None = None, resample: bool = False, step: int | None = None) -> Volume:
+    """Read a variable with three dimensions: FILE:/group/variable or `name`, else the only one.
+
+    Of a variable with times as well, `step` is one of them. Coordinates, names, units and missing values are those of
+    the CF conventions; see `xarray_data.read_array`.
+
+    Raises InvalidInput where there is no variable or more than one, for several times without `step`, for uneven
+    coordinates unless `resample` is true, and for links to other files.
+    """
+    with _opened(source, name) as array:
+        found = read_array(one_step(array, source.path, step), source.path, resample)
     return Volume(
         np.asarray(found.values),
         found.spacing,

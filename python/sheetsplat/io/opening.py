@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pkgutil
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -24,10 +25,10 @@ from sheetsplat.io.source import opened
 # Options of regular volumes alone, and of scattered data alone.
 REGULAR = ("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter", "nan")
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
-_POINTS = ("grid", "scalar", "particles", "support")
+_POINTS = ("grid", "scalar", "particles", "support", "step")
 _ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale")
 _SAMPLES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
-_RAW = ("shape", "dtype", "offset", "name", "resample")
+_RAW = ("shape", "dtype", "offset", "name", "resample", "step")
 #: Options that say how data are read.
 READING = (*_RAW, *_POINTS)
 
@@ -40,6 +41,7 @@ def read_volume(
     offset: int = 0,
     name: str | None = None,
     resample: bool = False,
+    step: int | None = None,
 ) -> Volume:
     """Read a volume; the format is found by content, then by suffix, and gzipped files are decompressed.
 
@@ -54,9 +56,10 @@ def read_volume(
     name
         The array to take, where the file has several. For .vti: the array, one column of one (NAME_x), or the length of
         a vector; the file's own scalars unless given. For DICOM the series, for OME-Zarr the channel.
-
     resample
         For formats with coordinates: interpolate samples at uneven ones.
+    step
+        The time step to take of a file with several, from 0 on.
 
     Raises
     ------
@@ -73,7 +76,7 @@ def read_volume(
     >>> ss.io.read_volume("cube.npy").values.shape
     (8, 8, 8)
     """
-    options = given(shape=shape, dtype=dtype, offset=offset or None, name=name, resample=resample or None)
+    options = given(shape=shape, dtype=dtype, offset=offset or None, name=name, resample=resample or None, step=step)
     with opened(path) as source:
         found = format_of(source, raw_options="shape" in options or "dtype" in options)
         if found.scattered:
@@ -90,6 +93,9 @@ def read_volume(
         if resample and "resample" not in found.options:
             wanted = "it only for formats with coordinates"
             raise complain(failed, option_ref("resample") + f" for a file of format {found.name}", wanted)
+        if step is not None and "step" not in found.options:
+            wanted = "it only for formats with time steps"
+            raise complain(failed, option_ref("step") + f" for a file of format {found.name}", wanted, option="step")
         volume: Volume = found.read(source, **options)
         return volume
 
@@ -101,6 +107,7 @@ def read_scattered(
     scalar: str | None = None,
     particles: str | None = None,
     support: float | None = None,
+    step: int | None = None,
 ) -> Scattered:
     r"""Read scattered data; the format is found by content, then by suffix, and gzipped files are decompressed.
 
@@ -116,6 +123,8 @@ def read_scattered(
         For HDF5: the group, PartType0 unless given.
     support
         For HDF5: radius of the kernels' supports in smoothing lengths; found by the densities unless given.
+    step
+        The time step to take of a file with several, from 0 on.
 
     Raises
     ------
@@ -136,7 +145,7 @@ def read_scattered(
     found = find_format(path, raw_options=False, name=None, grid=grid is not None)
     if not found.scattered:
         raise unreadable(Path(path), f"a file of format {found.name}", "scattered data: " + ", ".join(SCATTERED))
-    options = given(grid=grid, scalar=scalar, particles=particles, support=support)
+    options = given(grid=grid, scalar=scalar, particles=particles, support=support, step=step)
     for name in options.keys() - set(found.options):
         refused = option_ref(name) + f" for a file of format {found.name}"
         raise complain(f"{path} cannot be read with these options", refused, "it only for HDF5", option=name)
@@ -171,6 +180,8 @@ def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Format:
     raw = any(name in options for name in ("shape", "dtype"))
     grid = options.get("grid") is not None
     found = find_format(path, raw_options=raw, name=options.get("name"), grid=grid)
+    if "step" not in found.options:
+        _refuse(path, options, ("step",), f"a file of format {found.name}")
     if found.scattered:
         _refuse(path, options, REGULAR, f"scattered data ({found.name})")
     else:
@@ -203,6 +214,24 @@ def _in_decades(volume: Volume, log: bool | float, where: str) -> Volume:
     kept = values.astype(np.float32) if volume.values.dtype.itemsize <= 4 else values
     floor = log_base(volume.values, what, log) if values.size else None
     return replace(volume, values=kept, quantity=replace(volume.quantity, floor=floor))
+
+
+def time_steps(path: str | os.PathLike[str], options: Mapping[str, Any]) -> list[tuple[Path, dict[str, Any]]]:
+    """Return a path and further options for each time step of a file; itself where it has one.
+
+    `options` are those of `open_field`; where they choose a step, that is all.
+    """
+    alone: list[tuple[Path, dict[str, Any]]] = [(Path(path), {})]
+    if options.get("step") is not None:
+        return alone
+    found = kind_of(path, options)
+    if not found.steps:
+        return alone
+    with opened(path) as source:
+        steps: int | list[Path] = pkgutil.resolve_name(found.steps)(source, options.get("scalar", options.get("name")))
+    if isinstance(steps, int):
+        return [(Path(path), {"step": number}) for number in range(steps)] if steps > 1 else alone
+    return [(one, {}) for one in steps] or alone
 
 
 def open_scattered(path: str | os.PathLike[str], options: Mapping[str, Any]) -> tuple[Scattered, EllipsoidField]:

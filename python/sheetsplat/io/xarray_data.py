@@ -11,7 +11,7 @@ import numpy as np
 from sheetsplat import notices
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.io.axes import on_even_axes
-from sheetsplat.io.checks import Where, listed, printable, unreadable
+from sheetsplat.io.checks import Where, chosen_step, listed, printable, unreadable
 from sheetsplat.io.lazy_arrays import require_volume
 from sheetsplat.io.records import Floats, Volume
 from sheetsplat.orientation import Orientation
@@ -27,6 +27,8 @@ _NAMES = (
 _PRESSURES = ("Pa", "hPa", "kPa", "mbar", "millibar", "bar", "dbar", "decibar")
 # Axes of different units are told where one is this many times as long as another.
 _FLAT = 20.0
+
+_TIMES = ("time", "t", "step", "frame", "timestep", "date", "member")
 
 _log = logging.getLogger("sheetsplat")
 
@@ -140,10 +142,36 @@ def _tell_units(where: Where, names: Sequence[Hashable], units: Sequence[str], c
                      + " to choose their lengths in the picture")  # fmt: skip
 
 
-def read_set(data: Any, where: Where, scalar: str | None = None, resample: bool = False) -> Volume:
-    """Return one variable of a Dataset as a volume: `scalar`, else the only one with three dimensions or more.
+def time_axis(array: Any) -> Hashable | None:
+    """Return the dimension that is time, by the name, the attributes or the type of its coordinate; None for none."""
+    for name in array.dims:
+        coordinate = array.coords[name] if name in array.coords else None
+        told = {} if coordinate is None else coordinate.attrs
+        words = {str(name).lower(), str(told.get("standard_name", "")).lower()}
+        is_date = coordinate is not None and np.asarray(coordinate.values).dtype.kind in "mM"
+        if words.intersection(_TIMES) or str(told.get("axis", "")).upper() == "T" or is_date:
+            found: Hashable = name
+            return found
+    return None
 
-    Raises InvalidInput where there is none or more than one, and what `read_array` raises.
+
+def steps_of(array: Any) -> int:
+    """Return the number of time steps of a DataArray with more than three dimensions; 1 for others."""
+    axis = time_axis(array) if array.ndim > 3 else None
+    return 1 if axis is None else int(array.sizes[axis])
+
+
+def one_step(array: Any, where: Where, step: int | None) -> Any:
+    """Return a DataArray at one time step; the only one unless given. InvalidInput where there are others."""
+    count = steps_of(array)
+    number = chosen_step(where, count, step)
+    return array if count == 1 else array.isel({time_axis(array): number})
+
+
+def variable(data: Any, where: Where, scalar: str | None = None) -> Any:
+    """Return one variable of a Dataset: `scalar`, else the only one with three dimensions or more.
+
+    Raises InvalidInput where there is none or more than one.
     """
     known = {str(name): name for name, one in data.data_vars.items() if one.ndim >= 3 and one.dtype.kind in "biuf"}
     if scalar is None and len(known) == 1:
@@ -155,4 +183,9 @@ def read_set(data: Any, where: Where, scalar: str | None = None, resample: bool 
             raise complain(what, found, "one of them", "pass " + option_ref("scalar", "..."), option="scalar")
         there = listed([f"{name} {dict(one.sizes)}" for name, one in data.data_vars.items()])
         raise complain(what, f"no variable of three dimensions, but {there or 'nothing'}", "one")
-    return read_array(data[known[scalar]], where, resample)
+    return data[known[scalar]]
+
+
+def read_set(data: Any, where: Where, scalar: str | None = None, resample: bool = False) -> Volume:
+    """Return one variable of a Dataset as a volume, as `variable` chooses it and `read_array` reads it."""
+    return read_array(variable(data, where, scalar), where, resample)

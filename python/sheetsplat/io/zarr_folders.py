@@ -19,7 +19,7 @@ import numpy as np
 from sheetsplat import _memory
 from sheetsplat._checks import shown, triple
 from sheetsplat.errors import Unsupported, complain, option_ref
-from sheetsplat.io.checks import checked_shape, listed, printable, unreadable
+from sheetsplat.io.checks import checked_shape, chosen_step, listed, printable, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import DEFLATE_RATIO, Folder
 from sheetsplat.quantity import Quantity
@@ -199,7 +199,28 @@ def _channel(path: Path, count: int, told: dict[str, Any], name: str | None) -> 
     raise unreadable(path, found, "one of them", advice, option="name")
 
 
-def _multiscale(path: Path, told: dict[str, Any], name: str | None) -> Volume:
+def _image(source: Folder) -> tuple[Path, Any]:
+    """Return a place, and its attributes where it is an OME-Zarr image, else {}."""
+    root = _below(source.path, source.inner) if source.inner else source.path
+    told = {} if _is_array(root) else _attributes(root)
+    told = told.get("ome", told)
+    is_image = isinstance(told, dict) and isinstance(told.get("multiscales"), list) and told["multiscales"]
+    return root, told if is_image else {}
+
+
+def count_steps(source: Folder, name: str | None = None) -> int:
+    """Return the number of time steps of an OME-Zarr image, 1 for arrays."""
+    root, told = _image(source)
+    if not told:
+        return 1
+    image = told["multiscales"][0]
+    axes = [str(one["name"] if isinstance(one, dict) else one).lower() for one in image["axes"]]
+    shape, _, _ = _sizes(_below(root, image["datasets"][0]["path"]))
+    times = [count for axis, count in zip(axes, shape, strict=False) if axis not in ("x", "y", "z", "c")]
+    return times[0] if times else 1
+
+
+def _multiscale(path: Path, told: dict[str, Any], name: str | None, step: int | None) -> Volume:
     """Return the finest scale of an OME-Zarr image that fits into memory (specification 0.4 and 0.5)."""
     image = told["multiscales"][0]
     axes = [str(one["name"] if isinstance(one, dict) else one).lower() for one in image["axes"]]
@@ -228,10 +249,8 @@ def _multiscale(path: Path, told: dict[str, Any], name: str | None) -> Volume:
             index.append(slice(None))
         elif axis == "c":
             index.append(_channel(path, count, told, name))
-        elif count == 1:
-            index.append(0)
         else:
-            raise unreadable(path, f"{count} steps along {axis}", "one", "choose one of them")
+            index.append(chosen_step(path, count, step))
     values = _read_array(place, tuple(index))
     spatial = [axis for axis in axes if axis in "xyz"]
     steps, start = _transforms(path, axes, level, image)
@@ -266,29 +285,30 @@ def _transforms(path: Path, axes: list[str], level: Any, image: Any) -> tuple[di
     return steps, start
 
 
-def read(source: Folder, name: str | None = None) -> Volume:
+def read(source: Folder, name: str | None = None, step: int | None = None) -> Volume:
     """Read an array of a Zarr folder, or an OME-Zarr image: the finest scale whose samples take a fifth of the memory.
 
-    FOLDER:/array chooses an array of a group. Of an image `name` chooses the channel, by label or number.
+    FOLDER:/array chooses an array of a group. Of an image `name` chooses the channel, by label or number, and `step`
+    one of several times, from 0 on.
 
     Raises
     ------
     InvalidInput
-        For groups with several arrays, other than three axes, several time steps, links, and chunks that unpack to more
-        than their size.
+        For groups with several arrays, other than three axes, several times without `step`, links, and chunks that
+        unpack to more than their size.
     Unsupported
         For codecs that run code, or unpack without a bound.
     """
-    root = _below(source.path, source.inner) if source.inner else source.path
+    root, told = _image(source)
+    if told:
+        return _multiscale(root, told, name, step)
+    if step is not None:
+        raise unreadable(root, option_ref("step") + " for an array", "it for images (OME-Zarr)", option="step")
     if _is_array(root):
         if name is not None:
             wanted = "it for groups and images"
             raise unreadable(root, option_ref("name") + " for a single array", wanted, option="name")
         return _plain(root)
-    told = _attributes(root)
-    told = told.get("ome", told)
-    if isinstance(told, dict) and isinstance(told.get("multiscales"), list) and told["multiscales"]:
-        return _multiscale(root, told, name)
     if name is not None:
         return _plain(_below(root, name))
     arrays = sorted(one.name for one in root.iterdir() if one.is_dir() and not one.is_symlink() and _is_array(one))

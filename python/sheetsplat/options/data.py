@@ -132,6 +132,14 @@ class FileOptions(TypedDict, total=False):
         str | None,
         Option("The array to take of a file with several volumes; of DICOM the series, of OME-Zarr the channel."),
     ]
+    step: Annotated[
+        int | None,
+        Option(
+            "The time step to take of a file with several, from 0 on: NetCDF, OME-Zarr, .pvd.",
+            unset="the only one",
+            value=Whole(0),
+        ),
+    ]
     scalar: Annotated[
         str | None,
         Option(

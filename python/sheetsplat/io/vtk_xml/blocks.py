@@ -1,4 +1,4 @@
-"""Blocks (.vtm): a file that names other files, of which one is shown. Only files of its own folder are opened."""
+"""Files that name others, one of which is shown: blocks (.vtm), series (.pvd). Only files beside them are opened."""
 
 from __future__ import annotations
 
@@ -6,23 +6,25 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sheetsplat._checks import shown
+from sheetsplat.errors import option_ref
 from sheetsplat.io import formats
-from sheetsplat.io.checks import beside, listed, printable, unreadable
+from sheetsplat.io.checks import beside, chosen_step, listed, printable, unreadable
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.source import Source
 from sheetsplat.io.vtk_xml.document import GuardedParser
 
-_KIND = "vtkMultiBlockDataSet"
+_BLOCKS, _SERIES = "vtkMultiBlockDataSet", "Collection"
 _CHUNK = 1 << 20
 _MOST_BLOCKS = 10_000
 
 
 @dataclass(frozen=True)
 class _Block:
-    """A data set: its name, with those of the blocks around it, and its file."""
+    """A data set: its name, with those of the blocks around it; its file; and the time, as a series has it."""
 
     name: str
     file: str
+    time: str
 
 
 class _Parser(GuardedParser):
@@ -31,29 +33,56 @@ class _Parser(GuardedParser):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._names: list[str] = []
+        self.is_series = False
         self.blocks: list[_Block] = []
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         """Take the names of blocks and the files of data sets."""
         depth = len(self._stack)
-        if depth == 0 and (name != "VTKFile" or attributes.get("type") != _KIND):
-            raise unreadable(self._path, f"<{shown(name)[1:-1]}>", f"a VTK file of type {_KIND}")
+        if depth == 0:
+            kind = attributes.get("type")
+            if name != "VTKFile" or kind not in (_BLOCKS, _SERIES):
+                raise unreadable(self._path, f"<{shown(name)[1:-1]}>", f"a VTK file of type {_BLOCKS} or {_SERIES}")
+            self.is_series = kind == _SERIES
         own = printable(attributes.get("name")) or printable(attributes.get("index")) or name
         del self._names[depth:]
         self._names.append(own)
         if name == "DataSet" and attributes.get("file"):
             if len(self.blocks) >= _MOST_BLOCKS:
                 raise unreadable(self._path, f"more than {_MOST_BLOCKS} blocks", "fewer")
-            self.blocks.append(_Block("/".join(self._names[2:]), attributes["file"]))
+            time = printable(attributes.get("timestep"))
+            self.blocks.append(_Block("/".join(self._names[2:]), attributes["file"], time))
 
 
-def _chosen(source: Source) -> Path:
-    """Return the file of the only block, or of that which FILE:/name names; InvalidInput unless there is one."""
+def _parsed(source: Source) -> _Parser:
     parser = _Parser(source.path)
     source.stream.seek(0)
     while piece := source.stream.read(_CHUNK):
         parser.feed(piece)
     parser.feed(b"", True)
+    return parser
+
+
+def _files(source: Source, parser: _Parser) -> list[Path]:
+    """Return the file of each time of a series, in the order of the file."""
+    times: dict[str, list[str]] = {}
+    for one in parser.blocks:
+        times.setdefault(one.time, []).append(one.file)
+    several = next((time for time, files in times.items() if len(files) > 1), None)
+    if several is not None:
+        found = f"{len(times[several])} parts at time {shown(several)}"
+        raise unreadable(source.path, found, "one file for each time", "save each time as one file")
+    return [beside(source.path, files[0]) for files in times.values()]
+
+
+def _chosen(source: Source, step: int | None) -> Path:
+    """Return the file of a time, of the only block, or of that which FILE:/name names; InvalidInput without one."""
+    parser = _parsed(source)
+    if parser.is_series:
+        files = _files(source, parser)
+        return files[chosen_step(source.path, len(files), step)]
+    if step is not None:
+        raise unreadable(source.path, option_ref("step") + " for blocks", "it for time series (.pvd)", option="step")
     wanted = source.inner.strip("/")
     names = [one.name for one in parser.blocks]
     found = [one for one in parser.blocks if one.name == wanted] if wanted else parser.blocks
@@ -65,17 +94,27 @@ def _chosen(source: Source) -> Path:
 
 
 def kind_of(source: Source) -> str:
-    """Return the name of the format of the block that is shown."""
-    with Source(_chosen(source)) as block:
+    """Return the name of the format of the block that is shown, or of the first time."""
+    parser = _parsed(source)
+    files = _files(source, parser) if parser.is_series else []
+    with Source(files[0] if files else _chosen(source, None)) as block:
         return formats.format_of(block).name
 
 
-def read(source: Source, **options: object) -> Volume | Scattered:
+def steps(source: Source, name: str | None = None) -> list[Path]:
+    """Return the file of each time of a series; of blocks none."""
+    parser = _parsed(source)
+    return _files(source, parser) if parser.is_series else []
+
+
+def read(source: Source, step: int | None = None, **options: object) -> Volume | Scattered:
     """Read the only block, or that which FILE:/name names (its index where it has no name), as its format says.
+
+    Of a time series `step` is the number of the time, from 0 on.
 
     Raises InvalidInput where there is none or more than one, and for files outside the folder of this one.
     """
-    path = _chosen(source)
+    path = _chosen(source, step)
     with Source(path) as block:
         own = formats.format_of(block)
         if own.name not in formats.OF_BLOCKS:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import threading
 import time
 from pathlib import Path
@@ -15,8 +16,9 @@ import sheetsplat as ss
 from sheetsplat import datasets
 from sheetsplat.viewer import coarse, compose, frames, protocol
 from sheetsplat.viewer import session as session_module
+from sheetsplat.viewer.client import Client
 from sheetsplat.viewer.data import Shown
-from sheetsplat.viewer.session import Client, Session
+from sheetsplat.viewer.session import Session
 from sheetsplat.viewer.state import Curves, handles
 
 SIZE = (48, 40)
@@ -374,6 +376,78 @@ def test_pick_save_view_code_and_measures(opened, tmp_path):
     page.say(type="measure", what="error")
     found, payload = page.wait("error_map")
     assert found["rmse"] == pytest.approx(session.picture().error.rmse) and payload[:4] == b"\x89PNG"
+
+
+def test_films_are_made_beside_the_pictures(opened):
+    pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
+    session = opened(times=[volume(), 0.5 * volume(0.3), 0.2 * volume()])
+    page = Page(session)
+    page.wait("about")
+    order = {"type": "film", "frames": 3, "fps": 10, "kind": "gif", "width": 32, "height": 24}
+    for what, backdrop in (("turn", "#204060"), ("times", "#ffffff")):
+        page.set(backdrop=backdrop)
+        page.wait("frame", last=True)
+        page.clear()
+        page.say(**order, what=what)
+        message, payload = page.wait("file")
+        assert message["name"].endswith(".gif") and message["kind"] == "image/gif"
+        page.wait("filmed", stopped=False)
+        film = Pillow.open(io.BytesIO(payload))
+        assert film.n_frames == 3 and film.size == (32, 24)
+        corner = np.asarray(film.convert("RGB"))[0, 0]
+        assert np.abs(corner - np.array([int(backdrop[n : n + 2], 16) for n in (1, 3, 5)])).max() <= 8
+    # What is filmed is what was shown when it was ordered.
+    wanted = ss.turntable(session.scene(), frames=3, camera=session.state.camera, size=(32, 24), backend="cpu")
+    assert [camera.eye for camera in wanted.cameras][0] == session.state.camera.eye
+
+
+def test_films_are_given_up_and_refused(opened):
+    pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
+    session = opened()
+    page = Page(session)
+    page.wait("about")
+    order = {"type": "film", "what": "turn", "frames": 2000, "fps": 10, "kind": "gif", "width": 48, "height": 40}
+    page.say(**order)
+    page.wait("filming")
+    page.say(**order)
+    assert "a film is being made" in page.wait("error")[0]["text"]
+    page.say(type="film_stop")
+    page.wait("filmed", stopped=True)
+    page.clear()
+    page.say(**{**order, "what": "times"})
+    assert "one time" in page.wait("error")[0]["text"]
+    page.wait("filmed", stopped=True)
+    # A page that goes takes its film with it.
+    page.clear()
+    page.say(**order)
+    page.wait("filming")
+    session.disconnect(page.client)
+    page.wait("filmed", stopped=True)
+    for wrong in ({"frames": 1}, {"frames": 3000}, {"kind": "exe"}, {"what": "all"}, {"fps": 0}, {"width": 0}):
+        assert protocol.parse(json.dumps({**order, **wrong})) is None
+    assert protocol.parse(json.dumps(order)) is not None
+
+
+@pytest.mark.parametrize("engine", ["scipy", "h5netcdf"])
+def test_steps_of_a_file_are_times(opened, tmp_path, engine):
+    xarray = pytest.importorskip("xarray", reason="xarray is not installed")
+    pytest.importorskip(engine)
+    steps = np.stack([volume(), 0.5 * volume(0.3)])
+    xarray.DataArray(steps, dims=("time", "z", "y", "x"), name="t").to_netcdf(tmp_path / "a.nc", engine=engine)
+    session = opened(tmp_path / "a.nc")
+    page = Page(session)
+    assert page.wait("state")[0]["data"]["times"] == ["step 0", "step 1"]
+    page.set(time=1)
+    page.wait("frame", last=True)
+    assert np.array_equal(session.scene().fields[0].values, steps[1])
+    assert "step=1" in session.code()
+    for mode in ("composite", "isosurface", "mip", "xray"):
+        page.set(mode=mode)
+        page.wait("frame", last=True)
+        space = {}
+        exec(session.code().replace('image.save("picture.png")', ""), space)
+        image = session.picture()
+        assert frames.levels(space["image"], (0, 0, 0)).tolist() == frames.levels(image, (0, 0, 0)).tolist(), mode
 
 
 @pytest.mark.slow

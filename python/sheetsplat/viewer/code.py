@@ -74,7 +74,8 @@ def _settings(shown: Shown, state: State) -> dict[str, Any]:
 
 def _arguments(shown: Shown, state: State, scene: Scene) -> Mapping[str, Any]:
     """Return the keyword arguments of `render`, without camera and size."""
-    options = {name: value for name, value in shown.options.items() if name not in (*_OF_CAMERA, "size", "depth_cue")}
+    given = shown.options_at(state.time)
+    options = {name: value for name, value in given.items() if name not in (*_OF_CAMERA, "size", "depth_cue")}
     options |= {"mode": state.mode, "quality": state.quality, **_settings(shown, state)}
     options = {name: value for name, value in options.items() if (name, value) not in _DEFAULTS}
     if isinstance(shown.options.get("depth_cue"), str) or "depth_cue" in state.changes:
@@ -102,11 +103,15 @@ _DEFAULTS = (("mode", "composite"), ("quality", "good"))
 def _changes(state: State, scene: Scene) -> dict[str, Any]:
     """Return what was changed in the viewer, as the scene has it now."""
     found = {name: scene.options[name] for name in state.changes if name in scene.options and name != "depth_cue"}
-    if "surfaces" in state.changes and scene.mode == "isosurface":
+    # Later times have the look of the first one.
+    later = state.time > 0
+    if ("surfaces" in state.changes or later) and scene.mode == "isosurface":
         found["iso_value"] = scene.iso_value
         found["transfer_function"] = _functions(scene.transfer_functions, {})
-    if state.curves and scene.mode == "composite":
+    if (state.curves or later) and scene.mode == "composite":
         found["transfer_function"] = _functions(scene.transfer_functions, state.curves)
+    if later and scene.mode not in ("composite", "isosurface"):
+        found |= {"scalar_colors": scene.options["scalar_colors"], "slice_spacing": scene.slice_spacing}
     return found
 
 

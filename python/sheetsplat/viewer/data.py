@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,8 +18,10 @@ from sheetsplat.camera import Camera
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera
+from sheetsplat.io.opening import time_steps
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import pick
+from sheetsplat.options.core import pick, pick_given
+from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.renderer import RendererOptions
 from sheetsplat.plan import PictureQuality
 from sheetsplat.scene import Scene
@@ -37,22 +40,23 @@ MOST_DATA = 100_000
 
 
 class _Recent:
-    """The values that were used last."""
+    """The values that were used last. Threads that share a lock wait for the one that makes a value."""
 
-    def __init__(self, most: int) -> None:
-        self._most = most
+    def __init__(self, most: int, lock: threading.RLock) -> None:
+        self._most, self._lock = most, lock
         self._values: OrderedDict[Hashable, Any] = OrderedDict()
 
     def get(self, key: Hashable, make: Callable[[], Made]) -> Made:
         """Return the value of a key, made where it is not there."""
-        if key not in self._values:
-            # Room first: the largest data fit once.
-            while len(self._values) >= self._most:
-                self._values.popitem(last=False)
-            self._values[key] = make()
-        self._values.move_to_end(key)
-        found: Made = self._values[key]
-        return found
+        with self._lock:
+            if key not in self._values:
+                # Room first: the largest data fit once.
+                while len(self._values) >= self._most:
+                    self._values.popitem(last=False)
+                self._values[key] = make()
+            self._values.move_to_end(key)
+            found: Made = self._values[key]
+            return found
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,8 @@ class Shown:
     Parameters
     ----------
     data
-        As for `sheetsplat.render`; None where `choices` or `times` are given.
+        As for `sheetsplat.render`; None where `choices` or `times` are given. A file with several time steps is a
+        series.
     options
         Those of `sheetsplat.render`.
     choices
@@ -128,14 +133,23 @@ class Shown:
         self._choices = _named("choices", choices) if choices is not None else ()
         self._times = _named("times", times) if times is not None else ()
         self._data, self._scene_file = data, _scene_file_of(data)
+        # Options that choose a time of a file.
+        self._steps: list[dict[str, Any]] = []
+        if isinstance(data, str | os.PathLike) and self._scene_file is None:
+            steps = time_steps(data, pick_given(OpenOptions, self.options))
+            if len(steps) > 1:
+                self._times = tuple((f"step {number}", path) for number, (path, _) in enumerate(steps))
+                self._steps = [chosen for _, chosen in steps]
         if self._scene_file is not None:
             made = self._scene_file.prepare(**self.options)
             self._data, self.options = (
                 made.scene,
                 {**pick(RendererOptions, made.renderer.settings), "camera": made.camera},
             )
-        self._opened, self._scenes = _Recent(_KEPT_DATA), _Recent(_KEPT_SCENES)
-        self._histograms, self._coarse = _Recent(_KEPT_DATA), _Recent(_KEPT_SCENES)
+        # One lock for all: the values of one are made of those of another.
+        lock = threading.RLock()
+        self._opened, self._scenes = _Recent(_KEPT_DATA, lock), _Recent(_KEPT_SCENES, lock)
+        self._histograms, self._coarse = _Recent(_KEPT_DATA, lock), _Recent(_KEPT_SCENES, lock)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -146,6 +160,10 @@ class Shown:
     def times(self) -> tuple[str, ...]:
         """Names of the times; none where there is one."""
         return tuple(name for name, _ in self._times)
+
+    def options_at(self, time: int) -> dict[str, Any]:
+        """Return the options of `render` for a time."""
+        return {**self.options, **self._steps[time]} if self._steps else self.options
 
     def data(self, choice: int, time: int) -> object:
         """Return data as they were given."""
@@ -174,10 +192,11 @@ class Shown:
 
     def _with_log(self, choice: int, time: int) -> dict[str, Any]:
         """Return the options for a time: logarithms of all times are decades above one number."""
-        if not time or self.options.get("log") is not None:
-            return self.options
+        options = self.options_at(time)
+        if not time or options.get("log") is not None:
+            return options
         floors = {one.quantity.floor for one in self.base(choice, 0).scene.fields} - {None}
-        return {**self.options, "log": floors.pop()} if len(floors) == 1 else self.options
+        return {**options, "log": floors.pop()} if len(floors) == 1 else options
 
     def base(self, choice: int, time: int = 0, mode: str | None = None, quality: str | None = None) -> Prepared:
         """Return the scene and the camera that follow from data and options, before anything is changed.

@@ -15,6 +15,9 @@ from typing import Any
 
 #: Most bytes of a message from a page. Transfer functions of a thousand points fit.
 LONGEST = 1 << 17
+#: Kinds of films, and what browsers call them.
+FILMS = {"mp4": "video/mp4", "webm": "video/webm", "gif": "image/gif"}
+_MOST_FRAMES, _FASTEST = 2000, 120
 _MOST_PIXELS, _WIDEST = 1 << 25, 8192
 
 
@@ -68,6 +71,15 @@ _KNOWN: dict[str, dict[str, Callable[[Any], bool]]] = {
     },
     "reset": {},
     "save": {"width": _is_length, "height": _is_length},
+    "film": {
+        "what": _one_of("turn", "times"),
+        "frames": lambda value: _is_whole(value) and 2 <= value <= _MOST_FRAMES,
+        "fps": lambda value: _is_number(value) and 1 <= value <= _FASTEST,
+        "kind": _one_of(*FILMS),
+        "width": _is_length,
+        "height": _is_length,
+    },
+    "film_stop": {},
     "scene": {},
     "code": {},
     "measure": {"what": _one_of("effects", "error")},

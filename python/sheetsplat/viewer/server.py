@@ -19,9 +19,10 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
 from sheetsplat.errors import Error, complain, missing_package
+from sheetsplat.viewer.client import Client
 from sheetsplat.viewer.page import files
 from sheetsplat.viewer.protocol import LONGEST, packed
-from sheetsplat.viewer.session import Client, Session
+from sheetsplat.viewer.session import Session
 
 if TYPE_CHECKING:
     from aiohttp import web

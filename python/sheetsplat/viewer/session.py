@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from sheetsplat._checks import Triple
-from sheetsplat._json import plain
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error
 from sheetsplat.figure import color_bars
@@ -26,20 +25,16 @@ from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.scene_file import SceneFile
 from sheetsplat.viewer import compose, frames
+from sheetsplat.viewer.client import Client, Deliver
 from sheetsplat.viewer.coarse import coarse_scene
 from sheetsplat.viewer.code import python_code
 from sheetsplat.viewer.data import Shown
+from sheetsplat.viewer.filming import Filming, Order
 from sheetsplat.viewer.protocol import Message, parse
 from sheetsplat.viewer.state import Cue, State, camera_parts
 
 _log = logging.getLogger("sheetsplat")
 
-#: What takes a message, as an object of JSON and bytes, to a page. It may be called by any thread.
-Deliver = Callable[[dict[str, Any], bytes], None]
-# Frames that a page may have been sent before it says that it drew one of them.
-_AHEAD = 2
-# A page that says nothing for so many seconds is sent frames again: the message was lost.
-_SILENCE = 2.0
 # Least seconds that the first stage of a picture may take before a newer picture stops it.
 _PATIENCE = 1.0
 _FIRST_SECONDS = 0.05
@@ -49,52 +44,6 @@ _SLOW, _SLOW_LIGHT = 0.08, 0.25
 _MEASURED = 240 * 180
 _BEHIND: Triple = (0.0, 0.0, 0.0)
 _LONGEST_TEXT = 2000
-
-
-class Client:
-    """A page or widget that looks at a session.
-
-    Frames go out one by one: while a page has not drawn what it was sent, only the newest frame waits for it.
-    """
-
-    def __init__(self, deliver: Deliver) -> None:
-        self._deliver = deliver
-        self._lock = threading.Lock()
-        self._under_way = 0
-        self._waiting: tuple[dict[str, Any], bytes] | None = None
-        self._sent = 0.0
-        self.gone = False
-        self.size: tuple[int, int] | None = None
-
-    def send(self, message: dict[str, Any], payload: bytes = b"") -> None:
-        """Send a message; numbers that are not finite become null. Where that fails, the page is gone."""
-        told = plain(message)
-        try:
-            self._deliver(told, payload)
-        except Exception:  # Whatever carries messages has errors of its own.
-            _log.debug("a page of the viewer is gone", exc_info=True)
-            self.gone = True
-
-    def show(self, message: dict[str, Any], payload: bytes) -> None:
-        """Send a frame as soon as the page is ready for it, unless a newer one comes before."""
-        with self._lock:
-            now = time.monotonic()
-            if self._under_way >= _AHEAD and now - self._sent < _SILENCE:
-                self._waiting = message, payload
-                return
-            self._under_way = min(self._under_way, _AHEAD - 1) + 1
-            self._sent, self._waiting = now, None
-            self.send(message, payload)
-
-    def drew(self) -> None:
-        """Note that the page has drawn a frame."""
-        with self._lock:
-            self._under_way = max(0, self._under_way - 1)
-            if self._waiting is not None:
-                message, payload = self._waiting
-                self._waiting, self._sent = None, time.monotonic()
-                self._under_way += 1
-                self.send(message, payload)
 
 
 class Session:
@@ -130,6 +79,7 @@ class Session:
         self._first_seconds, self._plain_light = 0.0, False
         self._previewer: Renderer | None = None
         self._costs: dict[str, float | None] = {}
+        self._filming = Filming(shown)
         self._stopped = self._closed = False
         self._worker: threading.Thread | None = None
 
@@ -193,6 +143,7 @@ class Session:
 
     def disconnect(self, client: Client) -> None:
         """Forget a page."""
+        client.gone = True
         with self._wake:
             self._clients = [one for one in self._clients if one is not client]
 
@@ -202,6 +153,7 @@ class Session:
             self._closed = True
             self._wake.notify_all()
             clients, worker = self._clients, self._worker
+        self._filming.stop()
         for client in clients:
             client.send({"type": "closed"})
         if worker is not None and worker is not threading.current_thread():
@@ -233,6 +185,10 @@ class Session:
         elif message.type == "stop":
             with self._wake:
                 self._stopped = True
+        elif message.type == "film":
+            self._filming.start(client, lambda: self._order(**parts))
+        elif message.type == "film_stop":
+            self._filming.stop()
         else:
             with self._wake:
                 if message.type in ("pick", "measure"):
@@ -602,6 +558,11 @@ class Session:
     def _name(self) -> str:
         """Return the name of files that are saved, without a suffix."""
         return Path(self.shown.title(self.state.choice, self.state.time)).stem or "picture"
+
+    def _order(self, width: int, height: int, **parts: Any) -> Order:
+        state = self.state
+        renderer = Renderer(**{**self.shown.base(0, 0).renderer.settings, **state.settings})
+        return Order(state, (width, height), renderer, self._name(), **parts)
 
     def _do_scene(self, client: Client) -> None:
         text = self.scene_file().to_toml()

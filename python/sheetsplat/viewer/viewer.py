@@ -185,7 +185,8 @@ def view(
     Parameters
     ----------
     data
-        As for `render`; or a scene file, a `SceneFile` or its path.
+        As for `render`; or a scene file, a `SceneFile` or its path. A file with several time steps (NetCDF, OME-Zarr,
+        .pvd) is shown with a slider.
     choices
         In place of `data`: several data, by name or as a sequence, among which the page lets choose.
     times

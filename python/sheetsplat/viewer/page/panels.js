@@ -415,3 +415,48 @@ function planPanel(set, send) {
     draw,
   };
 }
+
+/** What a film shows; `make(message)` orders it, `stop()` gives it up. `show(share)` tells the progress, null: none. */
+function filmDialog(make, stop) {
+  let count = 1;
+  const whats = choice([["turn", "One turn about what is seen"]], () => ask(), "What the film shows");
+  const number = (label, value, low, high) =>
+    h("input", { type: "number", className: "number", value, min: low, max: high, step: 1, "aria-label": label });
+  const frames = number("Frames", 90, 2, 2000);
+  const fps = number("Frames a second", 30, 1, 120);
+  const kinds = choice([["mp4", "MP4"], ["webm", "WebM"], ["gif", "GIF"]], () => {}, "Kind of file");
+  const note = h("p", { className: "hint" });
+  const start = button("Make the film", () => {
+    if (!frames.checkValidity() || !fps.checkValidity()) return;
+    dialog.close();
+    make({ type: "film", what: whats.value, frames: Number(frames.value), fps: Number(fps.value), kind: kinds.value });
+    show(0);
+  });
+  const dialog = h("dialog", {}, h("h2", {}, "Film"), row("Shows", whats), row("Frames", frames), row("A second", fps), row("File", kinds), note, start,
+    button("Close", () => dialog.close()));
+  const text = h("span", {});
+  const progress = h("span", { className: "filming", hidden: true }, text, button("Stop", stop, "Give the film up"));
+
+  function ask() {
+    const turns = whats.value === "turn";
+    frames.parentElement.hidden = !turns;
+    const about = turns ? "The eye turns about the middle of the view. " : `${count} times, one after the other, seen from here. `;
+    note.textContent = `${about}Size and look are those of the picture now; it may be changed meanwhile.`;
+    if (!dialog.open) dialog.showModal();
+  }
+  function show(share) {
+    progress.hidden = share === null;
+    if (share !== null) text.textContent = `film ${Math.floor(100 * share)} % `;
+  }
+  return {
+    dialog,
+    progress,
+    ask,
+    show,
+    offer(times) {
+      if (times === count) return;
+      count = times;
+      whats.offer([["turn", "One turn about what is seen"], ...(times > 1 ? [["times", "The times"]] : [])]);
+    },
+  };
+}

@@ -84,6 +84,7 @@ function mount(root, connect) {
   const theme = button("◐", () => setTheme(root.dataset.theme === "light" ? "dark" : "light"), "Light or dark");
   const bar = h("header", {}, title, names, modes, qualities, views, kinds, h("span", { className: "space" }),
     button("⤓ Picture", () => save(), "Save the picture as PNG, which says how it was made [S]"),
+    button("⤓ Film", () => film.ask(), "Save a film: a turn, or the times"),
     button("⤓ Scene", () => send({ type: "scene" }), "Save a scene file: sheetsplat render makes the picture of it, sheetsplat view goes on"),
     button("Python", () => send({ type: "code" }), "Python that makes this picture"),
     theme, button("?", () => help(), "Keys and gestures [?]"),
@@ -114,10 +115,11 @@ function mount(root, connect) {
   const play = button("▶", () => { playing = !playing; play.textContent = playing ? "⏸" : "▶"; if (playing) nextTime(); }, "Play [Space]");
   const times = h("div", { className: "times" }, play, time, timeName);
   time.addEventListener("input", () => set({ time: Number(time.value) }));
-  const foot = h("footer", {}, hover, h("span", { className: "space" }), progress, numbers);
+  const film = filmDialog((message) => send({ ...message, ...sizeOfPicture() }), () => send({ type: "film_stop" }));
+  const foot = h("footer", {}, hover, h("span", { className: "space" }), film.progress, progress, numbers);
   const dialog = h("dialog", {});
   root.classList.add("sheetsplat-viewer");
-  root.replaceChildren(bar, h("main", {}, h("div", { className: "left" }, stage, times), side), foot, dialog);
+  root.replaceChildren(bar, h("main", {}, h("div", { className: "left" }, stage, times), side), foot, dialog, film.dialog);
 
   function nextTime() {
     if (playing && data && data.times.length > 1) set({ time: (state.time + 1) % data.times.length });
@@ -213,6 +215,7 @@ function mount(root, connect) {
       names.offer(data.names.map((name, n) => [String(n), name]));
       names.show(String(state.choice));
       times.hidden = data.times.length < 2;
+      film.offer(data.times.length);
       time.max = data.times.length - 1;
       if (!time.matches(":active")) time.value = state.time;
       timeName.textContent = data.times[state.time] || "";
@@ -258,6 +261,11 @@ function mount(root, connect) {
         await navigator.clipboard.writeText(message.text);
         say("Copied");
       }));
+    },
+    filming: (message) => film.show(message.share),
+    filmed(message) {
+      film.show(null);
+      if (message.stopped) say("There is no film");
     },
     measuring(message) {
       panels[message.what === "error" ? "quality" : "plan"].busy(true);
@@ -323,10 +331,11 @@ function mount(root, connect) {
     open("Keys and gestures", h("table", { className: "settings" }, ...keys.map(([key, what]) => h("tr", {}, h("td", {}, key), h("td", {}, what)))));
   }
 
-  function save() {
+  function sizeOfPicture() {
     const [width, height] = drawn.camera ? drawn.size : sizeNow();
-    send({ type: "save", width, height });
+    return { width, height };
   }
+  const save = () => send({ type: "save", ...sizeOfPicture() });
 
   /** Goes to a camera on a short way, so that one sees where. */
   function fly(goal) {
@@ -477,6 +486,7 @@ function mount(root, connect) {
   const line = connect({
     open() {
       root.classList.remove("lost");
+      film.show(null);
       // Numbers of frames begin anew where the session did.
       drawn = { ...drawn, number: 0 };
       asked = sizeNow();

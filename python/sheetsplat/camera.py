@@ -240,6 +240,17 @@ class Camera:
             For anything else.
         Unsupported
             For what this camera does not have: a model transform, a window centre, a shear, a projection matrix.
+
+        Examples
+        --------
+        >>> import pyvista
+        >>> plotter = pyvista.Plotter(off_screen=True, window_size=(64, 48))
+        >>> plotter.camera_position = [(20, -30, 15), (4, 4, 4), (0, 0, 1)]
+        >>> camera = ss.Camera.from_pyvista(plotter)
+        >>> camera.kind, camera.fov_y
+        ('perspective', 30.0)
+        >>> image = ss.render(values, camera=camera, size=(64, 48))
+        >>> plotter.close()
         """
         source = getattr(plotter, "camera", plotter)
         if not hasattr(source, "GetParallelProjection"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import inspect
+import pkgutil
 import textwrap
 import types
 import warnings
@@ -26,6 +27,10 @@ NAMES = {
 }
 NAMES["tiles.render_tiles"] = sheetsplat.tiles.render_tiles
 NAMES["compare.compare"] = sheetsplat.compare.compare
+OF_PYVISTA = {
+    "Camera.from_pyvista": "sheetsplat.camera:Camera.from_pyvista",
+    "composite": "sheetsplat.integrations.pyvista:composite",
+}
 
 
 def names_of_examples():
@@ -36,12 +41,11 @@ def names_of_examples():
     return {"ss": ss, "np": np, "values": values, "scene": scene, "camera": ss.Camera.fit(scene)}
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_examples_of_docstrings(name, tmp_path, monkeypatch):
-    text = inspect.getdoc(NAMES[name]) or ""
+def check_examples(target, name):
+    """Run the examples of a docstring in the current folder."""
+    text = inspect.getdoc(target) or ""
     assert ">>> " in text, "this public name has no example"
     assert max(map(len, textwrap.dedent(text).splitlines())) <= 120
-    monkeypatch.chdir(tmp_path)
     found = doctest.DocTestParser().get_doctest(text, names_of_examples(), name, None, 0)
     told: list[str] = []
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL)
@@ -49,3 +53,15 @@ def test_examples_of_docstrings(name, tmp_path, monkeypatch):
         warnings.simplefilter("error", ss.PictureWarning)
         failed = runner.run(found, out=told.append).failed
     assert failed == 0, "".join(told)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_examples_of_docstrings(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    check_examples(NAMES[name], name)
+
+
+@pytest.mark.parametrize("name", OF_PYVISTA)
+def test_examples_with_pyvista(name):
+    pytest.importorskip("pyvista", reason="pyvista is not installed")
+    check_examples(pkgutil.resolve_name(OF_PYVISTA[name]), name)

@@ -16,6 +16,7 @@ NEEDED = {
     "dask_volume": "dask",
     "pyvista_grids": "pyvista",
     "beside_pyvista": "pyvista",
+    "pyvista_composite": "pyvista",
     "particle_table": "pandas",
 }
 # Of the stored picture's contrast. Compression of the stored pictures is up to 0.08 of it.

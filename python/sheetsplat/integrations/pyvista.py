@@ -74,6 +74,17 @@ def composite(
         cameras that `Camera.from_pyvista` does not take.
     Error
         What `sheetsplat.render` raises.
+
+    Examples
+    --------
+    >>> import pyvista
+    >>> from sheetsplat.integrations.pyvista import composite
+    >>> plotter = pyvista.Plotter(off_screen=True, window_size=(64, 48))
+    >>> actor = plotter.add_mesh(pyvista.Plane(center=(4, 4, 4), i_size=9, j_size=9), color="gray")
+    >>> image = composite(plotter, values)
+    >>> image.size, bool(np.isfinite(image.depth_limit).any())  # depths where there is a surface
+    ((64, 48), True)
+    >>> plotter.close()
     """
     check_names("composite", options, RenderOptions)
     if not isinstance(plotter, _PLOTTERS):

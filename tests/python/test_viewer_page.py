@@ -279,31 +279,6 @@ def saved(path, seconds=60):
     return path.read_bytes()
 
 
-def test_a_film_is_saved_while_the_page_goes_on(opened, tmp_path):
-    pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
-    viewer, page = opened(values())
-    page.command("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
-
-    def order(frames):
-        press(page, "⤓ Film")
-        page.wait("document.querySelector('dialog[open] .number')")
-        page.evaluate("document.querySelector('dialog[open] .number').value = " + str(frames))
-        page.evaluate("document.querySelector('dialog[open] select[title=\"Kind of file\"]').value = 'gif'")
-        press(page, "Make the film")
-        page.wait("!document.querySelector('.filming').hidden")
-
-    order(4)
-    number = shown(page)
-    page.evaluate("window.sheetsplat.set({mode: 'mip'})")
-    complete_after(page, number)
-    film = Pillow.open(io.BytesIO(saved(tmp_path / "ndarray.gif")))
-    assert film.n_frames == 4
-    page.wait("document.querySelector('.filming').hidden")
-    order(2000)
-    press(page, "Stop")
-    page.wait("document.querySelector('.filming').hidden")
-
-
 def test_the_picture_follows_the_window(opened):
     viewer, page = opened(values())
     number = shown(page)

@@ -7,6 +7,8 @@
 #include <map>
 #include <ostream>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -99,16 +101,36 @@ inline Difference between(const Image& picture, const Image& judge, const std::s
     return difference;
 }
 
-/// Draws both pictures; of the picture with coverage, the coverage is compared too.
-inline Difference against_reference(const Scene& scene, const Camera& camera, Size size, const RendererOptions& options,
-                                    const std::string& name, const Outputs& outputs = {}, double least = 0.01) {
-    const Image picture = Renderer(options).render(scene, camera, size, outputs);
-    EXPECT_EQ(picture.plan->backend, options.backend) << name;
-    const Image judge = by_reference(scene, camera, size, outputs);
-    if (outputs.coverage) {
-        EXPECT_LT(compare(picture.coverage, judge.coverage, 1).rmse, 2e-5) << name << " coverage";
+/// A view of a scene with the reference's picture of it, drawn once for every way of drawing that it judges.
+class Judged {
+  public:
+    Judged(Scene scene, Camera camera, Size size, Outputs outputs = {}, double least = 0.01)
+        : scene_(std::move(scene)), camera_(std::move(camera)), size_(size), outputs_(outputs), least_(least),
+          judge_(by_reference(scene_, camera_, size_, outputs_)) {}
+
+    /// Draws the view; where the judge has coverage, it is compared too, unless `with_outputs` is false.
+    [[nodiscard]] Difference from(const RendererOptions& options, const std::string& name,
+                                  bool with_outputs = true) const {
+        const Image picture = Renderer(options).render(scene_, camera_, size_, with_outputs ? outputs_ : Outputs{});
+        EXPECT_EQ(picture.plan->backend, options.backend) << name;
+        if (outputs_.coverage && with_outputs) {
+            EXPECT_LT(compare(picture.coverage, judge_.coverage, 1).rmse, 2e-5) << name << " coverage";
+        }
+        return between(picture, judge_, name + " " + to_string(options.backend), least_);
     }
-    return between(picture, judge, name, least);
+
+  private:
+    Scene scene_;
+    Camera camera_;
+    Size size_;
+    Outputs outputs_;
+    double least_;
+    Image judge_;
+};
+
+/// The ways to draw that are possible here.
+inline std::vector<Way> ways() {
+    return gl_available() ? std::vector<Way>{Way::wide, Way::paper, Way::cpu} : std::vector<Way>{Way::cpu};
 }
 
 } // namespace sheetsplat::testing

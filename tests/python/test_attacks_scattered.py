@@ -221,7 +221,7 @@ def test_the_unit_of_values_does_not_matter(unit: float, normalization: str) -> 
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("falloff", [0.05, 1.0, 50.0, 1e4])
+@pytest.mark.parametrize("falloff", [0.05, 1.0, 50.0, pytest.param(1e4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("filter_", [None, "ewa"])
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 def test_falloffs(falloff: float, filter_: Any, sampling: Any) -> None:

@@ -426,6 +426,7 @@ def test_ellipsoids_against_bare_fills(tmp_path: Path) -> None:
     assert rows["paper"]["fragments"] > rows["wide"]["fragments"]
 
 
+@pytest.mark.slow
 def test_scattered_scaling_runs_in_new_processes(tmp_path: Path) -> None:
     report = BENCHES["scattered_scaling"].run(_options(tmp_path, size=(24, 24), scale=0.05))
     assert [row["row"] for row in report.rows] == [100, 125, 1250]

@@ -144,6 +144,7 @@ def test_ripples_are_a_table() -> None:
     assert all(row["peak"] < 1e-12 for row in report.rows if row["row"] == "threshold")
 
 
+@pytest.mark.slow
 def test_axis_aligned_sheets_pop_and_image_aligned_ones_do_not(tmp_path: Path) -> None:
     report = claims_bench.run(Options(scale=0.35, backend="cpu", rows=("popping",), pictures=tmp_path))
     by_name = {row["row"]: row for row in report.rows}

@@ -307,7 +307,7 @@ def test_as_a_program(tmp_path, volume):
 
 def test_a_bar_only_on_a_terminal(tmp_path, volume):
     command = [sys.executable, "-m", "sheetsplat", "render", str(volume), "-o", "a.png", "--slice-spacing", "0.05"]
-    command += ["--size", "60x60", *BACKEND]
+    command += ["--size", "40x40", *BACKEND]
     plain = subprocess.run(command, capture_output=True, cwd=tmp_path)
     assert b"\x1b[" not in plain.stderr
     controller, terminal = pty.openpty()

@@ -352,6 +352,7 @@ def test_processes_and_executors_draw_the_same_frames(ball, tmp_path):
     assert png_bytes(tmp_path / "here") == png_bytes(tmp_path / "workers") == png_bytes(tmp_path / "pool")
 
 
+@pytest.mark.slow
 def test_workers_read_files_and_hand_over_errors_and_warnings(ball, tmp_path):
     paths = [tmp_path / f"step{n}.npy" for n in range(3)]
     for path, step in zip(paths, growing(ball, 3), strict=True):

@@ -179,6 +179,7 @@ def test_cancelling(ball_scene: tuple[ss.Scene, ss.Camera]) -> None:
     assert renderer.render(*ball_scene, size=SIZE).stats["max_error_kept"] == 1
 
 
+@pytest.mark.slow
 def test_spacings_of_the_package_are_no_wish(tmp_path: Path, rng: np.random.Generator) -> None:
     """For scattered fields `render` sets a slice distance, except where an error bound decides it."""
     centers, values = rng.normal(size=(300, 3)), rng.random(300)
@@ -221,6 +222,7 @@ def test_the_plan_says_which_distance(ball_scene: tuple[ss.Scene, ss.Camera]) ->
     assert "from the converged picture" in plan.effects[-1].reason
 
 
+@pytest.mark.slow
 @pytest.mark.alone
 def test_a_time_is_used_as_well_as_an_error(ball_scene: tuple[ss.Scene, ss.Camera]) -> None:
     """A time limit finds settings as good as those of an error bound that takes less time."""

@@ -262,12 +262,13 @@ def test_a_shift_by_a_share_of_a_pixel_lowers_the_order_of_the_image_scale() -> 
     assert 0.6 < scaled(shifted, "cpu") < 2.0 - SLACK
 
 
-@pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=pytest.mark.gl)])
+@pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=[pytest.mark.gl, pytest.mark.slow])])
 def test_differences_of_sheets_in_the_size_of_a_pixel(backend: str) -> None:
     """Gradients by differences are of second order in the pixel and the slice distance, which shrink together here."""
     view = camera("orthographic")
     sizes = (8, 16, 32, 64, 128)
 
+    @cache
     def lit(size: int, gradient: str, turn: float = 0.0) -> Array:
         light = ss.Light((0.3 + turn, 0.5, 1.0))
         options: dict[str, Any] = {"lights": [light], "slice_spacing": HEIGHT / size, "gradient": gradient}

@@ -28,6 +28,7 @@ def test_numbered_scenes_are_right_or_refused(number: int) -> None:
     assert not wrong, f"{kind}: {wrong}"
 
 
+@pytest.mark.slow
 def test_a_wrong_picture_is_seen_and_made_smaller(monkeypatch: pytest.MonkeyPatch) -> None:
     """Negative control: an opacity that is a thousandth too high."""
     draw = sweep_scenes.draw

@@ -9,7 +9,7 @@
 #include "lib/opacity.glsl"
 uniform float exponent;         // slice spacing over reference length
 #endif
-#ifdef CLIP
+#if defined(CLIP) || defined(OWNED)
 #include "lib/clip.glsl"
 #endif
 #if defined(CLASSIFY) || defined(MODE_ISOSURFACE)
@@ -45,11 +45,13 @@ void main() {
     const float slant = 1.0;
 #endif
 
+#if defined(CLIP) || defined(OWNED)
+    ivec4 runs = texelFetch(clip_texture, at, 0);
+#endif
 #ifdef CLIP
-    ivec2 run = texelFetch(clip_texture, at, 0).rg;
     bool kept[SLABS];
     for (int c = INTERVAL; c < CENTER + SLICES; ++c) {
-        kept[c] = is_kept(run, c);
+        kept[c] = is_kept(runs, c);
     }
 #endif
 
@@ -58,6 +60,11 @@ void main() {
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
 #ifdef CLIP
         if (!kept[c]) {
+            continue;
+        }
+#endif
+#ifdef OWNED
+        if (!is_owned(runs, c)) {
             continue;
         }
 #endif
@@ -85,6 +92,11 @@ void main() {
             continue;
         }
 #endif
+#ifdef OWNED
+        if (!is_owned(runs, c)) {
+            continue;
+        }
+#endif
         add(result.rg, rho[c] * slant);
     }
 #endif
@@ -92,6 +104,11 @@ void main() {
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
 #ifdef CLIP
         if (!kept[c]) {
+            continue;
+        }
+#endif
+#ifdef OWNED
+        if (!is_owned(runs, c)) {
             continue;
         }
 #endif
@@ -106,6 +123,11 @@ void main() {
             continue;
         }
 #endif
+#ifdef OWNED
+        if (!is_owned(runs, c)) {
+            continue;
+        }
+#endif
         if (w[c] > 0.0) {
             result.rg = vec2(result.g > 0.0 ? min(result.r, rho[c]) : rho[c], 1.0);
         }
@@ -116,6 +138,11 @@ void main() {
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
 #ifdef CLIP
         if (!kept[c]) {
+            continue;
+        }
+#endif
+#ifdef OWNED
+        if (!is_owned(runs, c)) {
             continue;
         }
 #endif
@@ -144,6 +171,9 @@ void main() {
         bool crossed = result.a == 0.0 && (rho[c] < iso_value) != (rho[c + 1] < iso_value);
 #ifdef CLIP
         crossed = crossed && kept[c] && kept[c + 1];
+#endif
+#ifdef OWNED
+        crossed = crossed && is_owned(runs, c);
 #endif
 #ifdef OPEN_FRONT
         crossed = crossed && first_slab + c >= 0;
@@ -218,6 +248,9 @@ void main() {
 #else
         alpha = kept[c] ? alpha : 0.0;
 #endif
+#endif
+#ifdef OWNED
+        alpha = is_owned(runs, c) ? alpha : 0.0;
 #endif
         if (alpha == 0.0) {
             continue;

@@ -18,7 +18,7 @@
 #include "lib/opacity.glsl"
 uniform float exponent;         // slice spacing over reference length
 #endif
-#ifdef CLIP
+#if defined(CLIP) || defined(OWNED)
 #include "lib/clip.glsl"
 #endif
 #include "lib/look.glsl"
@@ -89,11 +89,13 @@ void main() {
         }
     }
 
+#if defined(CLIP) || defined(OWNED)
+    ivec4 runs = texelFetch(clip_texture, at, 0);
+#endif
 #ifdef CLIP
-    ivec2 run = texelFetch(clip_texture, at, 0).rg;
     bool kept[SLABS];
     for (int c = INTERVAL; c < CENTER + SLICES; ++c) {
-        kept[c] = is_kept(run, c);
+        kept[c] = is_kept(runs, c);
     }
 #endif
 
@@ -102,6 +104,11 @@ void main() {
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
 #ifdef CLIP
         if (!kept[c]) {
+            continue;
+        }
+#endif
+#ifdef OWNED
+        if (!is_owned(runs, c)) {
             continue;
         }
 #endif
@@ -130,6 +137,11 @@ void main() {
     for (int c = INTERVAL; c < INTERVAL + SLICES; ++c) {
 #ifdef CLIP
         if (!kept[c] || !kept[c + 1]) {
+            continue;
+        }
+#endif
+#ifdef OWNED
+        if (!is_owned(runs, c)) {
             continue;
         }
 #endif
@@ -180,6 +192,11 @@ void main() {
     for (int c = FIRST; c < FIRST + SLICES && result.a < opacity_stop; ++c) {
 #if defined(CLIP) && !defined(PREINTEGRATION)
         if (!kept[c]) {
+            continue;
+        }
+#endif
+#ifdef OWNED
+        if (!is_owned(runs, c)) {
             continue;
         }
 #endif

@@ -1,6 +1,14 @@
-// Which slices of a pixel are kept. Half spaces and a depth limit leave one run of them; the processor finds it in float64, so that a point near a plane
-// falls to the side on which it lies. Needs first_slab. Source: conventions, section 10.
+// Which slices of a pixel are kept, and which belong to the part of a whole that is drawn. Half spaces and a depth limit leave one run of
+// slices, and so does a part's cell; the processor finds them in float64, so that a point near a plane falls to the side on which it lies.
+// Needs first_slab. Source: conventions, sections 10 and 11.
 
-uniform isampler2D clip_texture; // of each pixel: the first slice that is kept, the last one
+uniform isampler2D clip_texture; // of each pixel: the first slice that is kept, the last one, the first and the last that belong
 
-bool is_kept(ivec2 run, int slab) { return first_slab + slab >= run.x && first_slab + slab <= run.y; }
+bool is_in(ivec2 run, int slab) { return first_slab + slab >= run.x && first_slab + slab <= run.y; }
+#ifdef CLIP
+bool is_kept(ivec4 runs, int slab) { return is_in(runs.rg, slab); }
+#endif
+#ifdef OWNED
+// Slice, and the interval behind it.
+bool is_owned(ivec4 runs, int slab) { return is_in(runs.ba, slab); }
+#endif

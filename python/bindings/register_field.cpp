@@ -65,7 +65,8 @@ std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& 
                                          const std::string& lattice, double radius, double falloff,
                                          const std::string& normalization, double w0, const std::string& nan,
                                          bool prefilter, const std::optional<py::array>& coefficients,
-                                         const std::optional<std::map<std::string, double>>& figures) {
+                                         const std::optional<std::map<std::string, double>>& figures,
+                                         const std::optional<std::array<double, 2>>& value_range) {
     if (values.ndim() != 3) {
         throw InvalidInput(Complaint{"RegularField: the samples cannot be used",
                                      "an array of " + std::to_string(values.ndim()) + " axes", "3 axes, [k, j, i]",
@@ -81,6 +82,7 @@ std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& 
     options.w0 = w0;
     options.nan = from_name("nan", nan, nan_policies);
     options.prefilter = prefilter;
+    options.value_range = value_range;
     const std::array<std::size_t, 3> shape{static_cast<std::size_t>(values.shape(0)),
                                            static_cast<std::size_t>(values.shape(1)),
                                            static_cast<std::size_t>(values.shape(2))};
@@ -132,13 +134,15 @@ std::shared_ptr<EllipsoidField> make_ellipsoids(const py::array& centers, const 
                                                 const std::optional<py::array>& weights,
                                                 const std::string& normalization, double w0, double falloff,
                                                 std::optional<double> min_scale, std::optional<double> cell_volume,
-                                                bool unit_rotations) {
+                                                bool unit_rotations,
+                                                const std::optional<std::array<double, 2>>& value_range) {
     EllipsoidFieldOptions options;
     options.normalization = from_name("normalization", normalization, normalizations);
     options.w0 = w0;
     options.falloff = falloff;
     options.min_scale = min_scale;
     options.cell_volume = cell_volume;
+    options.value_range = value_range;
     EllipsoidArrays arrays;
     arrays.unit_rotations = unit_rotations;
     arrays.centers = to_vectors(centers, "centers");
@@ -278,11 +282,18 @@ void register_field(py::module_& module) {
         .def_property_readonly("supports", [](const Field& field) { return to_corners(field.supports_world()); })
         .def_property_readonly("default_slice_spacing", &Field::default_slice_spacing)
         .def_property_readonly("memory", &Field::memory)
-        .def("sums_at", &arrays_of_sums, py::arg("points"));
+        .def("sums_at", &arrays_of_sums, py::arg("points"))
+        .def(
+            "reach_along",
+            [](const Field& field, const Triple& from, const Triple& direction) {
+                return field.reach_along(to_vec3(from), to_vec3(direction));
+            },
+            py::arg("from_point"), py::arg("direction"), py::call_guard<Released>());
     py::class_<RegularField, Field, std::shared_ptr<RegularField>>(module, "RegularField")
         .def(py::init(&make_field), py::arg("values"), py::kw_only(), py::arg("spacing"), py::arg("origin"),
              py::arg("lattice"), py::arg("radius"), py::arg("falloff"), py::arg("normalization"), py::arg("w0"),
-             py::arg("nan"), py::arg("prefilter"), py::arg("coefficients").none(true), py::arg("figures").none(true))
+             py::arg("nan"), py::arg("prefilter"), py::arg("coefficients").none(true), py::arg("figures").none(true),
+             py::arg("value_range") = py::none())
         .def_property_readonly("values", &view_samples<&RegularField::samples>)
         .def_property_readonly("given_values", &view_samples<&RegularField::given_samples>)
         .def_property_readonly("given_range", &RegularField::given_range)
@@ -298,7 +309,8 @@ void register_field(py::module_& module) {
     py::class_<EllipsoidField, Field, std::shared_ptr<EllipsoidField>>(module, "EllipsoidField")
         .def(py::init(&make_ellipsoids), py::arg("centers"), py::arg("scales"), py::arg("rotations").none(true),
              py::arg("values"), py::kw_only(), py::arg("weights").none(true), py::arg("normalization"), py::arg("w0"),
-             py::arg("falloff"), py::arg("min_scale"), py::arg("cell_volume"), py::arg("unit_rotations") = false)
+             py::arg("falloff"), py::arg("min_scale"), py::arg("cell_volume"), py::arg("unit_rotations") = false,
+             py::arg("value_range") = py::none())
         .def_property_readonly("centers",
                                [](const py::object& self) {
                                    const auto& arrays = self.cast<const EllipsoidField&>().arrays();

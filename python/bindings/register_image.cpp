@@ -76,6 +76,7 @@ void register_image(py::module_& module) {
         .def_property_readonly("scalar", &view_channel<&Image::scalar, 1>)
         .def_property_readonly("coverage", &view_channel<&Image::coverage, 1>)
         .def_property_readonly("depth", &view_channel<&Image::depth, 1>)
+        .def_property_readonly("counts", &view_channel<&Image::counts, 1>)
         .def_property_readonly("plan",
                                [](const Image& image) { return std::const_pointer_cast<RenderPlan>(image.plan); })
         .def_property_readonly("stats", [](const Image& image) { return image.stats; })

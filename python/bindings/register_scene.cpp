@@ -102,6 +102,23 @@ Scene with_depth_limit(const Scene& scene,
     return limited;
 }
 
+/// in_front: (h, w).
+Scene with_part(const Scene& scene, const std::pair<Triple, Triple>& cell, const std::pair<Triple, Triple>& centres,
+                const std::array<double, 2>& depths,
+                const std::optional<py::array_t<float, py::array::c_style | py::array::forcecast>>& in_front) {
+    Scene made = scene;
+    Part& part = made.part.emplace();
+    part.cell = {to_vec3(cell.first), to_vec3(cell.second)};
+    part.centres = {to_vec3(centres.first), to_vec3(centres.second)};
+    part.depths = depths;
+    if (in_front) {
+        part.in_front =
+            std::make_shared<const std::vector<float>>(in_front->data(), in_front->data() + in_front->size());
+    }
+    made.validate();
+    return made;
+}
+
 } // namespace
 
 void register_scene(py::module_& module) {
@@ -123,6 +140,8 @@ void register_scene(py::module_& module) {
              py::arg("second_order"), py::arg("gradient"), py::arg("clip"), py::arg("gradient_opacity"),
              py::arg("depth_cue"), py::arg("shadows"), py::arg("ambient_occlusion"))
         .def("with_depth_limit", &with_depth_limit, py::arg("depths"))
+        .def("with_part", &with_part, py::kw_only(), py::arg("cell"), py::arg("centres"), py::arg("depths"),
+             py::arg("in_front").none(true))
         .def_property_readonly("slice_distance", &Scene::slice_distance)
         .def_property_readonly("reference_distance", &Scene::reference_distance)
         .def_property_readonly("centres", [](const Scene& scene) { return to_corners(scene.centres_world()); });

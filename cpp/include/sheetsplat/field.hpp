@@ -102,6 +102,8 @@ struct RegularFieldOptions {
     /// The kernels get coefficients in place of the samples, so that their sum passes through every sample; the
     /// normalisation becomes `none`. There are no kernels beyond the volume.
     bool prefilter = false;
+    /// Where the samples are a part of a larger volume: the range of all its factors of kernels, that of value_range().
+    std::optional<std::array<double, 2>> value_range{};
 };
 
 /// What the prefilter reached.
@@ -200,6 +202,8 @@ struct EllipsoidFieldOptions {
     double falloff = 8.0;
     std::optional<double> min_scale{};   ///< world units; shorter semi-axes are raised to it
     std::optional<double> cell_volume{}; ///< V of normalisation lattice: the volume that one kernel stands for
+    /// Where the kernels are a part of a larger field: the range of its values.
+    std::optional<std::array<double, 2>> value_range{};
 };
 
 /// Ellipsoidal Gaussians of any place, size and direction ([NM06]). Immutable; may have no kernels at all.

@@ -30,6 +30,7 @@ struct Image {
     std::vector<float> scalar;   ///< h * w, modes xray and mip
     std::vector<float> coverage; ///< h * w, when asked for
     std::vector<float> depth;    ///< h * w, when asked for; infinite where nothing is
+    std::vector<float> counts;   ///< h * w, of a part in modes minimum and average: slices that count, or 1 for any
     std::shared_ptr<const RenderPlan> plan;
     std::map<std::string, double> stats; ///< seconds per stage, slices, kernels drawn and culled, bytes
     /// What replaced the scene's own settings (RendererOptions::max_error and max_seconds); else nothing.

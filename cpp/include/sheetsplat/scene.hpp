@@ -1,6 +1,7 @@
 // A scene: fields, how they are classified, lit and composited. Source: conventions, sections 3 to 7.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -77,6 +78,24 @@ class DepthLimit {
     Size size_;
     std::shared_ptr<const std::vector<double>> depths_;
     double nearest_, farthest_;
+};
+
+/// What a picture needs to know where the fields of its scene are a part of larger ones: a brick, with what its
+/// neighbours' kernels add to it (conventions, section 11). Belongs to one camera and size.
+struct Part {
+    /// The points that are drawn, lower <= x < upper; infinite where there is no neighbour. Intervals and crossings
+    /// belong to the point of the slice before them; what lies before the first slice to that of the first one.
+    Box cell{};
+    /// World-aligned box of all kernel centres of the whole, by which slices are anchored.
+    Box centres{};
+    /// The nearest and the farthest depth that kernels of the whole reach.
+    std::array<double, 2> depths{};
+    /// Opacity of each pixel in front of the part, h * w, row 0 at the top: pixels stop, and reach one half, with it.
+    /// The picture's colours are what the part adds, its opacities those of both. Null: none.
+    std::shared_ptr<const std::vector<float>> in_front{};
+
+    /// True where some points are not drawn.
+    [[nodiscard]] bool cuts() const;
 };
 
 /// Shaded colours fade to `color` between two depths: by `strength` from `end` on (section 10).
@@ -160,6 +179,7 @@ struct Scene {
     bool shadows = false; ///< of all lights
     std::optional<AmbientOcclusion> ambient_occlusion{};
     std::optional<Vec3> background{};
+    std::optional<Part> part{}; ///< where the fields are a part of larger ones: the picture has no background then
 
     /// All groups, the first one included. In scalar modes the scalars of all groups add up.
     [[nodiscard]] std::vector<Group> groups() const;
@@ -167,7 +187,7 @@ struct Scene {
     [[nodiscard]] double default_slice_spacing() const;
     [[nodiscard]] double slice_distance() const { return slice_spacing.value_or(default_slice_spacing()); }
     [[nodiscard]] double reference_distance() const { return reference_length.value_or(default_slice_spacing()); }
-    /// World-aligned box of all kernel centres of all fields.
+    /// World-aligned box of all kernel centres of all fields; of a part, those of the whole.
     [[nodiscard]] Box centres_world() const;
     /// Throws InvalidInput where a number or a combination has no meaning.
     void validate() const;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <new>
@@ -50,15 +51,47 @@ void set_last_kept(const Job& job, const TileShape& shape, T* plane) {
     }
 }
 
+/// Fills the planes of the slices that a part draws.
+template <class T>
+void set_owned(const Job& job, const TileShape& shape, T* first, T* last) {
+    const OwnedSlices owned(*job.scene->part, *job.camera, *job.frame);
+    for (int y = 0; y < shape.height; ++y) {
+        const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * shape.stride;
+        for (int x = 0; x < shape.width; ++x) {
+            const SliceRun run = owned.at(shape.x + x, shape.y + y);
+            first[row + x] = static_cast<T>(run.first);
+            last[row + x] = static_cast<T>(run.last);
+        }
+    }
+}
+
+/// Starts with the opacity in front of a part. Pixels that it finishes do not change any more.
+template <class T>
+void start_behind(const Job& job, const TileShape& shape, T stop, TilePicture<T>& picture) {
+    const std::vector<float>& in_front = *job.scene->part->in_front;
+    const auto columns = static_cast<std::size_t>(job.frame->size.width);
+    for (int y = 0; y < shape.height; ++y) {
+        const auto from = in_front.begin() + static_cast<std::ptrdiff_t>(
+                                                 static_cast<std::size_t>(shape.y + y) * columns +
+                                                 static_cast<std::size_t>(shape.x));
+        T* row = picture.alpha + static_cast<std::ptrdiff_t>(y) * shape.stride;
+        std::transform(from, from + shape.width, row, [](float opacity) { return static_cast<T>(opacity); });
+        const auto ended =
+            static_cast<int>(std::count_if(row, row + shape.width, [stop](T opacity) { return opacity >= stop; }));
+        picture.row_alive[y] -= ended;
+        picture.alive -= ended;
+    }
+}
+
 /// Planes of a tile's picture, cleared.
 template <class T>
-void clear_picture(const Job& job, const TileShape& shape, TileScratch<T>& scratch) {
+void clear_picture(const Job& job, const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch) {
     const DrawPlan& plan = *job.plan;
     const bool scalar = is_scalar(plan.mode);
     const std::size_t elements = shape.picture_elements();
     const bool counts = plan.mode == Mode::average;
     const std::size_t planes = (scalar ? 1U : 4U) + (counts ? 1U : 0U) + (plan.depth ? 1U : 0U) +
-                               (plan.coverage ? 1U : 0U) + (plan.depth_limit ? 1U : 0U);
+                               (plan.coverage ? 1U : 0U) + (plan.depth_limit ? 1U : 0U) + (plan.owned ? 2U : 0U);
     scratch.picture.assign(planes * elements, T(0));
     T* next = scratch.picture.data();
     const auto take = [&](bool wanted) {
@@ -80,6 +113,13 @@ void clear_picture(const Job& job, const TileShape& shape, TileScratch<T>& scrat
     if (last_kept != nullptr) {
         set_last_kept(job, shape, last_kept);
     }
+    T* first_owned = take(plan.owned);
+    T* last_owned = take(plan.owned);
+    picture.first_owned = first_owned;
+    picture.last_owned = last_owned;
+    if (plan.owned) {
+        set_owned(job, shape, first_owned, last_owned);
+    }
     const auto fill_infinite = [elements](T* plane) {
         std::fill(plane, plane + elements, std::numeric_limits<T>::infinity());
     };
@@ -92,6 +132,9 @@ void clear_picture(const Job& job, const TileShape& shape, TileScratch<T>& scrat
     scratch.row_alive.assign(static_cast<std::size_t>(shape.height), shape.width);
     picture.row_alive = scratch.row_alive.data();
     picture.alive = shape.width * shape.height;
+    if (job.scene->part && job.scene->part->in_front && picture.alpha != nullptr) {
+        start_behind(job, shape, setup.shading->stop, picture);
+    }
 }
 
 /// Of pixels where no slice counted the scalar is 0.
@@ -103,6 +146,22 @@ void finish_scalars(const DrawPlan& plan, const TileShape& shape, TilePicture<T>
     }
     for (std::size_t at = 0; at < elements && picture.counted != nullptr; ++at) {
         picture.scalar[at] /= std::max(picture.counted[at], T(1));
+    }
+}
+
+/// Of mode minimum: 1 where any slice counts.
+template <class T>
+void copy_counts(const DrawPlan& plan, const TileShape& shape, const TilePicture<T>& picture, Image& image, Size size) {
+    for (int y = 0; y < shape.height; ++y) {
+        const std::ptrdiff_t from = static_cast<std::ptrdiff_t>(y) * shape.stride;
+        const std::size_t to = static_cast<std::size_t>(shape.y + y) * static_cast<std::size_t>(size.width) +
+                               static_cast<std::size_t>(shape.x);
+        for (int x = 0; x < shape.width; ++x) {
+            const T counted = plan.mode == Mode::average           ? picture.counted[from + x]
+                              : std::isinf(picture.scalar[from + x]) ? T(0)
+                                                                     : T(1);
+            image.counts[to + static_cast<std::size_t>(x)] = static_cast<float>(counted);
+        }
     }
 }
 
@@ -302,8 +361,8 @@ struct CpuRenderer::State {
                                    room.kernels[part]);
             any = any || !room.kernels[part].sections.empty();
         }
-        clear_picture(job, shape, room);
-        if (any) {
+        clear_picture(job, setup, shape, room);
+        if (any && !(setup.stops && room.planes.alive == 0)) {
             const std::size_t elements = shape.sheet_elements();
             const std::size_t wanted = elements * ring_slots * static_cast<std::size_t>(setup.channels);
             // Each tile leaves the ring as it found it: all zero.
@@ -319,6 +378,9 @@ struct CpuRenderer::State {
             room.kernels_drawn += kernels.counted;
         }
         if (setup.record == nullptr) {
+            if (job.plan->counts) {
+                copy_counts(*job.plan, shape, room.planes, image, size);
+            }
             finish_scalars(*job.plan, shape, room.planes);
             copy_picture(shape, room.planes, image, size);
         }
@@ -372,6 +434,7 @@ void CpuRenderer::render(const Job& job, Image& image) {
         image.scalar.assign(scalar ? pixels : 0, 0.0F);
         image.coverage.assign(job.plan->coverage ? pixels : 0, 0.0F);
         image.depth.assign(job.plan->depth ? pixels : 0, std::numeric_limits<float>::infinity());
+        image.counts.assign(job.plan->counts ? pixels : 0, 0.0F);
     } catch (const std::bad_alloc&) {
         out_of_memory();
     }

@@ -82,7 +82,7 @@ struct EffectRow {
             auto lanes = may(x);
             if (!hn::AllFalse(d, lanes)) {
                 const V alpha_so_far = hn::LoadU(d, slab.picture.alpha + slab.in_plane(y) + x);
-                lanes = slab.inside(d, hn::And(lanes, hn::Lt(alpha_so_far, stop)), x);
+                lanes = slab.owned(d, slab.inside(d, hn::And(lanes, hn::Lt(alpha_so_far, stop)), x), y, x);
                 any = any || !hn::AllFalse(d, lanes);
             }
             hn::Store(hn::IfThenElseZero(lanes, one), d, seen + (x - begin));

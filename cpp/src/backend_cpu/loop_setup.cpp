@@ -38,7 +38,7 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     setup.stops = (plan.stop || plan.mode == Mode::isosurface || plan.depth_limit) && !plan.coverage;
     // (A pixel that ends looks at each slice.)
     setup.sums_slices = (plan.mode == Mode::xray || (plan.mode == Mode::average && counts_by_place)) && !plan.clip &&
-                        !setup.stops && !plan.coverage && !setup.slab && !setup.perspective;
+                        !plan.owned && !setup.stops && !plan.coverage && !setup.slab && !setup.perspective;
     for (const RegularPart& part : job.regular) {
         if (counts_by_place) {
             LatticeReach::add(*part.view, frame, setup.reach);

@@ -133,7 +133,7 @@ SurfaceLight<T> surface_light_of(const Scene& scene, const Camera& camera, const
 template <class T>
 void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
                  const ShadingInputs& inputs, const LightVolumes* volumes, Shading<T>& shading) {
-    shading.cuts = plan.cuts();
+    shading.cuts = plan.cuts() || plan.owned;
     if (plan.clip) {
         shading.kept = kept_of(scene.clip, camera, frame.slice_spacing);
     }

@@ -202,6 +202,16 @@ struct Slab {
         return hn::And(mask, hn::Ge(hn::LoadU(d, picture.last_kept + in_plane(y) + x), slice));
     }
 
+    /// Lanes whose slice n, and the interval behind it, belongs to the part that is drawn.
+    HWY_INLINE M owned(D d, M mask, int y, int x) const {
+        if (picture.first_owned == nullptr) {
+            return mask;
+        }
+        const V slice = hn::Set(d, static_cast<T>(window.n));
+        return hn::And(mask, hn::And(hn::Le(hn::LoadU(d, picture.first_owned + in_plane(y) + x), slice),
+                                     hn::Ge(hn::LoadU(d, picture.last_owned + in_plane(y) + x), slice)));
+    }
+
     /// Lanes whose columns are in an interval.
     HWY_INLINE M within(D d, M mask, int x, const Columns& columns) const {
         const int skipped = columns.x0 - x, left = columns.x1 - x;

@@ -177,7 +177,7 @@ HWY_INLINE void for_each_in_sheet(const Slab<T>& slab, const T* sheet, const Vis
     for_each_kept<cuts>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
         auto value = hn::LoadU(d, sheet + slab.in_sheet(y) + x);
         if constexpr (cuts) {
-            value = hn::IfThenElseZero(slab.kept(d, hn::Eq(value, value), 0, y, x, kept), value);
+            value = hn::IfThenElseZero(slab.owned(d, slab.kept(d, hn::Eq(value, value), 0, y, x, kept), y, x), value);
         }
         visit(x, y, value);
     });
@@ -220,7 +220,7 @@ HWY_INLINE void for_each_reached(const Slab<T>& slab, const Visit& visit) {
     for_each_kept<cuts>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
         auto reached = hn::Ne(hn::LoadU(d, slab.sheets.weight[0] + slab.in_sheet(y) + x), hn::Zero(d));
         if constexpr (cuts) {
-            reached = slab.kept(d, reached, 0, y, x, kept);
+            reached = slab.owned(d, slab.kept(d, reached, 0, y, x, kept), y, x);
         }
         if (!hn::AllFalse(d, reached)) {
             visit(x, y, reached);

@@ -68,6 +68,9 @@ void Picture::draw() {
     if (plan_.coverage) {
         image_.coverage.assign(pixels, 0.0F);
     }
+    if (plan_.counts) {
+        image_.counts.assign(pixels, 0.0F);
+    }
     if (plan_.depth) {
         image_.depth.assign(pixels, std::numeric_limits<float>::infinity());
     }
@@ -165,8 +168,8 @@ void Picture::read(const Targets& targets, const Tile& tile) {
     const double distance = job_.frame->slice_spacing;
     if (is_scalar()) {
         const double scale = scalar_unit(plan_.mode, plan_.value_unit, distance);
-        if (plan_.mode == Mode::average) {
-            read_means(targets, tile, scale);
+        if (plan_.mode == Mode::average || plan_.counts) {
+            read_counted(targets, tile, scale);
         } else {
             read_channels(targets, tile, 0, 1, scale, image_.scalar);
         }
@@ -182,16 +185,23 @@ void Picture::read(const Targets& targets, const Tile& tile) {
     }
 }
 
-void Picture::read_means(const Targets& targets, const Tile& tile, double scale) {
+void Picture::read_counted(const Targets& targets, const Tile& tile, double scale) {
     const auto pixels = static_cast<std::size_t>(tile.width) * static_cast<std::size_t>(tile.height);
     std::vector<float> sums(4 * pixels);
     targets.read(0, Tile::border, Tile::border, tile.width, tile.height, GL_RGBA, sums.data());
     buffer_.resize(pixels);
+    const bool mean = plan_.mode == Mode::average;
     for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
-        const double count = std::max(1.0, static_cast<double>(sums[4 * pixel + 2]));
+        const double count = mean ? std::max(1.0, static_cast<double>(sums[4 * pixel + 2])) : 1.0;
         buffer_[pixel] = static_cast<float>(static_cast<double>(sums[4 * pixel]) * scale / count);
     }
     copy_rows(buffer_, tile, job_.frame->size, 1, image_.scalar);
+    if (plan_.counts) {
+        for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
+            buffer_[pixel] = sums[4 * pixel + (mean ? 2 : 1)];
+        }
+        copy_rows(buffer_, tile, job_.frame->size, 1, image_.counts);
+    }
 }
 
 void Picture::read_channels(const Targets& targets, const Tile& tile, int attachment, std::size_t channels,

@@ -24,8 +24,8 @@ class Picture {
     /// Draws a tile and returns the surfaces that hold it.
     const Targets& draw_tile(const Tile& tile, std::size_t number, std::size_t tiles);
     void read(const Targets& targets, const Tile& tile);
-    /// Mode average: sums of rho over the numbers of slices.
-    void read_means(const Targets& targets, const Tile& tile, double scale);
+    /// Modes that count slices. Average: sums of rho over the numbers of slices.
+    void read_counted(const Targets& targets, const Tile& tile, double scale);
     void read_channels(const Targets& targets, const Tile& tile, int attachment, std::size_t channels, double scale,
                        std::vector<float>& to);
     [[nodiscard]] bool is_scalar() const { return sheetsplat::is_scalar(plan_.mode); }

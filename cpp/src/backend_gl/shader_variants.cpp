@@ -198,7 +198,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 31> switches{{
+    const std::array<std::pair<const char*, bool>, 32> switches{{
         {"CLASSIFY", plan.mode == Mode::composite},
         {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
         {"MODE_XRAY", plan.mode == Mode::xray},
@@ -222,6 +222,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"PREINTEGRATION", plan.preintegration},
         {"SECOND_ORDER", plan.second_order},
         {"CLIP", plan.cuts()},
+        {"OWNED", plan.owned},
         {"OPEN_FRONT", plan.open_front},
         {"GRADIENT_OPACITY", plan.gradient_opacity},
         {"DEPTH_CUE", plan.depth_cue},

@@ -1,5 +1,6 @@
 #include "shading_pass.hpp"
 
+#include <optional>
 #include <vector>
 
 #include "interop.h"
@@ -15,16 +16,25 @@ gl::Texture make_kept(const TileScope& scope) {
     const KeptSlices kept(*scope.job.scene, scope.plan, *scope.job.camera, scope.frame);
     const int width = scope.tile.target_width();
     const int height = scope.tile.target_height();
-    std::vector<SliceRun> runs(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+    std::optional<OwnedSlices> owned;
+    if (scope.plan.owned) {
+        owned.emplace(*scope.job.scene->part, *scope.job.camera, scope.frame);
+    }
+    struct Runs {
+        SliceRun kept, owned;
+    };
+    std::vector<Runs> runs(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
     auto run = runs.begin();
     for (int y = 0; y < height; ++y) {
-        for (int x = 0; x < width; ++x) {
-            *run++ = kept.at(scope.tile.x + x - Tile::border, scope.tile.y + y - Tile::border);
+        for (int x = 0; x < width; ++x, ++run) {
+            const int column = scope.tile.x + x - Tile::border, row = scope.tile.y + y - Tile::border;
+            run->kept = kept.at(column, row);
+            run->owned = owned ? owned->at(column, row) : SliceRun{};
         }
     }
-    static_assert(sizeof(SliceRun) == 2 * sizeof(GLint), "runs are uploaded as they are");
-    gl::Texture texture(scope.gl, GL_RG32I, width, height);
-    texture.upload(GL_RG_INTEGER, GL_INT, runs.data());
+    static_assert(sizeof(Runs) == 4 * sizeof(GLint), "runs are uploaded as they are");
+    gl::Texture texture(scope.gl, GL_RGBA32I, width, height);
+    texture.upload(GL_RGBA_INTEGER, GL_INT, runs.data());
     return texture;
 }
 
@@ -37,7 +47,7 @@ ShadingInputs make_inputs(const TileScope& scope) {
 
 ShadingPass::ShadingPass(const TileScope& scope, const Classification* classification)
     : scope_(scope), classification_(classification), inputs_(make_inputs(scope)) {
-    if (scope.plan.cuts()) {
+    if (scope.plan.cuts() || scope.plan.owned) {
         kept_ = make_kept(scope);
     }
 }
@@ -59,7 +69,7 @@ void ShadingPass::shade(const TouchedPixels& touched, std::int64_t pass) const {
     } else {
         targets.sheet(1).bind(program, "front");
     }
-    if (plan.cuts()) {
+    if (plan.cuts() || plan.owned) {
         program.bind("clip_texture", kept_, UNIT_CLIP);
     }
     set_shading(program, scope_, inputs_, classification_, pass);

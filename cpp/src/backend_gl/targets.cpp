@@ -240,6 +240,10 @@ void Targets::clear_all(const std::vector<float>& empty) const {
     clear_tags();
 }
 
+void Targets::start_behind(const std::vector<float>& rgba) const {
+    pictures_.front().now.upload(GL_RGBA, GL_FLOAT, rgba.data());
+}
+
 void Targets::bind_so_far(const gl::Program& program) const {
     image_fbo_.bind();
     for (std::size_t i = 0; i < pictures_.size(); ++i) {

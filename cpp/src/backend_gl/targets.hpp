@@ -75,6 +75,8 @@ class Targets {
     /// values in the sheet that stands for what lies before the first slab (wide: the last of the ring; paper: the copy
     /// buffer).
     void clear_all(const std::vector<float>& empty = {}) const;
+    /// Puts a picture, RGBA of all pixels with their border, in place of the cleared one.
+    void start_behind(const std::vector<float>& rgba) const;
     void clear_sheet(int r) const;
     void clear_tags() const;
     /// The picture so far as textures that the shading pass may read: the picture itself, or a copy that is brought up

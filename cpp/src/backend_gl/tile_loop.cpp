@@ -8,6 +8,27 @@
 
 namespace sheetsplat::backend_gl {
 
+namespace {
+
+/// The picture of a tile, with its border, that holds nothing but the opacity in front of a part.
+std::vector<float> in_front(const std::vector<float>& opacities, Size size, const Tile& tile) {
+    std::vector<float> rgba(4 * static_cast<std::size_t>(tile.target_width()) *
+                            static_cast<std::size_t>(tile.target_height()));
+    for (int y = 0; y < tile.height; ++y) {
+        for (int x = 0; x < tile.width; ++x) {
+            const std::size_t to = static_cast<std::size_t>(y + Tile::border) *
+                                       static_cast<std::size_t>(tile.target_width()) +
+                                   static_cast<std::size_t>(x + Tile::border);
+            rgba[4 * to + 3] =
+                opacities[static_cast<std::size_t>(tile.y + y) * static_cast<std::size_t>(size.width) +
+                          static_cast<std::size_t>(tile.x + x)];
+        }
+    }
+    return rgba;
+}
+
+} // namespace
+
 TileLoop::TileLoop(const TileScope& scope, const Classification* classification)
     : scope_(scope), touched_(scope), opacity_(scope), splatting_(scope, touched_, opacity_), lattices_(splatting_),
       ellipsoids_(splatting_), shading_(scope, classification) {}
@@ -25,6 +46,9 @@ void TileLoop::run(const std::function<void(double)>& progress) {
         empty.push_back(-static_cast<float>(pivots[empty.size()] / scope_.plan.unit_of(group.first)));
     }
     targets.clear_all(empty);
+    if (scene.part && scene.part->in_front && !is_scalar(scene.mode)) {
+        targets.start_behind(in_front(*scene.part->in_front, scope_.frame.size, scope_.tile));
+    }
     // Slabs that no batch was drawn to yet stay clear: those before the first slice and after the last.
     for (std::int64_t pass = 0; pass < passes; ++pass) {
         touched_.next_batch();

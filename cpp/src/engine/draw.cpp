@@ -62,6 +62,9 @@ void draw_on_reference(const Request& request, Image& image) {
     image.scalar = to_float(picture.scalar);
     image.coverage = to_float(picture.coverage);
     image.depth = to_float(picture.depth);
+    if (request.scene.part) {
+        image.counts = to_float(picture.counts);
+    }
     image.stats["kernels_drawn"] = static_cast<double>(picture.kernels_drawn);
     image.stats["seconds_draw"] = seconds_since(drawing);
 }

@@ -75,12 +75,18 @@ void leave_blank(const Request& request, Image& image) {
         image.scalar.assign(pixels, 0.0F);
     } else {
         image.rgba.assign(4 * pixels, 0.0F);
+        for (std::size_t pixel = 0; request.scene.part && request.scene.part->in_front && pixel < pixels; ++pixel) {
+            image.rgba[4 * pixel + 3] = (*request.scene.part->in_front)[pixel];
+        }
     }
     if (request.outputs.coverage) {
         image.coverage.assign(pixels, 0.0F);
     }
     if (request.outputs.depth) {
         image.depth.assign(pixels, std::numeric_limits<float>::infinity());
+    }
+    if (request.scene.part && counts_weighted_slices(request.scene.mode)) {
+        image.counts.assign(pixels, 0.0F);
     }
     for (const char* name : {"seconds_view", "seconds_draw", "bytes_view", "bytes_device", "kernels_drawn"}) {
         image.stats[name] = 0.0;
@@ -94,6 +100,15 @@ void put_background(std::vector<float>& rgba, const Vec3& background) {
         rgba[pixel + 1] = static_cast<float>(static_cast<double>(rgba[pixel + 1]) + behind * background.y);
         rgba[pixel + 2] = static_cast<float>(static_cast<double>(rgba[pixel + 2]) + behind * background.z);
         rgba[pixel + 3] = 1.0F;
+    }
+}
+
+void require_in_front(const Scene& scene, Size size) {
+    const std::size_t pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
+    if (scene.part && scene.part->in_front && scene.part->in_front->size() != pixels) {
+        throw InvalidInput(Complaint{"a part cannot be drawn",
+                                     std::to_string(scene.part->in_front->size()) + " opacities in front of it",
+                                     std::to_string(pixels) + ", one for each pixel", ""});
     }
 }
 
@@ -114,6 +129,7 @@ Prepared Renderer::State::prepare(const Request& request) {
     if (scene.depth_limit) {
         scene.depth_limit->require_for(request.size, request.camera);
     }
+    require_in_front(scene, request.size);
     Prepared prepared;
     prepared.frame = make_frame(scene, request.camera, request.size, reach());
     check_picture_memory(request.size, request.outputs);
@@ -177,7 +193,7 @@ void Renderer::State::draw(const Request& request, const Prepared& prepared, con
     } else {
         draw_on_cpu(backends_.cpu(), request, prepared, indexed, image);
     }
-    if (request.scene.background && !is_scalar(request.scene.mode)) {
+    if (request.scene.background && !request.scene.part && !is_scalar(request.scene.mode)) {
         put_background(image.rgba, *request.scene.background);
     }
     auto& stats = image.stats;

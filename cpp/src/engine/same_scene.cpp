@@ -60,7 +60,7 @@ bool same(const Scene& a, const Scene& b) {
            a.second_order == b.second_order && a.filter == b.filter && a.gradient == b.gradient &&
            same(a.clip, b.clip) && a.gradient_opacity == b.gradient_opacity && same(a.depth_cue, b.depth_cue) &&
            a.depth_limit.has_value() == b.depth_limit.has_value() && a.shadows == b.shadows &&
-           same(a.ambient_occlusion, b.ambient_occlusion) && a.background == b.background;
+           same(a.ambient_occlusion, b.ambient_occlusion) && a.background == b.background && !a.part && !b.part;
 }
 
 } // namespace sheetsplat

@@ -106,8 +106,12 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reac
     }
     double nearest = std::numeric_limits<double>::infinity();
     double farthest = -nearest;
+    if (scene.part) {
+        nearest = scene.part->depths[0];
+        farthest = scene.part->depths[1];
+    }
     for (const auto& field : scene.fields) {
-        if (field->size() == 0) {
+        if (field->size() == 0 || scene.part) {
             continue;
         }
         // Depth runs against the eye's z.

@@ -195,6 +195,10 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
     }
     check_rotations(arrays_.rotations, arrays_.unit_rotations);
     value_range_ = check_values(arrays_.values);
+    if (options_.value_range) {
+        value_range_ = {std::min(value_range_[0], (*options_.value_range)[0]),
+                        std::max(value_range_[1], (*options_.value_range)[1])};
+    }
     weight_range_ = check_weights(arrays_.weights);
     check_masses(arrays_.values, arrays_.weights);
     // A sphere looks the same however it is turned.

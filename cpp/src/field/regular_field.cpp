@@ -311,6 +311,10 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
     if (!prefilter_) {
         given_range_ = value_range_;
     }
+    if (options_.value_range) {
+        value_range_ = {std::min(value_range_[0], (*options_.value_range)[0]),
+                        std::max(value_range_[1], (*options_.value_range)[1])};
+    }
     if (std::max(-value_range_[0], value_range_[1]) > largest_sample) {
         throw InvalidInput(Complaint{"RegularField: the samples cannot be used",
                                      "values from " + text_of(value_range_[0]) + " to " + text_of(value_range_[1]),

@@ -80,7 +80,7 @@ std::size_t Texture::bytes() const {
            static_cast<std::size_t>(std::max(layers_, 1)) * format_of(internal_format_).bytes;
 }
 
-void Texture::upload(GLenum format, GLenum type, const void* pixels) {
+void Texture::upload(GLenum format, GLenum type, const void* pixels) const {
     const Api& gl = handle_.api();
     bind_for_work(gl, GL_TEXTURE_2D, name());
     gl.BindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);

@@ -9,7 +9,7 @@ namespace sheetsplat::gl {
 
 namespace {
 
-constexpr std::array<Format, 11> formats = {{
+constexpr std::array<Format, 12> formats = {{
     {GL_RGBA8, GL_RGBA, GL_UNSIGNED_BYTE, 4, "GL_RGBA8"},
     {GL_RGBA16F, GL_RGBA, GL_HALF_FLOAT, 8, "GL_RGBA16F"},
     {GL_R32F, GL_RED, GL_FLOAT, 4, "GL_R32F"},
@@ -18,6 +18,7 @@ constexpr std::array<Format, 11> formats = {{
     {GL_R32I, GL_RED_INTEGER, GL_INT, 4, "GL_R32I"},
     {GL_R32UI, GL_RED_INTEGER, GL_UNSIGNED_INT, 4, "GL_R32UI"},
     {GL_RG32I, GL_RG_INTEGER, GL_INT, 8, "GL_RG32I"},
+    {GL_RGBA32I, GL_RGBA_INTEGER, GL_INT, 16, "GL_RGBA32I"},
     {GL_RG32UI, GL_RG_INTEGER, GL_UNSIGNED_INT, 8, "GL_RG32UI"},
     {GL_DEPTH_COMPONENT24, GL_DEPTH_COMPONENT, GL_UNSIGNED_INT, 4, "GL_DEPTH_COMPONENT24"},
     {GL_DEPTH_COMPONENT32F, GL_DEPTH_COMPONENT, GL_FLOAT, 4, "GL_DEPTH_COMPONENT32F"},

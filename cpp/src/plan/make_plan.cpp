@@ -333,6 +333,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     plan.open_front = scene.mode == Mode::isosurface && view.frame.cut_by_near;
     plan.coverage = outputs.coverage;
     plan.depth = outputs.depth && !scalar;
+    plan.owned = scene.part && scene.part->cuts();
+    plan.counts = scene.part && counts_weighted_slices(scene.mode);
     plan.empty_test = effects.decide(EffectId::empty_test, visible_at_zero,
                                      visible_at_zero ? "opacity at 0 is above 0, and empty points must stay transparent"
                                      : scalar        ? "empty points count as 0"
@@ -413,7 +415,10 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                              : shows.anything        ? "asked for: the curvature of the scalar inside intervals counts"
                                                      : shows.why_nothing);
     plan_depth_cue(scene, view, shows, effects, plan);
-    const bool saturates = !scalar && shows.anything && saturates_within(scene, view, view.frame.slices, shows.opacity);
+    // What lies in front of a part may have taken nearly all light.
+    const bool saturates =
+        !scalar && shows.anything &&
+        ((scene.part && scene.part->in_front) || saturates_within(scene, view, view.frame.slices, shows.opacity));
     const bool opaque_surfaces =
         scene.mode == Mode::isosurface && std::all_of(scene.iso_values.begin(), scene.iso_values.end(),
                                                       [](const IsoValue& iso) { return iso.opacity == 1.0; });

@@ -1,6 +1,7 @@
 #include "reference/clip.hpp"
 
 #include <cmath>
+#include <limits>
 
 #include <glm/geometric.hpp>
 
@@ -28,6 +29,25 @@ Clipping::Clipping(const Scene& scene, const Camera& camera) {
 bool Clipping::keeps(const Vec3& point_eye) const {
     for (const HalfSpace& half_space : half_spaces_) {
         if (!(glm::dot(half_space.normal, point_eye) >= half_space.least)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+Cell::Cell(const Scene& scene, const Camera& camera)
+    : right_(camera.right_world()), up_(camera.up_world()), back_(camera.back_world()),
+      lower_(-std::numeric_limits<double>::infinity()), upper_(std::numeric_limits<double>::infinity()) {
+    if (scene.part) {
+        lower_ = scene.part->cell.lower - camera.eye();
+        upper_ = scene.part->cell.upper - camera.eye();
+    }
+}
+
+bool Cell::holds(const Vec3& point_eye) const {
+    for (int axis = 0; axis < 3; ++axis) {
+        const double place = right_[axis] * point_eye.x + up_[axis] * point_eye.y + back_[axis] * point_eye.z;
+        if (!(place >= lower_[axis] && place < upper_[axis])) {
             return false;
         }
     }

@@ -24,9 +24,9 @@ bool calls_for_gradients(const Scene& scene) {
 }
 
 Compositor::Compositor(const Scene& scene, const Screen& screen, const Slices& slices, const Shader& shader,
-                       const Clipping& clipping, const Surroundings* surroundings, const Request& request,
-                       const Nudge& nudge)
-    : scene_(scene), screen_(screen), slices_(slices), shader_(shader), clipping_(clipping),
+                       const Clipping& clipping, const Cell& cell, const Surroundings* surroundings,
+                       const Request& request, const Nudge& nudge)
+    : scene_(scene), screen_(screen), slices_(slices), shader_(shader), clipping_(clipping), cell_(cell),
       surroundings_(surroundings), needs_gradient_(calls_for_gradients(scene)), groups_(groups_drawn(scene)),
       nudge_(nudge.rho), stop_(scene.opacity_stop + nudge.stop), reference_distance_(scene.reference_distance()) {
     for (const Group& group : groups_) {
@@ -39,7 +39,12 @@ Compositor::Compositor(const Scene& scene, const Screen& screen, const Slices& s
     } else {
         picture_.rgba.assign(4 * pixels, 0.0);
     }
-    counts_.assign(scene.mode == Mode::average ? pixels : 0, 0.0);
+    counts_.assign(counts_weighted_slices(scene.mode) ? pixels : 0, 0.0);
+    if (scene.part && scene.part->in_front) {
+        for (std::size_t at = 0; at < picture_.rgba.size() / 4; ++at) {
+            picture_.rgba[4 * at + 3] = static_cast<double>((*scene.part->in_front)[at]);
+        }
+    }
     picture_.coverage.assign(request.coverage ? pixels : 0, 0.0);
     picture_.depth.assign(request.depth ? pixels : 0, never);
     picture_.first_slice = slices.first;
@@ -56,6 +61,9 @@ void Compositor::add(const SheetWindow& window, const std::function<void()>& pol
             const std::size_t number = static_cast<std::size_t>(row) * static_cast<std::size_t>(screen_.width()) +
                                        static_cast<std::size_t>(column);
             const Pixel pixel{column, row, number, slices_.spacing * screen_.secant(column, row) / reference_distance_};
+            if (!owned(window, pixel)) {
+                continue;
+            }
             if (!picture_.coverage.empty() && at_slice) {
                 add_coverage(window, pixel);
             }
@@ -200,6 +208,7 @@ void Compositor::add_scalar(const SheetWindow& window, const Pixel& pixel) {
         break;
     case Mode::minimum:
         value = std::min(value, view.rho(0));
+        counts_[pixel.number] += 1.0;
         break;
     case Mode::average:
         value += view.rho(0);
@@ -217,6 +226,11 @@ bool Compositor::kept(const SheetWindow& window, const Pixel& pixel, std::size_t
         return false;
     }
     return clipping_.keeps(screen_.point(pixel.column, pixel.row, depth));
+}
+
+bool Compositor::owned(const SheetWindow& window, const Pixel& pixel) const {
+    return !scene_.part ||
+           cell_.holds(screen_.point(pixel.column, pixel.row, slices_.depth(std::max(window.n, slices_.first))));
 }
 
 bool Compositor::open_interval(const View& view) const {
@@ -285,11 +299,14 @@ void Compositor::put_behind(const Pixel& pixel, const Vec3& color, double alpha,
 }
 
 Picture Compositor::finish() {
-    for (std::size_t at = 0; at < counts_.size(); ++at) {
-        picture_.scalar[at] /= std::max(1.0, counts_[at]);
+    if (scene_.mode == Mode::average) {
+        for (std::size_t at = 0; at < counts_.size(); ++at) {
+            picture_.scalar[at] /= std::max(1.0, counts_[at]);
+        }
     }
     std::replace(picture_.scalar.begin(), picture_.scalar.end(), never, 0.0);
-    if (scene_.background) {
+    picture_.counts = std::move(counts_);
+    if (scene_.background && !scene_.part) {
         for (std::size_t at = 0; at < picture_.rgba.size(); at += 4) {
             for (std::size_t channel = 0; channel < 3; ++channel) {
                 picture_.rgba[at + channel] +=

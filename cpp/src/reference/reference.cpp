@@ -137,6 +137,7 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
     const Slices slices = find_slices(scene, camera, screen, radius_factor);
     const Shader shader(scene, camera);
     const Clipping clipping(scene, camera);
+    const Cell cell(scene, camera);
     std::optional<Surroundings> surroundings;
     if (slices.count > 0 && needs_surroundings(scene)) {
         surroundings.emplace(scene, camera, screen, clipping, radius_factor);
@@ -155,8 +156,8 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
     }
     std::vector<Compositor> compositors;
     for (const Nudge& nudge : nudges) {
-        compositors.emplace_back(scene, screen, slices, shader, clipping, surroundings ? &*surroundings : nullptr,
-                                 request, nudge);
+        compositors.emplace_back(scene, screen, slices, shader, clipping, cell,
+                                 surroundings ? &*surroundings : nullptr, request, nudge);
     }
 
     const auto report = [&](std::int64_t intervals) {

@@ -22,6 +22,9 @@ struct DepthRange {
 // Depths that any support reaches.
 DepthRange support_depths(const Scene& scene, const Camera& camera, const Screen& screen, double radius_factor) {
     DepthRange range;
+    if (scene.part) {
+        return {scene.part->depths[0], scene.part->depths[1]};
+    }
     for (const auto& field : scene.fields) {
         const EyeKernels kernels(*field, scene, camera, screen, radius_factor);
         kernels.for_each([&](std::uint64_t, const EyeKernel& kernel) {

@@ -118,6 +118,22 @@ void check_occlusion(const AmbientOcclusion& occlusion) {
 
 constexpr const char* together = "two options cannot be used together";
 
+void check_part(const Part& part) {
+    const auto right = [](const Box& box) {
+        return box.lower.x < box.upper.x && box.lower.y < box.upper.y && box.lower.z < box.upper.z;
+    };
+    require(right(part.cell), "a part cannot be drawn",
+            "a cell from " + text_of(part.cell.lower) + " to " + text_of(part.cell.upper),
+            "two corners, the lower one first");
+    require(is_finite(part.centres.lower) && is_finite(part.centres.upper) && !part.centres.empty(),
+            "a part cannot be drawn",
+            "a box of centres from " + text_of(part.centres.lower) + " to " + text_of(part.centres.upper),
+            "two finite corners, the lower one first");
+    require(is_finite(part.depths[0]) && is_finite(part.depths[1]) && part.depths[0] <= part.depths[1],
+            "a part cannot be drawn", "depths from " + text_of(part.depths[0]) + " to " + text_of(part.depths[1]),
+            "two finite depths, the nearer one first");
+}
+
 // Effects that a mode cannot have, and pairs that contradict each other.
 void check_effects(const Scene& scene) {
     const Words in_mode = " with " + option_ref("mode", name_of(scene.mode));
@@ -240,8 +256,16 @@ double Scene::default_slice_spacing() const {
     return smallest.value_or(1.0);
 }
 
+bool Part::cuts() const {
+    const double infinity = std::numeric_limits<double>::infinity();
+    return cell.lower != Vec3(-infinity) || cell.upper != Vec3(infinity);
+}
+
 Box Scene::centres_world() const {
     require_fields(fields);
+    if (part) {
+        return part->centres;
+    }
     Box all;
     for (const auto& field : fields) {
         const Box box = field->centres_world();
@@ -278,6 +302,15 @@ void Scene::validate() const {
     }
     if (ambient_occlusion) {
         check_occlusion(*ambient_occlusion);
+    }
+    if (part) {
+        check_part(*part);
+        // Light is dimmed by matter that may lie anywhere in the whole.
+        const Words alone = "of fields that are a part of larger ones";
+        const Words advice = "draw the whole, or leave it out";
+        require(!shadows, together, option_ref("shadows", "true") + " " + alone, "no shadows there", advice);
+        require(!ambient_occlusion, together, option_ref("ambient_occlusion") + " " + alone, "no ambient occlusion there",
+                advice);
     }
     check_effects(*this);
 }

@@ -75,4 +75,55 @@ SliceRun KeptSlices::at(int column, int row) const {
     return {static_cast<std::int32_t>(first), static_cast<std::int32_t>(last)};
 }
 
+OwnedSlices::OwnedSlices(const Part& part, const Camera& camera, const Frame& frame)
+    : half_columns_(0.5 * frame.size.width), half_rows_(0.5 * frame.size.height), pixel_(frame.pixel),
+      slices_(static_cast<double>(frame.slices)) {
+    const double spacing = frame.slice_spacing, depth = frame.first_depth;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double lower = part.cell.lower[axis] - camera.eye()[axis];
+        const double upper = part.cell.upper[axis] - camera.eye()[axis];
+        if (std::isinf(lower) && std::isinf(upper)) {
+            continue;
+        }
+        const double across = camera.right_world()[axis], up = camera.up_world()[axis];
+        const double back = camera.back_world()[axis];
+        if (frame.projection == Projection::perspective) {
+            axes_.push_back({{-depth * back, depth * across, depth * up},
+                             {-spacing * back, spacing * across, spacing * up},
+                             lower,
+                             upper});
+        } else {
+            axes_.push_back({{-depth * back, across, up}, {-spacing * back, 0.0, 0.0}, lower, upper});
+        }
+    }
+}
+
+SliceRun OwnedSlices::at(int column, int row) const {
+    const double x = (column + 0.5 - half_columns_) * pixel_;
+    const double y = (half_rows_ - row - 0.5) * pixel_;
+    double first = -1.0, last = slices_;
+    for (const Axis& axis : axes_) {
+        const double start = axis.start[0] + x * axis.start[1] + y * axis.start[2];
+        const double step = axis.step[0] + x * axis.step[1] + y * axis.step[2];
+        // The slices at or above a face: from the first one on where the ray rises, up to the last one where it falls.
+        const auto boundary = [&](double face) {
+            const double place = (face - start) / step;
+            return step > 0.0 ? std::ceil(place) : std::floor(place) + 1.0;
+        };
+        if (step == 0.0) {
+            last = start >= axis.lower && start < axis.upper ? last : -1.0;
+        } else if (step > 0.0) {
+            first = std::max(first, boundary(axis.lower));
+            last = std::min(last, boundary(axis.upper) - 1.0);
+        } else {
+            first = std::max(first, boundary(axis.upper));
+            last = std::min(last, boundary(axis.lower) - 1.0);
+        }
+    }
+    if (last < 0.0 || !(first <= last)) {
+        return {};
+    }
+    return {static_cast<std::int32_t>(first <= 0.0 ? -1.0 : first), static_cast<std::int32_t>(last)};
+}
+
 } // namespace sheetsplat

@@ -174,6 +174,7 @@ class EllipsoidField(Field):
         weights: NDArray[Any] | None,
         *,
         unit_rotations: bool = False,
+        value_range: tuple[float, float] | None = None,
     ) -> _sheetsplat.EllipsoidField:
         return _sheetsplat.EllipsoidField(
             centers,
@@ -187,6 +188,7 @@ class EllipsoidField(Field):
             min_scale=self._min_scale,
             cell_volume=self._cell_volume,
             unit_rotations=unit_rotations,
+            value_range=value_range,
         )
 
     def _parts(self) -> dict[str, Any]:
@@ -391,3 +393,26 @@ class EllipsoidField(Field):
             f"EllipsoidField({self.size} {kinds}{ghosts}, semi-axes {thin:g} to {long:g}, values {low:g} to {high:g}, "
             f"normalization {self._normalization!r}{self._up_text})"
         )
+
+
+def part_of_kernels(
+    field: EllipsoidField, chosen: NDArray[np.bool_] | NDArray[np.int64], value_range: tuple[float, float] | None = None
+) -> EllipsoidField:
+    """Return the field of some kernels of another one.
+
+    Parameters
+    ----------
+    field
+        The field.
+    chosen
+        Which kernels.
+    value_range
+        Range of the values of the whole field, by which pictures scale their numbers; that of `field` unless given.
+    """
+    made = object.__new__(EllipsoidField)
+    for kind in EllipsoidField.__mro__[:-1]:
+        for name in getattr(kind, "__slots__", ()):
+            setattr(made, name, getattr(field, name))
+    arrays = [None if array is None else array[chosen] for array in (getattr(field.native, name) for name in _ARRAYS)]
+    made.native = made._made(*arrays, unit_rotations=True, value_range=value_range or field.value_range)
+    return made

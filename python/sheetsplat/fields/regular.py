@@ -184,6 +184,7 @@ class RegularField(Field):
         prefilter: bool = False,
         coefficients: NDArray[Any] | None = None,
         figures: dict[str, float] | None = None,
+        value_range: tuple[float, float] | None = None,
     ) -> _sheetsplat.RegularField:
         """Return the native field of some samples with this field's options; coefficients: found before."""
         return _sheetsplat.RegularField(
@@ -199,6 +200,7 @@ class RegularField(Field):
             prefilter=prefilter,
             coefficients=coefficients,
             figures=figures,
+            value_range=value_range,
         )
 
     def _parts(self) -> dict[str, Any]:
@@ -290,3 +292,31 @@ class RegularField(Field):
             f"spacing {self._spacing}, values {low:g} to {high:g}{', prefiltered' if self.prefilter else ''}"
             f"{self._up_text})"
         )
+
+
+def part_of_volume(
+    values: NDArray[Any],
+    *,
+    value_range: tuple[float, float] | None = None,
+    coefficients: NDArray[Any] | None = None,
+    figures: dict[str, float] | None = None,
+    **options: Any,
+) -> RegularField:
+    """Return the field of a part of a larger volume.
+
+    Parameters
+    ----------
+    values
+        Samples of the part, [k, j, i].
+    value_range
+        Range of the factors of all kernels of the volume, by which pictures scale their numbers.
+    coefficients, figures
+        What the prefilter found for these samples in their surroundings.
+    options
+        Those of `RegularField`, but for `prefilter`.
+    """
+    field = RegularField(np.zeros((1, 1, 1)), **options)
+    field.native = field._made(
+        as_samples(values), coefficients=coefficients, figures=figures, value_range=value_range
+    )
+    return field

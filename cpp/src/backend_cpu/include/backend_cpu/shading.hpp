@@ -92,7 +92,7 @@ struct Shading {
     /// Rows go through the effects one after the other: of what follows, anything is on, or preintegration of second
     /// order.
     bool by_effects = false;
-    bool cuts = false; ///< clip or depth limit take points of slices away
+    bool cuts = false; ///< clip, depth limit or the cell of a part take points of slices away
     bool analytic_gradient = false;
     bool gradient_opacity = false;
     bool depth_cue = false;

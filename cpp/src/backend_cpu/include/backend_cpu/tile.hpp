@@ -81,6 +81,9 @@ struct TilePicture {
     T* depth = nullptr;           ///< infinite until opacity reaches one half; null unless asked for
     T* coverage = nullptr;        ///< null unless asked for
     const T* last_kept = nullptr; ///< the last slice in front of the depth limit; null without one
+    /// Of a part of a whole: the slices that it draws, with the intervals behind them; null where it draws all.
+    const T* first_owned = nullptr;
+    const T* last_owned = nullptr;
     int* row_alive = nullptr;     ///< a row: pixels that still change: alpha < A_stop, and not yet at the depth limit
     int alive = 0;                ///< sum of row_alive
 };

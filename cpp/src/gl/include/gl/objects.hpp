@@ -70,7 +70,7 @@ class Texture {
     /// Layers of an array; 0: the texture is none.
     [[nodiscard]] int layers() const { return layers_; }
     /// Replaces all of a texture that is no array. format and type are those of glTexSubImage2D.
-    void upload(GLenum format, GLenum type, const void* pixels);
+    void upload(GLenum format, GLenum type, const void* pixels) const;
     /// Binds it to GL_TEXTURE0 + unit.
     void bind(int unit) const;
     explicit operator bool() const { return static_cast<bool>(handle_); }

@@ -28,6 +28,8 @@ struct DrawPlan {
     bool clip = false;        ///< points outside Scene::clip are transparent
     bool depth_limit = false; ///< points at Scene::depth_limit or behind it are transparent
     bool blank = false;       ///< clip or depth limit leave nothing: the picture is empty whatever else is on
+    bool owned = false;       ///< points outside Part::cell are not drawn: they belong to other parts of a whole
+    bool counts = false;      ///< the picture says which slices counted (parts, modes minimum and average)
     bool filter = false;      ///< kernels are widened by pixel and slice distance
     bool coverage = false;    ///< an output
     bool depth = false;       ///< an output

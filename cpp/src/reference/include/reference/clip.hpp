@@ -1,4 +1,5 @@
-// Which points of the world clipping keeps. Source: conventions, section 10 (clipping).
+// Which points of the world clipping keeps, and which belong to a part. Source: conventions, sections 10 (clipping) and
+// 11 (parts).
 #pragma once
 
 #include <vector>
@@ -23,6 +24,20 @@ class Clipping {
         double least; // of the dot product with a point
     };
     std::vector<HalfSpace> half_spaces_;
+};
+
+/// The cell of a scene that is a part of a larger one. Cells that share a face have no point in common and leave none
+/// out, because both compare the same coordinate with the same number.
+class Cell {
+  public:
+    /// Without a part every point is inside.
+    Cell(const Scene& scene, const Camera& camera);
+
+    [[nodiscard]] bool holds(const Vec3& point_eye) const;
+
+  private:
+    Vec3 right_, up_, back_;
+    Vec3 lower_, upper_; ///< from the eye, along the world's axes
 };
 
 } // namespace sheetsplat::reference

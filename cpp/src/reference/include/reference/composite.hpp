@@ -37,7 +37,8 @@ class Compositor {
   public:
     /// What is referred to must live as long as this.
     Compositor(const Scene& scene, const Screen& screen, const Slices& slices, const Shader& shader,
-               const Clipping& clipping, const Surroundings* surroundings, const Request& request, const Nudge& nudge);
+               const Clipping& clipping, const Cell& cell, const Surroundings* surroundings, const Request& request,
+               const Nudge& nudge);
 
     /// Adds slice n, or the interval from slice n to n + 1 in isosurface mode and with preintegration. Wanted for every
     /// n in turn, from the one before the first slice to the last.
@@ -82,6 +83,8 @@ class Compositor {
     [[nodiscard]] std::vector<Crossing> find_crossings(const SheetWindow& window, const Pixel& pixel) const;
     /// True where clipping and the depth limit keep the point of slice n + ahead.
     [[nodiscard]] bool kept(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
+    /// True where slice n, and what lies between it and the next one, belongs to the part that is drawn.
+    [[nodiscard]] bool owned(const SheetWindow& window, const Pixel& pixel) const;
     /// True where the interval behind slice n shows a group: an end is neither empty nor cut off.
     [[nodiscard]] bool open_interval(const View& view) const;
     /// Per reference length.
@@ -102,6 +105,7 @@ class Compositor {
     const Slices& slices_;
     const Shader& shader_;
     const Clipping& clipping_;
+    const Cell& cell_;
     const Surroundings* surroundings_; ///< null without shadows and ambient occlusion
     bool needs_gradient_;
     std::vector<Group> groups_;
@@ -109,7 +113,7 @@ class Compositor {
     std::vector<double> rho_shifts_; ///< what the nudge comes to in each group
     double stop_;
     double reference_distance_;  ///< world units
-    std::vector<double> counts_; ///< slices that count, a pixel; mode average
+    std::vector<double> counts_; ///< slices that count, a pixel; modes average and minimum
     Picture picture_;
 };
 

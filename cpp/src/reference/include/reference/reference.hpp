@@ -21,6 +21,7 @@ struct Picture {
     std::vector<double> scalar;   ///< h * w in scalar modes
     std::vector<double> coverage; ///< h * w when asked for
     std::vector<double> depth;    ///< h * w when asked for
+    std::vector<double> counts;   ///< h * w in modes minimum and average: slices that count
     std::int64_t first_slice = 0;
     std::int64_t slices = 0;
     std::size_t kernels_drawn =

@@ -34,6 +34,28 @@ class SlicesInFront {
     std::int64_t slices_;
 };
 
+/// The slices of each pixel that belong to the part of a whole that is drawn, with the intervals behind them; the one
+/// before slice 0 belongs where slice 0 does. A face that two cells share divides every ray at the same slice in both,
+/// because both find it from the same numbers.
+class OwnedSlices {
+  public:
+    OwnedSlices(const Part& part, const Camera& camera, const Frame& frame);
+
+    /// Of a pixel of the picture, or beyond its edges.
+    [[nodiscard]] SliceRun at(int column, int row) const;
+
+  private:
+    /// Place along an axis of the world at slice m: start + m step, each constant + x across + y up.
+    struct Axis {
+        double start[3], step[3];
+        double lower, upper; ///< of the cell, from the eye
+    };
+    std::vector<Axis> axes_; ///< those along which the cell ends
+    double half_columns_, half_rows_;
+    double pixel_;
+    double slices_;
+};
+
 /// Half spaces are convex, so that what they leave of a ray is one run of slices: found in float64, with any number of
 /// planes, it can be looked up in any number format.
 class KeptSlices {

@@ -1,0 +1,149 @@
+"""Draws single bricks, and whole pictures brick after brick in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge
+from sheetsplat.bricks.view import BrickView
+from sheetsplat.fields import Field
+from sheetsplat.options.renderer import OUTPUTS, Progress
+from sheetsplat.renderer import Renderer
+from sheetsplat.scene import Scene
+
+#: What makes the field of a brick: for lattices that of `BrickView.samples`, of scattered kernels those that
+#: `Brick.reached` names. None: nothing of it can show.
+FieldOf = Callable[[int], Field | None]
+
+
+def draw_brick(
+    view: BrickView,
+    number: int,
+    field: Field,
+    renderer: Renderer,
+    in_front: NDArray[np.float32] | None = None,
+    progress: Progress | None = None,
+) -> Partial:
+    """Return what one brick adds to a picture.
+
+    Parameters
+    ----------
+    view
+        The picture.
+    number
+        Of the brick.
+    field
+        Its kernels and ghosts.
+    renderer
+        Draws it; made from ``view.settings``. It keeps what it found of a field for the next picture of the same one.
+    in_front
+        Opacity in front of it, float32 (h, w) of the whole picture: then it is drawn behind that, and stop and depth
+        are exact. Alone unless given: then no stop ends a pixel.
+    progress
+        As for `Renderer.render`.
+
+    Raises
+    ------
+    InvalidInput, Unsupported, OutOfMemory, Cancelled
+        As `Renderer.render`.
+    """
+    rect = view.footprint(number)
+    if rect is None:
+        return empty(view)
+    options = dict(view.options)
+    options["background"] = None
+    if in_front is None:
+        options["opacity_stop"] = 1.0
+    native = Scene(field, view.transfer_function, **options).native
+    if view.depth_limit is not None:
+        native = native.with_depth_limit(view.depth_limit)
+    scene = native.with_part(
+        cell=view.partition.bricks[number].cell,
+        centres=view.whole.centres,
+        depths=view.whole.depths(view.camera),
+        in_front=in_front,
+    )
+    also = {name: name in view.outputs for name in OUTPUTS}
+    image = renderer.native.render(scene=scene, camera=view.camera.native, size=view.size, progress=progress, **also)
+    x0, y0, x1, y1 = rect
+    cut = (slice(y0, y1), slice(x0, x1))
+
+    def of(array: NDArray[np.float32] | None, dtype: type = np.float32) -> NDArray[np.floating] | None:
+        return None if array is None else np.array(array[cut], dtype)
+
+    scalar = of(image.scalar, np.float64 if view.mode in ("xray", "average") else np.float32)
+    counts = of(image.counts)
+    if view.mode == "average" and scalar is not None and counts is not None:
+        scalar = scalar * counts
+    return Partial(
+        view.mode,
+        rect,
+        rgba=of(image.rgba),
+        scalar=scalar,
+        counts=counts,
+        coverage=of(image.coverage, np.float64),
+        depth=of(image.depth),
+        is_behind=in_front is not None,
+    )
+
+
+def is_hidden(view: BrickView, number: int, in_front: NDArray[np.float32]) -> bool:
+    """Return whether all pixels of a brick are finished by what is in front of it: (h, w) of the whole picture."""
+    rect = view.footprint(number)
+    if rect is None:
+        return True
+    if view.is_scalar or "coverage" in view.outputs:
+        return False
+    x0, y0, x1, y1 = rect
+    return bool((in_front[y0:y1, x0:x1] >= view.opacity_stop).all())
+
+
+def render_bricks(
+    view: BrickView, field_of: FieldOf, renderer: Renderer | None = None, progress: Progress | None = None
+) -> Finished:
+    """Return a picture that is drawn brick after brick, from front to back, in this process.
+
+    It is the picture of the whole field within the rounding of float32, stop and depth included. Bricks outside of the
+    view and behind opaque ones are not asked for.
+
+    Parameters
+    ----------
+    view
+        The picture.
+    field_of
+        Makes the field of a brick, by its number.
+    renderer
+        A new one unless given.
+    progress
+        Called with the share of bricks that are done; False stops.
+
+    Raises
+    ------
+    InvalidInput, Unsupported, OutOfMemory, Cancelled
+        As `Renderer.render`.
+    """
+    drawing = Renderer(**view.settings) if renderer is None else renderer
+    width, height = view.size
+    in_front = None if view.is_scalar else np.zeros((height, width), np.float32)
+    so_far = empty(view)
+    order = view.order()
+    for place, number in enumerate(order):
+        rect = view.footprint(number)
+        if rect is None or (in_front is not None and is_hidden(view, number, in_front)):
+            continue
+        field = field_of(number)
+        if field is None:
+            continue
+
+        def told(share: float, place: int = place) -> object:
+            return progress is None or progress((place + share) / len(order))
+
+        part = draw_brick(view, number, field, drawing, in_front, told)
+        if in_front is not None and part.rgba is not None:
+            x0, y0, x1, y1 = rect
+            in_front[y0:y1, x0:x1] = part.rgba[..., 3]
+        so_far = merge(so_far, part)
+    return finish(view, so_far)

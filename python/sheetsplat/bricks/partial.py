@@ -1,0 +1,291 @@
+"""What single bricks add to a picture, and how two such parts become one.
+
+`merge` is associative up to the rounding of float32, so that parts can be merged in any tree whose leaves are in the
+order from front to back (`BrickView.nested`).
+
+There are two kinds of coloured parts. One is drawn alone, as if nothing were in front of it; parts are composited by
+*over*. The stop at an opacity and the depth at which opacity reaches one half do not follow from such parts alone:
+`behind` says where a brick has to be drawn again. The other kind is drawn behind others, of which it knows the opacity:
+colours add up, and stop and depth are exact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat.bricks.view import BrickView, Rect
+
+Numbers = NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Partial:
+    """What some bricks, neighbours in depth, add to a picture. Arrays cover a rectangle of it, row 0 at the top.
+
+    Attributes
+    ----------
+    mode
+        The mode of the picture.
+    rect
+        The rectangle.
+    rgba
+        Premultiplied, float32 (h, w, 4); None in scalar modes. Of parts behind others the opacity is that of all that
+        is in front too, and the colours are what they add.
+    scalar
+        Modes xray and average: sums, float64; mip and minimum: extrema, float32.
+    counts
+        Modes average and minimum: how many slices count, 0 where the scalar means nothing.
+    coverage
+        Sums, float64, where asked for.
+    depth
+        Depths at which opacity reaches one half, float32, where asked for: infinite where it does not, NaN where it
+        does and the depth depends on what is in front.
+    is_behind
+        Whether it was drawn behind others.
+    """
+
+    mode: str
+    rect: Rect
+    rgba: Numbers | None = None
+    scalar: Numbers | None = None
+    counts: Numbers | None = None
+    coverage: Numbers | None = None
+    depth: Numbers | None = None
+    is_behind: bool = False
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the arrays."""
+        arrays = (self.rgba, self.scalar, self.counts, self.coverage, self.depth)
+        return sum(one.nbytes for one in arrays if one is not None)
+
+    def opacity(self, rect: Rect) -> Numbers:
+        """Return the opacity in a rectangle, 0 where it has none, float32 (h, w)."""
+        found = np.zeros((rect[3] - rect[1], rect[2] - rect[0]), np.float32)
+        if self.rgba is not None and (both := _common(rect, self.rect)):
+            found[_within(both, rect)] = self.rgba[_within(both, self.rect)][..., 3]
+        return found
+
+    def behind(self, in_front: Numbers, stop: float) -> Partial | None:
+        """Return the part as it is behind others, or None where the brick has to be drawn again for that.
+
+        Parameters
+        ----------
+        in_front
+            Opacity in front of it in its rectangle, (h, w).
+        stop
+            Opacity at which a pixel is finished.
+        """
+        if self.rgba is None:
+            return replace(self, is_behind=True)
+        before = in_front.astype(np.float32)
+        left = (np.float32(1.0) - before)[..., None]
+        rgba = left * self.rgba
+        rgba[..., 3] += before
+        after = rgba[..., 3]
+        own = self.rgba[..., 3] > 0
+        open_before = before < stop
+        if stop < 1.0 and bool((own & open_before & (after >= stop)).any()):
+            return None
+        depth = self.depth
+        if depth is not None:
+            reached = own & (before < 0.5) & (after >= 0.5)
+            if bool((reached & (before > 0)).any()):
+                return None
+            depth = np.where(reached & open_before, depth, np.float32(np.inf))
+        rgba[..., :3][~open_before] = 0.0
+        rgba[..., 3] = np.where(open_before, after, before)
+        return replace(self, rgba=rgba, depth=depth, is_behind=True)
+
+
+def empty(view: BrickView) -> Partial:
+    """Return what no brick adds."""
+    return _blank(view, (0, 0, 0, 0))
+
+
+def _blank(view: BrickView, rect: Rect) -> Partial:
+    shape = (max(rect[3] - rect[1], 0), max(rect[2] - rect[0], 0))
+    mode = view.mode
+    sums = mode in ("xray", "average")
+    return Partial(
+        mode,
+        rect,
+        rgba=None if view.is_scalar else np.zeros((*shape, 4), np.float32),
+        scalar=np.zeros(shape, np.float64 if sums else np.float32) if view.is_scalar else None,
+        counts=np.zeros(shape, np.float32) if mode in ("minimum", "average") else None,
+        coverage=np.zeros(shape, np.float64) if "coverage" in view.outputs else None,
+        depth=np.full(shape, np.inf, np.float32) if "depth" in view.outputs else None,
+    )
+
+
+def _common(first: Rect, second: Rect) -> Rect | None:
+    x0, y0 = max(first[0], second[0]), max(first[1], second[1])
+    x1, y1 = min(first[2], second[2]), min(first[3], second[3])
+    return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
+
+
+def _around(first: Rect, second: Rect) -> Rect:
+    return (
+        min(first[0], second[0]),
+        min(first[1], second[1]),
+        max(first[2], second[2]),
+        max(first[3], second[3]),
+    )
+
+
+def _within(inner: Rect, outer: Rect) -> tuple[slice, slice]:
+    return (
+        slice(inner[1] - outer[1], inner[3] - outer[1]),
+        slice(inner[0] - outer[0], inner[2] - outer[0]),
+    )
+
+
+def _is_empty(part: Partial) -> bool:
+    return part.rect[0] >= part.rect[2] or part.rect[1] >= part.rect[3]
+
+
+def merge(front: Partial, back: Partial) -> Partial:
+    """Return what two parts add together, the first of which is in front of the second for every pixel.
+
+    Parts that do not overlap, and parts of scalar modes, may come in any order.
+    """
+    if _is_empty(back):
+        return front
+    if _is_empty(front):
+        return back
+    if front.is_behind != back.is_behind:
+        raise ValueError("a part that was drawn alone cannot be merged with one that was drawn behind others")
+    rect = _around(front.rect, back.rect)
+    wide_front, wide_back = _spread(front, rect), _spread(back, rect)
+    made: dict[str, Numbers | None] = {}
+    if front.rgba is not None and back.rgba is not None:
+        a, b = wide_front["rgba"], wide_back["rgba"]
+        if front.is_behind:
+            joined = a + b
+            # Where the back has an opacity, it is that of both.
+            joined[..., 3] = a[..., 3]
+            here = _within(back.rect, rect)
+            joined[here][..., 3] = back.rgba[..., 3]
+            made["rgba"] = joined
+        else:
+            made["rgba"] = a + (np.float32(1.0) - a[..., 3:]) * b
+        if front.depth is not None:
+            near, far = wide_front["depth"], wide_back["depth"]
+            if front.is_behind:
+                made["depth"] = np.minimum(near, far)
+            else:
+                opacity = a[..., 3]
+                half = made["rgba"][..., 3] >= 0.5
+                unknown = half & (opacity < 0.5) & (opacity > 0.0)
+                joined_depth = np.where(opacity >= 0.5, near, np.where(opacity == 0.0, far, np.float32(np.inf)))
+                made["depth"] = np.where(unknown, np.float32(np.nan), joined_depth)
+    if front.scalar is not None:
+        made |= _merged_scalars(front.mode, wide_front, wide_back)
+        if front.depth is not None:
+            made["depth"] = wide_front["depth"]
+    if front.coverage is not None:
+        made["coverage"] = wide_front["coverage"] + wide_back["coverage"]
+    return Partial(front.mode, rect, is_behind=front.is_behind, **made)
+
+
+def _merged_scalars(mode: str, front: dict[str, Numbers], back: dict[str, Numbers]) -> dict[str, Numbers | None]:
+    a, b = front["scalar"], back["scalar"]
+    if mode == "xray":
+        return {"scalar": a + b}
+    if mode == "mip":
+        return {"scalar": np.maximum(a, b)}
+    counts = front["counts"] + back["counts"]
+    if mode == "average":
+        return {"scalar": a + b, "counts": counts}
+    least = np.where(front["counts"] == 0, b, np.where(back["counts"] == 0, a, np.minimum(a, b)))
+    return {"scalar": least, "counts": counts}
+
+
+def _spread(part: Partial, rect: Rect) -> dict[str, Numbers]:
+    """Return the arrays of a part over a larger rectangle."""
+    found: dict[str, Numbers] = {}
+    here = _within(part.rect, rect)
+    shape = (rect[3] - rect[1], rect[2] - rect[0])
+    for name in ("rgba", "scalar", "counts", "coverage", "depth"):
+        own = getattr(part, name)
+        if own is None:
+            continue
+        if rect == part.rect:
+            found[name] = own
+            continue
+        wide = np.full((*shape, *own.shape[2:]), np.inf if name == "depth" else 0.0, own.dtype)
+        wide[here] = own
+        found[name] = wide
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """A whole picture, row 0 at the top; its arrays are those of `sheetsplat.Image`.
+
+    Attributes
+    ----------
+    rgba
+        float32 (h, w, 4), premultiplied, with the background; None in scalar modes.
+    scalar, coverage, depth
+        float32 (h, w), or None.
+    """
+
+    rgba: Numbers | None
+    scalar: Numbers | None
+    coverage: Numbers | None
+    depth: Numbers | None
+
+
+def finish(view: BrickView, part: Partial) -> Finished:
+    """Return the picture of all bricks."""
+    width, height = view.size
+    whole: Rect = (0, 0, width, height)
+    wide = _spread(_blank(view, whole) if _is_empty(part) else part, whole)
+    rgba = wide.get("rgba")
+    if rgba is not None:
+        rgba = rgba.astype(np.float32)
+        if view.options["background"] is not None:
+            behind = (1.0 - rgba[..., 3:].astype(np.float64)) * np.asarray(view.options["background"])
+            rgba[..., :3] = (rgba[..., :3] + behind).astype(np.float32)
+            rgba[..., 3] = 1.0
+    scalar = wide.get("scalar")
+    if scalar is not None:
+        if view.mode == "average":
+            scalar = scalar / np.maximum(wide["counts"], 1.0)
+        elif view.mode == "minimum":
+            scalar = np.where(wide["counts"] > 0, scalar, 0.0)
+        scalar = scalar.astype(np.float32)
+    coverage = wide.get("coverage")
+    return Finished(rgba, scalar, None if coverage is None else coverage.astype(np.float32), wide.get("depth"))
+
+
+def stop_difference(view: BrickView, part: Partial) -> float:
+    """Return a bound on how far a picture of parts that were drawn alone is from one that stops, root mean square.
+
+    Where a pixel's opacity passes the stop, what a picture that stops leaves out is no more than the rest.
+    """
+    stop = view.opacity_stop
+    if part.rgba is None or stop >= 1.0 or _is_empty(part):
+        return 0.0
+    more = np.clip(part.rgba[..., 3].astype(np.float64) - stop, 0.0, None)
+    brightest = float(np.abs(view.transfer_function.points[:, 1:4]).max(initial=0.0))
+    brightest *= _brightest_light(view)
+    channels = 3.0 * max(brightest, 1.0) ** 2 + 1.0
+    width, height = view.size
+    return float(np.sqrt((more**2).sum() * channels / (4.0 * width * height)))
+
+
+def _brightest_light(view: BrickView) -> float:
+    lights, material = view.options["lights"], view.options["material"]
+    if not lights:
+        return 1.0
+    brightness = sum(max(abs(channel) for channel in light.color) for light in lights)
+    return float(abs(material.ambient) + brightness * (abs(material.diffuse) + abs(material.specular)))
+
+
+__all__ = ["Finished", "Partial", "empty", "finish", "merge", "stop_difference"]

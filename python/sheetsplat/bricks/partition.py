@@ -1,0 +1,257 @@
+"""Cuts of space into bricks by a k-d tree, and their order from front to back.
+
+Every point belongs to exactly one brick: cells are half-open, and neighbours share the number of the face between them.
+The kernels that a brick needs beside its own, its ghosts, follow from how far beyond its cell a picture looks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat._checks import Bounds, Triple
+from sheetsplat.bricks.lattice import Box, LatticeSpec
+from sheetsplat.camera import Camera
+from sheetsplat.errors import complain
+
+#: Bricks in the order in which they are composited: a number, or the parts in front and behind.
+Nested = "int | tuple[Nested, Nested]"
+EVERYWHERE: Bounds = ((-math.inf,) * 3, (math.inf,) * 3)
+
+
+@dataclass(frozen=True)
+class Split:
+    """A plane across an axis of the world that divides the bricks of a part of the tree.
+
+    Attributes
+    ----------
+    axis
+        0, 1 or 2.
+    place
+        The plane's coordinate; points on it lie above.
+    below, above
+        The parts of the tree on its sides: splits or the numbers of bricks.
+    """
+
+    axis: int
+    place: float
+    below: Split | int
+    above: Split | int
+
+
+@dataclass(frozen=True)
+class Brick:
+    """A cell of space, with the samples in it.
+
+    Attributes
+    ----------
+    number
+        Its place among `Partition.bricks`.
+    cell
+        Its points x, lower <= x < upper, in the world; infinite where the brick has no neighbour.
+    samples
+        The samples that are its own, [k, j, i]; None for scattered kernels, whose centres say where they belong.
+    """
+
+    number: int
+    cell: Bounds
+    samples: Box | None = None
+
+    def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which of the points (N, 3) lie in the cell."""
+        lower, upper = np.asarray(self.cell)
+        inside: NDArray[np.bool_] = ((points >= lower) & (points < upper)).all(axis=1)
+        return inside
+
+    def reached(
+        self, centers: NDArray[np.float64], extents: NDArray[np.float64], margin: float = 0.0
+    ) -> NDArray[np.bool_]:
+        """Return which kernels reach closer to the cell than `margin`: its own and its ghosts.
+
+        Parameters
+        ----------
+        centers
+            (N, 3), world.
+        extents
+            Half the extents of the supports along the world's axes, (N, 3), or (N,) for spheres.
+        margin
+            World units, as `BrickView.margin` gives it.
+        """
+        lower, upper = np.asarray(self.cell)
+        reach = extents if extents.ndim == 2 else extents[:, None]
+        near: NDArray[np.bool_] = (
+            (centers + reach + margin >= lower) & (centers - reach - margin <= upper)
+        ).all(axis=1)
+        return near
+
+
+@dataclass(frozen=True)
+class Partition:
+    """Bricks that fill space.
+
+    Attributes
+    ----------
+    bricks
+        The bricks by their numbers.
+    tree
+        How splits divide them.
+    """
+
+    bricks: tuple[Brick, ...]
+    tree: Split | int
+
+    def __len__(self) -> int:
+        """Return the number of bricks."""
+        return len(self.bricks)
+
+    def nested(self, camera: Camera) -> Nested:
+        """Return the numbers of all bricks in pairs (in front, behind).
+
+        Along the ray of each pixel everything in the first of a pair comes before everything in the second, so that
+        pairs can be merged in any process, inner ones first, into one picture whose bits do not depend on where.
+        """
+        return _nested(self.tree, camera)
+
+    def order(self, camera: Camera) -> tuple[int, ...]:
+        """Return the numbers of all bricks from front to back."""
+        return tuple(_leaves(self.nested(camera)))
+
+    def brick_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the numbers of the bricks that points (N, 3) belong to."""
+        found = np.empty(len(points), np.int64)
+
+        def descend(part: Split | int, chosen: NDArray[np.int64]) -> None:
+            if isinstance(part, int):
+                found[chosen] = part
+                return
+            above = points[chosen, part.axis] >= part.place
+            descend(part.below, chosen[~above])
+            descend(part.above, chosen[above])
+
+        descend(self.tree, np.arange(len(points)))
+        return found
+
+
+def _nested(part: Split | int, camera: Camera) -> Nested:
+    if isinstance(part, int):
+        return part
+    below, above = _nested(part.below, camera), _nested(part.above, camera)
+    if camera.kind == "perspective":
+        eye_above = camera.eye[part.axis] >= part.place
+    else:
+        # `back` points towards the viewer.
+        eye_above = camera.world_axes()[2][part.axis] > 0
+    return (above, below) if eye_above else (below, above)
+
+
+def _leaves(nested: Nested) -> Iterator[int]:
+    if isinstance(nested, int):
+        yield nested
+    else:
+        for part in nested:
+            yield from _leaves(part)
+
+
+def leaves(nested: Nested) -> tuple[int, ...]:
+    """Return the numbers in pairs of pairs, in their order."""
+    return tuple(_leaves(nested))
+
+
+def partition_lattice(lattice: LatticeSpec, brick: int | Sequence[int] = 256) -> Partition:
+    """Return a lattice cut into bricks of at most so many samples along each axis.
+
+    Faces lie midway between samples, at multiples of the brick's size in samples, so that bricks can be the chunks of a
+    file.
+
+    Parameters
+    ----------
+    lattice
+        The lattice.
+    brick
+        Samples along every axis, or along k, j, i.
+
+    Raises
+    ------
+    InvalidInput
+        For sizes below 1.
+    """
+    sizes = (brick,) * 3 if isinstance(brick, int) else tuple(brick)
+    if len(sizes) != 3 or min(sizes) < 1:
+        raise complain("bricks cannot be made", f"brick={brick}", "a whole number of samples, at least 1, or three")
+    bricks: list[Brick] = []
+
+    def cut(samples: Box, cell: Bounds) -> Split | int:
+        # The longest side first, counted in bricks.
+        counts = [math.ceil((last - first) / size) for (first, last), size in zip(samples, sizes, strict=True)]
+        array_axis = max(range(3), key=lambda n: counts[n])
+        if counts[array_axis] == 1:
+            bricks.append(Brick(len(bricks), cell, samples))
+            return len(bricks) - 1
+        first, last = samples[array_axis]
+        middle = first + sizes[array_axis] * (counts[array_axis] // 2)
+        axis = 2 - array_axis
+        place = lattice.face(axis, middle)
+        sides = []
+        for part, low, high in (((first, middle), None, place), ((middle, last), place, None)):
+            inner: Box = tuple(part if n == array_axis else samples[n] for n in range(3))  # type: ignore[assignment]
+            sides.append(cut(inner, _cut_off(cell, axis, low, high)))
+        return Split(axis, place, sides[0], sides[1])
+
+    nk, nj, ni = lattice.shape
+    tree = cut(((0, nk), (0, nj), (0, ni)), EVERYWHERE)
+    return Partition(tuple(bricks), tree)
+
+
+def partition_points(points: NDArray[np.float64], bricks: int) -> Partition:
+    """Return space cut into so many bricks with about as many of the points (N, 3) in each.
+
+    The points may be a sample of all centres. Fewer bricks come out where points coincide.
+
+    Raises
+    ------
+    InvalidInput
+        For a number of bricks below 1.
+    """
+    if bricks < 1:
+        raise complain("bricks cannot be made", f"{bricks} bricks", "a whole number of at least 1")
+    made: list[Brick] = []
+
+    def cut(chosen: NDArray[np.float64], count: int, cell: Bounds) -> Split | int:
+        extent = chosen.max(axis=0) - chosen.min(axis=0) if len(chosen) else np.zeros(3)
+        axis = int(np.argmax(extent))
+        if count == 1 or not extent[axis] > 0:
+            made.append(Brick(len(made), cell))
+            return len(made) - 1
+        low = count // 2
+        along = chosen[:, axis]
+        nth = min(max(round(len(chosen) * low / count), 1), len(chosen) - 1)
+        place = float(np.partition(along, nth)[nth])
+        if not along.min() < place:
+            place = float(along[along > along.min()].min())
+        above = along >= place
+        return Split(
+            axis,
+            place,
+            cut(chosen[~above], low, _cut_off(cell, axis, None, place)),
+            cut(chosen[above], count - low, _cut_off(cell, axis, place, None)),
+        )
+
+    tree = cut(np.asarray(points, np.float64).reshape(-1, 3), bricks, EVERYWHERE)
+    return Partition(tuple(made), tree)
+
+
+def _cut_off(cell: Bounds, axis: int, low: float | None, high: float | None) -> Bounds:
+    """Return a cell with another lower or upper end along an axis."""
+    lower, upper = list(cell[0]), list(cell[1])
+    lower[axis] = lower[axis] if low is None else low
+    upper[axis] = upper[axis] if high is None else high
+    return _triple(lower), _triple(upper)
+
+
+def _triple(values: Sequence[float]) -> Triple:
+    x, y, z = values
+    return x, y, z

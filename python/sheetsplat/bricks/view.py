@@ -1,0 +1,285 @@
+"""What one picture needs of each brick: the kernels around it, the pixels that it can reach, and how it is drawn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from sheetsplat._checks import Bounds
+from sheetsplat.bricks.lattice import Box, LatticeSpec
+from sheetsplat.bricks.partition import Nested, Partition
+from sheetsplat.bricks.whole import Whole, corners
+from sheetsplat.camera import Camera
+from sheetsplat.errors import Unsupported, complain, option_ref
+from sheetsplat.limits import Depths
+from sheetsplat.options.core import SCALAR
+from sheetsplat.options.renderer import RendererClassOptions
+from sheetsplat.options.core import checked
+from sheetsplat.options.scene import SceneOptions, surfaces_of
+from sheetsplat.ripple import lattice_constant, lattice_ripple
+from sheetsplat.transfer import TransferFunction
+
+#: First column, first row, the column and the row behind the last ones.
+Rect = tuple[int, int, int, int]
+
+# Distances are enlarged by this, so that rounding does not leave out a kernel that just reaches.
+_ROUNDING = 1.001
+# Standard deviation of the EWA filter in pixels and slice distances.
+_FILTER = 0.5
+
+
+@dataclass(frozen=True)
+class BrickView:
+    """One picture of a field in bricks: everything but the data. Immutable; it can be pickled.
+
+    Made by `of`, which checks the options.
+
+    Attributes
+    ----------
+    partition, whole
+        The bricks, and what they share.
+    lattice
+        The lattice that the samples of bricks belong to; None for scattered kernels.
+    transfer_function
+        Scalar to colour and opacity.
+    options
+        All options of `Scene`, slice distance and reference length included.
+    camera, size, outputs, depth_limit
+        As for `Renderer.render`.
+    settings
+        All options of `Renderer`.
+    """
+
+    partition: Partition
+    whole: Whole
+    transfer_function: TransferFunction
+    options: Mapping[str, Any]
+    camera: Camera
+    size: tuple[int, int]
+    outputs: tuple[str, ...] = ()
+    depth_limit: Depths | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    lattice: LatticeSpec | None = None
+
+    @classmethod
+    def of(
+        cls,
+        partition: Partition,
+        whole: Whole,
+        transfer_function: TransferFunction,
+        options: Mapping[str, Any],
+        camera: Camera,
+        size: tuple[int, int],
+        outputs: tuple[str, ...] = (),
+        depth_limit: Depths | None = None,
+        settings: Mapping[str, Any] | None = None,
+        lattice: LatticeSpec | None = None,
+    ) -> BrickView:
+        """Return the view of checked or unchecked options of `Scene` and `Renderer`; what is not given is as there.
+
+        Raises
+        ------
+        Unsupported
+            For shadows, ambient occlusion, max_error and max_seconds: a brick does not have what they need.
+        InvalidInput
+            As `Scene` and `Renderer`.
+        """
+        given = checked("Scene", dict(options), SceneOptions)
+        for length in ("slice_spacing", "reference_length"):
+            if given[length] is None:
+                given[length] = whole.default_slice_spacing
+        renderer = checked("Renderer", {"backend": "auto", **(settings or {})}, RendererClassOptions)
+        _refuse(given, renderer)
+        return cls(
+            partition, whole, transfer_function, given, camera, size, outputs, depth_limit, renderer, lattice
+        )
+
+    def replace(self, **changes: Any) -> BrickView:
+        """Return the same view with some attributes changed."""
+        return replace(self, **changes)
+
+    @property
+    def mode(self) -> str:
+        """One of "composite", "isosurface", "xray", "mip", "minimum" and "average"."""
+        mode: str = self.options["mode"]
+        return mode
+
+    @property
+    def is_scalar(self) -> bool:
+        """Whether the picture is one of numbers, without colours."""
+        return self.mode in SCALAR
+
+    @property
+    def opacity_stop(self) -> float:
+        """Opacity at which a pixel is finished; 1: never."""
+        stop: float = self.options["opacity_stop"]
+        surfaces = surfaces_of(self.options["iso_value"])
+        opaque = self.mode == "isosurface" and all(opacity == 1 for _, opacity in surfaces)
+        return 0.5 if opaque else stop
+
+    def nested(self) -> Nested:
+        """Return the numbers of all bricks in pairs (in front, behind): see `Partition.nested`."""
+        return self.partition.nested(self.camera)
+
+    def order(self) -> tuple[int, ...]:
+        """Return the numbers of all bricks from front to back."""
+        return self.partition.order(self.camera)
+
+    # ------------------------------------------------------------------------------------------------------- distances
+
+    def _pixel(self, depth: float) -> float:
+        """Width of a pixel at a depth, world units."""
+        if self.camera.kind == "orthographic":
+            return self.camera.height / self.size[1]
+        near = max(depth, self.camera.near)
+        return 2.0 * math.tan(math.radians(self.camera.fov_y) / 2.0) / self.size[1] * near
+
+    def _slant(self) -> float:
+        """Longest way of a ray through a unit of depth."""
+        if self.camera.kind == "orthographic":
+            return 1.0
+        half = math.tan(math.radians(self.camera.fov_y) / 2.0)
+        return math.sqrt(1.0 + half * half * (1.0 + (self.size[0] / self.size[1]) ** 2))
+
+    def _region(self, number: int) -> Bounds | None:
+        """Return the box of the points of a brick that can be seen, or None."""
+        lower, upper = np.asarray(self.partition.bricks[number].cell)
+        supports = np.asarray(self.whole.supports)
+        # An interval begins one slice before what is in it.
+        beyond = self._slant() * self.options["slice_spacing"] * 1.5 + self._widening(self._farthest())
+        lower = np.maximum(lower, supports[:, 0].min(axis=0) - beyond)
+        upper = np.minimum(upper, supports[:, 1].max(axis=0) + beyond)
+        if not (lower < upper).all():
+            return None
+        return tuple(lower.tolist()), tuple(upper.tolist())  # type: ignore[return-value]
+
+    def _farthest(self) -> float:
+        return max(self.whole.depths(self.camera)[1], 0.0)
+
+    def _widening(self, depth: float) -> float:
+        """By how much the filter widens supports, at most."""
+        if self.options["filter"] is None:
+            return 0.0
+        deviation = _FILTER * math.sqrt(2.0 * self.whole.falloff)
+        return deviation * max(self._pixel(depth), self.options["slice_spacing"])
+
+    @property
+    def _gradients(self) -> bool:
+        """Whether light or opacity depends on differences of neighbouring pixels and slices."""
+        called = bool(self.options["lights"]) or self.options["gradient_opacity"] is not None
+        return called and not self.is_scalar and self.options["gradient"] == "sheets"
+
+    def margin(self, number: int) -> float:
+        """Return how far beyond the cell of a brick the picture looks at the field, world units.
+
+        Gradients look at neighbouring pixels and slices, intervals and crossings at the next slice, slabs half a slice
+        distance around; the filter widens kernels.
+        """
+        region = self._region(number)
+        if region is None:
+            return 0.0
+        depth = self._farthest()
+        if self.camera.kind == "perspective":
+            away = corners(region) - np.asarray(self.camera.eye)
+            depth = max(float((-(away @ np.asarray(self.camera.world_axes()[2]))).max()), 0.0)
+        intervals = self.mode == "isosurface" or bool(self.options["preintegration"])
+        steps = float(intervals) + float(self._gradients)
+        if self.options["preintegration"] == "second_order":
+            steps = 2.0
+        if self.options["sampling"] == "slab":
+            steps += 0.5
+        sideways = self._pixel(depth) if self._gradients else 0.0
+        along = steps * self.options["slice_spacing"] * self._slant()
+        return _ROUNDING * (along + sideways + self._widening(depth)) + 1e-9 * self.whole.largest_reach
+
+    def samples(self, number: int) -> Box:
+        """Return the samples of a lattice whose kernels a brick needs: its own and its ghosts, [k, j, i]."""
+        if self.lattice is None:
+            raise ValueError("scattered kernels have no indices")
+        brick = self.partition.bricks[number]
+        return self.lattice.around(brick.cell, self.margin(number))
+
+    def footprint(self, number: int) -> Rect | None:
+        """Return the pixels that a brick can change, or None where there are none."""
+        region = self._region(number)
+        if region is None:
+            return None
+        width, height = self.size
+        right, up, back = (np.asarray(axis) for axis in self.camera.world_axes())
+        away = corners(region) - np.asarray(self.camera.eye)
+        x, y, depth = away @ right, away @ up, -(away @ back)
+        if self.camera.kind == "perspective":
+            if depth.max() <= self.camera.near:
+                return None
+            if depth.min() <= self.camera.near:
+                return 0, 0, width, height
+            x, y = x / depth, y / depth
+        pixel = self._pixel(1.0) if self.camera.kind == "orthographic" else self._pixel(1.0) / max(1.0, self.camera.near)
+        columns, rows = x / pixel + 0.5 * width, 0.5 * height - y / pixel
+        x0, x1 = max(math.floor(columns.min()) - 1, 0), min(math.ceil(columns.max()) + 1, width)
+        y0, y1 = max(math.floor(rows.min()) - 1, 0), min(math.ceil(rows.max()) + 1, height)
+        return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
+
+    # ------------------------------------------------------------------------------------------------------ what it shows
+
+    def may_show(self, value_range: tuple[float, float]) -> bool:
+        """Return whether kernels with factors in a range, all that reach a brick, can show anything at all."""
+        if "coverage" in self.outputs or self.mode in ("minimum", "average"):
+            return True
+        factor = self._largest_sum()
+        if not math.isfinite(factor):
+            return True
+        low, high = (factor * min(value_range[0], 0.0), factor * max(value_range[1], 0.0))
+        if self.mode == "xray":
+            return low < 0.0 or high > 0.0
+        if self.mode == "mip":
+            return high > 0.0
+        more = (high - low) * (0.125 if self.options["preintegration"] == "second_order" else 1e-5)
+        low, high = (low - more if low < 0 or more > 1e-4 * high else low), (high + more if high > 0 else high)
+        if self.mode == "isosurface":
+            return any(low < value <= high for value, _ in surfaces_of(self.options["iso_value"]))
+        points = self.transfer_function.points
+        ends = self.transfer_function.at([low, high])[:, 3]
+        inside = points[(points[:, 0] >= low) & (points[:, 0] <= high), 4]
+        return bool(max(ends.max(), inside.max(initial=0.0)) > 0.0)
+
+    def _largest_sum(self) -> float:
+        """Largest scalar that kernels of factor 1 add up to."""
+        lattice = self.lattice
+        if lattice is None or self.options["filter"] is not None:
+            return math.inf
+        if lattice.normalization == "threshold":
+            return 1.0
+        ripple = lattice_ripple(lattice.radius, lattice.falloff, lattice=lattice.lattice, normalization="none")
+        plain = lattice.normalization == "none" or lattice.prefilter
+        constant = lattice_constant(lattice.radius, lattice.falloff, lattice.lattice) if plain else 1.0
+        return constant * (1.0 + 1.01 * ripple.peak + 1e-6)
+
+
+def _refuse(options: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
+    wrong = {
+        "shadows": options["shadows"],
+        "ambient_occlusion": options["ambient_occlusion"] is not None,
+        "max_error": settings["max_error"] is not None,
+        "max_seconds": settings["max_seconds"] is not None,
+    }
+    reasons = {
+        "shadows": "matter anywhere in the field may cast them, and a brick holds its own surroundings alone",
+        "ambient_occlusion": "matter far away may cause it, and a brick holds its own surroundings alone",
+        "max_error": "settings are chosen by trial pictures of the whole field",
+        "max_seconds": "settings are chosen by trial pictures of the whole field",
+    }
+    for name, given in wrong.items():
+        if given:
+            raise complain(
+                "a picture cannot be drawn in bricks",
+                option_ref(name),
+                "a picture without it: " + reasons[name],
+                "leave it out, or draw the field in one piece",
+                kind=Unsupported,
+                option=name,
+            )

@@ -1,0 +1,110 @@
+"""What all bricks of a field take from the whole, so that their pictures fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from sheetsplat._checks import Bounds, Triple
+from sheetsplat.bricks.lattice import LatticeSpec
+from sheetsplat.camera import Camera
+from sheetsplat.fields import EllipsoidField
+
+
+@dataclass(frozen=True)
+class Whole:
+    """Facts of a whole field.
+
+    Attributes
+    ----------
+    centres
+        World-aligned box of all kernel centres: the depth of its middle anchors the slices. Samples that are left out
+        (NaN) do not count.
+    supports
+        Boxes that together hold all supports: one of a lattice, one of each brick of scattered kernels.
+    value_range
+        Smallest and largest factor of a kernel: samples, or coefficients of a prefiltered lattice, or values.
+    default_slice_spacing
+        Distance of slices, and reference length, unless given; world units.
+    largest_reach
+        Largest semi-axis of any kernel, world units.
+    semi_axes
+        Those of every kernel of a lattice, along x, y, z; None for scattered kernels.
+    falloff
+        k of the kernels.
+    """
+
+    centres: Bounds
+    supports: tuple[Bounds, ...]
+    value_range: tuple[float, float]
+    default_slice_spacing: float
+    largest_reach: float
+    semi_axes: Triple | None = None
+    falloff: float = 8.0
+
+    @classmethod
+    def of_lattice(
+        cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds | None = None
+    ) -> Whole:
+        """Return the facts of a lattice.
+
+        Parameters
+        ----------
+        lattice
+            The lattice.
+        value_range
+            As above; that of the samples bounds nothing where there is a prefilter, but a rough one does.
+        centres
+            The box of the samples that are there, where some are NaN and left out.
+        """
+        box = lattice.centres if centres is None else centres
+        axes = lattice.semi_axes
+        return cls(
+            centres=box,
+            supports=(_grown(box, axes),),
+            value_range=value_range,
+            default_slice_spacing=lattice.default_slice_spacing,
+            largest_reach=max(axes),
+            semi_axes=axes,
+            falloff=lattice.falloff,
+        )
+
+    @classmethod
+    def of_kernels(cls, field: EllipsoidField) -> Whole:
+        """Return the facts of scattered kernels that fit into memory, or of those of one brick (see `joined`)."""
+        native = field.native
+        scales = np.asarray(field.scales)
+        return cls(
+            centres=native.centres,
+            supports=(native.supports,),
+            value_range=field.value_range,
+            default_slice_spacing=native.default_slice_spacing,
+            largest_reach=float(scales.max()) if scales.size else 0.0,
+            falloff=field.falloff,
+        )
+
+    def depths(self, camera: Camera) -> tuple[float, float]:
+        """Return the nearest and the farthest depth that kernels reach: exact for lattices, else bounds."""
+        eye, back = np.asarray(camera.eye), np.asarray(camera.world_axes()[2])
+        if self.semi_axes is not None:
+            boxes: Iterable[Bounds] = (self.centres,)
+            more = float(np.linalg.norm(np.asarray(self.semi_axes) * back))
+        else:
+            boxes, more = self.supports, 0.0
+        found = [-(corner @ back) for box in boxes for corner in corners(box) - eye]
+        return min(found) - more, max(found) + more
+
+
+def corners(box: Bounds) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Return the corners of a box, (8, 3)."""
+    both = np.asarray(box, np.float64)
+    picks = np.array([[n & 1, n >> 1 & 1, n >> 2 & 1] for n in range(8)])
+    return both[picks, np.arange(3)]
+
+
+def _grown(box: Bounds, by: Triple) -> Bounds:
+    lower = tuple(a - b for a, b in zip(box[0], by, strict=True))
+    upper = tuple(a + b for a, b in zip(box[1], by, strict=True))
+    return lower, upper  # type: ignore[return-value]

@@ -63,7 +63,7 @@ def draw_brick(
     scene = native.with_part(
         cell=view.partition.bricks[number].cell,
         centres=view.whole.centres,
-        depths=view.whole.depths(view.camera),
+        depths=view.depths(),
         in_front=in_front,
     )
     also = {name: name in view.outputs for name in OUTPUTS}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from sheetsplat.camera import Camera
 from sheetsplat.errors import complain
 
 #: Bricks in the order in which they are composited: a number, or the parts in front and behind.
-Nested = "int | tuple[Nested, Nested]"
+Nested: TypeAlias = "int | tuple[Nested, Nested]"
 EVERYWHERE: Bounds = ((-math.inf,) * 3, (math.inf,) * 3)
 
 

@@ -16,9 +16,8 @@ from sheetsplat.bricks.whole import Whole, corners
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.limits import Depths
-from sheetsplat.options.core import SCALAR
+from sheetsplat.options.core import SCALAR, checked
 from sheetsplat.options.renderer import RendererClassOptions
-from sheetsplat.options.core import checked
 from sheetsplat.options.scene import SceneOptions, surfaces_of
 from sheetsplat.ripple import lattice_constant, lattice_ripple
 from sheetsplat.transfer import TransferFunction
@@ -131,12 +130,16 @@ class BrickView:
 
     # ------------------------------------------------------------------------------------------------------- distances
 
-    def _pixel(self, depth: float) -> float:
-        """Width of a pixel at a depth, world units."""
+    def _unit_pixel(self) -> float:
+        """Width of a pixel: world units, or per unit of depth in perspective."""
         if self.camera.kind == "orthographic":
             return self.camera.height / self.size[1]
-        near = max(depth, self.camera.near)
-        return 2.0 * math.tan(math.radians(self.camera.fov_y) / 2.0) / self.size[1] * near
+        return 2.0 * math.tan(math.radians(self.camera.fov_y) / 2.0) / self.size[1]
+
+    def _pixel(self, depth: float) -> float:
+        """Width of a pixel at a depth, world units."""
+        unit = self._unit_pixel()
+        return unit if self.camera.kind == "orthographic" else unit * max(depth, self.camera.near)
 
     def _slant(self) -> float:
         """Longest way of a ray through a unit of depth."""
@@ -157,8 +160,15 @@ class BrickView:
             return None
         return tuple(lower.tolist()), tuple(upper.tolist())  # type: ignore[return-value]
 
+    def depths(self) -> tuple[float, float]:
+        """Return the nearest and the farthest depth that kernels of the whole reach."""
+        longer = 0.0
+        if self.options["filter"] is not None:
+            longer = _FILTER * math.sqrt(2.0 * self.whole.falloff) * self.options["slice_spacing"]
+        return self.whole.depths(self.camera, longer)
+
     def _farthest(self) -> float:
-        return max(self.whole.depths(self.camera)[1], 0.0)
+        return max(self.depths()[1], 0.0)
 
     def _widening(self, depth: float) -> float:
         """By how much the filter widens supports, at most."""
@@ -218,7 +228,7 @@ class BrickView:
             if depth.min() <= self.camera.near:
                 return 0, 0, width, height
             x, y = x / depth, y / depth
-        pixel = self._pixel(1.0) if self.camera.kind == "orthographic" else self._pixel(1.0) / max(1.0, self.camera.near)
+        pixel = self._unit_pixel()
         columns, rows = x / pixel + 0.5 * width, 0.5 * height - y / pixel
         x0, x1 = max(math.floor(columns.min()) - 1, 0), min(math.ceil(columns.max()) + 1, width)
         y0, y1 = max(math.floor(rows.min()) - 1, 0), min(math.ceil(rows.max()) + 1, height)
@@ -238,8 +248,10 @@ class BrickView:
             return low < 0.0 or high > 0.0
         if self.mode == "mip":
             return high > 0.0
-        more = (high - low) * (0.125 if self.options["preintegration"] == "second_order" else 1e-5)
-        low, high = (low - more if low < 0 or more > 1e-4 * high else low), (high + more if high > 0 else high)
+        # The cubic through four slices leaves the range of the two in its middle by an eighth of the spread at most.
+        bent = self.options["preintegration"] == "second_order"
+        more = (high - low) * (0.125 if bent else 1e-5)
+        low, high = (low - more if bent or low < 0.0 else 0.0), (high + more if bent or high > 0.0 else 0.0)
         if self.mode == "isosurface":
             return any(low < value <= high for value, _ in surfaces_of(self.options["iso_value"]))
         points = self.transfer_function.points

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,16 +85,26 @@ class Whole:
             falloff=field.falloff,
         )
 
-    def depths(self, camera: Camera) -> tuple[float, float]:
-        """Return the nearest and the farthest depth that kernels reach: exact for lattices, else bounds."""
+    def depths(self, camera: Camera, widening: float = 0.0) -> tuple[float, float]:
+        """Return the nearest and the farthest depth that kernels reach: exact for lattices, else bounds.
+
+        Parameters
+        ----------
+        camera
+            The camera.
+        widening
+            What the filter adds to the kernels' extent along the view, squares added; world units.
+        """
         eye, back = np.asarray(camera.eye), np.asarray(camera.world_axes()[2])
         if self.semi_axes is not None:
-            boxes: Iterable[Bounds] = (self.centres,)
-            more = float(np.linalg.norm(np.asarray(self.semi_axes) * back))
+            boxes = np.asarray((self.centres,))
+            half = math.hypot(float(np.linalg.norm(np.asarray(self.semi_axes) * back)), widening)
         else:
-            boxes, more = self.supports, 0.0
-        found = [-(corner @ back) for box in boxes for corner in corners(box) - eye]
-        return min(found) - more, max(found) + more
+            boxes, half = np.asarray(self.supports), widening
+        # The corner of each box that is nearest to the viewer, and the farthest.
+        near = np.where(back > 0, boxes[:, 1], boxes[:, 0]) - eye
+        far = np.where(back > 0, boxes[:, 0], boxes[:, 1]) - eye
+        return float(-(near @ back).max()) - half, float(-(far @ back).min()) + half
 
 
 def corners(box: Bounds) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

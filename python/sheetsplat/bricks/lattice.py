@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sheetsplat._checks import Bounds, Triple
 from sheetsplat.errors import complain
 from sheetsplat.fields import Normalization, RegularField
-from sheetsplat.fields.regular import Lattice, NanPolicy, part_of_volume
+from sheetsplat.fields.regular import Lattice, NanPolicy
 
 #: First and last index, the last one outside, along k, j, i.
 Box = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
@@ -51,12 +51,12 @@ class LatticeSpec:
             shape=field.shape,
             spacing=field.spacing,
             origin=field.origin,
-            lattice=field._lattice,
+            lattice=field.lattice,
             radius=field.radius,
             falloff=field.falloff,
-            normalization=field._normalization,  # type: ignore[arg-type]
+            normalization=field.normalization,
             w0=field.w0,
-            nan=field._nan,
+            nan=field.nan,
             prefilter=field.prefilter,
         )
 
@@ -129,9 +129,7 @@ class LatticeSpec:
             k = (k[0] - k[0] % 2, k[1])
         return k, j, i
 
-    def field(
-        self, samples: NDArray[Any], box: Box, value_range: tuple[float, float] | None = None
-    ) -> RegularField:
+    def field(self, samples: NDArray[Any], box: Box, value_range: tuple[float, float] | None = None) -> RegularField:
         """Return the field of a box of the samples, in their place in the world.
 
         Parameters
@@ -159,12 +157,12 @@ class LatticeSpec:
         (k, _), (j, _), (i, _) = box
         origin = tuple(o + step * n for o, step, n in zip(self.origin, self.steps, (i, j, k), strict=True))
         if not self.prefilter:
-            return part_of_volume(
+            return RegularField.part(
                 samples, value_range=value_range, origin=origin, normalization=self.normalization, **options
             )
         found = RegularField(samples, prefilter=True, **options)  # type: ignore[arg-type]
         cut = tuple(slice(a - c, b - c) for (a, b), (c, _) in zip(box, read, strict=True))
-        return part_of_volume(
+        return RegularField.part(
             np.ascontiguousarray(samples[cut]),
             coefficients=np.ascontiguousarray(found.coefficients[cut]),
             figures=found.native.prefilter_figures,

@@ -84,9 +84,9 @@ class Brick:
         """
         lower, upper = np.asarray(self.cell)
         reach = extents if extents.ndim == 2 else extents[:, None]
-        near: NDArray[np.bool_] = (
-            (centers + reach + margin >= lower) & (centers - reach - margin <= upper)
-        ).all(axis=1)
+        near: NDArray[np.bool_] = ((centers + reach + margin >= lower) & (centers - reach - margin <= upper)).all(
+            axis=1
+        )
         return near
 
 

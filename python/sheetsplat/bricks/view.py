@@ -93,9 +93,7 @@ class BrickView:
                 given[length] = whole.default_slice_spacing
         renderer = checked("Renderer", {"backend": "auto", **(settings or {})}, RendererClassOptions)
         _refuse(given, renderer)
-        return cls(
-            partition, whole, transfer_function, given, camera, size, outputs, depth_limit, renderer, lattice
-        )
+        return cls(partition, whole, transfer_function, given, camera, size, outputs, depth_limit, renderer, lattice)
 
     def replace(self, **changes: Any) -> BrickView:
         """Return the same view with some attributes changed."""
@@ -127,8 +125,6 @@ class BrickView:
     def order(self) -> tuple[int, ...]:
         """Return the numbers of all bricks from front to back."""
         return self.partition.order(self.camera)
-
-    # ------------------------------------------------------------------------------------------------------- distances
 
     def _unit_pixel(self) -> float:
         """Width of a pixel: world units, or per unit of depth in perspective."""
@@ -233,8 +229,6 @@ class BrickView:
         x0, x1 = max(math.floor(columns.min()) - 1, 0), min(math.ceil(columns.max()) + 1, width)
         y0, y1 = max(math.floor(rows.min()) - 1, 0), min(math.ceil(rows.max()) + 1, height)
         return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
-
-    # ------------------------------------------------------------------------------------------------------ what it shows
 
     def may_show(self, value_range: tuple[float, float]) -> bool:
         """Return whether kernels with factors in a range, all that reach a brick, can show anything at all."""

@@ -45,9 +45,7 @@ class Whole:
     falloff: float = 8.0
 
     @classmethod
-    def of_lattice(
-        cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds | None = None
-    ) -> Whole:
+    def of_lattice(cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds | None = None) -> Whole:
         """Return the facts of a lattice.
 
         Parameters

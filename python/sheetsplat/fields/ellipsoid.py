@@ -200,6 +200,24 @@ class EllipsoidField(Field):
             setattr(self, name, parts[name])
         self.native = self._made(*(parts[name] for name in _ARRAYS), unit_rotations=True)
 
+    def part(
+        self, chosen: NDArray[np.bool_] | NDArray[np.int64], value_range: tuple[float, float] | None = None
+    ) -> EllipsoidField:
+        """Return the field of some of the kernels, for pictures in bricks.
+
+        Parameters
+        ----------
+        chosen
+            Which kernels.
+        value_range
+            Range of the values of the whole field, by which pictures scale their numbers; that of this field unless
+            given.
+        """
+        arrays = (getattr(self.native, name) for name in _ARRAYS)
+        kept = [None if array is None else array[chosen] for array in arrays]
+        native = self._made(*kept, unit_rotations=True, value_range=value_range or self.value_range)
+        return self._with(native=native)
+
     @classmethod
     def from_covariances(
         cls,
@@ -393,26 +411,3 @@ class EllipsoidField(Field):
             f"EllipsoidField({self.size} {kinds}{ghosts}, semi-axes {thin:g} to {long:g}, values {low:g} to {high:g}, "
             f"normalization {self._normalization!r}{self._up_text})"
         )
-
-
-def part_of_kernels(
-    field: EllipsoidField, chosen: NDArray[np.bool_] | NDArray[np.int64], value_range: tuple[float, float] | None = None
-) -> EllipsoidField:
-    """Return the field of some kernels of another one.
-
-    Parameters
-    ----------
-    field
-        The field.
-    chosen
-        Which kernels.
-    value_range
-        Range of the values of the whole field, by which pictures scale their numbers; that of `field` unless given.
-    """
-    made = object.__new__(EllipsoidField)
-    for kind in EllipsoidField.__mro__[:-1]:
-        for name in getattr(kind, "__slots__", ()):
-            setattr(made, name, getattr(field, name))
-    arrays = [None if array is None else array[chosen] for array in (getattr(field.native, name) for name in _ARRAYS)]
-    made.native = made._made(*arrays, unit_rotations=True, value_range=value_range or field.value_range)
-    return made

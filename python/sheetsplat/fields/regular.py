@@ -239,6 +239,35 @@ class RegularField(Field):
         made._trim = self._trim
         return made
 
+    @classmethod
+    def part(
+        cls,
+        values: NDArray[Any],
+        *,
+        value_range: tuple[float, float] | None = None,
+        coefficients: NDArray[Any] | None = None,
+        figures: dict[str, float] | None = None,
+        **options: Any,
+    ) -> RegularField:
+        """Return the field of a part of a larger volume, for pictures in bricks.
+
+        Parameters
+        ----------
+        values
+            Samples of the part, [k, j, i].
+        value_range
+            Range of the factors of all kernels of the volume, by which pictures scale their numbers.
+        coefficients, figures
+            What the prefilter found for these samples in their surroundings.
+        options
+            Those of `RegularField`, except `prefilter`.
+        """
+        field = cls(np.zeros((1, 1, 1)), **options)
+        field.native = field._made(
+            as_samples(values), coefficients=coefficients, figures=figures, value_range=value_range
+        )
+        return field
+
     values = Forwarded[NDArray[Any]](
         "native.given_values",
         "The samples, shape (nk, nj, ni), in the type in which they are kept; read-only, no copy.",
@@ -292,31 +321,3 @@ class RegularField(Field):
             f"spacing {self._spacing}, values {low:g} to {high:g}{', prefiltered' if self.prefilter else ''}"
             f"{self._up_text})"
         )
-
-
-def part_of_volume(
-    values: NDArray[Any],
-    *,
-    value_range: tuple[float, float] | None = None,
-    coefficients: NDArray[Any] | None = None,
-    figures: dict[str, float] | None = None,
-    **options: Any,
-) -> RegularField:
-    """Return the field of a part of a larger volume.
-
-    Parameters
-    ----------
-    values
-        Samples of the part, [k, j, i].
-    value_range
-        Range of the factors of all kernels of the volume, by which pictures scale their numbers.
-    coefficients, figures
-        What the prefilter found for these samples in their surroundings.
-    options
-        Those of `RegularField`, but for `prefilter`.
-    """
-    field = RegularField(np.zeros((1, 1, 1)), **options)
-    field.native = field._made(
-        as_samples(values), coefficients=coefficients, figures=figures, value_range=value_range
-    )
-    return field

@@ -1,0 +1,397 @@
+"""Pictures that are drawn in bricks are the pictures of the whole."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sheetsplat as ss
+from sheetsplat.bricks.draw import draw_brick, render_bricks
+from sheetsplat.bricks.lattice import LatticeSpec
+from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge, stop_difference
+from sheetsplat.bricks.partition import Partition, partition_lattice, partition_points
+from sheetsplat.bricks.view import BrickView
+from sheetsplat.bricks.whole import Whole
+
+SIZE = (48, 40)
+BOUND = 1e-6
+LOOK = [(0.0, 0.1, 0.2, 0.9, 0.0), (0.35, 0.2, 0.8, 0.3, 0.02), (0.7, 0.9, 0.6, 0.1, 0.3), (1.0, 1.0, 0.9, 0.8, 0.7)]
+LIGHTS = (ss.Light((0.4, 0.6, 1.0)), ss.Light((-1.0, 0.2, 0.3), (0.3, 0.3, 0.5), "world"))
+
+
+def blobs(shape: tuple[int, int, int], seed: int = 3) -> np.ndarray[Any, Any]:
+    """Return a smooth volume with flat places, values 0 to 1, zero in some corners."""
+    random = np.random.default_rng(seed)
+    k, j, i = np.meshgrid(*(np.arange(n, dtype=float) for n in shape), indexing="ij")
+    total = np.zeros(shape)
+    for _ in range(6):
+        at = [random.uniform(0.15, 0.85) * n for n in shape]
+        width = random.uniform(0.12, 0.3) * min(shape)
+        total += np.exp(-((k - at[0]) ** 2 + (j - at[1]) ** 2 + (i - at[2]) ** 2) / (2 * width**2))
+    total = np.clip(total - 0.15, 0.0, 1.0)
+    # Flat faces, which cells cut through.
+    total[shape[0] // 3 : shape[0] // 2, shape[1] // 4 : shape[1] // 2, shape[2] // 3 : 2 * shape[2] // 3] = 0.85
+    return total.astype(np.float32)
+
+
+def needles(count: int = 40, seed: int = 5) -> ss.EllipsoidField:
+    """Return needles 1:1000, longer than bricks, among round kernels."""
+    random = np.random.default_rng(seed)
+    centers = random.uniform(-1, 1, (count, 3))
+    scales = random.uniform(0.2, 0.5, (count, 1)) * np.array([1.0, 0.6, 0.8])
+    scales[::4] = np.array([1.5, 0.0015, 0.0015])
+    turns = random.normal(size=(count, 4))
+    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    return ss.EllipsoidField(centers, scales, turns, random.uniform(0.2, 1.0, count), w0=0.3)
+
+
+def camera_of(field: ss.RegularField | ss.EllipsoidField, kind: str) -> ss.Camera:
+    """Return a camera that looks at a field, from inside of it for "inside"."""
+    if kind == "inside":
+        lower, upper = np.asarray(field.bounds)
+        middle = 0.5 * (lower + upper)
+        eye = middle + 0.11 * (upper - lower)
+        return ss.Camera.perspective(tuple(eye), tuple(lower), fov_y=70, near=0.02 * float((upper - lower).min()))
+    return ss.Camera.fit(field, direction=(0.45, -0.35, -1.0), kind=kind)
+
+
+class Bricked:
+    """A field in memory that is drawn in bricks."""
+
+    def __init__(self, field: ss.RegularField | ss.EllipsoidField, brick: Any) -> None:
+        self.field = field
+        self.lattice: LatticeSpec | None = None
+        if isinstance(field, ss.RegularField):
+            self.lattice = LatticeSpec.of(field)
+            self.partition: Partition = partition_lattice(self.lattice, brick)
+            self.whole = Whole.of_lattice(self.lattice, field.native.value_range)
+        else:
+            self.partition = partition_points(np.asarray(field.centers), brick)
+            self.whole = Whole.of_kernels(field)
+        self.asked: list[int] = []
+
+    def view(self, camera: ss.Camera, outputs: tuple[str, ...] = (), settings: Any = None, **options: Any) -> BrickView:
+        """Return the view of a picture."""
+        look = ss.TransferFunction(LOOK)
+        return BrickView.of(
+            self.partition, self.whole, look, options, camera, SIZE, outputs, None, settings, self.lattice
+        )
+
+    def field_of(self, view: BrickView) -> Any:
+        """Return what makes the fields of bricks from the samples or kernels around them alone."""
+
+        def make(number: int) -> ss.RegularField | ss.EllipsoidField | None:
+            self.asked.append(number)
+            if self.lattice is not None:
+                box = view.samples(number)
+                cut = tuple(slice(*ends) for ends in self.lattice.to_read(box))
+                values = np.ascontiguousarray(self.field.values[cut])
+                return self.lattice.field(values, box, self.whole.value_range)
+            brick = self.partition.bricks[number]
+            extents = np.abs(self.field.native.shapes(np.arange(self.field.size))) ** 2
+            reached = brick.reached(np.asarray(self.field.centers), np.sqrt(extents.sum(axis=2)), view.margin(number))
+            return self.field.part(reached) if reached.any() else None
+
+        return make
+
+
+def whole_picture(
+    field: Any, camera: ss.Camera, outputs: tuple[str, ...], settings: Any, **options: Any
+) -> tuple[Finished, str]:
+    """Return the picture of one process, and its precision."""
+    scene = ss.Scene(field, LOOK, **options)
+    image = ss.Renderer(**(settings or {})).render(scene, camera, SIZE, outputs)
+    scalar = scene.mode in ("xray", "mip", "minimum", "average")
+    return Finished(
+        None if scalar else image.rgba,
+        image.scalar if scalar else None,
+        image.coverage if "coverage" in outputs else None,
+        image.depth if "depth" in outputs else None,
+    ), image.plan.precision
+
+
+def differences(found: Finished, wanted: Finished) -> dict[str, float]:
+    """Return the root mean square differences of everything that a picture has."""
+    result = {}
+    if wanted.scalar is not None:
+        scale = max(1.0, float(np.abs(wanted.scalar).max()))
+        result["scalar"] = float(np.sqrt(np.mean(((found.scalar - wanted.scalar) / scale) ** 2)))
+    else:
+        result["rgba"] = float(np.sqrt(np.mean((found.rgba.astype(float) - wanted.rgba) ** 2)))
+    if wanted.coverage is not None:
+        scale = max(1.0, float(np.abs(wanted.coverage).max()))
+        result["coverage"] = float(np.sqrt(np.mean(((found.coverage - wanted.coverage) / scale) ** 2)))
+    if wanted.depth is not None:
+        there = np.isfinite(wanted.depth)
+        assert (there == np.isfinite(found.depth)).all()
+        result["depth"] = float(np.abs(found.depth[there] - wanted.depth[there]).max(initial=0.0))
+    return result
+
+
+def field_named(name: str) -> ss.RegularField | ss.EllipsoidField:
+    """Return one of the fields."""
+    if name == "cartesian":
+        return ss.RegularField(blobs((20, 24, 28)), origin=(-3.0, 2.0, 10.0))
+    if name == "uneven":
+        return ss.RegularField(blobs((20, 24, 28)), spacing=(0.7, 1.0, 1.6), origin=(0.3, 0.1, -0.7))
+    if name == "prefiltered":
+        return ss.RegularField(blobs((20, 24, 28)), radius=2.5, falloff=7.0, prefilter=True)
+    if name == "threshold":
+        return ss.RegularField(blobs((20, 24, 28)), normalization="threshold", w0=0.5)
+    if name == "bcc":
+        return ss.RegularField(blobs((37, 17, 19)), lattice="bcc", spacing=(1.3, 1.3, 1.3), origin=(0.2, -1.0, 3.0))
+    return needles()
+
+
+LIT: dict[str, Any] = {"lights": LIGHTS, "material": ss.Material(0.2, 0.8, 0.3, 20)}
+# name of the field, brick size or number, camera, outputs, options
+SCENES: dict[str, tuple[str, Any, str, tuple[str, ...], dict[str, Any]]] = {
+    "lit": ("cartesian", 9, "orthographic", ("depth", "coverage"), LIT),
+    "lit in perspective": ("cartesian", (7, 24, 5), "perspective", ("depth",), LIT),
+    "eye inside": ("cartesian", 8, "inside", (), LIT),
+    "plain": ("cartesian", 8, "perspective", (), {}),
+    "analytic": ("cartesian", 9, "perspective", (), {**LIT, "gradient": "analytic"}),
+    "slabs": ("cartesian", 9, "perspective", (), {**LIT, "sampling": "slab"}),
+    "fine slices": ("cartesian", 11, "orthographic", (), {**LIT, "slice_spacing": 0.4, "background": (1.0, 0.9, 0.8)}),
+    "intervals": ("cartesian", 9, "perspective", ("depth",), {**LIT, "preintegration": True}),
+    "second order": ("cartesian", 9, "orthographic", (), {**LIT, "preintegration": "second_order"}),
+    "clip": (
+        "cartesian",
+        9,
+        "perspective",
+        ("depth",),
+        {**LIT, "preintegration": True, "clip": ss.Clip(planes=[((1.0, 0.5, -0.3), 9.0)])},
+    ),
+    "gradient opacity": ("cartesian", 9, "orthographic", (), {"gradient_opacity": 0.1}),
+    "cue": ("cartesian", 9, "orthographic", (), {**LIT, "depth_cue": ss.DepthCue(20.0, 60.0, (1.0, 1.0, 1.0))}),
+    "filter": ("cartesian", 9, "perspective", (), {**LIT, "filter": "ewa"}),
+    "surface": ("cartesian", 9, "perspective", ("depth",), {**LIT, "mode": "isosurface", "iso_value": 0.4}),
+    "surfaces": (
+        "cartesian",
+        9,
+        "orthographic",
+        ("depth",),
+        {**LIT, "mode": "isosurface", "iso_value": [(0.2, 0.3), (0.5, 0.6), (0.8, 1.0)]},
+    ),
+    "xray": ("cartesian", 9, "perspective", ("coverage",), {"mode": "xray"}),
+    "mip": ("cartesian", 9, "orthographic", (), {"mode": "mip"}),
+    "minimum": ("cartesian", 9, "perspective", (), {"mode": "minimum"}),
+    "average": ("cartesian", 9, "orthographic", (), {"mode": "average"}),
+    "uneven": ("uneven", 9, "orthographic", ("depth",), LIT),
+    "uneven surface": ("uneven", 9, "perspective", (), {**LIT, "mode": "isosurface", "iso_value": 0.4}),
+    "prefiltered": ("prefiltered", 10, "orthographic", (), LIT),
+    "threshold": ("threshold", 9, "perspective", (), LIT),
+    "bcc": ("bcc", 9, "perspective", ("depth",), LIT),
+    "bcc intervals": ("bcc", 8, "orthographic", (), {**LIT, "preintegration": True}),
+    "bcc average": ("bcc", 9, "orthographic", (), {"mode": "average"}),
+    "needles": ("needles", 7, "orthographic", (), {**LIT, "slice_spacing": 0.04}),
+    "needles in perspective": ("needles", 30, "perspective", ("coverage",), {**LIT, "slice_spacing": 0.04}),
+    "needles xray": ("needles", 9, "perspective", (), {"mode": "xray", "sampling": "slab", "slice_spacing": 0.04}),
+    "needles mip": ("needles", 2, "orthographic", (), {"mode": "mip", "slice_spacing": 0.04}),
+    "needles surface": (
+        "needles",
+        9,
+        "perspective",
+        (),
+        {**LIT, "mode": "isosurface", "iso_value": 0.3, "slice_spacing": 0.04},
+    ),
+    "needles minimum": ("needles", 9, "orthographic", (), {"mode": "minimum", "slice_spacing": 0.04}),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_bricks_are_the_picture_of_one_process(name: str) -> None:
+    which, brick, kind, outputs, options = SCENES[name]
+    field = field_named(which)
+    camera = camera_of(field, kind)
+    settings = {"backend": "cpu"}
+    wanted, settings["precision"] = whole_picture(field, camera, outputs, settings, **options)
+    bricked = Bricked(field, brick)
+    view = bricked.view(camera, outputs, settings, **options)
+    found = render_bricks(view, bricked.field_of(view))
+    seen = differences(found, wanted)
+    print(name, len(view.partition), settings["precision"], seen)
+    assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
+    assert max(seen.values()) <= BOUND
+
+
+def parts_alone(name: str, **changes: Any) -> tuple[BrickView, dict[int, Partial], Any, Finished]:
+    """Return a scene's view, its bricks drawn alone, what makes their fields, and the picture of one process."""
+    which, brick, kind, outputs, options = SCENES[name]
+    options = {**options, **changes}
+    field = field_named(which)
+    camera = camera_of(field, kind)
+    settings = {"backend": "cpu"}
+    bricked = Bricked(field, brick)
+    view = bricked.view(camera, outputs, settings, **options)
+    field_of, renderer = bricked.field_of(view), ss.Renderer(**view.settings)
+    parts = {number: draw_brick(view, number, field_of(number), renderer) for number in view.order()}
+    return view, parts, field_of, whole_picture(field, camera, outputs, settings, **options)[0]
+
+
+def merged(nested: Any, parts: dict[int, Partial]) -> Partial:
+    """Return parts merged in pairs of pairs."""
+    return parts[nested] if isinstance(nested, int) else merge(merged(nested[0], parts), merged(nested[1], parts))
+
+
+@pytest.mark.parametrize("name", ["lit in perspective", "surfaces", "xray", "mip", "minimum", "average"])
+def test_parts_that_are_drawn_alone_merge_in_any_tree(name: str) -> None:
+    view, parts, _, wanted = parts_alone(name, **({} if "lit" not in name else {"opacity_stop": 1.0}))
+    tree = merged(view.nested(), parts)
+    random = np.random.default_rng(8)
+    row = [parts[number] for number in view.order()]
+    while len(row) > 1:
+        at = int(random.integers(len(row) - 1))
+        row[at : at + 2] = [merge(row[at], row[at + 1])]
+    first, second = finish(view, tree), finish(view, row[0])
+    one = first.scalar if wanted.scalar is not None else first.rgba
+    other = second.scalar if wanted.scalar is not None else second.rgba
+    assert one is not None and other is not None
+    assert float(np.abs(one - other).max()) <= 1e-6 * max(1.0, float(np.abs(one).max()))
+    assert float(np.sqrt(np.mean((one.astype(float) - other) ** 2))) <= 1e-7
+    # Depths do not follow from parts that were drawn alone.
+    seen = differences(first, replace(wanted, depth=None))
+    print(name, seen)
+    assert max(seen.values()) <= BOUND
+
+
+@pytest.mark.parametrize("name", ["lit", "lit in perspective", "intervals", "surfaces"])
+def test_bricks_that_stop_pixels_are_drawn_again(name: str) -> None:
+    view, parts, field_of, wanted = parts_alone(name)
+    tree = merged(view.nested(), parts)
+    found = finish(view, tree)
+    assert found.rgba is not None and wanted.rgba is not None
+    off = float(np.sqrt(np.mean((found.rgba.astype(float) - wanted.rgba) ** 2)))
+    stated = stop_difference(view, tree)
+    print(name, "without stop", off, "stated", stated)
+    assert off <= stated + BOUND
+
+    renderer = ss.Renderer(**view.settings)
+    in_front = np.zeros((SIZE[1], SIZE[0]), np.float32)
+    so_far, again = empty(view), 0
+    for number in view.order():
+        x0, y0, x1, y1 = parts[number].rect
+        part = parts[number].behind(in_front[y0:y1, x0:x1], view.opacity_stop)
+        if part is None:
+            again += 1
+            part = draw_brick(view, number, field_of(number), renderer, in_front)
+        so_far = merge(so_far, part)
+        in_front[y0:y1, x0:x1] = part.opacity(part.rect)
+    exact = finish(view, so_far)
+    seen = differences(exact, wanted)
+    print(name, f"{again} of {len(parts)} drawn again", seen)
+    assert 0 < again < len(parts)
+    assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
+    assert max(seen.values()) <= BOUND
+
+
+def test_hidden_and_unseen_bricks_are_not_asked_for() -> None:
+    field = field_named("cartesian")
+    bricked = Bricked(field, 7)
+    camera = camera_of(field, "orthographic")
+    opaque = {"mode": "isosurface", "iso_value": 0.1}
+    view = bricked.view(camera, (), {"backend": "cpu"}, **opaque)
+    render_bricks(view, bricked.field_of(view))
+    assert len(set(bricked.asked)) == len(bricked.asked) < len(view.partition)
+    away = ss.Camera.orthographic((200, 0, 100), (200, 0, 0), height=20.0)
+    bricked.asked.clear()
+    view = bricked.view(away, (), {"backend": "cpu"}, **opaque)
+    assert not render_bricks(view, bricked.field_of(view)).rgba.any()
+    assert bricked.asked == []
+
+
+def test_a_range_of_values_says_what_may_show() -> None:
+    field = field_named("cartesian")
+    bricked = Bricked(field, 9)
+    camera = camera_of(field, "orthographic")
+
+    def may(value_range: tuple[float, float], outputs: tuple[str, ...] = (), **options: Any) -> bool:
+        return bricked.view(camera, outputs, **options).may_show(value_range)
+
+    assert not may((0.0, 0.0)) and may((0.0, 0.01)) and may((0.0, 0.0), ("coverage",))
+    surface = {"mode": "isosurface", "iso_value": 0.5}
+    assert may((0.0, 0.6), **surface) and not may((0.0, 0.4), **surface)
+    assert may((0.1, 0.2), mode="xray") and not may((0.0, 0.0), mode="xray")
+    assert not may((-1.0, 0.0), mode="mip") and may((0.0, 0.0), mode="minimum")
+
+
+def test_cells_fill_space_and_follow_one_another() -> None:
+    random = np.random.default_rng(2)
+    lattice = LatticeSpec((21, 9, 30), spacing=(1.0, 0.5, 2.0))
+    partition = partition_lattice(lattice, (8, 9, 7))
+    assert len(partition) == 3 * 5
+    samples = np.zeros(lattice.shape, int)
+    for brick in partition.bricks:
+        assert brick.samples is not None
+        samples[tuple(slice(*ends) for ends in brick.samples)] += 1
+    assert (samples == 1).all()
+    points = random.uniform(-20, 80, (500, 3))
+    # Some lie on faces.
+    points[:200, 0] = [brick.cell[0][0] if np.isfinite(brick.cell[0][0]) else 1.0 for brick in partition.bricks][3]
+    inside = np.array([brick.holds(points) for brick in partition.bricks])
+    assert (inside.sum(axis=0) == 1).all()
+    assert (inside.argmax(axis=0) == partition.brick_of(points)).all()
+    for kind in ("orthographic", "perspective"):
+        for _ in range(20):
+            eye, target = random.uniform(-5, 60, 3), random.uniform(-5, 60, 3)
+            maker = getattr(ss.Camera, kind)
+            camera = maker(tuple(eye), tuple(target), **({"height": 9.0} if kind == "orthographic" else {"fov_y": 50}))
+            place = {number: at for at, number in enumerate(partition.order(camera))}
+            direction = random.uniform(-1, 1, 3) if kind == "perspective" else target - eye
+            start = eye if kind == "perspective" else random.uniform(-5, 60, 3)
+            way = start + np.linspace(0 if kind == "perspective" else -50, 50, 400)[:, None] * direction
+            met = [place[number] for number in partition.brick_of(way).tolist()]
+            assert met == sorted(met)
+
+
+def test_points_are_divided_evenly() -> None:
+    points = np.random.default_rng(4).normal(size=(1000, 3))
+    counts = np.bincount(partition_points(points, 13).brick_of(points))
+    assert len(counts) == 13 and counts.min() > 60 and counts.max() < 95
+    # Points in one place cannot be divided.
+    assert len(partition_points(np.ones((10, 3)), 4)) == 1
+
+
+def test_what_a_brick_does_not_have_is_refused() -> None:
+    bricked = Bricked(field_named("cartesian"), 9)
+    camera = camera_of(bricked.field, "orthographic")
+    with pytest.raises(ss.Unsupported, match="shadows"):
+        bricked.view(camera, lights=LIGHTS, shadows=True)
+    with pytest.raises(ss.Unsupported, match="ambient_occlusion"):
+        bricked.view(camera, ambient_occlusion=ss.AmbientOcclusion(3.0))
+    for goal in ("max_error", "max_seconds"):
+        with pytest.raises(ss.Unsupported, match=goal):
+            bricked.view(camera, settings={goal: 0.01})
+    with pytest.raises(ss.InvalidInput, match="brick=0"):
+        partition_lattice(LatticeSpec((4, 4, 4)), 0)
+
+
+def test_views_can_be_pickled() -> None:
+    view = Bricked(field_named("bcc"), 9).view(camera_of(field_named("bcc"), "perspective"), **LIT)
+    again = pickle.loads(pickle.dumps(view))
+    assert again.order() == view.order() and again.footprint(3) == view.footprint(3)
+    assert again.samples(2) == view.samples(2)
+
+
+@pytest.mark.parametrize("backend", ["reference", "gl"])
+@pytest.mark.parametrize("name", ["lit in perspective", "surfaces", "intervals", "average", "minimum"])
+def test_other_backends_draw_bricks(backend: str, name: str) -> None:
+    which, _, kind, outputs, options = SCENES[name]
+    field = field_named(which)
+    camera = camera_of(field, kind)
+    settings = {"backend": backend}
+    try:
+        wanted, _ = whole_picture(field, camera, outputs, settings, **options)
+    except ss.DeviceUnavailable as error:
+        pytest.skip(str(error))
+    bricked = Bricked(field, 15)
+    view = bricked.view(camera, outputs, settings, **options)
+    found = render_bricks(view, bricked.field_of(view))
+    seen = differences(found, wanted)
+    print(backend, name, len(view.partition), seen)
+    assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
+    assert max(seen.values()) <= BOUND

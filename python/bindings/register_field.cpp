@@ -129,13 +129,11 @@ std::optional<std::map<std::string, double>> figures_of(const RegularField& fiel
         {"residual", found->residual}, {"condition", found->condition}, {"steps", found->steps}};
 }
 
-std::shared_ptr<EllipsoidField> make_ellipsoids(const py::array& centers, const py::array& scales,
-                                                const std::optional<py::array>& rotations, const py::array& values,
-                                                const std::optional<py::array>& weights,
-                                                const std::string& normalization, double w0, double falloff,
-                                                std::optional<double> min_scale, std::optional<double> cell_volume,
-                                                bool unit_rotations,
-                                                const std::optional<std::array<double, 2>>& value_range) {
+std::shared_ptr<EllipsoidField>
+make_ellipsoids(const py::array& centers, const py::array& scales, const std::optional<py::array>& rotations,
+                const py::array& values, const std::optional<py::array>& weights, const std::string& normalization,
+                double w0, double falloff, std::optional<double> min_scale, std::optional<double> cell_volume,
+                bool unit_rotations, const std::optional<std::array<double, 2>>& value_range) {
     EllipsoidFieldOptions options;
     options.normalization = from_name("normalization", normalization, normalizations);
     options.w0 = w0;

@@ -219,6 +219,36 @@ def test_bricks_are_the_picture_of_one_process(name: str) -> None:
     assert max(seen.values()) <= BOUND
 
 
+@pytest.mark.parametrize("fault", ["margin", "anchor", "order"])
+def test_bricks_that_miss_something_are_seen(fault: str) -> None:
+    which, brick, kind, outputs, options = SCENES["lit in perspective"]
+    field = field_named(which)
+    camera = camera_of(field, kind)
+    wanted, _ = whole_picture(field, camera, (), {"backend": "cpu"}, **options)
+    bricked = Bricked(field, brick)
+    view = bricked.view(camera, (), {"backend": "cpu"}, **options)
+    field_of = bricked.field_of(view)
+    if fault == "margin":
+        lattice = view.lattice
+        assert lattice is not None
+
+        def field_of(number: int) -> ss.RegularField:
+            # Without what gradients look at.
+            box = lattice.around(view.partition.bricks[number].cell, -0.5)
+            values = np.ascontiguousarray(bricked.field.values[tuple(slice(*ends) for ends in box)])
+            return lattice.field(values, box, bricked.whole.value_range)
+
+    elif fault == "anchor":
+        (x, y, z), upper = view.whole.centres
+        view = view.replace(whole=replace(view.whole, centres=((x, y, z + 0.5), upper)))
+    else:
+        tree: Any = view.partition.tree
+        view = view.replace(partition=replace(view.partition, tree=replace(tree, below=tree.above, above=tree.below)))
+    off = max(differences(render_bricks(view, field_of), wanted).values())
+    print(fault, off)
+    assert off > 10 * BOUND
+
+
 def parts_alone(name: str, **changes: Any) -> tuple[BrickView, dict[int, Partial], Any, Finished]:
     """Return a scene's view, its bricks drawn alone, what makes their fields, and the picture of one process."""
     which, brick, kind, outputs, options = SCENES[name]

@@ -71,9 +71,9 @@ void start_behind(const Job& job, const TileShape& shape, T stop, TilePicture<T>
     const std::vector<float>& in_front = *job.scene->part->in_front;
     const auto columns = static_cast<std::size_t>(job.frame->size.width);
     for (int y = 0; y < shape.height; ++y) {
-        const auto from = in_front.begin() + static_cast<std::ptrdiff_t>(
-                                                 static_cast<std::size_t>(shape.y + y) * columns +
-                                                 static_cast<std::size_t>(shape.x));
+        const auto from =
+            in_front.begin() + static_cast<std::ptrdiff_t>(static_cast<std::size_t>(shape.y + y) * columns +
+                                                           static_cast<std::size_t>(shape.x));
         T* row = picture.alpha + static_cast<std::ptrdiff_t>(y) * shape.stride;
         std::transform(from, from + shape.width, row, [](float opacity) { return static_cast<T>(opacity); });
         const auto ended =
@@ -157,7 +157,7 @@ void copy_counts(const DrawPlan& plan, const TileShape& shape, const TilePicture
         const std::size_t to = static_cast<std::size_t>(shape.y + y) * static_cast<std::size_t>(size.width) +
                                static_cast<std::size_t>(shape.x);
         for (int x = 0; x < shape.width; ++x) {
-            const T counted = plan.mode == Mode::average           ? picture.counted[from + x]
+            const T counted = plan.mode == Mode::average             ? picture.counted[from + x]
                               : std::isinf(picture.scalar[from + x]) ? T(0)
                                                                      : T(1);
             image.counts[to + static_cast<std::size_t>(x)] = static_cast<float>(counted);

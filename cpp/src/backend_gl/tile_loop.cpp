@@ -16,12 +16,11 @@ std::vector<float> in_front(const std::vector<float>& opacities, Size size, cons
                             static_cast<std::size_t>(tile.target_height()));
     for (int y = 0; y < tile.height; ++y) {
         for (int x = 0; x < tile.width; ++x) {
-            const std::size_t to = static_cast<std::size_t>(y + Tile::border) *
-                                       static_cast<std::size_t>(tile.target_width()) +
-                                   static_cast<std::size_t>(x + Tile::border);
-            rgba[4 * to + 3] =
-                opacities[static_cast<std::size_t>(tile.y + y) * static_cast<std::size_t>(size.width) +
-                          static_cast<std::size_t>(tile.x + x)];
+            const std::size_t to =
+                static_cast<std::size_t>(y + Tile::border) * static_cast<std::size_t>(tile.target_width()) +
+                static_cast<std::size_t>(x + Tile::border);
+            rgba[4 * to + 3] = opacities[static_cast<std::size_t>(tile.y + y) * static_cast<std::size_t>(size.width) +
+                                         static_cast<std::size_t>(tile.x + x)];
         }
     }
     return rgba;

@@ -156,8 +156,8 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
     }
     std::vector<Compositor> compositors;
     for (const Nudge& nudge : nudges) {
-        compositors.emplace_back(scene, screen, slices, shader, clipping, cell,
-                                 surroundings ? &*surroundings : nullptr, request, nudge);
+        compositors.emplace_back(scene, screen, slices, shader, clipping, cell, surroundings ? &*surroundings : nullptr,
+                                 request, nudge);
     }
 
     const auto report = [&](std::int64_t intervals) {

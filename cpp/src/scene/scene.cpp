@@ -309,8 +309,8 @@ void Scene::validate() const {
         const Words alone = "of fields that are a part of larger ones";
         const Words advice = "draw the whole, or leave it out";
         require(!shadows, together, option_ref("shadows", "true") + " " + alone, "no shadows there", advice);
-        require(!ambient_occlusion, together, option_ref("ambient_occlusion") + " " + alone, "no ambient occlusion there",
-                advice);
+        require(!ambient_occlusion, together, option_ref("ambient_occlusion") + " " + alone,
+                "no ambient occlusion there", advice);
     }
     check_effects(*this);
 }

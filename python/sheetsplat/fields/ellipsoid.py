@@ -174,7 +174,7 @@ class EllipsoidField(Field):
         weights: NDArray[Any] | None,
         *,
         unit_rotations: bool = False,
-        value_range: tuple[float, float] | None = None,
+        **of_part: Any,
     ) -> _sheetsplat.EllipsoidField:
         return _sheetsplat.EllipsoidField(
             centers,
@@ -188,7 +188,7 @@ class EllipsoidField(Field):
             min_scale=self._min_scale,
             cell_volume=self._cell_volume,
             unit_rotations=unit_rotations,
-            value_range=value_range,
+            **of_part,
         )
 
     def _parts(self) -> dict[str, Any]:

@@ -184,7 +184,7 @@ class RegularField(Field):
         prefilter: bool = False,
         coefficients: NDArray[Any] | None = None,
         figures: dict[str, float] | None = None,
-        value_range: tuple[float, float] | None = None,
+        **of_part: Any,
     ) -> _sheetsplat.RegularField:
         """Return the native field of some samples with this field's options; coefficients: found before."""
         return _sheetsplat.RegularField(
@@ -200,7 +200,7 @@ class RegularField(Field):
             prefilter=prefilter,
             coefficients=coefficients,
             figures=figures,
-            value_range=value_range,
+            **of_part,
         )
 
     def _parts(self) -> dict[str, Any]:

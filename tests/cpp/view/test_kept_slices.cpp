@@ -1,4 +1,4 @@
-// The slices that a clip and a depth limit leave of each pixel.
+// The slices that a clip and a depth limit leave of each pixel, and those that belong to a part of a whole.
 #include "view/kept_slices.hpp"
 
 #include <limits>
@@ -58,6 +58,49 @@ TEST(KeptSlices, AreThoseOfClipAndSurface) {
     }
     plan.clip = false;
     EXPECT_TRUE(kept(1).holds(-1) && kept(1).holds(1) && !kept(1).holds(2));
+}
+
+TEST(OwnedSlices, OfCellsThatShareAFaceAreEachOthersRest) {
+    const Size size{9, 7};
+    const Vec3 everywhere(infinity);
+    for (const Camera& camera : {Camera::orthographic({0.3, 0.2, 7}, {0.1, 0, 0}, {0, 1, 0}, 4.0),
+                                 Camera::perspective({0, 0, 7.2}, {0, 0, 0}, {0, 1, 0}, 60.0),
+                                 Camera::orthographic({0, 0, 7}, {0, 0, 0}, {0, 1, 0}, 3.5)}) {
+        Frame frame = frame_of(size);
+        frame.projection = camera.projection();
+        frame.pixel = 2.0 * camera.half_height() / size.height;
+        for (int axis = 0; axis < 3; ++axis) {
+            // The last ones lie on slices or on columns of pixels.
+            for (const double face : {-0.37, 0.11, 0.5, 0.0}) {
+                Part below{{-everywhere, everywhere}}, above = below;
+                below.cell.upper[axis] = above.cell.lower[axis] = face;
+                const OwnedSlices first(below, camera, frame), second(above, camera, frame);
+                for (int pixel = 0; pixel < size.width * size.height; ++pixel) {
+                    const int column = pixel % size.width, row = pixel / size.width;
+                    const SliceRun mine = first.at(column, row), theirs = second.at(column, row);
+                    for (int slice = -1; slice < 10; ++slice) {
+                        EXPECT_NE(mine.holds(slice), theirs.holds(slice)) << axis << " " << face << " " << slice;
+                    }
+                    EXPECT_EQ(mine.holds(-1), mine.holds(0)) << "what lies before the first slice belongs to it";
+                }
+            }
+        }
+    }
+}
+
+TEST(OwnedSlices, AreThoseInTheCell) {
+    const Camera camera = Camera::orthographic({0, 0, 5}, {0, 0, 0}, {0, 1, 0}, 1.0);
+    const Vec3 everywhere(infinity);
+    Part part{{-everywhere, everywhere}};
+    EXPECT_FALSE(part.cuts());
+    // Depths from 6 to 8, the first of them outside: z = 5 - depth lies below the upper end.
+    part.cell.lower.z = -3.0;
+    part.cell.upper.z = -1.0;
+    EXPECT_TRUE(part.cuts());
+    const SliceRun run = OwnedSlices(part, camera, frame_of({2, 1})).at(0, 0);
+    EXPECT_TRUE(!run.holds(2) && run.holds(3) && run.holds(6) && !run.holds(7));
+    part.cell.lower.x = 0.3;
+    EXPECT_FALSE(OwnedSlices(part, camera, frame_of({2, 1})).at(0, 0).holds(3)) << "the pixel lies beside the cell";
 }
 
 } // namespace

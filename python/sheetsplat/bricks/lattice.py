@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,12 +51,12 @@ class LatticeSpec:
             shape=field.shape,
             spacing=field.spacing,
             origin=field.origin,
-            lattice=field.lattice,
+            lattice=cast(Lattice, field.lattice),
             radius=field.radius,
             falloff=field.falloff,
-            normalization=field.normalization,
+            normalization=cast(Normalization, field.normalization),
             w0=field.w0,
-            nan=field.nan,
+            nan=cast(NanPolicy, field.nan),
             prefilter=field.prefilter,
         )
 
@@ -146,7 +146,7 @@ class LatticeSpec:
         wanted = tuple(last - first for first, last in read)
         if samples.shape != wanted:
             raise complain("a brick cannot be made", f"samples of shape {samples.shape}", f"shape {wanted}")
-        options = {
+        options: dict[str, Any] = {
             "lattice": self.lattice,
             "radius": self.radius,
             "falloff": self.falloff,
@@ -160,7 +160,7 @@ class LatticeSpec:
             return RegularField.part(
                 samples, value_range=value_range, origin=origin, normalization=self.normalization, **options
             )
-        found = RegularField(samples, prefilter=True, **options)  # type: ignore[arg-type]
+        found = RegularField(samples, prefilter=True, **options)
         cut = tuple(slice(a - c, b - c) for (a, b), (c, _) in zip(box, read, strict=True))
         return RegularField.part(
             np.ascontiguousarray(samples[cut]),

@@ -170,16 +170,16 @@ def merge(front: Partial, back: Partial) -> Partial:
             joined[..., 3] = a[..., 3]
             here = _within(back.rect, rect)
             joined[here][..., 3] = back.rgba[..., 3]
-            made["rgba"] = joined
         else:
-            made["rgba"] = a + (np.float32(1.0) - a[..., 3:]) * b
+            joined = a + (np.float32(1.0) - a[..., 3:]) * b
+        made["rgba"] = joined
         if front.depth is not None:
             near, far = wide_front["depth"], wide_back["depth"]
             if front.is_behind:
                 made["depth"] = np.minimum(near, far)
             else:
                 opacity = a[..., 3]
-                half = made["rgba"][..., 3] >= 0.5
+                half = joined[..., 3] >= 0.5
                 unknown = half & (opacity < 0.5) & (opacity > 0.0)
                 joined_depth = np.where(opacity >= 0.5, near, np.where(opacity == 0.0, far, np.float32(np.inf)))
                 made["depth"] = np.where(unknown, np.float32(np.nan), joined_depth)

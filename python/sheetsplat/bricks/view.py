@@ -118,6 +118,12 @@ class BrickView:
         opaque = self.mode == "isosurface" and all(opacity == 1 for _, opacity in surfaces)
         return 0.5 if opaque else stop
 
+    @property
+    def slice_spacing(self) -> float:
+        """Distance of slices in world units."""
+        spacing: float = self.options["slice_spacing"]
+        return spacing
+
     def nested(self) -> Nested:
         """Return the numbers of all bricks in pairs (in front, behind): see `Partition.nested`."""
         return self.partition.nested(self.camera)
@@ -149,18 +155,18 @@ class BrickView:
         lower, upper = np.asarray(self.partition.bricks[number].cell)
         supports = np.asarray(self.whole.supports)
         # An interval begins one slice before what is in it.
-        beyond = self._slant() * self.options["slice_spacing"] * 1.5 + self._widening(self._farthest())
+        beyond = self._slant() * self.slice_spacing * 1.5 + self._widening(self._farthest())
         lower = np.maximum(lower, supports[:, 0].min(axis=0) - beyond)
         upper = np.minimum(upper, supports[:, 1].max(axis=0) + beyond)
         if not (lower < upper).all():
             return None
-        return tuple(lower.tolist()), tuple(upper.tolist())  # type: ignore[return-value]
+        return tuple(lower.tolist()), tuple(upper.tolist())
 
     def depths(self) -> tuple[float, float]:
         """Return the nearest and the farthest depth that kernels of the whole reach."""
         longer = 0.0
         if self.options["filter"] is not None:
-            longer = _FILTER * math.sqrt(2.0 * self.whole.falloff) * self.options["slice_spacing"]
+            longer = _FILTER * math.sqrt(2.0 * self.whole.falloff) * self.slice_spacing
         return self.whole.depths(self.camera, longer)
 
     def _farthest(self) -> float:
@@ -171,7 +177,7 @@ class BrickView:
         if self.options["filter"] is None:
             return 0.0
         deviation = _FILTER * math.sqrt(2.0 * self.whole.falloff)
-        return deviation * max(self._pixel(depth), self.options["slice_spacing"])
+        return deviation * max(self._pixel(depth), self.slice_spacing)
 
     @property
     def _gradients(self) -> bool:
@@ -199,7 +205,7 @@ class BrickView:
         if self.options["sampling"] == "slab":
             steps += 0.5
         sideways = self._pixel(depth) if self._gradients else 0.0
-        along = steps * self.options["slice_spacing"] * self._slant()
+        along = steps * self.slice_spacing * self._slant()
         return _ROUNDING * (along + sideways + self._widening(depth)) + 1e-9 * self.whole.largest_reach
 
     def samples(self, number: int) -> Box:

@@ -214,7 +214,7 @@ class EllipsoidField(Field):
             given.
         """
         arrays = (getattr(self.native, name) for name in _ARRAYS)
-        kept = [None if array is None else array[chosen] for array in arrays]
+        kept: list[Any] = [None if array is None else array[chosen] for array in arrays]
         native = self._made(*kept, unit_rotations=True, value_range=value_range or self.value_range)
         return self._with(native=native)
 

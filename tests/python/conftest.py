@@ -84,9 +84,12 @@ def quick(items: list[pytest.Item]) -> list[pytest.Item]:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    # At the end those wait for one another only, and not for long tests beside them.
+    items.sort(key=lambda item: item.get_closest_marker("alone") is not None)
     if config.getoption("quick"):
         kept = quick(items)
-        config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
+        chosen = set(kept)
+        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
         items[:] = kept
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import sheetsplat as ss
@@ -23,13 +24,16 @@ def is_for_types_only(node: ast.AST) -> bool:
 
 
 def statements(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield every node that runs, those in functions too."""
-    for node in ast.iter_child_nodes(tree):
-        if not is_for_types_only(node):
-            yield node
-            yield from statements(node)
+    """Yield every statement that runs, those in functions too."""
+    waiting = [tree]
+    while waiting:
+        for node in ast.iter_child_nodes(waiting.pop()):
+            if not is_for_types_only(node) and not isinstance(node, ast.expr):
+                yield node
+                waiting.append(node)
 
 
+@cache
 def imported(module: str) -> list[tuple[str, str]]:
     """Return (module, name) of every import from the package; the name is empty where the module itself is imported."""
     found = []

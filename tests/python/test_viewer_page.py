@@ -270,13 +270,38 @@ def test_the_picture_is_saved(opened, browser, tmp_path):
     assert recipe.camera == viewer.camera and expected.mode == "composite"
 
 
-def saved(path, seconds=60):
+def saved(path, seconds=240):
     """Wait until the browser has saved a file, and return its bytes."""
     end = time.monotonic() + seconds
     while not path.exists() or not path.stat().st_size:
         assert time.monotonic() < end
         time.sleep(0.05)
     return path.read_bytes()
+
+
+def test_a_film_is_saved_while_the_page_goes_on(opened, tmp_path):
+    pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
+    viewer, page = opened(values())
+    page.command("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+
+    def order(frames):
+        press(page, "⤓ Film")
+        page.wait("document.querySelector('dialog[open] .number') !== null")
+        page.evaluate("document.querySelector('dialog[open] .number').value = " + str(frames))
+        page.evaluate("document.querySelector('dialog[open] select[title=\"Kind of file\"]').value = 'gif'")
+        press(page, "Make the film")
+        page.wait("!document.querySelector('.filming').hidden")
+
+    order(4)
+    number = shown(page)
+    page.evaluate("window.sheetsplat.set({mode: 'mip'})")
+    complete_after(page, number)
+    film = Pillow.open(io.BytesIO(saved(tmp_path / "ndarray.gif")))
+    assert film.n_frames == 4
+    page.wait("document.querySelector('.filming').hidden")
+    order(2000)
+    press(page, "Stop")
+    page.wait("document.querySelector('.filming').hidden")
 
 
 def test_the_picture_follows_the_window(opened):

@@ -186,7 +186,8 @@ class Session:
             with self._wake:
                 self._stopped = True
         elif message.type == "film":
-            self._filming.start(client, lambda: self._order(**parts))
+            state = self.state
+            self._filming.start(client, lambda: self._order(state, **parts))
         elif message.type == "film_stop":
             self._filming.stop()
         else:
@@ -559,8 +560,7 @@ class Session:
         """Return the name of files that are saved, without a suffix."""
         return Path(self.shown.title(self.state.choice, self.state.time)).stem or "picture"
 
-    def _order(self, width: int, height: int, **parts: Any) -> Order:
-        state = self.state
+    def _order(self, state: State, width: int, height: int, **parts: Any) -> Order:
         renderer = Renderer(**{**self.shown.base(0, 0).renderer.settings, **state.settings})
         return Order(state, (width, height), renderer, self._name(), **parts)
 

@@ -36,6 +36,9 @@ uniform SHEET weight_back_texture;
 
 #ifdef THRESHOLD
 uniform float w0;
+#ifdef PIVOT
+uniform float pivot; // what values in D, and rho, are less by
+#endif
 #endif
 
 #ifdef WEIGHT
@@ -53,10 +56,15 @@ void weights_at(ivec2 at, out float w[SLABS]) {
 vec4 normalized(vec4 d, ivec2 at, bool of_front) {
 #ifdef THRESHOLD
 #if SLABS == 8
-    return d / max(of_front ? SHEET_TEXEL(weight_front_texture, at) : SHEET_TEXEL(weight_back_texture, at), vec4(w0));
+    vec4 weight = of_front ? SHEET_TEXEL(weight_front_texture, at) : SHEET_TEXEL(weight_back_texture, at);
 #else
-    return d / max(SHEET_TEXEL(weight_front_texture, at), vec4(w0));
+    vec4 weight = SHEET_TEXEL(weight_front_texture, at);
 #endif
+    vec4 quotient = d / max(weight, vec4(w0));
+#ifdef PIVOT
+    quotient += pivot * (min(weight / w0, 1.0) - 1.0);
+#endif
+    return quotient;
 #else
     return d;
 #endif

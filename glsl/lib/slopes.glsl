@@ -47,12 +47,17 @@ void raw_at(ivec2 at, out float d[SLABS]) {
     FETCH(d, sheet, at)
 }
 
-// D+ / M+ - D- / M- with M = max(w0, W), from the splatted differences of D and W.
+// rho+ - rho- from the splatted differences of D and W: D+ / M+ - D- / M- with M = max(w0, W); of values that are counted from a
+// pivot, that much more for each W up to w0.
 float quotient_change(float d_minus, float w_minus, float w_plus, float d_change, float w_change) {
     float m_minus = max(w0, w_minus);
     float m_plus = max(w0, w_plus);
     float m_change = min(w_minus, w_plus) > w0 ? w_change : m_plus - m_minus;
-    return (d_change * m_minus - d_minus * m_change) / (m_minus * m_plus);
+    float change = (d_change * m_minus - d_minus * m_change) / (m_minus * m_plus);
+#ifdef PIVOT
+    change += pivot * (max(w_minus, w_plus) < w0 ? w_change : min(w_plus, w0) - min(w_minus, w0)) / w0;
+#endif
+    return change;
 }
 #endif
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scene_parts
-from image_checks import FLOAT32, assert_close, off_by, within
+from image_checks import FLOAT32, FLOAT32_HARD, assert_close, off_by, within
 from reference_pictures import by_reference
 from scene_parts import Parts, cloud
 
@@ -28,6 +28,14 @@ def flat(spread: float, fields: int = 1, **scene: object) -> Parts:
     return scene_parts.parts(
         made, transfer=TRANSFER, size=(24, 20), **{"reference_length": 0.8, "gradient": "analytic"} | scene
     )
+
+
+def plateaus(low: float, high: float, **scene: object) -> Parts:
+    """Return the cloud with one value on one side and another on the other."""
+    parts = flat(0.0, **scene)
+    one = parts["fields"][0]
+    one["values"] = np.where(one["centers"][:, 0] < 0, low, high)
+    return parts
 
 
 def drawn(parts: Parts, backend: str, **options: object) -> ss.Image:
@@ -63,15 +71,37 @@ def test_lattices_of_one_value_keep_float32() -> None:
 
 def test_two_plateaus_take_float64() -> None:
     """Where values are alike around each point but not everywhere, float32 would show its rounding."""
-    parts = flat(0.0)
-    one = parts["fields"][0]
-    one["values"] = np.where(one["centers"][:, 0] < 0, 0.3, 1.0)
+    parts = plateaus(0.3, 1.0)
     expected = by_reference(parts)
     image = drawn(parts, "cpu")
     assert image.plan.precision == "float64" and image.plan.has("float64")
     assert_close(image, expected.rgba, FLOAT32, "plateaus")
     inexact = drawn(parts, "cpu", precision="float32", allow_inexact=True)
     assert not within(off_by(inexact, expected), FLOAT32)
+
+
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+@pytest.mark.parametrize(("low", "high", "length"), [(3.0, 3.3, 0.15), (3.0, 3.3, 0.25), (0.3, 1.0, 0.6)])
+def test_differences_on_plateaus_keep_float32_and_its_bound(
+    low: float, high: float, length: float, sampling: str
+) -> None:
+    """A quotient of two sums would show the rounding of both: 4e-5, and 4e-4 at the worst pixels."""
+    parts = plateaus(low, high, gradient="sheets", reference_length=length, sampling=sampling)
+    image = drawn(parts, "cpu")
+    assert image.plan.precision == "float32"
+    assert_close(image, by_reference(parts), FLOAT32, f"plateaus {low} {high} {length} {sampling}")
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+@pytest.mark.parametrize(("spread", "length"), [(0.0, 8.0), (1e-2, 8.0), (0.0, 40.0)])
+def test_opengl_draws_close_ups_of_alike_values(spread: float, length: float, sampling: str) -> None:
+    """Splatted differences of both sums are as large as the values: unless these are counted from their middle."""
+    parts = flat(spread, gradient="sheets", reference_length=length, sampling=sampling)
+    parts["fields"][0]["values"] += 2.0
+    image = drawn(parts, "gl")
+    assert image.plan.has("fine_gradient")
+    assert_close(image, by_reference(parts), FLOAT32_HARD, f"close-up {spread} {length} {sampling}")
 
 
 @pytest.mark.gl

@@ -343,7 +343,8 @@ struct CpuRenderer::State {
                     throw Ended();
                 }
             };
-            kernels.pivot = setup.parts[part++].pivot;
+            kernels.pivot = setup.parts[part].pivot;
+            kernels.means = setup.parts[part++].means;
         }
         part = 0;
         bool any = !setup.reach.empty();

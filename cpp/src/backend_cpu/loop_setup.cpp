@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 #include "backend_cpu/number.hpp"
@@ -56,11 +57,14 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     const auto is_divided = [&](std::size_t field) {
         return plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0;
     };
+    // Gradients are differences of quotients, which in float32 would show the rounding of sums where values are alike.
+    setup.means = std::is_same_v<T, float> && shading.gradient && !setup.slopes;
     // (W grad D - D grad W) / W^2 is next to nothing where values are alike: counted from the middle of the values, it
-    // has no more rounding errors than what is left.
+    // has no more rounding errors than what is left. So do means.
     const auto pivot = [&](std::size_t field) {
-        return setup.slopes && is_divided(field) ? number<T>(pivot_of(*job.scene->fields[field]) / plan.unit_of(field))
-                                                 : T(0);
+        return (setup.slopes || setup.means) && is_divided(field)
+                   ? number<T>(pivot_of(*job.scene->fields[field]) / plan.unit_of(field))
+                   : T(0);
     };
     // A field that is all of its group is divided in the group's sheets; each of several has two of its own.
     const std::vector<Group> groups = groups_drawn(*job.scene);
@@ -91,6 +95,7 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
         profile.edge = static_cast<T>(source.kernel().edge());
         profile.root_falloff = static_cast<T>(std::sqrt(k));
         profile.pivot = static_cast<double>(pivot(field)) * plan.unit_of(field);
+        profile.means = setup.means && is_divided(field);
         if (!group.threshold && is_divided(field)) {
             OwnSheets<T> own;
             own.value_channel = profile.value_channel = setup.channels++;

@@ -53,16 +53,19 @@ void divide_slopes(const GroupSheets<T>& group, const SheetRing<T>& ring, std::i
 
 /// rho of a group in a slice, in the place of the sums of the fields that share sheets; W of all in its own channel.
 template <class T>
-void divide_group(const GroupSheets<T>& group, bool keep_weight, const SheetRing<T>& ring, const TileShape& shape,
-                  std::int64_t n, const Rect& rect) {
+void divide_group(const GroupSheets<T>& group, bool keep_weight, bool means, const SheetRing<T>& ring,
+                  const TileShape& shape, std::int64_t n, const Rect& rect) {
     const hn::CappedTag<T, 16> d;
     const int lanes = static_cast<int>(hn::Lanes(d));
     if (!group.threshold && group.own.empty()) {
         return;
     }
-    // D / max(w0, W); of values counted from p, p more for each W up to w0.
+    // D / max(w0, W); of values counted from p, p more for each W up to w0; of a mean, as much as W is of w0.
     const auto quotient = [&](auto value, auto weight, T w0, T pivot) {
         const auto least = hn::Set(d, w0);
+        if (means) {
+            return hn::Mul(hn::Add(value, hn::Set(d, pivot)), hn::Div(hn::Min(weight, least), least));
+        }
         const auto ratio = hn::Div(value, hn::Max(least, weight));
         return pivot == T(0) ? ratio : hn::MulAdd(hn::Set(d, pivot), hn::Div(hn::Min(weight, least), least), ratio);
     };
@@ -95,7 +98,7 @@ template <class T>
 void divide(const LoopSetup<T>& setup, const SheetRing<T>& ring, const TileShape& shape, std::int64_t n,
             const Rect& rect) {
     for (const GroupSheets<T>& group : setup.groups) {
-        divide_group(group, setup.keep_weight, ring, shape, n, rect);
+        divide_group(group, setup.keep_weight, setup.means, ring, shape, n, rect);
     }
 }
 

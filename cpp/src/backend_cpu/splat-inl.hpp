@@ -30,14 +30,14 @@ HWY_INLINE bool is_upright(const RowShape<T>& shape) {
 }
 
 /// Kernels of one shape that are products, but for those next to the eye.
-template <bool with_weight, class T>
+template <Sums sums, class T>
 HWY_INLINE int add_products_or_ellipses(Splat<T, false>& splat, const Section<T>& section, T weight,
                                         const ProductView<T>& view, int count) {
-    const int drawn = add_products<with_weight>(splat, section, weight, view, count);
-    return drawn >= 0 ? drawn : add_ellipses<with_weight>(splat, section, weight, view.shape, count);
+    const int drawn = add_products<sums>(splat, section, weight, view, count);
+    return drawn >= 0 ? drawn : add_ellipses<sums>(splat, section, weight, view.shape, count);
 }
 
-template <bool with_weight, class T, bool slopes>
+template <Sums sums, class T, bool slopes>
 HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, const SectionExtra<T>& extra,
                           const RowShape<T>& shape, int count) {
     if (splat.setup.slab) {
@@ -50,32 +50,33 @@ HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, co
         if constexpr (!slopes) {
             if (is_upright(shape) && !splat.setup.perspective &&
                 splat.profile.root_falloff * std::abs(shape.ds) >= shortest_slab<T>) {
-                return add_upright_slabs<with_weight>(splat, section, extra.weight, shape, count, box);
+                return add_upright_slabs<sums>(splat, section, extra.weight, shape, count, box);
             }
         }
-        return add_slabs<with_weight>(splat, section, extra.weight, shape, count, box);
+        return add_slabs<sums>(splat, section, extra.weight, shape, count, box);
     }
     if (is_upright(shape) && !splat.setup.perspective) {
-        return add_spheres<with_weight>(splat, section, extra.weight, shape, T(1) / shape.X, count);
+        return add_spheres<sums>(splat, section, extra.weight, shape, T(1) / shape.X, count);
     }
     if constexpr (!slopes) {
         if (splat.setup.perspective && shape.Y1 == T(0) && extra.x0 < extra.x1) {
             const Rect& seen = splat.live.rect;
             const Rect box{std::max<int>(extra.x0, seen.x0), std::max<int>(extra.y0, seen.y0),
                            std::min<int>(extra.x1, seen.x1), std::min<int>(extra.y1, seen.y1)};
-            return add_products_in<with_weight>(box, T(0), T(0), splat, section, extra.weight,
-                                                product_view<T>(splat, shape, T(0), T(0), nullptr), count);
+            return add_products_in<sums>(box, T(0), T(0), splat, section, extra.weight,
+                                         product_view<T>(splat, shape, T(0), T(0), nullptr), count);
         }
     }
-    return add_ellipses<with_weight>(splat, section, extra.weight, shape, count);
+    return add_ellipses<sums>(splat, section, extra.weight, shape, count);
 }
 
 /// Adds the slices from n on, `count` of them, of a kernel. Returns how many sections were drawn.
 template <class T, bool slopes>
 HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, const SectionExtra<T>& extra,
                           const RowShape<T>& shape, int count) {
-    return splat.profile.weight_channel >= 0 ? add_kernel<true>(splat, section, extra, shape, count)
-                                             : add_kernel<false>(splat, section, extra, shape, count);
+    return with_sums<T, slopes>(splat.profile, [&](auto sums) SHEETSPLAT_CPU_INLINE {
+        return add_kernel<sums.value>(splat, section, extra, shape, count);
+    });
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

@@ -88,7 +88,7 @@ class SphereBatch {
     [[nodiscard]] HWY_INLINE std::int32_t last(int kernel) const { return static_cast<std::int32_t>(last_[kernel]); }
 
     /// Adds `count` slices of a kernel to the sheets.
-    template <bool with_weight>
+    template <Sums sums>
     HWY_INLINE void add(int kernel, const Target<T>* targets, int count, T edge, T value, T weight) const {
         const hn::CappedTag<T, most_px> d;
         const Rect box = this->box(kernel);
@@ -96,9 +96,9 @@ class SphereBatch {
         HWY_ALIGN T bell_x[2 * most_px];
         bells(d, -minus_k_, a1_[kernel] + shape_.X * static_cast<T>(start), shape_.X, box.x1 - start, bell_x);
         in_batches<5>(0, count, [&](int slice, auto number) SHEETSPLAT_CPU_INLINE {
-            separable_rows<with_weight, number.value, room>(d, targets + slice, bell_x, bell_y_ + kernel,
-                                                            bell_z_ + slice * room + kernel, edge, value, weight, start,
-                                                            box.x1, box.y0, box.y1);
+            separable_rows<sums, number.value, room>(d, targets + slice, bell_x, bell_y_ + kernel,
+                                                     bell_z_ + slice * room + kernel, edge, value, weight, start,
+                                                     box.x1, box.y0, box.y1);
         });
     }
 
@@ -115,7 +115,7 @@ class SphereBatch {
 
 /// As add_spheres, of kernels one after the other. Calls draw_again(last slice, number) for each that is drawn or only
 /// met later. Returns how many sections were drawn.
-template <bool with_weight, class T, class DrawAgain>
+template <Sums sums, class T, class DrawAgain>
 HWY_INLINE int add_sphere_batch(Splat<T, false>& splat, SphereBatch<T>& batch, const Section<T>* sections, int number,
                                 T weight, const DrawAgain& draw_again) {
     batch.measure(sections, number, splat.n, splat.live.rect);
@@ -131,8 +131,7 @@ HWY_INLINE int add_sphere_batch(Splat<T, false>& splat, SphereBatch<T>& batch, c
         if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
             continue;
         }
-        batch.template add<with_weight>(kernel, splat.targets, count, splat.profile.edge, sections[kernel].value,
-                                        weight);
+        batch.template add<sums>(kernel, splat.targets, count, splat.profile.edge, sections[kernel].value, weight);
         splat.through[count - 1].add(box);
         drawn += count;
     }

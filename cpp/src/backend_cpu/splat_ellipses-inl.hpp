@@ -176,7 +176,7 @@ HWY_INLINE V exp2_any(D d, V x) {
     return exp2_nonpositive(d, hn::Min(x, hn::Set(d, deepest_span<hn::TFromD<D>>)));
 }
 
-template <bool with_weight, class D, class T, bool slopes>
+template <Sums sums, class D, class T, bool slopes>
 HWY_INLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, const RowShape<T>& shape,
                      const Ellipses<T>& e, int slice, T value_t, T weight_t, int x0, int x1, int y0, int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
@@ -202,22 +202,22 @@ HWY_INLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, co
         const auto at_row_0 = hn::MulAdd(hn::Set(d, X), columns_of, hn::Set(d, a1));
         const auto add_rows = [&](int y, int end, int step, auto g, auto h) {
             T* values = to.value + static_cast<std::ptrdiff_t>(y) * to.stride + x;
-            T* weights = with_weight ? to.weight + static_cast<std::ptrdiff_t>(y) * to.stride + x : nullptr;
+            T* weights = sums != Sums::values ? to.weight + static_cast<std::ptrdiff_t>(y) * to.stride + x : nullptr;
             const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(to.stride) * step;
             for (; y != end; y += step) {
-                add_bell<with_weight>(d, hn::Sub(g, edge), value, weight, values, weights);
+                add_bell<sums>(d, hn::Sub(g, edge), value, weight, values, weights);
                 if constexpr (slopes) {
                     const T row = static_cast<T>(y);
                     const auto slope =
                         slope_at(d, along, X, Y1, Y2, hn::MulAdd(hn::Set(d, Y1), hn::Set(d, row), at_row_0),
                                  Y2 * row + a2, e.s[slice], columns_of, row);
-                    add_slope<with_weight>(d, inside_support(d, g, edge), slope, steep_value, steep_weight, to,
-                                           static_cast<std::ptrdiff_t>(y) * to.stride + x);
+                    add_slope<sums>(d, inside_support(d, g, edge), slope, steep_value, steep_weight, to,
+                                    static_cast<std::ptrdiff_t>(y) * to.stride + x);
                 }
                 g = hn::Mul(g, h);
                 h = hn::Mul(h, q);
                 values += stride;
-                if constexpr (with_weight) {
+                if constexpr (sums != Sums::values) {
                     weights += stride;
                 }
             }
@@ -259,7 +259,7 @@ HWY_INLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, co
     }
 }
 
-template <bool with_weight, class D, class T, bool slopes>
+template <Sums sums, class D, class T, bool slopes>
 HWY_INLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target<T>& to, const RowShape<T>& shape,
                               const Ellipses<T>& e, int slice, T value_t, T weight_t, int x0, int x1, int y0, int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
@@ -286,11 +286,11 @@ HWY_INLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target<T
             const auto column = hn::Iota(d, static_cast<T>(x));
             const auto q1 = hn::MulAdd(hn::Set(d, X), column, hn::Set(d, b));
             const auto bell = exp2_nonpositive(d, hn::Mul(scale, hn::MulAdd(q1, q1, height)));
-            add_bell<with_weight>(d, hn::Sub(bell, edge), value, weight, to.value + at + x,
-                                  with_weight ? to.weight + at + x : nullptr);
+            add_bell<sums>(d, hn::Sub(bell, edge), value, weight, to.value + at + x,
+                           sums != Sums::values ? to.weight + at + x : nullptr);
             if constexpr (slopes) {
                 const auto slope = slope_at(d, along, X, Y1, Y2, q1, q2, e.s[slice], column, static_cast<T>(y));
-                add_slope<with_weight>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight, to, at + x);
+                add_slope<sums>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight, to, at + x);
             }
         }
     }
@@ -300,7 +300,7 @@ HWY_INLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target<T
 /// Gaussian follows from the one before by two multiplications, g(y + 1) = g(y) h(y), h(y + 1) = h(y) q; walks
 /// start where the column is brightest, and anew every few rows, so that errors do not grow. Where the ellipse is
 /// so thin that a vector spans powers of two beyond the format, rows are evaluated one by one.
-template <bool with_weight, class T, bool slopes>
+template <Sums sums, class T, bool slopes>
 HWY_INLINE int add_ellipses(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
                             int count) {
     Ellipses<T> e;
@@ -326,11 +326,11 @@ HWY_INLINE int add_ellipses(Splat<T, slopes>& splat, const Section<T>& section, 
             return splat.profile.falloff_log2 * (across * across + T(1)) < deepest_span<T>;
         };
         if (!walks(d)) {
-            evaluate_rows<with_weight>(d, splat, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
+            evaluate_rows<sums>(d, splat, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
         } else if (x1 - x0 > static_cast<int>(hn::Lanes(d)) && walks(wide)) {
-            walk<with_weight>(wide, splat, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
+            walk<sums>(wide, splat, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
         } else {
-            walk<with_weight>(d, splat, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
+            walk<sums>(d, splat, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
         }
         splat.single[slice].add(Rect{x0, y0, x1, y1});
         ++drawn;

@@ -279,7 +279,7 @@ struct EachLean {
 };
 
 /// Rows of `slices` sections, side by side.
-template <bool with_weight, int slices, class D, class Lean, class T = hn::TFromD<D>>
+template <Sums sums, int slices, class D, class Lean, class T = hn::TFromD<D>>
 HWY_INLINE void product_rows(D d, const Target<T>* to, const Bells<T>& bells, const Lean& lean, T edge_t, T value_t,
                              T weight_t, int x0, int x1, int y0, int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
@@ -309,14 +309,14 @@ HWY_INLINE void product_rows(D d, const Target<T>* to, const Bells<T>& bells, co
                     const T* factors = lean.table + y * lean.stride + (x - x0) + (Lean::each ? slice * lean.apart : 0);
                     bell = hn::Mul(bell, hn::LoadU(d, factors));
                 }
-                add_bell<with_weight>(d, hn::MulSub(bell, hn::Set(d, along_y[slice][y]), edge), value, weight,
-                                      values[slice] + at, with_weight ? weights[slice] + at : nullptr);
+                add_bell<sums>(d, hn::MulSub(bell, hn::Set(d, along_y[slice][y]), edge), value, weight,
+                               values[slice] + at, sums != Sums::values ? weights[slice] + at : nullptr);
             }
         }
     }
 }
 
-template <bool with_weight, class D, class Lean, class T = hn::TFromD<D>, bool slopes>
+template <Sums sums, class D, class Lean, class T = hn::TFromD<D>, bool slopes>
 HWY_INLINE void add_product_rows(D d, const Splat<T, slopes>& splat, const Bells<T>& bells, const Lean& lean, T value,
                                  T weight, int x0, int x1, int y0, int y1, int count) {
     in_batches<5>(0, count, [&](int slice, auto together) {
@@ -325,14 +325,14 @@ HWY_INLINE void add_product_rows(D d, const Splat<T, slopes>& splat, const Bells
         if constexpr (Lean::each) {
             leaning.table += slice * lean.apart;
         }
-        product_rows<with_weight, together.value>(d, splat.targets + slice, here, leaning, splat.profile.edge, value,
-                                                  weight, x0, x1, y0, y1);
+        product_rows<sums, together.value>(d, splat.targets + slice, here, leaning, splat.profile.edge, value, weight,
+                                           x0, x1, y0, y1);
     });
 }
 
 /// Adds the slices from n on, `count` of them, of a kernel that lies in `box`. x_c, y_c: whole numbers, of the pixel
 /// that the kernel's centre is in; where it does not lean, any.
-template <bool with_weight, class T, bool slopes>
+template <Sums sums, class T, bool slopes>
 HWY_INLINE int add_products_in(const Rect& box, T x_c, T y_c, Splat<T, slopes>& splat, const Section<T>& section,
                                T weight, const ProductView<T>& view, int count) {
     static_assert(!slopes, "derivatives are not products");
@@ -380,8 +380,7 @@ HWY_INLINE int add_products_in(const Rect& box, T x_c, T y_c, Splat<T, slopes>& 
     splat.through[count - 1].add(box);
     in_narrowest<T>(width, [&](auto d) {
         const auto add = [&](const auto& lean) {
-            add_product_rows<with_weight>(d, splat, bells, lean, section.value, weight, start, box.x1, box.y0, box.y1,
-                                          count);
+            add_product_rows<sums>(d, splat, bells, lean, section.value, weight, start, box.x1, box.y0, box.y1, count);
         };
         if (view.lean == nullptr) {
             add(NoLean<T>());
@@ -399,7 +398,7 @@ HWY_INLINE int add_products_in(const Rect& box, T x_c, T y_c, Splat<T, slopes>& 
 }
 
 /// Adds the slices from n on, `count` of them, of a kernel; -1 where it is so near that its reach does not hold.
-template <bool with_weight, class T, bool slopes>
+template <Sums sums, class T, bool slopes>
 HWY_INLINE int add_products(Splat<T, slopes>& splat, const Section<T>& section, T weight, const ProductView<T>& view,
                             int count) {
     const RowShape<T>& shape = view.shape;
@@ -420,8 +419,8 @@ HWY_INLINE int add_products(Splat<T, slopes>& splat, const Section<T>& section, 
                    whole(std::floor(middle_x + half_x) + T(1), seen.x0, seen.x1),
                    whole(std::floor(middle_y + half_y) + T(1), seen.y0, seen.y1)};
     // The centre is not far outside the box, which it lies in the middle of unless that is cut.
-    return add_products_in<with_weight>(box, std::floor(middle_x + T(0.5)), std::floor(middle_y + T(0.5)), splat,
-                                        section, weight, view, count);
+    return add_products_in<sums>(box, std::floor(middle_x + T(0.5)), std::floor(middle_y + T(0.5)), splat, section,
+                                 weight, view, count);
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

@@ -72,18 +72,27 @@ HWY_INLINE V closed_form(D d, V low, V high, V nearest, V rate, V beside) {
     return hn::Mul(hn::Mul(beside, hn::Set(d, half_root_pi<T>)), hn::Div(hn::Sub(b, a), rate));
 }
 
-/// Adds a kernel's weight. Where a steep profile has nothing left, or a difference of two erf cancels, rays that meet
-/// the support still do: the point is not empty.
-template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_INLINE void add_reached(D d, V bell, hn::Mask<D> met, V weight, T* weights) {
-    const V least = hn::IfThenElseZero(met, hn::Set(d, std::numeric_limits<T>::min()));
-    const V added = hn::Max(hn::Mul(weight, hn::Max(bell, hn::Zero(d))), least);
-    hn::StoreU(hn::Add(hn::LoadU(d, weights), added), d, weights);
+/// Adds a kernel's value (and weight). Where a steep profile has nothing left, or a difference of two erf cancels, rays
+/// that meet the support still do: the point is not empty.
+template <Sums sums, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void add_reached(D d, V bell, hn::Mask<D> met, V value, V weight, T* values, T* weights) {
+    if constexpr (sums != Sums::means) {
+        add_bell<Sums::values>(d, bell, value, weight, values, nullptr);
+    }
+    if constexpr (sums != Sums::values) {
+        const V least = hn::IfThenElseZero(met, hn::Set(d, std::numeric_limits<T>::min()));
+        const V added = hn::Max(hn::Mul(weight, hn::Max(bell, hn::Zero(d))), least);
+        if constexpr (sums == Sums::means) {
+            add_to_mean(d, added, value, values, weights);
+        } else {
+            hn::StoreU(hn::Add(hn::LoadU(d, weights), added), d, weights);
+        }
+    }
 }
 
 /// Means over slabs along the rays of the pixels: closed form over the chord where it is long against the Gaussian,
 /// quadrature where the difference of two erf would cancel.
-template <bool with_weight, class T, bool slopes>
+template <Sums sums, class T, bool slopes>
 HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight_t, const RowShape<T>& shape,
                          int count, const Rect& box) {
     if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
@@ -161,13 +170,11 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
                                                             hn::MulAdd(m1, hn::Set(d, Y1), hn::Mul(m2, hn::Set(d, Y2))),
                                                             hn::MulAdd(m1, w1, hn::MulAdd(m2, w2, hn::Mul(m3, w3)))};
                     const V there = hn::IfThenElseZero(hn::Gt(length, zero), one);
-                    add_slope<with_weight>(d, there, slope, steep_value, steep_weight, to, at + x);
+                    add_slope<sums>(d, there, slope, steep_value, steep_weight, to, at + x);
                 }
                 const V rest = hn::Sub(mean, hn::Mul(edge, length));
-                add_bell<false>(d, rest, value, weight, to.value + at + x, nullptr);
-                if constexpr (with_weight) {
-                    add_reached(d, rest, hn::Gt(length, zero), weight, to.weight + at + x);
-                }
+                add_reached<sums>(d, rest, hn::Gt(length, zero), value, weight, to.value + at + x,
+                                  sums != Sums::values ? to.weight + at + x : nullptr);
             }
         }
         if (any) {
@@ -203,7 +210,7 @@ struct SlabEnds {
 
 /// As separable_rows, of means over slabs: a difference of the profile's integral between the ends of each slab or, on
 /// rays that leave the kernel inside it, to where they do.
-template <bool with_weight, class D, class T>
+template <Sums sums, class D, class T>
 HWY_INLINE void upright_slabs(D d, const Target<T>* to, int count, const SlabEnds<T>& ends, const T* bell_y,
                               const T* place_y2, T X, T at_x, T falloff_log2, T root_k, T edge_t, T value_t, T weight_t,
                               int x0, int x1, int y0, int y1) {
@@ -239,13 +246,10 @@ HWY_INLINE void upright_slabs(D d, const Target<T>* to, int count, const SlabEnd
             for (int slice = 0; slice < count; ++slice) {
                 const V after = integral_to(slice + 1);
                 const V rest = hn::Sub(before, after);
-                add_bell<false>(d, rest, value, weight, to[slice].value + at, nullptr);
-                if constexpr (with_weight) {
-                    add_reached(d, rest,
-                                hn::And(met, hn::And(hn::Lt(hn::Set(d, ends.place[slice + 1]), half_chord),
-                                                     hn::Gt(hn::Set(d, ends.place[slice]), back))),
-                                weight, to[slice].weight + at);
-                }
+                const auto reached = hn::And(met, hn::And(hn::Lt(hn::Set(d, ends.place[slice + 1]), half_chord),
+                                                          hn::Gt(hn::Set(d, ends.place[slice]), back)));
+                add_reached<sums>(d, rest, reached, value, weight, to[slice].value + at,
+                                  sums != Sums::values ? to[slice].weight + at : nullptr);
                 before = after;
             }
         }
@@ -254,7 +258,7 @@ HWY_INLINE void upright_slabs(D d, const Target<T>* to, int count, const SlabEnd
 
 /// Kernels whose sections are upright ellipses in one place, in orthographic views: the profile is a product, and what
 /// depends on depth is the same for all pixels whose rays stay inside the kernel.
-template <bool with_weight, class T, bool slopes>
+template <Sums sums, class T, bool slopes>
 HWY_INLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
                                  int count, const Rect& box) {
     if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
@@ -273,9 +277,9 @@ HWY_INLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& sect
     const SlabEnds<T> ends(hn::CappedTag<T, 16>(), first_end, shape.ds, count + 1, root_k, edge);
     in_narrowest<T>(box.x1 - box.x0, [&](auto d) {
         const int start = start_of<T>(box.x0, box.x1, static_cast<int>(hn::Lanes(d)));
-        upright_slabs<with_weight>(d, splat.targets, count, ends, bell_y, place_y2, shape.X,
-                                   section.a1 + shape.X * static_cast<T>(start), k, root_k, edge, section.value, weight,
-                                   start, box.x1, box.y0, box.y1);
+        upright_slabs<sums>(d, splat.targets, count, ends, bell_y, place_y2, shape.X,
+                            section.a1 + shape.X * static_cast<T>(start), k, root_k, edge, section.value, weight, start,
+                            box.x1, box.y0, box.y1);
     });
     splat.through[count - 1].add(box);
     return count;

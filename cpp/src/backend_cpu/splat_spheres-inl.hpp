@@ -35,7 +35,7 @@ HWY_INLINE void bells(D d, T falloff_log2, T at, T step, int count, T* out) {
 /// Rows of `slices` sections whose Gaussian is a product of one along x, which starts at pixel x0, one along y and one
 /// along depth; the latter two are stride_of_bells elements apart. The sections' sheets are written side by
 /// side, so that one loop serves all of them.
-template <bool with_weight, int slices, int stride_of_bells = 1, class D, class T = hn::TFromD<D>>
+template <Sums sums, int slices, int stride_of_bells = 1, class D, class T = hn::TFromD<D>>
 HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z, T edge_t,
                                T value_t, T weight_t, int x0, int x1, int y0, int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
@@ -59,8 +59,8 @@ HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const 
         for (int y = 0; y < y1 - y0; ++y, at += stride) {
             const auto here = hn::Mul(bell, hn::Set(d, bell_y[y * stride_of_bells]));
             for (int slice = 0; slice < slices; ++slice) {
-                add_bell<with_weight>(d, hn::MulSub(here, hn::Set(d, z[slice]), edge), value, weight,
-                                      values[slice] + at, with_weight ? weights[slice] + at : nullptr);
+                add_bell<sums>(d, hn::MulSub(here, hn::Set(d, z[slice]), edge), value, weight, values[slice] + at,
+                               sums != Sums::values ? weights[slice] + at : nullptr);
             }
         }
     }
@@ -78,7 +78,7 @@ HWY_INLINE void lines(D d, T at, T step, int count, T* out) {
 }
 
 /// As separable_rows, with the derivatives.
-template <bool with_weight, int slices, class D, class T = hn::TFromD<D>>
+template <Sums sums, int slices, class D, class T = hn::TFromD<D>>
 HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z,
                                  const T* slope_x, const T* slope_y, const T* slope_z, T edge_t, T value_t, T weight_t,
                                  T steep, int x0, int x1, int y0, int y1) {
@@ -103,17 +103,16 @@ HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, cons
             for (int slice = 0; slice < slices; ++slice) {
                 const auto bell = hn::Mul(here, hn::Set(d, z[slice]));
                 slope.slice = hn::Set(d, steep_z[slice]);
-                add_bell<with_weight>(d, hn::Sub(bell, edge), value, weight, sheets[slice].value + at,
-                                      with_weight ? sheets[slice].weight + at : nullptr);
-                add_slope<with_weight>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight,
-                                       sheets[slice], at);
+                add_bell<sums>(d, hn::Sub(bell, edge), value, weight, sheets[slice].value + at,
+                               sums != Sums::values ? sheets[slice].weight + at : nullptr);
+                add_slope<sums>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight, sheets[slice], at);
             }
         }
     }
 }
 
 /// One Gaussian along each of x, y and depth serves all sections of a kernel.
-template <bool with_weight, class T, bool slopes>
+template <Sums sums, class T, bool slopes>
 HWY_INLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
                            T per_X, int count) {
     const T per_Y = T(1) / std::abs(shape.Y2);
@@ -157,13 +156,13 @@ HWY_INLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T
         in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) {
             constexpr int together = number.value;
             if constexpr (slopes) {
-                separable_slopes<with_weight, together>(
-                    d, splat.targets + slice, bell_x, bell_y, bell_z + slice, slope_x, slope_y, slope_z + slice,
-                    splat.profile.edge, section.value, weight, splat.steep(), start, box.x1, box.y0, box.y1);
+                separable_slopes<sums, together>(d, splat.targets + slice, bell_x, bell_y, bell_z + slice, slope_x,
+                                                 slope_y, slope_z + slice, splat.profile.edge, section.value, weight,
+                                                 splat.steep(), start, box.x1, box.y0, box.y1);
             } else {
-                separable_rows<with_weight, together>(d, splat.targets + slice, bell_x, bell_y, bell_z + slice,
-                                                      splat.profile.edge, section.value, weight, start, box.x1, box.y0,
-                                                      box.y1);
+                separable_rows<sums, together>(d, splat.targets + slice, bell_x, bell_y, bell_z + slice,
+                                               splat.profile.edge, section.value, weight, start, box.x1, box.y0,
+                                               box.y1);
             }
         });
     });

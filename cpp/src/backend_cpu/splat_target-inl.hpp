@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 
 #include "backend_cpu/tile_task.hpp"
@@ -23,10 +24,17 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+/// What kernels add to sheets.
+enum class Sums {
+    values,  ///< the sum of m f g
+    weights, ///< beside it that of m g
+    means,   ///< that of m g, and the mean of f that is weighted by m g
+};
+
 /// The sheets of one slice that a part adds to.
 template <class T>
 struct Target {
-    T* value;
+    T* value;  ///< of Sums::means the mean
     T* weight; ///< null: not summed
     int stride;
     /// Of derivatives of both over columns, rows and slices: three sheets each, one after the other. Null: not summed.
@@ -41,12 +49,26 @@ HWY_INLINE int whole(T at, int low, int high) {
     return static_cast<int>(std::min(std::max(at, static_cast<T>(low)), static_cast<T>(high)));
 }
 
+/// Adds a share of a kernel's weight to W, and moves the mean towards its value. A mean of equal values is that value
+/// to the last bit, where a quotient of two sums has the rounding of both.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void add_to_mean(D d, V share, V value, T* means, T* weights) {
+    const V all = hn::Add(hn::LoadU(d, weights), share), before = hn::LoadU(d, means);
+    const V part = hn::Div(share, hn::Max(all, hn::Set(d, std::numeric_limits<T>::min())));
+    hn::StoreU(hn::MulAdd(part, hn::Sub(value, before), before), d, means);
+    hn::StoreU(all, d, weights);
+}
+
 /// Adds t = max(0, bell - edge) times value (and weight) to a vector of pixels.
-template <bool with_weight, class D, class V = hn::Vec<D>>
+template <Sums sums, class D, class V = hn::Vec<D>>
 HWY_INLINE void add_bell(D d, V bell_less_edge, V value, V weight, hn::TFromD<D>* values, hn::TFromD<D>* weights) {
     const V t = hn::Max(bell_less_edge, hn::Zero(d));
+    if constexpr (sums == Sums::means) {
+        add_to_mean(d, hn::Mul(weight, t), value, values, weights);
+        return;
+    }
     hn::StoreU(hn::MulAdd(value, t, hn::LoadU(d, values)), d, values);
-    if constexpr (with_weight) {
+    if constexpr (sums == Sums::weights) {
         hn::StoreU(hn::MulAdd(weight, t, hn::LoadU(d, weights)), d, weights);
     }
 }
@@ -59,7 +81,7 @@ struct Slope {
 
 /// Adds bell times slope times `value` (and `weight`) to sheets of derivatives, at element `at`. Those of 2^(-falloff
 /// r^2) are this with 2 falloff in value and weight.
-template <bool with_weight, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+template <Sums sums, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
 HWY_INLINE void add_slope(D d, V bell, const Slope<D>& slope, V value, V weight, const Target<T>& to,
                           std::ptrdiff_t at) {
     const V slopes[3] = {slope.column, slope.row, slope.slice};
@@ -70,7 +92,7 @@ HWY_INLINE void add_slope(D d, V bell, const Slope<D>& slope, V value, V weight,
         }
     };
     add(hn::Mul(bell, value), to.slope);
-    if constexpr (with_weight) {
+    if constexpr (sums != Sums::values) {
         add(hn::Mul(bell, weight), to.weight_slope);
     }
 }
@@ -123,6 +145,18 @@ HWY_INLINE void in_batches(int first, int count, const Add& add) {
     if constexpr (most > 1) {
         in_batches<most - 1>(first, count, add);
     }
+}
+
+/// Calls use(sums) with what kernels of a field add to sheets: sums.value is one of Sums.
+template <class T, bool slopes, class Use>
+HWY_INLINE auto with_sums(const PartProfile<T>& profile, const Use& use) {
+    if constexpr (!slopes && std::is_same_v<T, float>) {
+        if (profile.means) {
+            return use(std::integral_constant<Sums, Sums::means>());
+        }
+    }
+    return profile.weight_channel >= 0 ? use(std::integral_constant<Sums, Sums::weights>())
+                                       : use(std::integral_constant<Sums, Sums::values>());
 }
 
 /// Kernels of one field on their way to the sheets of slices n ... n + covered_slices - 1; with_slopes: their

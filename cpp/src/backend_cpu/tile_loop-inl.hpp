@@ -218,18 +218,17 @@ class TileLoop {
                 alike && !plain && !slopes && are_products(setup_, profile, kernels, shape_, n, lean_[part]);
             const ProductView<T> view =
                 product_view(splat_part, first_shape, kernels.reach_x, kernels.reach_y, &lean_[part]);
-            const auto draw_alike = [&](auto upright, auto with_weight, std::uint32_t number) {
+            const auto draw_alike = [&](auto upright, auto sums, std::uint32_t number) {
                 const Section<T>& section = kernels.sections[number];
                 const std::int64_t last = last_of(section, view.deep, kernels.last_slice);
                 const int count = slices_left(last);
                 if (count > 0) {
                     int drawn = 0;
                     if constexpr (upright.value) {
-                        drawn = add_spheres<with_weight.value>(splat_part, section, kernels.weight, first_shape,
-                                                               view.per_X, count);
+                        drawn = add_spheres<sums.value>(splat_part, section, kernels.weight, first_shape, view.per_X,
+                                                        count);
                     } else {
-                        drawn = add_products_or_ellipses<with_weight.value>(splat_part, section, kernels.weight, view,
-                                                                            count);
+                        drawn = add_products_or_ellipses<sums.value>(splat_part, section, kernels.weight, view, count);
                     }
                     drawn_ += static_cast<std::uint64_t>(drawn);
                     draw_again(last, number);
@@ -237,18 +236,17 @@ class TileLoop {
             };
             // Calls use(draw) with how kernels of this part are drawn.
             const auto with_way = [&](const auto& use) {
-                const auto in_way = [&](auto upright, auto with_weight) {
-                    return use([&](std::uint32_t number) { draw_alike(upright, with_weight, number); });
+                const auto in_way = [&](auto upright) {
+                    return with_sums<T, slopes>(profile, [&](auto sums) SHEETSPLAT_CPU_INLINE {
+                        return use([&](std::uint32_t number) { draw_alike(upright, sums, number); });
+                    });
                 };
-                const bool weighs = profile.weight_channel >= 0;
                 if (plain) {
-                    return weighs ? in_way(std::true_type(), std::true_type())
-                                  : in_way(std::true_type(), std::false_type());
+                    return in_way(std::true_type());
                 }
                 if constexpr (!slopes) {
                     if (products) {
-                        return weighs ? in_way(std::false_type(), std::true_type())
-                                      : in_way(std::false_type(), std::false_type());
+                        return in_way(std::false_type());
                     }
                 }
                 return use(draw);
@@ -285,8 +283,8 @@ class TileLoop {
             }
             if constexpr (!slopes) {
                 SphereBatch<T> batch(first_shape, profile.falloff_log2, kernels.last_slice);
-                const auto draw_batch = [&](auto with_weight, unsigned number) {
-                    return add_sphere_batch<with_weight.value>(
+                const auto draw_batch = [&](auto sums, unsigned number) {
+                    return add_sphere_batch<sums.value>(
                         splat_part, batch, kernels.sections.data() + next, static_cast<int>(number), kernels.weight,
                         [&](std::int64_t last, int kernel) {
                             draw_again(last, static_cast<std::uint32_t>(next) + static_cast<std::uint32_t>(kernel));
@@ -294,8 +292,8 @@ class TileLoop {
                 };
                 while (next < past) {
                     const auto number = static_cast<unsigned>(std::min<std::size_t>(past - next, SphereBatch<T>::room));
-                    const int drawn = profile.weight_channel >= 0 ? draw_batch(std::true_type(), number)
-                                                                  : draw_batch(std::false_type(), number);
+                    const int drawn = with_sums<T, slopes>(
+                        profile, [&](auto sums) SHEETSPLAT_CPU_INLINE { return draw_batch(sums, number); });
                     drawn_ += static_cast<std::uint64_t>(drawn);
                     next += number;
                     if (given_up(number)) {

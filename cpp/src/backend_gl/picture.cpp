@@ -102,6 +102,7 @@ void Picture::draw() {
     stats["seconds_vertices"] += vertex_seconds_;
     stats["seconds_read"] += read_seconds;
     stats["splats"] += static_cast<double>(drawn_);
+    stats["passes_shaded"] += static_cast<double>(shaded_);
     stats["kernels_hidden"] += static_cast<double>(dropped_);
     stats["programs"] = static_cast<double>(resources_.programs());
     stats["programs_used"] = static_cast<double>(resources_.programs_used());
@@ -159,6 +160,7 @@ const Targets& Picture::draw_tile(const Tile& tile, std::size_t number, std::siz
     TileLoop loop(scope, plan_.mode == Mode::composite ? &classification_ : nullptr);
     loop.run(report);
     drawn_ += loop.splatting().drawn;
+    shaded_ += loop.shaded();
     dropped_ += loop.splatting().dropped;
     vertex_seconds_ += loop.splatting().vertex_seconds;
     return scope.targets;

@@ -38,7 +38,7 @@ class Picture {
     Image& image_;
     Classification classification_; ///< in mode composite
     std::vector<float> buffer_;
-    std::size_t drawn_ = 0, dropped_ = 0;
+    std::size_t drawn_ = 0, dropped_ = 0, shaded_ = 0;
     double vertex_seconds_ = 0.0;
 };
 

@@ -31,12 +31,6 @@ bool slopes_of(const DrawPlan& plan, const SplatTarget& target) {
     return splats_slopes(plan) && (!target.weights_alone || plan.threshold || target.own >= 0);
 }
 
-/// Values are counted from their middle. Modes that show rho itself have no use for that, and [NM06] does not do it.
-bool pivots(const DrawPlan& plan) {
-    const bool classified = plan.mode == Mode::composite || plan.mode == Mode::isosurface;
-    return classified && !plan.own_sheets.empty() && !plan.paper_slicing;
-}
-
 /// The defines of all splats.
 gl::Defines common_defines(const DrawPlan& plan, const SplatTarget& target, int slab_nodes, int slab_pieces) {
     gl::Defines defines;
@@ -51,7 +45,7 @@ gl::Defines common_defines(const DrawPlan& plan, const SplatTarget& target, int 
         {"FINE_XY", plan.fine_across},
         {"FINE_Z", plan.fine_along},
         {"ANALYTIC", plan.analytic_gradient},
-        {"PIVOT", pivots(plan) && target.own >= 0 && !target.weights_alone},
+        {"PIVOT", counts_from_pivots(plan) && (target.own >= 0 || plan.threshold) && !target.weights_alone},
         {"WEIGHT", target.weight && !splats_slopes(plan)},
         {"WEIGHT_ALONE", target.weights_alone},
     }};
@@ -62,14 +56,13 @@ gl::Defines common_defines(const DrawPlan& plan, const SplatTarget& target, int 
 } // namespace
 
 std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene) {
-    std::vector<double> result;
-    for (std::size_t field = 0; field < plan.own_sheets.size(); ++field) {
-        if (plan.own_sheets[field] >= 0) {
-            const double pivot = pivots(plan) ? pivot_of(*scene.fields[field]) : 0.0;
+    std::vector<double> result(scene.fields.size(), 0.0);
+    for (std::size_t field = 0; field < result.size(); ++field) {
+        const bool divided = plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0;
+        if (divided && counts_from_pivots(plan)) {
             // As float32 has it in the sheets' unit, so that all who use it mean the same number.
             const double unit = plan.unit_of(field);
-            const auto rounded = static_cast<double>(static_cast<float>(pivot / unit));
-            result.push_back(rounded * unit);
+            result[field] = unit * static_cast<double>(static_cast<float>(pivot_of(*scene.fields[field]) / unit));
         }
     }
     return result;
@@ -78,10 +71,8 @@ std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene) {
 std::vector<double> group_pivots(const DrawPlan& plan, const Scene& scene) {
     std::vector<double> sums(groups_drawn(scene).size(), 0.0);
     const std::vector<double> pivots = pivots_of(plan, scene);
-    for (std::size_t field = 0; field < plan.own_sheets.size(); ++field) {
-        if (plan.own_sheets[field] >= 0) {
-            sums[group_drawn_of(scene, field)] += pivots[static_cast<std::size_t>(plan.own_sheets[field])];
-        }
+    for (std::size_t field = 0; field < pivots.size(); ++field) {
+        sums[group_drawn_of(scene, field)] += pivots[field];
     }
     return sums;
 }
@@ -207,6 +198,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"MODE_AVERAGE", plan.mode == Mode::average},
         {"WEIGHT", plan.weight},
         {"THRESHOLD", plan.threshold},
+        {"PIVOT", plan.threshold && counts_from_pivots(plan)},
         {"EMPTY_TEST", plan.empty_test},
         {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"GRADIENT", plan.gradient},

@@ -49,12 +49,12 @@ struct SplatTarget {
     bool narrow = false;        ///< one sheet instead of two
     bool weights_alone = false; ///< the second splat pass where changes are splatted: weights, and theirs
     std::size_t group = 0;      ///< of groups_drawn
+    std::size_t field = 0;
 };
 /// Changes along x, y and z are splatted beside the sums: differences between neighbours, or derivatives.
 bool splats_slopes(const DrawPlan& plan);
-/// What the values of fields with sheets of their own are less by there: the middle of those that lie far from 0, else
-/// 0, in scene order and the scalar's unit. The sheets of a group hold rho less the sum of these, which group_pivots
-/// has.
+/// What the values of each field are less by in the sheets that it is splatted to (plan/pivot.hpp), in the scalar's
+/// unit. A group's rho is shaded less the sum of these, which group_pivots has.
 std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene);
 std::vector<double> group_pivots(const DrawPlan& plan, const Scene& scene);
 gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target);

@@ -31,9 +31,9 @@ class Splatting {
         const DrawPlan& plan = scope.plan;
         const int own = plan.own_sheets.empty() ? -1 : plan.own_sheets[field];
         const std::size_t group = group_drawn_of(*scope.job.scene, field);
-        draw(SplatTarget{own, plan.weight || own >= 0, narrow, false, group});
+        draw(SplatTarget{own, plan.weight || own >= 0, narrow, false, group, field});
         if (splats_slopes(plan) && (plan.weight || own >= 0)) {
-            draw(SplatTarget{own, true, narrow, true, group});
+            draw(SplatTarget{own, true, narrow, true, group, field});
         }
     }
     /// The program for a target, in use, with the uniforms that all splats have.

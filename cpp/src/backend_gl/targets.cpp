@@ -214,24 +214,31 @@ void Targets::clear_tags() const {
     }
 }
 
-void Targets::clear_all(const std::vector<float>& empty) const {
+void Targets::clear_sheets() const {
     gl_->Disable(GL_SCISSOR_TEST);
     gl_->ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     for (int r = 0; r < static_cast<int>(sheets_.size()); ++r) {
         clear_sheet(r);
-    }
-    for (std::size_t group = 0; group < empty.size(); ++group) {
-        if (empty[group] != 0.0F) {
-            const float values[4] = {empty[group], empty[group], empty[group], empty[group]};
-            ways_[group].values.clear.back().bind();
-            gl_->ClearBufferfv(GL_COLOR, 0, values);
-        }
     }
     for (std::size_t field = 0; field < own_.size(); ++field) {
         for (std::size_t r = 0; r < own_[field].sheets.size(); ++r) {
             clear_own(static_cast<int>(field), static_cast<int>(r));
         }
     }
+}
+
+void Targets::fill(int r, const std::vector<float>& empty) const {
+    for (std::size_t group = 0; group < empty.size(); ++group) {
+        if (empty[group] != 0.0F) {
+            const float values[4] = {empty[group], empty[group], empty[group], empty[group]};
+            ways_[group].values.clear[static_cast<std::size_t>(r)].bind();
+            gl_->ClearBufferfv(GL_COLOR, 0, values);
+        }
+    }
+}
+
+void Targets::clear_all() const {
+    clear_sheets();
     image_fbo_.bind();
     for (std::size_t i = 0; i < pictures_.size(); ++i) {
         const float start[4] = {pictures_[i].empty, 0.0F, 0.0F, 0.0F};

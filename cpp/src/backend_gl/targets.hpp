@@ -71,13 +71,15 @@ class Targets {
     /// where there are any, and weights where there are any.
     void bind_sum(std::size_t group, int r) const { sum_[group * sheets_.size() + static_cast<std::size_t>(r)].bind(); }
 
-    /// Sets everything to its start: sheets and picture 0, depths of the picture infinite, tags 1. empty: each group's
-    /// values in the sheet that stands for what lies before the first slab (wide: the last of the ring; paper: the copy
-    /// buffer).
-    void clear_all(const std::vector<float>& empty = {}) const;
+    /// Sets everything to its start: sheets and picture 0, depths of the picture infinite, tags 1.
+    void clear_all() const;
     /// Puts a picture, RGBA of all pixels with their border, in place of the cleared one.
     void start_behind(const std::vector<float>& rgba) const;
+    /// All sheets, those of fields included.
+    void clear_sheets() const;
     void clear_sheet(int r) const;
+    /// Fills the values of a clear sheet with what stands for points that nothing reaches, a number a group.
+    void fill(int r, const std::vector<float>& empty) const;
     void clear_tags() const;
     /// The picture so far as textures that the shading pass may read: the picture itself, or a copy that is brought up
     /// to date.

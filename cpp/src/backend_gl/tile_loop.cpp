@@ -26,32 +26,60 @@ std::vector<float> in_front(const std::vector<float>& opacities, Size size, cons
     return rgba;
 }
 
+/// Where fields have sheets of their own, those of a group hold rho.
+std::vector<float> empty_values(const TileScope& scope) {
+    std::vector<float> empty;
+    if (!scope.plan.own_sheets.empty()) {
+        const Scene& scene = *scope.job.scene;
+        const std::vector<double> pivots = group_pivots(scope.plan, scene);
+        for (const Group& group : groups_drawn(scene)) {
+            empty.push_back(-static_cast<float>(pivots[empty.size()] / scope.plan.unit_of(group.first)));
+        }
+    }
+    return empty;
+}
+
 } // namespace
 
 TileLoop::TileLoop(const TileScope& scope, const Classification* classification)
-    : scope_(scope), touched_(scope), opacity_(scope), splatting_(scope, touched_, opacity_), lattices_(splatting_),
-      ellipsoids_(splatting_), shading_(scope, classification) {}
+    : scope_(scope), empty_(empty_values(scope)), touched_(scope), opacity_(scope),
+      splatting_(scope, touched_, opacity_), lattices_(splatting_), ellipsoids_(splatting_),
+      shading_(scope, classification) {}
 
 void TileLoop::run(const std::function<void(double)>& progress) {
     const Targets& targets = scope_.targets;
     const bool wide = targets.shape().wide;
     const std::int64_t passes = scope_.steps.passes;
     scope_.gl.Viewport(0, 0, scope_.tile.target_width(), scope_.tile.target_height());
-    // Slabs before the first one are read, but no pass divides them: there rho is 0.
+    targets.clear_all();
     const Scene& scene = *scope_.job.scene;
-    const std::vector<double> pivots = group_pivots(scope_.plan, scene);
-    std::vector<float> empty;
-    for (const Group& group : groups_drawn(scene)) {
-        empty.push_back(-static_cast<float>(pivots[empty.size()] / scope_.plan.unit_of(group.first)));
-    }
-    targets.clear_all(empty);
     if (scene.part && scene.part->in_front && !is_scalar(scene.mode)) {
         targets.start_behind(in_front(*scene.part->in_front, scope_.frame.size, scope_.tile));
     }
+    // Slabs before the first one are read, but no pass divides them.
+    fill_before(0);
+    // Passes since something was splatted. Once no slab holds any of it, nothing is shaded until something is again.
+    const std::int64_t until_empty = scope_.steps.history + scope_.steps.slabs / scope_.steps.stride;
+    std::int64_t since = 0;
+    const auto report = [&](std::int64_t pass) {
+        progress(static_cast<double>(pass + 1) / static_cast<double>(passes));
+    };
     // Slabs that no batch was drawn to yet stay clear: those before the first slice and after the last.
     for (std::int64_t pass = 0; pass < passes; ++pass) {
         touched_.next_batch();
-        splat(pass);
+        const bool splatted = splat(pass);
+        if (splatted && since > until_empty) {
+            fill_before(pass);
+        }
+        since = splatted ? 0 : since + 1;
+        if (since > until_empty) {
+            if (since == until_empty + 1) {
+                targets.clear_sheets();
+            }
+            report(pass);
+            continue;
+        }
+        ++shaded_;
         if (!wide) {
             copy_finished_slab(scope_, pass);
         }
@@ -67,11 +95,17 @@ void TileLoop::run(const std::function<void(double)>& progress) {
         }
         touched_.end_batch();
         opacity_.update(pass);
-        progress(static_cast<double>(pass + 1) / static_cast<double>(passes));
+        report(pass);
     }
 }
 
-void TileLoop::splat(std::int64_t pass) {
+void TileLoop::fill_before(std::int64_t pass) const {
+    scope_.targets.fill(scope_.targets.shape().wide ? scope_.sheet_of(pass + 2) : 1, empty_);
+}
+
+bool TileLoop::splat(std::int64_t pass) {
+    const std::size_t drawn = splatting_.drawn;
+    bool by_hooks = false;
     touched_.begin_splats();
     scope_.hooks.before_splats();
     for (std::size_t part = 0; part < scope_.job.regular.size(); ++part) {
@@ -80,11 +114,14 @@ void TileLoop::splat(std::int64_t pass) {
     for (std::size_t part = 0; part < scope_.job.ellipsoids.size(); ++part) {
         if (scope_.plan.paper_slicing) {
             scope_.resources.paper_slicing().splat(splatting_, part, pass);
-        } else if (!scope_.hooks.splat_ellipsoids(splatting_, part, pass)) {
+        } else if (scope_.hooks.splat_ellipsoids(splatting_, part, pass)) {
+            by_hooks = true;
+        } else {
             ellipsoids_.splat(part, pass);
         }
     }
     scope_.hooks.after_splats();
+    return by_hooks || splatting_.drawn > drawn;
 }
 
 } // namespace sheetsplat::backend_gl

@@ -1,7 +1,10 @@
 // One tile of a picture: for each batch splat, (copy,) shade and composite ([NM05] figure 5).
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <functional>
+#include <vector>
 
 #include "classification.hpp"
 #include "ellipsoid_splats.hpp"
@@ -24,17 +27,24 @@ class TileLoop {
 
     /// What was drawn.
     [[nodiscard]] const Splatting& splatting() const { return splatting_; }
+    /// Passes that were not left out.
+    [[nodiscard]] std::size_t shaded() const { return shaded_; }
 
   private:
-    void splat(std::int64_t pass);
+    /// Returns whether anything was splatted.
+    bool splat(std::int64_t pass);
+    /// Makes the sheet that a pass reads before that of its batch what nothing reaches.
+    void fill_before(std::int64_t pass) const;
 
     const TileScope& scope_;
+    std::vector<float> empty_; ///< of each group: rho, less its pivots, where no kernel reaches
     TouchedPixels touched_;
     OpacityCulling opacity_;
     Splatting splatting_;
     LatticeSplats lattices_;
     EllipsoidSplats ellipsoids_;
     ShadingPass shading_;
+    std::size_t shaded_ = 0;
 };
 
 } // namespace sheetsplat::backend_gl

@@ -33,11 +33,8 @@ TargetShape shape_of(const DrawPlan& plan, const Scene& scene, const Capabilitie
 
 std::vector<float> sheet_pivots(const DrawPlan& plan, const Scene& scene) {
     std::vector<float> pivots;
-    const std::vector<double> exact = pivots_of(plan, scene);
-    for (std::size_t field = 0; field < plan.own_sheets.size(); ++field) {
-        if (plan.own_sheets[field] >= 0) {
-            pivots.push_back(static_cast<float>(exact[pivots.size()] / plan.unit_of(field)));
-        }
+    for (const double pivot : pivots_of(plan, scene)) {
+        pivots.push_back(static_cast<float>(pivot / plan.unit_of(pivots.size())));
     }
     return pivots;
 }

@@ -28,7 +28,7 @@ struct TileScope {
     const Tile tile;
     const Steps steps;
     const Targets& targets;
-    /// Of each field with sheets of its own, in its sheets' unit: see pivots_of.
+    /// Of each field, in its sheets' unit: see pivots_of.
     const std::vector<float> pivots;
 
     /// Where the optical axis meets the targets, pixels.

@@ -153,11 +153,11 @@ class View {
     };
     /// What is shaded.
     struct Spot {
-        double depth = 0.0;
+        std::int64_t slice = 0;
+        double behind = 0.0; ///< how far it is on the way to the next slice, 0 ... 1
         std::size_t group = 0;
         Vec3 color{0.0};
-        double share = 0.0;         ///< of the pixel
-        double change_of_depth = 0; ///< of rho, per unit of depth
+        double share = 0.0; ///< of the pixel
     };
 
     [[nodiscard]] Vec3 to_world(const Vec3& eye) const {
@@ -273,7 +273,6 @@ class View {
     template <class At>
     void add_crossings(const Ray& ray, std::int64_t n, const At& values, bool occlusion, double& alpha,
                        Off& off) const {
-        const double front_depth = frame_.depth_of(n);
         if ((frame_.cut_by_near && n < 0) || !keeps(ray, n) || !keeps(ray, n + 1)) {
             return;
         }
@@ -302,13 +301,10 @@ class View {
                 return;
             }
             const double share = (1.0 - alpha) * crossing.iso->opacity;
-            const auto rho = [&](std::int64_t slice) { return rho_on(ray, slice, crossing.group); };
-            const double over_slices =
-                (1.0 - crossing.share) * (rho(n + 1) - rho(n - 1)) + crossing.share * (rho(n + 2) - rho(n));
-            const Spot spot{front_depth + crossing.share * frame_.slice_spacing, crossing.group,
-                            groups_[crossing.group].transfer_function->at(crossing.iso->value).color, share,
-                            over_slices / (2.0 * frame_.slice_spacing)};
-            shade(ray, n, spot, occlusion, off);
+            shade(ray,
+                  {n, crossing.share, crossing.group,
+                   groups_[crossing.group].transfer_function->at(crossing.iso->value).color, share},
+                  occlusion, off);
             alpha += share;
         }
     }
@@ -316,11 +312,7 @@ class View {
     /// A slice, or the interval behind it: pre-integration of second order as that of first.
     template <class At>
     void add_slice(const Ray& ray, std::int64_t n, const At& values, bool occlusion, double& alpha, Off& off) const {
-        const auto steep = [&](std::size_t group, std::int64_t at) {
-            return (values(at + 1).rho(group) - values(at - 1).rho(group)) / (2.0 * frame_.slice_spacing);
-        };
         const bool interval = scene_.preintegration;
-        const double depth = frame_.depth_of(n) + (interval ? 0.5 * frame_.slice_spacing : 0.0);
         const bool here = keeps(ray, n);
         const bool behind = interval && keeps(ray, n + 1);
         const double lengths = lengths_ * screen_.secant(ray.column, ray.row);
@@ -331,19 +323,23 @@ class View {
                 continue;
             }
             const TransferFunction& function = *groups_[group].transfer_function;
-            Spot spot;
+            Spot spot{n, interval ? 0.5 : 0.0, group, Vec3(0.0), 0.0};
+            const double faded = scene_.gradient_opacity
+                                     ? std::min(1.0, glm::length(gradient(ray, spot)) / *scene_.gradient_opacity)
+                                     : 1.0;
             double own = 0.0, weight = 0.0;
             if (interval) {
                 const reference::ColorExtinction mean =
                     reference::mean_over_ramp(function, values(n).rho(group), values(n + 1).rho(group));
-                own = weight = lengths * mean.extinction;
-                spot = {depth, group, mean.color, weight, 0.5 * (steep(group, n) + steep(group, n + 1))};
+                own = weight = lengths * faded * mean.extinction;
+                spot.color = mean.color;
             } else {
                 const reference::ColorOpacity looks = reference::look_up(function, values(n).rho(group));
-                weight = reference::extinction_of(looks.opacity);
+                weight = reference::extinction_of(faded * looks.opacity);
                 own = lengths * weight;
-                spot = {depth, group, looks.color, weight, steep(group, n)};
+                spot.color = looks.color;
             }
+            spot.share = weight;
             if (own > 0.0) {
                 extinction += own;
                 weights += weight;
@@ -353,35 +349,47 @@ class View {
         const double share = (1.0 - alpha) * -std::expm1(-extinction);
         for (Spot& spot : spots) {
             spot.share *= share / weights;
-            shade(ray, n, spot, occlusion, off);
+            shade(ray, spot, occlusion, off);
         }
         alpha += share;
     }
 
-    /// Minus the gradient's direction, as section 5, or section 10 where it is analytic, has it; eye space.
-    [[nodiscard]] Vec3 normal(const Ray& ray, const Spot& spot) const {
-        const auto rho = [&](int column, int row) {
-            return value_at(spot.group, to_world(screen_.point(column, row, spot.depth))).rho;
-        };
+    /// The gradient as the picture has it (sections 4, 5, 7 and 10): between two slices it is mixed of theirs. Eye
+    /// space.
+    [[nodiscard]] Vec3 gradient(const Ray& ray, const Spot& spot) const {
+        const Vec3 front = gradient_on(ray, spot.slice, spot.group);
+        return spot.behind == 0.0
+                   ? front
+                   : (1.0 - spot.behind) * front + spot.behind * gradient_on(ray, spot.slice + 1, spot.group);
+    }
+
+    [[nodiscard]] Vec3 gradient_on(const Ray& ray, std::int64_t slice, std::size_t group) const {
+        const bool exists = slice >= 0 && slice < frame_.slices;
+        const double depth = frame_.depth_of(slice);
         if (plan_.analytic_gradient) {
             const double h = little_step * frame_.slice_spacing;
             Vec3 slope(0.0);
-            for (int axis = 0; axis < 3; ++axis) {
+            for (int axis = 0; exists && axis < 3; ++axis) {
                 Vec3 by(0.0);
                 by[axis] = h;
-                const Vec3 here = screen_.point(ray.column, ray.row, spot.depth);
+                const Vec3 here = screen_.point(ray.column, ray.row, depth);
                 slope[axis] =
-                    (value_at(spot.group, to_world(here + by)).rho - value_at(spot.group, to_world(here - by)).rho) /
-                    (2.0 * h);
+                    (value_at(group, to_world(here + by)).rho - value_at(group, to_world(here - by)).rho) / (2.0 * h);
             }
-            return facing_away(slope, spot.group);
+            return slope;
         }
-        const double two_pixels = 2.0 * screen_.pixel_width(spot.depth);
-        const double dx = (rho(ray.column + 1, ray.row) - rho(ray.column - 1, ray.row)) / two_pixels;
-        const double dy = (rho(ray.column, ray.row - 1) - rho(ray.column, ray.row + 1)) / two_pixels;
-        const Vec3 gradient(dx, dy,
-                            screen_.slope_x(ray.column) * dx + screen_.slope_y(ray.row) * dy - spot.change_of_depth);
-        return facing_away(gradient, spot.group);
+        const auto rho = [&](int column, int row) {
+            return value_at(group, to_world(screen_.point(column, row, depth))).rho;
+        };
+        double dx = 0.0, dy = 0.0;
+        if (exists) {
+            const double two_pixels = 2.0 * screen_.pixel_width(depth);
+            dx = (rho(ray.column + 1, ray.row) - rho(ray.column - 1, ray.row)) / two_pixels;
+            dy = (rho(ray.column, ray.row - 1) - rho(ray.column, ray.row + 1)) / two_pixels;
+        }
+        const double along =
+            (rho_on(ray, slice + 1, group) - rho_on(ray, slice - 1, group)) / (2.0 * frame_.slice_spacing);
+        return {dx, dy, screen_.slope_x(ray.column) * dx + screen_.slope_y(ray.row) * dy - along};
     }
 
     [[nodiscard]] Vec3 facing_away(const Vec3& gradient, std::size_t group) const {
@@ -390,19 +398,21 @@ class View {
         return -gradient / std::max({glm::length(gradient), weakest, 1e-300});
     }
 
-    void shade(const Ray& ray, std::int64_t slice, const Spot& spot, bool occlusion, Off& off) const {
-        if (spot.share < least_share || chance(ray.column, ray.row, slice) * small_share >= spot.share) {
+    void shade(const Ray& ray, const Spot& spot, bool occlusion, Off& off) const {
+        if (spot.share < least_share || chance(ray.column, ray.row, spot.slice) * small_share >= spot.share) {
             return;
         }
         double share = std::max(spot.share, small_share);
+        const double depth = frame_.depth_of(spot.slice) + spot.behind * frame_.slice_spacing;
         if (scene_.depth_cue) {
             const DepthCue& cue = *scene_.depth_cue;
-            share *= 1.0 - cue.strength * std::clamp((spot.depth - cue.start) / (cue.end - cue.start), 0.0, 1.0);
+            share *= 1.0 - cue.strength * std::clamp((depth - cue.start) / (cue.end - cue.start), 0.0, 1.0);
         }
-        const Vec3 world = ray.point(spot.depth);
+        const Vec3 world = ray.point(depth);
         const Material& material = scene_.material;
         if (plan_.shadows) {
-            const Vec3 outward = normal(ray, spot), to_viewer = screen_.to_viewer(ray.column, ray.row);
+            const Vec3 outward = facing_away(gradient(ray, spot), spot.group),
+                       to_viewer = screen_.to_viewer(ray.column, ray.row);
             for (std::size_t number = 0; number < scene_.lights.size(); ++number) {
                 const Vec3 direction = camera_.direction_to_eye(to_lights_[number]);
                 const double towards = glm::dot(outward, direction);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "plan/limits_gl.hpp"
+#include "plan/pivot.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -264,9 +265,8 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     // Errors of single slices partly cancel along a ray; what a steep ramp adds, it adds at few pixels.
     const double picture = 0.25 * sums * std::min(steepness, 4.0);
     const bool lit_quotient = lights_quotients(plan);
-    // Quotients in sheets of their own are counted from the middle of the values, however far that is from 0.
-    const bool from_middle = !plan.own_sheets.empty() && !plan.paper_slicing;
-    const double lit_ratio = from_middle ? std::min(ratio, ratio_from_pivots(scene, plan, resolved)) : ratio;
+    const double lit_ratio =
+        counts_from_pivots(plan) ? std::min(ratio, ratio_from_pivots(scene, plan, resolved)) : ratio;
     const bool too_far = lit_quotient && lit_ratio > largest_lit_ratio;
     const double most_times = 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0);
     if (plan.precision == Precision::float32 && (picture > float32_bound || too_far)) {

@@ -38,9 +38,10 @@ constexpr double most_alike = 5000.0;
 /// The same where quotients are lit, times the reference length over a pixel or slice spacing (at 700 seen at the
 /// bound).
 constexpr double most_alike_lit = 200.0;
-/// Where quotients hardly change, their rounding is lit. Seen were 1e-6 (RMSE) times values over what is resolved, the
-/// root of the kernels at a point, and the reference length over a pixel or slice spacing: the largest such product.
-constexpr double largest_lit_noise = 80.0;
+/// Where values are nearly alike, the rounding of their means is lit. Seen were 7e-7 (RMSE) times values over what is
+/// resolved and the reference length over a pixel or slice spacing. Scenes with gentle opacities are held to 2e-5,
+/// others to 1e-4.
+constexpr double largest_lit_noise = 20.0, largest_steep_lit_noise = 100.0;
 /// The same of the kernels' own derivatives, with values counted from the middle (noise_of_derivatives): seen
 /// were 1.5e-5 (RMSE) times it, where values hardly change around a point. Scenes with gentle opacities are held to
 /// 2e-5.

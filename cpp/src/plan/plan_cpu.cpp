@@ -114,9 +114,10 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         plan.analytic_gradient ? view.screen_px.smallest * view.frame.smallest_pixel : view.frame.smallest_step();
     const double magnified = std::max(1.0, view.frame.reference_length / change);
     const double crowd = std::max(sums.overlap, view.overlap.densest);
+    const double most_noise =
+        sums.steepness > limits::gentle_steepness ? limits::largest_steep_lit_noise : limits::largest_lit_noise;
     if (lights_quotients(plan) && !plan.analytic_gradient &&
-        (crowd > limits::largest_lit_overlap ||
-         std::max(1.0, sums.ratio) * std::sqrt(crowd) * magnified > limits::largest_lit_noise)) {
+        (crowd > limits::largest_lit_overlap || std::max(1.0, sums.ratio) * magnified > most_noise)) {
         return "lit quotients of the sums of " + number(crowd) + " overlapping kernels, with values up to " +
                number(sums.ratio) + " times the range of the transfer function and " + number(magnified) +
                " pixels or slice spacings to a reference length, would be noisy in float32";

@@ -192,12 +192,19 @@ const std::vector<Limit> of_float32{
          make_quotients(c);
          c.view.overlap.densest = x;
      }},
-    // 5 reference lengths a pixel times the root of the kernels at a point.
-    {"lit_noise", 79, 81,
+    // 5 reference lengths a pixel times values over the window.
+    {"lit_noise", 19.8, 20.2,
      [](Case& c, double x) {
          make_quotients(c);
          c.view.frame.smallest_pixel = 0.2;
-         c.view.overlap.densest = x * x / 25.0;
+         c.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {5.0 / x, {1, 1, 1}, 0.01}});
+     }},
+    {"steep_lit_noise", 99, 101,
+     [](Case& c, double x) {
+         make_quotients(c);
+         c.view.frame.smallest_pixel = 0.2;
+         c.scene.transfer_function =
+             TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.4 / x, {1, 1, 1}, 1.0}, {5.0 / x, {1, 1, 1}, 1.0}});
      }},
     // The root of 33.5 kernels at a point, over the window.
     {"noise_of_derivatives", 1.29, 1.31,

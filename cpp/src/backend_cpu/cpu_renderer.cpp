@@ -236,7 +236,7 @@ bool looks_up_maxima(const Job& job) {
         const double longest = std::max({glm::length(view.step_i), glm::length(view.step_j), glm::length(view.step_k)});
         return longest <= most_px_apart * job.frame->smallest_pixel();
     };
-    return plan.mode == Mode::mip && plan.sampling == Sampling::point && !plan.cuts() && !plan.filter &&
+    return plan.mode == Mode::mip && plan.sampling == Sampling::point && !plan.cuts() && !plan.owned && !plan.filter &&
            !plan.coverage && !plan.weight && job.regular.size() == 1 && job.ellipsoids.empty() &&
            job.frame->slices > 0 && small() && LatticeMaxima::fit(*job.regular.front().view->field);
 }
@@ -347,6 +347,7 @@ struct CpuRenderer::State {
         std::vector<LatticeReach> places;
         LatticeReach::add(*part.view, *job.frame, places);
         const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan, job.volumes);
+        const LoopSetup<T> setup = make_setup(job, shading);
         const MaximaView view{part.view->field,       &maxima,
                               &places.front(),        job.frame->slices,
                               part.view->value_scale, static_cast<double>(shading.scalar_step)};
@@ -356,7 +357,7 @@ struct CpuRenderer::State {
         run_tiles(layout, tell, [&](std::size_t tile, std::size_t thread, const std::function<bool()>& between) {
             TileScratch<T>& room = rooms[thread];
             const TileShape shape = layout.shape(tile);
-            clear_picture(job, shape, room);
+            clear_picture(job, setup, shape, room);
             looked_up.fetch_add(functions.find_maxima(view, shape, room.planes.scalar, between),
                                 std::memory_order_relaxed);
             copy_picture(shape, room.planes, image, job.frame->size);

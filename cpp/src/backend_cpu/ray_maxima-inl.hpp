@@ -45,12 +45,15 @@ class LatticePoints {
         }
     }
 
-    /// place: index coordinates. Value times value_scale.
-    HWY_INLINE T rho(const Vec3& place) const {
+    /// At start + n step, index coordinates, times value_scale. (One function, so that arithmetic is fused in one way.)
+    HWY_NOINLINE T rho(const Vec3& start, const Vec3& step, std::int64_t n) const {
+        const Vec3 place = start + static_cast<double>(n) * step;
         const hn::CappedTag<T, 16> d;
         const int lanes = static_cast<int>(hn::Lanes(d));
         const double floors[3] = {std::floor(place.x), std::floor(place.y), std::floor(place.z)};
-        const auto offset = [&](int axis) { return hn::Set(d, static_cast<T>(place[axis] - floors[axis])); };
+        const auto offset = [&](int axis) SHEETSPLAT_CPU_INLINE {
+            return hn::Set(d, static_cast<T>(place[axis] - floors[axis]));
+        };
         // Rows of a layer lie `row` elements apart; what lies between counts as 0.
         HWY_ALIGN T values[width * layer];
         load(static_cast<std::int64_t>(floors[0]) - (half - 1), static_cast<std::int64_t>(floors[1]) - (half - 1),
@@ -133,8 +136,8 @@ template <class T, class Points>
 class RayMaxima {
   public:
     RayMaxima(const MaximaView& view, const TileShape& tile, const Points& points)
-        : view_(view), tile_(tile), points_(points), first_(view.places->places(tile, 0)),
-          last_(view.places->places(tile, view.slices - 1)), per_slice_(1.0 / std::max<double>(1.0, most())),
+        : view_(view), tile_(tile), points_(points), first_(view.places->places(TileShape{}, 0)),
+          last_(view.places->places(TileShape{}, view.slices - 1)), per_slice_(1.0 / std::max<double>(1.0, most())),
           radius_(view.places->radius()), past_(view.places->last() + view.places->radius()),
           // Rounding of sums and of the bound itself.
           per_value_((1.0 - 1e-5) / (view.value_scale * view.maxima->weight_bound() * view.maxima->greatest())) {}
@@ -167,7 +170,8 @@ class RayMaxima {
     /// left, above: slices where neighbouring rays found their maxima; both become that of this ray.
     T ray(int x, int y, std::int64_t& left, std::int64_t& above, const std::function<bool()>& between) {
         const auto at = [&](const LatticeReach::Places& places) {
-            return places.first + static_cast<double>(x) * places.by_column + static_cast<double>(y) * places.by_row;
+            return places.first + static_cast<double>(tile_.x + x) * places.by_column +
+                   static_cast<double>(tile_.y + y) * places.by_row;
         };
         const Vec3 start = at(first_), step = (at(last_) - start) * per_slice_;
         double low = 0.0, high = most();
@@ -179,7 +183,7 @@ class RayMaxima {
         T largest = T(0);
         float least = 0.0F; ///< what a block must exceed
         const auto look_at = [&](std::int64_t n) {
-            const T rho = points_.rho(start + static_cast<double>(n) * step);
+            const T rho = points_.rho(start, step, n);
             ++looked_up_;
             if (rho > largest) {
                 largest = rho;
@@ -260,7 +264,7 @@ class RayMaxima {
     const MaximaView& view_;
     const TileShape& tile_;
     const Points& points_;
-    const LatticeReach::Places first_, last_;
+    const LatticeReach::Places first_, last_; ///< from the picture's first pixel on, so that tiles do not matter
     const double per_slice_;
     const double radius_;
     const Vec3 past_;

@@ -31,10 +31,10 @@ class LatticeMaxima {
 
     /// Blocks along i, j and k. Block b holds the points block_edge (b - 1) <= p < block_edge b of an index coordinate.
     [[nodiscard]] const std::array<int, 3>& blocks() const { return blocks_; }
-    /// The greatest value of the samples that reach into each block, as a share of the greatest of all, rounded up; 0
-    /// where none is above 0. [k][j][i]
+    /// The greatest value of the samples that reach into each block, as a share of greatest(), rounded up; 0 where none
+    /// is above 0. [k][j][i]
     [[nodiscard]] const float* shares() const { return shares_.data(); }
-    /// At most 0 where there is nothing to be seen.
+    /// The upper end of the field's range of values; at most 0 where there is nothing to be seen.
     [[nodiscard]] double greatest() const { return greatest_; }
     /// A bound of the sum of max(0, exp(-k r^2) - exp(-k)) over all samples, at any point.
     [[nodiscard]] double weight_bound() const { return weight_bound_; }

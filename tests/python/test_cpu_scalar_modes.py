@@ -1,5 +1,5 @@
-"""Scalar modes on the processor: sums over slices that need no sheets, and slices that count by the places of samples
-alone."""
+"""Scalar modes on the processor: sums over slices that need no sheets, slices that count by the places of samples
+alone, and maxima that rays look up."""
 
 from __future__ import annotations
 
@@ -156,3 +156,101 @@ def test_sums_of_several_fields():
     camera = view(scene, "orthographic", (0.4, 0.7, -1.0))
     image, expected = shots(scene, camera)
     assert_close(image.scalar, expected, FLOAT32, "cpu x-ray of several fields")
+
+
+def hostile(kind, dtype=np.float32):
+    """Volumes whose bounds by block say little, or nothing."""
+    rng = np.random.default_rng(8)
+    shape = (13, 17, 22)
+    values = np.zeros(shape)
+    if kind == "noise":
+        values = rng.normal(0.2, 1.0, shape)
+    elif kind == "bright voxels":
+        values = rng.random(shape)
+        values[tuple(rng.integers(0, shape, (12, 3)).T)] = 1000.0
+        values[0, 0, 0] = values[12, 16, 21] = 1500.0
+    elif kind == "negative":
+        values = -1.0 - rng.random(shape)
+    elif kind == "negative around bright":
+        values = np.where(rng.random(shape) < 0.5, -3.0, 4.0)
+    elif kind == "plateaus":
+        values[2:7, 3:9, 4:12] = 1.0
+        values[7:, 9:, 12:] = 1.0 + 1e-6
+    elif kind == "holes":
+        values = rng.random(shape)
+        values[rng.random(shape) < 0.3] = np.nan
+    elif kind == "tiny":
+        values = 1e-30 * rng.random(shape)
+        values[4, 5, 6] = 3.0
+    return np.maximum(np.round(40 * values), 0).astype(dtype) if np.dtype(dtype).kind == "u" else values.astype(dtype)
+
+
+def maxima(scene, camera, precision="float32", **options):
+    return ss.Renderer("cpu", precision=precision, **options).render(scene, camera, size=SIZE)
+
+
+@pytest.mark.parametrize("kind", ["orthographic", "perspective"])
+@pytest.mark.parametrize(
+    "what",
+    ["noise", "bright voxels", "negative", "negative around bright", "plateaus", "holes", "tiny"],
+)
+@pytest.mark.parametrize("options", [{}, {"radius": 3.0, "falloff": 8.0}, {"spacing": (1.0, 0.4, 2.2)}], ids=str)
+def test_maxima(options, what, kind):
+    field = ss.RegularField(hostile(what), **options, **({"nan": "skip"} if what == "holes" else {}))
+    scene = ss.Scene(field, GRAY, mode="mip", slice_spacing=0.6)
+    camera = view(scene, kind, (0.4, 0.7, -1.0))
+    image, expected = shots(scene, camera)
+    text = f"cpu mip {what} {kind} {options}"
+    assert_close(image.scalar, expected, FLOAT32, text)
+    # Where coverage is asked for, sheets are summed: another way to the same numbers.
+    sheets = ss.Renderer("cpu").render(scene, camera, size=SIZE, outputs=("coverage",))
+    assert "points_looked_up" in image.stats and "points_looked_up" not in sheets.stats
+    assert_close(image.scalar, sheets.scalar, (2e-6, 2e-5), text + " beside sheets")
+    assert image.stats["kernels_drawn"] == np.count_nonzero(np.nan_to_num(hostile(what)))
+    # Each pixel's number is its own, whatever tile it lies in and whichever rays were looked at before.
+    for tile in (7, 40):
+        assert np.array_equal(maxima(scene, camera, tile_size=tile).scalar, image.scalar)
+    if what == "negative":
+        assert not image.scalar.any() and image.stats["points_looked_up"] == 0
+    else:
+        # A negative control: other slices have other maxima.
+        moved = scene.replace(slice_spacing=0.57)
+        assert not distance(maxima(moved, camera).scalar, expected).within(FLOAT32)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("radius", [0.8, 1.7, 2.0, 2.6, 4.0])
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "float32", "float64"])
+def test_maxima_of_all_samples_and_kernels(dtype, radius, precision):
+    values = hostile("noise", dtype) if dtype != "int16" else (50 * hostile("noise")).astype(dtype)
+    field = ss.RegularField(values, radius=radius, falloff=1.3 * radius**2)
+    scene = ss.Scene(field, GRAY, mode="mip", slice_spacing=0.45)
+    for kind, zoom in (("orthographic", 1.0), ("perspective", 3.0)):
+        camera = view(scene, kind, (0.03, -0.2, -1.0), zoom)
+        _, expected = shots(scene, camera)
+        image = maxima(scene, camera, precision)
+        assert_close(image.scalar, expected, FLOAT32, f"cpu mip {dtype} radius {radius} {precision} {kind}")
+        assert np.array_equal(maxima(scene, camera, precision, tile_size=9).scalar, image.scalar)
+
+
+def test_maxima_skip_what_cannot_exceed_them():
+    """Rays that meet the bright middle of a volume look at a small part of their points."""
+    k, j, i = np.mgrid[-1:1:40j, -1:1:40j, -1:1:40j]
+    values = np.exp(-2 * (k * k + j * j + i * i)).astype(np.float32)
+    scene = ss.Scene(ss.RegularField(values), GRAY, mode="mip")
+    camera = view(scene, "orthographic", (0.0, 0.0, -1.0))
+    image, expected = shots(scene, camera)
+    assert_close(image.scalar, expected, FLOAT32, "cpu mip of a ball")
+    points = SIZE[0] * SIZE[1] * image.stats["slices"]
+    assert 0 < image.stats["points_looked_up"] < 0.4 * points
+
+
+def test_maxima_follow_the_field():
+    """One renderer, several fields: bounds are those of the field that is drawn."""
+    renderer = ss.Renderer("cpu")
+    fields = [ss.RegularField(hostile(what)) for what in ("noise", "bright voxels", "noise", "plateaus")]
+    for field in fields:
+        scene = ss.Scene(field, GRAY, mode="mip")
+        camera = view(scene, "orthographic", (0.4, 0.7, -1.0))
+        expected = ss.Renderer("reference").render(scene, camera, size=SIZE).scalar
+        assert_close(renderer.render(scene, camera, size=SIZE).scalar, expected, FLOAT32, "cpu mip of another field")

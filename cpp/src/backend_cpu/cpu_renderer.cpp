@@ -8,6 +8,9 @@
 #include <memory>
 #include <new>
 
+#include <glm/geometric.hpp>
+
+#include "backend_cpu/lattice_maxima.hpp"
 #include "backend_cpu/loop_setup.hpp"
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/sorted_view.hpp"
@@ -221,6 +224,23 @@ struct Strides {
 };
 Strides strides_of(const LightVolume& volume) { return {volume.index(0, 1, 0), volume.index(0, 0, 1)}; }
 
+/// Pixels from sample to sample of a lattice, at most, for rays to look up its maxima: where kernels are larger, adding
+/// them to sheets takes less for each point, and as much as looking all points up where no bound tells them apart.
+constexpr double most_px_apart = 4.0;
+
+/// Whether rays look up the maxima of the one lattice that there is (LatticeMaxima); else sheets are summed.
+bool looks_up_maxima(const Job& job) {
+    const DrawPlan& plan = *job.plan;
+    const auto small = [&job] {
+        const FieldView& view = *job.regular.front().view;
+        const double longest = std::max({glm::length(view.step_i), glm::length(view.step_j), glm::length(view.step_k)});
+        return longest <= most_px_apart * job.frame->smallest_pixel();
+    };
+    return plan.mode == Mode::mip && plan.sampling == Sampling::point && !plan.cuts() && !plan.owned && !plan.filter &&
+           !plan.coverage && !plan.weight && job.regular.size() == 1 && job.ellipsoids.empty() &&
+           job.frame->slices > 0 && small() && LatticeMaxima::fit(*job.regular.front().view->field);
+}
+
 /// Ends a task of a picture that has failed in another task, whose error is the one that is thrown.
 struct Ended {};
 
@@ -250,6 +270,9 @@ class Report {
 struct CpuRenderer::State {
     OwnPool pool;
     std::unique_ptr<SortedView> sorted;
+    /// Of the last lattice that was looked up, which is kept so that no other one gets its address.
+    std::shared_ptr<const Field> maxima_field;
+    LatticeMaxima maxima;
     std::vector<TileScratch<float>> scratch_float;
     std::vector<TileScratch<double>> scratch_double;
 
@@ -258,6 +281,8 @@ struct CpuRenderer::State {
 
     void forget() {
         sorted.reset();
+        maxima_field.reset();
+        maxima = {};
         scratch_float.clear();
         scratch_double.clear();
     }
@@ -275,6 +300,80 @@ struct CpuRenderer::State {
         image.stats["bytes_view"] = static_cast<double>(sorted->bytes());
     }
 
+    /// Calls draw(tile, thread, between) for each tile that is drawn; between: as TileFunctions::run takes it.
+    template <class Draw>
+    void run_tiles(const TileLayout& layout, Report& tell, const Draw& draw) {
+        const std::size_t tiles = layout.tiles();
+        std::atomic<std::size_t> finished{0};
+        const auto report = [&] {
+            tell(static_cast<double>(finished.load(std::memory_order_relaxed)) / static_cast<double>(tiles));
+        };
+        pool->run(
+            tiles,
+            [&](std::size_t tile, int thread) {
+                if (!layout.draws(tile)) {
+                    return;
+                }
+                const std::function<bool()> between = [&, first = thread == 0] {
+                    if (first) {
+                        report();
+                    }
+                    return !pool->failed();
+                };
+                draw(tile, static_cast<std::size_t>(thread), between);
+                finished.fetch_add(1, std::memory_order_relaxed);
+            },
+            report);
+    }
+
+    /// Mode mip of a lattice.
+    template <class T>
+    void draw_maxima(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, Report& tell,
+                     Image& image) {
+        const auto preparing = Clock::now();
+        const RegularPart& part = job.regular.front();
+        const std::shared_ptr<const Field>& field = job.scene->fields[part.field];
+        const bool reused = maxima_field == field;
+        if (!reused) {
+            maxima_field.reset();
+            maxima = LatticeMaxima::of(*part.view->field, *pool, [&] { tell(0.0); });
+            maxima_field = field;
+        }
+        image.stats["buckets_reused"] = reused ? 1.0 : 0.0;
+        image.stats["seconds_bucket"] = seconds_since(preparing);
+        image.stats["bytes_view"] = static_cast<double>(maxima.bytes());
+
+        const auto start = Clock::now();
+        std::vector<LatticeReach> places;
+        LatticeReach::add(*part.view, *job.frame, places);
+        const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan, job.volumes);
+        const LoopSetup<T> setup = make_setup(job, shading);
+        const MaximaView view{part.view->field,       &maxima,
+                              &places.front(),        job.frame->slices,
+                              part.view->value_scale, static_cast<double>(shading.scalar_step)};
+        std::vector<TileScratch<T>>& rooms = scratch<T>();
+        rooms.resize(static_cast<std::size_t>(pool->threads()));
+        std::atomic<std::uint64_t> looked_up{0};
+        run_tiles(layout, tell, [&](std::size_t tile, std::size_t thread, const std::function<bool()>& between) {
+            TileScratch<T>& room = rooms[thread];
+            const TileShape shape = layout.shape(tile);
+            clear_picture(job, setup, shape, room);
+            looked_up.fetch_add(functions.find_maxima(view, shape, room.planes.scalar, between),
+                                std::memory_order_relaxed);
+            copy_picture(shape, room.planes, image, job.frame->size);
+        });
+        std::size_t bytes = 0;
+        for (const TileScratch<T>& room : rooms) {
+            bytes += room.bytes();
+        }
+        image.stats["kernels_drawn"] = static_cast<double>(part.runs->samples());
+        image.stats["points_looked_up"] = static_cast<double>(looked_up.load());
+        image.stats["bytes_device"] = static_cast<double>(bytes);
+        image.stats["tiles"] = static_cast<double>(layout.tiles());
+        image.stats["threads"] = static_cast<double>(pool->threads());
+        image.stats["seconds_draw"] = seconds_since(start);
+    }
+
     /// record: what is filled in the picture's place; null: the picture is.
     template <class T>
     void draw(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, const SliceRecord* record,
@@ -289,30 +388,9 @@ struct CpuRenderer::State {
         for (TileScratch<T>& room : rooms) {
             room.sections_drawn = room.kernels_drawn = 0;
         }
-        const std::size_t tiles = layout.tiles();
-        std::atomic<std::size_t> finished{0};
-        const auto report = [&] {
-            tell(static_cast<double>(finished.load(std::memory_order_relaxed)) / static_cast<double>(tiles));
-        };
-        pool->run(
-            tiles,
-            [&](std::size_t tile, int thread) {
-                if (!layout.draws(tile)) {
-                    return;
-                }
-                TileScratch<T>& room = rooms[static_cast<std::size_t>(thread)];
-                const TileShape shape = layout.shape(tile);
-                const bool first = thread == 0;
-                const std::function<bool()> between = [&, first] {
-                    if (first) {
-                        report();
-                    }
-                    return !pool->failed();
-                };
-                draw_tile(job, setup, shape, tile, functions, room, between, image, size);
-                finished.fetch_add(1, std::memory_order_relaxed);
-            },
-            report);
+        run_tiles(layout, tell, [&](std::size_t tile, std::size_t thread, const std::function<bool()>& between) {
+            draw_tile(job, setup, layout.shape(tile), tile, functions, rooms[thread], between, image, size);
+        });
         std::uint64_t kernels = 0, sections = 0;
         std::size_t bytes = 0;
         for (const TileScratch<T>& room : rooms) {
@@ -323,7 +401,7 @@ struct CpuRenderer::State {
         image.stats["kernels_drawn"] = static_cast<double>(kernels);
         image.stats["sections_drawn"] = static_cast<double>(sections);
         image.stats["bytes_device"] = static_cast<double>(bytes);
-        image.stats["tiles"] = static_cast<double>(tiles);
+        image.stats["tiles"] = static_cast<double>(layout.tiles());
         image.stats["threads"] = static_cast<double>(pool->threads());
         image.stats["seconds_draw"] = seconds_since(start);
     }
@@ -397,6 +475,14 @@ struct CpuRenderer::State {
             const TileLayout layout(job.frame->size, edge,
                                     job.drawn_tiles != nullptr ? *job.drawn_tiles : std::vector<std::uint8_t>{});
             const InstructionSet set = chosen_instruction_set();
+            if (record == nullptr && looks_up_maxima(job)) {
+                if (precision == Precision::float64) {
+                    draw_maxima<double>(job, layout, *tile_functions<double>(set), tell, image);
+                } else {
+                    draw_maxima<float>(job, layout, *tile_functions<float>(set), tell, image);
+                }
+                return;
+            }
             sort(job, layout, edge, tile_functions<float>(set)->rects, tell, image);
             if (precision == Precision::float64) {
                 draw<double>(job, layout, *tile_functions<double>(set), record, tell, image);

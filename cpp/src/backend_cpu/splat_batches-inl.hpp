@@ -22,8 +22,9 @@
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
-/// Some kernels of one upright shape in an orthographic view, where they are on slice n.
-template <class T>
+/// Some kernels of one upright shape in an orthographic view, where they are on slice n; slopes: their derivatives are
+/// summed too.
+template <class T, bool slopes>
 class SphereBatch {
   public:
     static constexpr int room = 16;
@@ -69,14 +70,17 @@ class SphereBatch {
             const V first = hn::Load(d, first_ + kernel);
             hn::Store(hn::Min(hn::Add(first, hn::Max(further, hn::Neg(one))), hn::Set(d, static_cast<T>(last_slice_))),
                       d, last_ + kernel);
-            const auto bells = [&](V at, T step, T* out) SHEETSPLAT_CPU_INLINE {
+            const auto bells = [&](V at, T step, T* out, T* slope) SHEETSPLAT_CPU_INLINE {
                 for (int i = 0; i < most_px; ++i) {
                     const V place = hn::MulAdd(hn::Set(d, step), hn::Set(d, static_cast<T>(i)), at);
                     hn::Store(exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(place, place))), d, out + i * room + kernel);
+                    if constexpr (slopes) {
+                        hn::Store(hn::Mul(place, hn::Set(d, step)), d, slope + i * room + kernel);
+                    }
                 }
             };
-            bells(hn::MulAdd(hn::Set(d, shape_.Y2), y0, a2), shape_.Y2, bell_y_);
-            bells(hn::MulAdd(hn::Sub(now, first), hn::Set(d, shape_.ds), s), shape_.ds, bell_z_);
+            bells(hn::MulAdd(hn::Set(d, shape_.Y2), y0, a2), shape_.Y2, bell_y_, slope_y_);
+            bells(hn::MulAdd(hn::Sub(now, first), hn::Set(d, shape_.ds), s), shape_.ds, bell_z_, slope_z_);
         }
     }
 
@@ -89,16 +93,30 @@ class SphereBatch {
 
     /// Adds `count` slices of a kernel to the sheets.
     template <Sums sums>
-    HWY_INLINE void add(int kernel, const Target<T>* targets, int count, T edge, T value, T weight) const {
+    HWY_INLINE void add(int kernel, const Splat<T, slopes>& splat, int count, T value, T weight) const {
         const hn::CappedTag<T, most_px> d;
         const Rect box = this->box(kernel);
+        const T edge = splat.profile.edge;
         const int start = start_of<T>(box.x0, box.x1, static_cast<int>(hn::Lanes(d)));
+        const T at_x = a1_[kernel] + shape_.X * static_cast<T>(start);
         HWY_ALIGN T bell_x[2 * most_px];
-        bells(d, -minus_k_, a1_[kernel] + shape_.X * static_cast<T>(start), shape_.X, box.x1 - start, bell_x);
-        in_batches<5>(0, count, [&](int slice, auto number) SHEETSPLAT_CPU_INLINE {
-            separable_rows<sums, number.value, room>(d, targets + slice, bell_x, bell_y_ + kernel,
-                                                     bell_z_ + slice * room + kernel, edge, value, weight, start,
-                                                     box.x1, box.y0, box.y1);
+        bells(d, -minus_k_, at_x, shape_.X, box.x1 - start, bell_x);
+        HWY_ALIGN T slope_x[slopes ? 2 * most_px : 1];
+        if constexpr (slopes) {
+            lines(d, at_x, shape_.X, box.x1 - start, slope_x);
+        }
+        in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) SHEETSPLAT_CPU_INLINE {
+            const T* bell_y = bell_y_ + kernel;
+            const T* bell_z = bell_z_ + slice * room + kernel;
+            if constexpr (slopes) {
+                separable_slopes<sums, number.value, room>(d, splat.targets + slice, bell_x, bell_y, bell_z,
+                                                                  slope_x, slope_y_ + kernel,
+                                                                  slope_z_ + slice * room + kernel, edge, value, weight,
+                                                                  splat.steep(), start, box.x1, box.y0, box.y1);
+            } else {
+                separable_rows<sums, number.value, room>(d, splat.targets + slice, bell_x, bell_y, bell_z, edge,
+                                                                value, weight, start, box.x1, box.y0, box.y1);
+            }
         });
     }
 
@@ -111,13 +129,15 @@ class SphereBatch {
     HWY_ALIGN T a1_[room], a2_[room], s_[room], first_[room];
     HWY_ALIGN T x0_[room], x1_[room], y0_[room], y1_[room], last_[room];
     HWY_ALIGN T bell_y_[most_px * room], bell_z_[most_px * room]; ///< [row or slice][kernel]
+    static constexpr int slope_room = slopes ? most_px * room : 1;
+    HWY_ALIGN T slope_y_[slope_room], slope_z_[slope_room]; ///< the same
 };
 
 /// As add_spheres, of kernels one after the other. Calls draw_again(last slice, number) for each that is drawn or only
 /// met later. Returns how many sections were drawn.
-template <Sums sums, class T, class DrawAgain>
-HWY_INLINE int add_sphere_batch(Splat<T, false>& splat, SphereBatch<T>& batch, const Section<T>* sections, int number,
-                                T weight, const DrawAgain& draw_again) {
+template <Sums sums, class T, bool slopes, class DrawAgain>
+HWY_INLINE int add_sphere_batch(Splat<T, slopes>& splat, SphereBatch<T, slopes>& batch, const Section<T>* sections,
+                                int number, T weight, const DrawAgain& draw_again) {
     batch.measure(sections, number, splat.n, splat.live.rect);
     int drawn = 0;
     for (int kernel = 0; kernel < number; ++kernel) {
@@ -131,7 +151,7 @@ HWY_INLINE int add_sphere_batch(Splat<T, false>& splat, SphereBatch<T>& batch, c
         if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
             continue;
         }
-        batch.template add<sums>(kernel, splat.targets, count, splat.profile.edge, sections[kernel].value, weight);
+        batch.template add<sums>(kernel, splat, count, sections[kernel].value, weight);
         splat.through[count - 1].add(box);
         drawn += count;
     }

@@ -78,7 +78,7 @@ HWY_INLINE void lines(D d, T at, T step, int count, T* out) {
 }
 
 /// As separable_rows, with the derivatives.
-template <Sums sums, int slices, class D, class T = hn::TFromD<D>>
+template <Sums sums, int slices, int stride_of_bells = 1, class D, class T = hn::TFromD<D>>
 HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z,
                                  const T* slope_x, const T* slope_y, const T* slope_z, T edge_t, T value_t, T weight_t,
                                  T steep, int x0, int x1, int y0, int y1) {
@@ -90,16 +90,16 @@ HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, cons
     T z[slices], steep_z[slices];
     for (int slice = 0; slice < slices; ++slice) {
         sheets[slice] = to[slice];
-        z[slice] = bell_z[slice];
-        steep_z[slice] = slope_z[slice];
+        z[slice] = bell_z[slice * stride_of_bells];
+        steep_z[slice] = slope_z[slice * stride_of_bells];
     }
     for (int x = x0; x < x1; x += lanes) {
         const auto column = hn::LoadU(d, bell_x + (x - x0));
         Slope<D> slope{hn::LoadU(d, slope_x + (x - x0)), hn::Zero(d), hn::Zero(d)};
         std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * stride + x;
         for (int y = 0; y < y1 - y0; ++y, at += stride) {
-            const auto here = hn::Mul(column, hn::Set(d, bell_y[y]));
-            slope.row = hn::Set(d, slope_y[y]);
+            const auto here = hn::Mul(column, hn::Set(d, bell_y[y * stride_of_bells]));
+            slope.row = hn::Set(d, slope_y[y * stride_of_bells]);
             for (int slice = 0; slice < slices; ++slice) {
                 const auto bell = hn::Mul(here, hn::Set(d, z[slice]));
                 slope.slice = hn::Set(d, steep_z[slice]);

@@ -213,7 +213,7 @@ class TileLoop {
             const RowShape<T>& first_shape = kernels.shapes.front();
             const bool alike = shared_shape && shared_extra && !setup_.slab;
             const bool plain = alike && !setup_.perspective && is_upright(first_shape);
-            const bool batches = plain && !slopes && SphereBatch<T>::holds(first_shape);
+            const bool batches = plain && SphereBatch<T, slopes>::holds(first_shape);
             const bool products =
                 alike && !plain && !slopes && are_products(setup_, profile, kernels, shape_, n, lean_[part]);
             const ProductView<T> view =
@@ -281,24 +281,23 @@ class TileLoop {
             if (!all_drawn) {
                 return false;
             }
-            if constexpr (!slopes) {
-                SphereBatch<T> batch(first_shape, profile.falloff_log2, kernels.last_slice);
-                const auto draw_batch = [&](auto sums, unsigned number) {
-                    return add_sphere_batch<sums.value>(
-                        splat_part, batch, kernels.sections.data() + next, static_cast<int>(number), kernels.weight,
-                        [&](std::int64_t last, int kernel) {
-                            draw_again(last, static_cast<std::uint32_t>(next) + static_cast<std::uint32_t>(kernel));
-                        });
-                };
-                while (next < past) {
-                    const auto number = static_cast<unsigned>(std::min<std::size_t>(past - next, SphereBatch<T>::room));
-                    const int drawn = with_sums<T, slopes>(
-                        profile, [&](auto sums) SHEETSPLAT_CPU_INLINE { return draw_batch(sums, number); });
-                    drawn_ += static_cast<std::uint64_t>(drawn);
-                    next += number;
-                    if (given_up(number)) {
-                        return false;
-                    }
+            SphereBatch<T, slopes> batch(first_shape, profile.falloff_log2, kernels.last_slice);
+            const auto draw_batch = [&](auto sums, unsigned number) {
+                return add_sphere_batch<sums.value>(
+                    splat_part, batch, kernels.sections.data() + next, static_cast<int>(number), kernels.weight,
+                    [&](std::int64_t last, int kernel) {
+                        draw_again(last, static_cast<std::uint32_t>(next) + static_cast<std::uint32_t>(kernel));
+                    });
+            };
+            while (next < past) {
+                const auto number =
+                    static_cast<unsigned>(std::min<std::size_t>(past - next, SphereBatch<T, slopes>::room));
+                const int drawn = with_sums<T, slopes>(
+                    profile, [&](auto sums) SHEETSPLAT_CPU_INLINE { return draw_batch(sums, number); });
+                drawn_ += static_cast<std::uint64_t>(drawn);
+                next += number;
+                if (given_up(number)) {
+                    return false;
                 }
             }
             splat_part.tell([&](std::int32_t slice, const Rect& rect) {

@@ -1,0 +1,302 @@
+// Mode mip of a lattice: each pixel's ray looks up the slice points where rho can be larger than the largest that it
+// has found, by the bounds of LatticeMaxima. The first points that it looks at are those where its neighbours found
+// their maxima. What is found does not depend on the order. Source: conventions, sections 2, 3 and 7.
+
+#if defined(SHEETSPLAT_CPU_RAY_MAXIMA_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_RAY_MAXIMA_INL
+#undef SHEETSPLAT_CPU_RAY_MAXIMA_INL
+#else
+#define SHEETSPLAT_CPU_RAY_MAXIMA_INL
+#endif
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <type_traits>
+#include <variant>
+
+#include "backend_cpu/lattice_maxima.hpp"
+#include "backend_cpu/measured.hpp"
+#include "backend_cpu/tile.hpp"
+#include "hwy/highway.h"
+#include "math-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// rho at points of a lattice of kernels that reach fewer than `half` samples on either side.
+template <class T, class Value, int half>
+class LatticePoints {
+  public:
+    LatticePoints(const RegularField& field, double value_scale)
+        : values_(std::get<std::vector<Value>>(field.samples()).data()), ni_(as_signed(field.shape()[2])),
+          nj_(as_signed(field.shape()[1])), nk_(as_signed(field.shape()[0])), value_scale_(value_scale),
+          falloff_(
+              static_cast<T>(-field.kernel().falloff * log2_e / (field.options().radius * field.options().radius))),
+          edge_(static_cast<T>(field.kernel().edge())) {
+        for (int i = 0; i < layer; ++i) {
+            columns_[i] = static_cast<T>(half - 1 - i % row);
+            rows_[i] = static_cast<T>(half - 1 - i / row);
+        }
+    }
+
+    /// At start + n step, index coordinates, times value_scale. (One function, so that arithmetic is fused in one way.)
+    HWY_NOINLINE T rho(const Vec3& start, const Vec3& step, std::int64_t n) const {
+        const Vec3 place = start + static_cast<double>(n) * step;
+        const hn::CappedTag<T, 16> d;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const double floors[3] = {std::floor(place.x), std::floor(place.y), std::floor(place.z)};
+        const auto offset = [&](int axis) SHEETSPLAT_CPU_INLINE {
+            return hn::Set(d, static_cast<T>(place[axis] - floors[axis]));
+        };
+        // Rows of a layer lie `row` elements apart; what lies between counts as 0.
+        HWY_ALIGN T values[width * layer];
+        load(static_cast<std::int64_t>(floors[0]) - (half - 1), static_cast<std::int64_t>(floors[1]) - (half - 1),
+             static_cast<std::int64_t>(floors[2]) - (half - 1), values);
+        const auto falloff = hn::Set(d, falloff_), edge = hn::Set(d, edge_), zero = hn::Zero(d);
+        HWY_ALIGN T along[16];
+        for (int z = 0; z < width; z += lanes) {
+            const auto off =
+                hn::Sub(hn::Add(offset(2), hn::Set(d, static_cast<T>(half - 1))), hn::Iota(d, static_cast<T>(z)));
+            hn::Store(exp2_nonpositive(d, hn::Mul(falloff, hn::Mul(off, off))), d, along + z);
+        }
+        const auto offset_x = offset(0), offset_y = offset(1);
+        auto sum = zero;
+        for (int i = 0; i < layer; i += lanes) {
+            const auto x = hn::Add(offset_x, hn::Load(d, columns_ + i)), y = hn::Add(offset_y, hn::Load(d, rows_ + i));
+            const auto across = exp2_nonpositive(d, hn::Mul(falloff, hn::MulAdd(x, x, hn::Mul(y, y))));
+            for (int z = 0; z < width; ++z) {
+                const auto weight = hn::Max(hn::MulSub(across, hn::Set(d, along[z]), edge), zero);
+                sum = hn::MulAdd(hn::Load(d, values + z * layer + i), weight, sum);
+            }
+        }
+        return static_cast<T>(static_cast<double>(hn::GetLane(hn::SumOfLanes(d, sum))) * value_scale_);
+    }
+
+  private:
+    static constexpr double log2_e = 1.4426950408889634;
+    static constexpr int width = 2 * half;
+    static constexpr int row = width <= 4 ? 4 : 8;
+    static constexpr int layer = row * width;
+    static_assert(layer % 16 == 0 && width <= 16, "layers are whole vectors");
+
+    static std::int64_t as_signed(std::size_t n) { return static_cast<std::int64_t>(n); }
+
+    static HWY_INLINE T factor(Value value) {
+        if constexpr (std::is_floating_point_v<Value>) {
+            // NaN: no kernel.
+            return value == value ? static_cast<T>(value) : T(0);
+        } else {
+            return static_cast<T>(value);
+        }
+    }
+
+    /// The samples of a window from (i, j, k) on; beyond the lattice there are none.
+    HWY_INLINE void load(std::int64_t i, std::int64_t j, std::int64_t k, T* to) const {
+        if (HWY_LIKELY(i >= 0 && j >= 0 && k >= 0 && i + width <= ni_ && j + width <= nj_ && k + width <= nk_)) {
+            Value window[width * layer];
+            if constexpr (row != width) {
+                std::memset(window, 0, sizeof window);
+            }
+            for (int z = 0; z < width; ++z) {
+                const Value* from = values_ + ((k + z) * nj_ + j) * ni_ + i;
+                for (int y = 0; y < width; ++y, from += ni_) {
+                    std::memcpy(window + z * layer + y * row, from, width * sizeof(Value));
+                }
+            }
+            for (int at = 0; at < width * layer; ++at) {
+                to[at] = factor(window[at]);
+            }
+            return;
+        }
+        std::fill(to, to + width * layer, T(0));
+        for (std::int64_t z = std::max<std::int64_t>(0, -k); z < std::min<std::int64_t>(width, nk_ - k); ++z) {
+            for (std::int64_t y = std::max<std::int64_t>(0, -j); y < std::min<std::int64_t>(width, nj_ - j); ++y) {
+                for (std::int64_t x = std::max<std::int64_t>(0, -i); x < std::min<std::int64_t>(width, ni_ - i); ++x) {
+                    to[z * layer + y * row + x] = factor(values_[((k + z) * nj_ + j + y) * ni_ + i + x]);
+                }
+            }
+        }
+    }
+
+    const Value* values_;
+    const std::int64_t ni_, nj_, nk_;
+    const double value_scale_;
+    const T falloff_; ///< -k log2(e) over the squared radius
+    const T edge_;
+    HWY_ALIGN T columns_[layer], rows_[layer]; ///< what is added to a place's distance from the sample before it
+};
+
+template <class T, class Points>
+class RayMaxima {
+  public:
+    RayMaxima(const MaximaView& view, const TileShape& tile, const Points& points)
+        : view_(view), tile_(tile), points_(points), first_(view.places->places(TileShape{}, 0)),
+          last_(view.places->places(TileShape{}, view.slices - 1)), per_slice_(1.0 / std::max<double>(1.0, most())),
+          radius_(view.places->radius()), past_(view.places->last() + view.places->radius()),
+          // Rounding of sums and of the bound itself.
+          per_value_((1.0 - 1e-5) / (view.value_scale * view.maxima->weight_bound() * view.maxima->greatest())) {}
+
+    /// Writes a tile's largest rho, at least 0. Returns how many points were looked up.
+    std::uint64_t run(T* plane, const std::function<bool()>& between) {
+        std::int64_t above[largest_tile];
+        std::fill(above, above + tile_.width, none);
+        for (int y = 0; y < tile_.height; ++y) {
+            std::int64_t left = none;
+            for (int x = 0; x < tile_.width; ++x) {
+                const T most = ray(x, y, left, above[x], between);
+                if (given_up_) {
+                    return looked_up_;
+                }
+                plane[static_cast<std::ptrdiff_t>(y) * tile_.stride + x] = most * static_cast<T>(view_.scalar_step);
+            }
+        }
+        return looked_up_;
+    }
+
+  private:
+    static constexpr std::int64_t none = -1;
+    /// Points and blocks between two questions whether to go on.
+    static constexpr std::uint64_t steps_between_polls = 8192;
+
+    /// The last slice.
+    [[nodiscard]] double most() const { return static_cast<double>(view_.slices - 1); }
+
+    /// left, above: slices where neighbouring rays found their maxima; both become that of this ray.
+    T ray(int x, int y, std::int64_t& left, std::int64_t& above, const std::function<bool()>& between) {
+        const auto at = [&](const LatticeReach::Places& places) {
+            return places.first + static_cast<double>(tile_.x + x) * places.by_column +
+                   static_cast<double>(tile_.y + y) * places.by_row;
+        };
+        const Vec3 start = at(first_), step = (at(last_) - start) * per_slice_;
+        double low = 0.0, high = most();
+        for (int axis = 0; axis < 3; ++axis) {
+            keep(start[axis], step[axis], axis, low, high);
+        }
+        // (A pixel that leaves the lattice aside forgets its neighbours' maxima.)
+        std::int64_t found = none;
+        T largest = T(0);
+        float least = 0.0F; ///< what a block must exceed
+        const auto look_at = [&](std::int64_t n) {
+            const T rho = points_.rho(start, step, n);
+            ++looked_up_;
+            if (rho > largest) {
+                largest = rho;
+                found = n;
+                const double share = static_cast<double>(rho) * per_value_;
+                // (Of smaller floats the roundings are not relative to them.)
+                least = share > 1e-30 && share < 2.0 ? static_cast<float>(share) : 0.0F;
+            }
+        };
+        if (low <= high) {
+            const auto begin = static_cast<std::int64_t>(std::ceil(low)), end = static_cast<std::int64_t>(high) + 1;
+            for (const std::int64_t n : {left, above}) {
+                if (n >= begin && n < end && n != found) {
+                    look_at(n);
+                }
+            }
+            march(start, step, begin, end, least, look_at, between);
+        }
+        left = above = found;
+        return largest;
+    }
+
+    /// Keeps the slices whose points lie where kernels reach along one axis.
+    void keep(double start, double step, int axis, double& low, double& high) const {
+        const double before = -radius_, past = past_[axis];
+        if (std::abs(step) * most() < 1e-9) {
+            high = start > before && start < past ? high : -1.0;
+            return;
+        }
+        const double a = (before - start) / step, b = (past - start) / step;
+        low = std::max(low, std::min(a, b));
+        high = std::min(high, std::max(a, b));
+    }
+
+    /// Looks at slices begin ... end - 1 where blocks exceed `least`, which look_at raises.
+    template <class LookAt>
+    HWY_INLINE void march(const Vec3& start, const Vec3& step, std::int64_t begin, std::int64_t end, const float& least,
+                          const LookAt& look_at, const std::function<bool()>& between) {
+        const hn::CappedTag<double, 8> d;
+        const hn::Rebind<std::int32_t, decltype(d)> d_whole;
+        const hn::Rebind<float, decltype(d)> d_share;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const auto& blocks = view_.maxima->blocks();
+        const float* shares = view_.maxima->shares();
+        HWY_ALIGN float bounds[8];
+        for (std::int64_t n = begin; n < end; n += lanes) {
+            const auto slice = hn::Iota(d, static_cast<double>(n));
+            auto block = hn::Zero(d);
+            for (int axis = 2; axis >= 0; --axis) {
+                const auto place = hn::MulAdd(slice, hn::Set(d, step[axis]), hn::Set(d, start[axis]));
+                const auto along =
+                    hn::Floor(hn::MulAdd(place, hn::Set(d, 1.0 / LatticeMaxima::block_edge), hn::Set(d, 1.0)));
+                const auto last = hn::Set(d, static_cast<double>(blocks[static_cast<std::size_t>(axis)] - 1));
+                block = hn::MulAdd(block, hn::Add(last, hn::Set(d, 1.0)), hn::Min(hn::Max(along, hn::Zero(d)), last));
+            }
+            const auto bound = hn::GatherIndex(d_share, shares, hn::DemoteTo(d_whole, block));
+            asked_ += static_cast<std::uint64_t>(lanes);
+            if (!hn::AllFalse(d_share, hn::Gt(bound, hn::Set(d_share, least)))) {
+                hn::Store(bound, d_share, bounds);
+                const int count = static_cast<int>(std::min<std::int64_t>(lanes, end - n));
+                for (int lane = 0; lane < count; ++lane) {
+                    if (bounds[lane] > least) {
+                        look_at(n + lane);
+                        asked_ += 16;
+                    }
+                }
+            }
+            if (HWY_UNLIKELY(asked_ >= steps_between_polls)) {
+                asked_ = 0;
+                if (!between()) {
+                    given_up_ = true;
+                    return;
+                }
+            }
+        }
+    }
+
+    const MaximaView& view_;
+    const TileShape& tile_;
+    const Points& points_;
+    const LatticeReach::Places first_, last_; ///< from the picture's first pixel on, so that tiles do not matter
+    const double per_slice_;
+    const double radius_;
+    const Vec3 past_;
+    const double per_value_; ///< from the sheets' unit to shares of the greatest sample
+    std::uint64_t looked_up_ = 0, asked_ = 0;
+    bool given_up_ = false;
+};
+
+/// Writes a tile's largest rho, at least 0, to a plane; between: as TileFunctions::run takes it. Returns how many
+/// points were looked up.
+template <class T>
+std::uint64_t find_maxima(const MaximaView& view, const TileShape& tile, T* plane,
+                          const std::function<bool()>& between) {
+    if (view.maxima->greatest() <= 0.0) {
+        return 0;
+    }
+    return std::visit(
+        [&](const auto& samples) {
+            using Value = typename std::decay_t<decltype(samples)>::value_type;
+            const auto within = [&](auto half) {
+                const LatticePoints<T, Value, half.value> points(*view.field, view.value_scale);
+                return RayMaxima<T, decltype(points)>(view, tile, points).run(plane, between);
+            };
+            const double radius = view.places->radius();
+            return radius <= 2.0   ? within(std::integral_constant<int, 2>())
+                   : radius <= 3.0 ? within(std::integral_constant<int, 3>())
+                                   : within(std::integral_constant<int, 4>());
+        },
+        view.field->samples());
+}
+
+} // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif // SHEETSPLAT_CPU_RAY_MAXIMA_INL

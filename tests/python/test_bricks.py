@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat.bricks.draw import draw_brick, render_bricks
+from sheetsplat.bricks.draw import agreed, draw_brick, render_bricks, way_of_drawing
 from sheetsplat.bricks.lattice import LatticeSpec
 from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge, stop_difference
 from sheetsplat.bricks.partition import Partition, partition_lattice, partition_points
@@ -219,12 +219,18 @@ def test_bricks_are_the_picture_of_one_process(name: str) -> None:
     field = field_named(which)
     camera = camera_of(field, kind)
     settings = {"backend": "cpu"}
-    wanted, settings["precision"] = whole_picture(field, camera, outputs, settings, **options)
+    wanted, precision = whole_picture(field, camera, outputs, settings, **options)
     bricked = Bricked(field, brick)
     view = bricked.view(camera, outputs, settings, **options)
-    found = render_bricks(view, bricked.field_of(view))
+    field_of, renderer = bricked.field_of(view), ss.Renderer("cpu")
+    seen_by = [number for number in view.order() if view.footprint(number) is not None]
+    ways = [way_of_drawing(view, number, field_of(number), renderer) for number in seen_by]
+    if bricked.lattice is not None:
+        assert set(ways) == {("cpu", precision)}
+    assert agreed(view, ways).settings["precision"] == precision
+    found = render_bricks(view, field_of)
     seen = differences(found, wanted)
-    print(name, len(view.partition), settings["precision"], seen)
+    print(name, len(view.partition), precision, seen)
     assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
     assert max(seen.values()) <= BOUND
 
@@ -370,7 +376,7 @@ def test_hidden_and_unseen_bricks_are_not_asked_for() -> None:
     camera = camera_of(field, "orthographic")
     opaque = {"mode": "isosurface", "iso_value": 0.1}
     view = bricked.view(camera, (), {"backend": "cpu"}, **opaque)
-    render_bricks(view, bricked.field_of(view))
+    render_bricks(view, bricked.field_of(view), ss.Renderer("cpu"))
     assert len(set(bricked.asked)) == len(bricked.asked) < len(view.partition)
     away = ss.Camera.orthographic((200, 0, 100), (200, 0, 0), height=20.0)
     bricked.asked.clear()

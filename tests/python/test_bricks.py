@@ -476,3 +476,13 @@ def test_other_backends_draw_bricks(backend: str, name: str) -> None:
     print(backend, name, len(view.partition), seen)
     assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
     assert max(seen.values()) <= BOUND
+
+
+def test_parts_of_scattered_kernels() -> None:
+    field = needles()
+    part = field.part(np.arange(field.size) < 5)
+    assert part.size == 5 and part.value_range == field.value_range
+    assert (np.asarray(part.centers) == np.asarray(field.centers)[:5]).all()
+    assert field.part(np.zeros(field.size, bool)).size == 0
+    weighted = ss.EllipsoidField([(0, 0, 0), (1, 0, 0)], [1.0, 1.0], values=[1.0, 2.0], weights=[0.0, 1.0])
+    assert weighted.part(np.array([0])).at([(0.0, 0.0, 0.0)])[0] < 1e-20

@@ -148,13 +148,57 @@ def test_every_kind_of_data_in_every_mode(smooth, particles, mode, kind):
     assert np.sqrt(np.mean((pictures["good"] - pictures["best"]) ** 2)) < 0.1 * scale
 
 
-def test_fields_keep_their_kernels(smooth):
-    for field in (ss.RegularField(smooth), ss.RegularField(smooth, radius=2.5, falloff=7, prefilter=True)):
+def test_fields_with_a_given_prefilter_keep_their_kernels(smooth):
+    made = (ss.RegularField(smooth, prefilter=False), ss.RegularField(smooth, radius=2.5, falloff=7, prefilter=True))
+    for field in made:
         image = ss.render(field, quality="best", **SMALL)
         assert told(image)["prefilter"] == ss.QualitySetting("prefilter", field.prefilter, "as the field has it", True)
         assert image.recipe.fields[0].options["radius"] == field.radius
         # Plain sums have smaller kernels, and more slices take the same time.
         assert image.plan.slice_spacing == (0.25 if field.prefilter else 1 / 6)
+
+
+@pytest.mark.parametrize("name", QUALITIES)
+def test_fields_that_leave_it_open_are_shown_as_their_array(smooth, name):
+    field = ss.RegularField(smooth)
+    image, of_array = (ss.render(one, quality=name, **SMALL) for one in (field, smooth))
+    assert image == of_array and image.plan.quality == of_array.plan.quality
+    assert not field.prefilter and not field.settled
+    several = ss.render([field, ss.RegularField(smooth, origin=(5, 0, 0))], quality=name, **SMALL)
+    assert [one.options["prefilter"] for one in several.recipe.fields] == 2 * [name != "draft"]
+    # Scenes take a field as it is.
+    assert not ss.Scene(field, [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)]).fields[0].prefilter
+
+
+def test_what_a_field_has_of_its_own_stays(smooth):
+    wide = ss.render(ss.RegularField(smooth, radius=2.5, falloff=7), **SMALL)
+    assert wide.recipe.fields[0].options["prefilter"] and told(wide)["radius"].given
+    assert wide == ss.render(smooth, radius=2.5, falloff=7, **SMALL)
+    for own in ("threshold", "none"):
+        field = ss.RegularField(smooth, normalization=own)
+        setting = told(ss.render(field, **SMALL))["prefilter"]
+        assert setting.value is False and setting.given and "normalization as the field has it" in setting.reason
+    grains = smooth + np.random.default_rng(1).normal(size=smooth.shape).astype(np.float32)
+    assert "is noise" in told(ss.render(ss.RegularField(grains), **SMALL))["prefilter"].reason
+
+
+def test_whether_a_prefilter_was_given_belongs_to_the_field(smooth):
+    field, plain = ss.RegularField(smooth), ss.RegularField(smooth, prefilter=False)
+    assert not field.settled and plain.settled and field != plain and field.as_settled() == plain
+    assert ss.RegularField(smooth, prefilter=True).settled
+    for one in (field, plain):
+        for copy in (pickle.loads(pickle.dumps(one)), one.replace(one.values), one.with_quantity("density")):
+            assert copy.settled == one.settled
+    assert field.replace(prefilter=True).settled and field.is_plain and not plain.is_plain
+
+
+def test_a_recipe_gives_its_kernels_to_fields_that_leave_them_open(smooth):
+    image = ss.render(smooth, quality="best", **SMALL)
+    scene = image.recipe.scene([ss.RegularField(smooth)])
+    again = ss.Renderer("cpu").render(scene, image.camera, size=(20, 16))
+    assert np.array_equal(again.rgba, image.rgba)
+    kept = image.recipe.scene([ss.RegularField(smooth, prefilter=False)])
+    assert not kept.fields[0].prefilter and kept.fields[0].radius == 2
 
 
 def test_scenes_keep_everything(smooth):

@@ -9,6 +9,7 @@ from typing import Any, TypeVar, cast
 from sheetsplat._checks import choice
 from sheetsplat.camera import Camera
 from sheetsplat.fields import Field, RegularField
+from sheetsplat.fields.regular import PLAIN_KERNEL
 from sheetsplat.options.core import definitions
 from sheetsplat.options.quality import QUALITIES
 from sheetsplat.options.scene import SceneOptions
@@ -18,8 +19,6 @@ from sheetsplat.quality.thin import may_be_thin, small_kernels
 from sheetsplat.scene import Scene
 
 Made = TypeVar("Made", bound=Field)
-#: Radius and falloff of kernels whose sums are the samples, smoothed a little.
-PLAIN_KERNEL = (2.0, 5.0)
 _AS_GIVEN = "as given"
 _DEFAULT_STOP: Any = definitions(SceneOptions)["opacity_stop"].default
 # Options that say how a lattice's sums become values: with one of them nothing is left to a prefilter.
@@ -118,21 +117,22 @@ class Choice:
         return scene
 
     def kernels(self, fields: Sequence[Field], *, made: bool) -> list[Field]:
-        """Return fields with the kernels of the quality; `made`: the caller made them, and they stay."""
-        if not made:
-            return [self.kernel(one) for one in fields]
-        for one in fields:
-            if isinstance(one, RegularField):
-                self._set("prefilter", one.prefilter, "as the field has it", given=True)
-        return list(fields)
+        """Return fields with the kernels of the quality; `made`: the caller made them, and what they settled stays."""
+        return [self.kernel(one, made=made) for one in fields]
 
-    def kernel(self, field: Made) -> Made:
-        """Return a field with the kernels of the quality."""
-        return cast(Made, self._lattice(field)) if isinstance(field, RegularField) else field
+    def kernel(self, field: Made, *, made: bool) -> Made:
+        """Return a field with the kernels of the quality; `made` as for `kernels`."""
+        if not isinstance(field, RegularField):
+            return field
+        if made and field.settled:
+            self._set("prefilter", field.prefilter, "as the field has it", given=True)
+            return field
+        return cast(Made, self._lattice(field, made=made).as_settled())
 
-    def _lattice(self, field: RegularField) -> RegularField:
+    def _lattice(self, field: RegularField, *, made: bool) -> RegularField:
         wanted = self._level.kernel
         own_kernel = "radius" in self._given or "falloff" in self._given
+        own_kernel |= made and (field.radius, field.falloff) != PLAIN_KERNEL
         radius, falloff = (field.radius, field.falloff) if own_kernel or wanted is None else wanted
         if "prefilter" in self._given:
             shown = field
@@ -142,6 +142,9 @@ class Choice:
         elif own := [name for name in _OWN_SUMS if name in self._given]:
             shown = field
             self._set("prefilter", False, f"{' and '.join(own)} as given: sums are divided in another way", given=True)
+        elif made and field.normalization != "lattice":
+            shown = field
+            self._set("prefilter", False, "normalization as the field has it: sums are divided in another way", given=True)
         elif wanted is None:
             shown = field
             self._set("prefilter", False, "plain sums of the samples, which smooth a little")

@@ -291,7 +291,8 @@ class RegularField(Field):
         return self.native.prefilter_figures is not None
 
     settled = Forwarded[bool](
-        "_settled", "Whether `prefilter` was given; of another field `sheetsplat.render` chooses kernels by its quality."
+        "_settled",
+        "Whether `prefilter` was given; if not, `sheetsplat.render` chooses kernels by its quality.",
     )
 
     @property

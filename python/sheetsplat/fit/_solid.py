@@ -120,8 +120,8 @@ def _fill_unasked(mesh: ClosedMesh, levels: int) -> tuple[tuple[Floats, Floats],
         return _fill(mesh, size, levels), size
     cells, size = _fill_to_count(mesh, _MOST_UNASKED, levels)
     warn(
-        f"walls of the mesh are {wall:.3g} thick, thinner than the smallest cells of {size:.3g} that fill it: they have "
-        f"gaps; fill it with more than {len(cells[1]):,} kernels, or show its surface with a program for meshes"
+        f"walls of the mesh are {wall:.3g} thick, thinner than the smallest cells of {size:.3g} that fill it, and "
+        f"have gaps; fill it with more than {len(cells[1]):,} kernels, or show its surface with a program for meshes"
     )
     return cells, size
 

@@ -104,7 +104,7 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
     """
     check_names("open", options, OpenOptions)
     choice = Choice("open", options)
-    field = choice.kernel(_opened(path, options))
+    field = choice.kernel(_opened(path, options), made=False)
     for setting in choice.quality.settings:
         _log.info("quality %s: %s", choice.name, setting)
     return field

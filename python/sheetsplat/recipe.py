@@ -42,6 +42,7 @@ _MOST_OBJECTS = 4096
 _LEFT_OUT = ("device", "threads", "max_error", "max_seconds")
 _RENDERER = tuple(name for name in definitions(RendererClassOptions) if name not in _LEFT_OUT)
 _OF_VOLUMES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
+_KERNELS = ("radius", "falloff", "normalization", "w0", "prefilter")
 _OF_ELLIPSOIDS = ("normalization", "w0", "falloff", "min_scale")
 _OPENED = tuple(name for name in definitions(OpenOptions) if name != "grid")
 # What options of fields can be.
@@ -111,6 +112,15 @@ class FieldRecipe:
         options = {name: getattr(field, name) for name in _KINDS[kind][1]}
         ghosts = field.ghost_options if isinstance(field, EllipsoidField) else None
         return cls(kind, options, dict(field.opened), field.quantity, ghosts, field.trim)
+
+    def kernels_of(self, field: Field) -> Field:
+        """Return a volume with the kernels of the one in the picture, unless it has some of its own."""
+        if not isinstance(field, RegularField) or not field.is_plain:
+            return field
+        known = {**self.opened, **self.options}
+        changes = {name: known[name] for name in _KERNELS if known.get(name) is not None}
+        same = all(getattr(field, name) == value for name, value in changes.items())
+        return field.as_settled() if same else field.replace(**changes)
 
     def _trimmed(self, path: str | os.PathLike[str], field: Field) -> Field:
         """Return a field without what was left out of the one of the picture."""
@@ -191,7 +201,10 @@ class Recipe:
         return notes_of(one.quantity for one in self.fields)
 
     def scene(self, fields: Sequence[Field]) -> Scene:
-        """Return the scene of as many fields as the picture had."""
+        """Return the scene of as many fields as the picture had.
+
+        Volumes that leave their kernels open have those of the picture's.
+        """
         if len(fields) != len(self.fields):
             raise complain(
                 "the picture cannot be made again",
@@ -199,7 +212,7 @@ class Recipe:
                 f"{len(self.fields)}, as many as it was made of",
                 "give as many files",
             )
-        rest = iter(fields)
+        rest = (recipe.kernels_of(one) for recipe, one in zip(self.fields, fields, strict=True))
         groups = [list(itertools.islice(rest, count)) for count in self.groups]
         return Scene(groups, self.transfer_functions, **self.options)
 

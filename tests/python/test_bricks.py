@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat.bricks.draw import draw_brick, render_bricks
+from sheetsplat.bricks.draw import agreed, draw_brick, render_bricks, way_of_drawing
 from sheetsplat.bricks.lattice import LatticeSpec
 from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge, stop_difference
 from sheetsplat.bricks.partition import Partition, partition_lattice, partition_points
@@ -68,7 +68,7 @@ class Bricked:
         if isinstance(field, ss.RegularField):
             self.lattice = LatticeSpec.of(field)
             self.partition: Partition = partition_lattice(self.lattice, brick)
-            self.whole = Whole.of_lattice(self.lattice, field.native.value_range)
+            self.whole = Whole.of_lattice(self.lattice, field.native.value_range, field.native.centres)
         else:
             self.partition = partition_points(np.asarray(field.centers), brick)
             self.whole = Whole.of_kernels(field)
@@ -140,6 +140,14 @@ def field_named(name: str) -> ss.RegularField | ss.EllipsoidField:
         return ss.RegularField(blobs((20, 24, 28)), spacing=(0.7, 1.0, 1.6), origin=(0.3, 0.1, -0.7))
     if name == "prefiltered":
         return ss.RegularField(blobs((20, 24, 28)), radius=2.5, falloff=7.0, prefilter=True)
+    if name == "long":
+        # Longer than what prefiltered bricks read around them.
+        return ss.RegularField(blobs((12, 12, 100)), radius=2.5, falloff=7.0, prefilter=True)
+    if name == "holes":
+        values = blobs((20, 24, 28))
+        values[:, :3] = np.nan
+        values[5:9, 10:14, 8:20] = np.nan
+        return ss.RegularField(values, nan="skip", normalization="threshold", w0=0.3)
     if name == "threshold":
         return ss.RegularField(blobs((20, 24, 28)), normalization="threshold", w0=0.5)
     if name == "bcc":
@@ -184,6 +192,8 @@ SCENES: dict[str, tuple[str, Any, str, tuple[str, ...], dict[str, Any]]] = {
     "uneven": ("uneven", 9, "orthographic", ("depth",), LIT),
     "uneven surface": ("uneven", 9, "perspective", (), {**LIT, "mode": "isosurface", "iso_value": 0.4}),
     "prefiltered": ("prefiltered", 10, "orthographic", (), LIT),
+    "long": ("long", (12, 12, 10), "perspective", (), LIT),
+    "holes": ("holes", 9, "orthographic", ("coverage",), LIT),
     "threshold": ("threshold", 9, "perspective", (), LIT),
     "bcc": ("bcc", 9, "perspective", ("depth",), LIT),
     "bcc intervals": ("bcc", 8, "orthographic", (), {**LIT, "preintegration": True}),
@@ -209,14 +219,55 @@ def test_bricks_are_the_picture_of_one_process(name: str) -> None:
     field = field_named(which)
     camera = camera_of(field, kind)
     settings = {"backend": "cpu"}
-    wanted, settings["precision"] = whole_picture(field, camera, outputs, settings, **options)
+    wanted, precision = whole_picture(field, camera, outputs, settings, **options)
     bricked = Bricked(field, brick)
     view = bricked.view(camera, outputs, settings, **options)
-    found = render_bricks(view, bricked.field_of(view))
+    field_of, renderer = bricked.field_of(view), ss.Renderer("cpu")
+    seen_by = [number for number in view.order() if view.footprint(number) is not None]
+    ways = [way_of_drawing(view, number, field_of(number), renderer) for number in seen_by]
+    if bricked.lattice is not None:
+        assert set(ways) == {("cpu", precision)}
+    assert agreed(view, ways).settings["precision"] == precision
+    found = render_bricks(view, field_of)
     seen = differences(found, wanted)
-    print(name, len(view.partition), settings["precision"], seen)
+    print(name, len(view.partition), precision, seen)
     assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
     assert max(seen.values()) <= BOUND
+
+
+MODES: tuple[dict[str, Any], ...] = (
+    LIT,
+    {**LIT, "preintegration": True, "opacity_stop": 1.0},
+    {**LIT, "mode": "isosurface", "iso_value": [(0.3, 0.4), (0.6, 0.8)], "gradient": "analytic"},
+    {"mode": "xray", "sampling": "slab"},
+    {"mode": "mip"},
+    {"mode": "average"},
+    {"mode": "minimum"},
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 2, 7, 64])
+@pytest.mark.parametrize("which", ["cartesian", "uneven", "bcc", "needles"])
+def test_any_number_of_bricks_in_any_view(which: str, count: int) -> None:
+    random = np.random.default_rng([count, len(which)])
+    field = field_named(which)
+    lower, upper = np.asarray(field.bounds)
+    for number, options in enumerate(MODES):
+        kind = ("orthographic", "perspective", "inside")[(number + count) % 3]
+        direction = tuple(random.normal(size=3)) if number % 3 else (0.0, 0.0, -1.0)
+        camera = camera_of(field, kind)
+        if kind != "inside":
+            camera = ss.Camera.fit(field, direction=direction, up=(0.1, 1.0, 0.2), kind=kind, margin=0.8)
+        spacing = 0.03 if which == "needles" else float(random.uniform(0.4, 1.1))
+        options = {**options, "slice_spacing": spacing}
+        wanted, precision = whole_picture(field, camera, (), {"backend": "cpu"}, **options)
+        cuts = {1: 64, 2: (64, 64, 15), 7: (64, 64, 4), 64: (5, 6, 7)}[count] if which != "needles" else count
+        bricked = Bricked(field, cuts)
+        view = bricked.view(camera, (), {"backend": "cpu", "precision": precision}, **options)
+        seen = differences(render_bricks(view, bricked.field_of(view)), wanted)
+        print(which, len(view.partition), kind, options.get("mode"), precision, seen)
+        assert max(seen.values()) <= BOUND
 
 
 @pytest.mark.parametrize("fault", ["margin", "anchor", "order"])
@@ -325,7 +376,7 @@ def test_hidden_and_unseen_bricks_are_not_asked_for() -> None:
     camera = camera_of(field, "orthographic")
     opaque = {"mode": "isosurface", "iso_value": 0.1}
     view = bricked.view(camera, (), {"backend": "cpu"}, **opaque)
-    render_bricks(view, bricked.field_of(view))
+    render_bricks(view, bricked.field_of(view), ss.Renderer("cpu"))
     assert len(set(bricked.asked)) == len(bricked.asked) < len(view.partition)
     away = ss.Camera.orthographic((200, 0, 100), (200, 0, 0), height=20.0)
     bricked.asked.clear()
@@ -425,3 +476,13 @@ def test_other_backends_draw_bricks(backend: str, name: str) -> None:
     print(backend, name, len(view.partition), seen)
     assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
     assert max(seen.values()) <= BOUND
+
+
+def test_parts_of_scattered_kernels() -> None:
+    field = needles()
+    part = field.part(np.arange(field.size) < 5)
+    assert part.size == 5 and part.value_range == field.value_range
+    assert (np.asarray(part.centers) == np.asarray(field.centers)[:5]).all()
+    assert field.part(np.zeros(field.size, bool)).size == 0
+    weighted = ss.EllipsoidField([(0, 0, 0), (1, 0, 0)], [1.0, 1.0], values=[1.0, 2.0], weights=[0.0, 1.0])
+    assert weighted.part(np.array([0])).at([(0.0, 0.0, 0.0)])[0] < 1e-20

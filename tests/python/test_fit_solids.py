@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sheetsplat import datasets, fit
+from sheetsplat import PictureWarning, datasets, fit
 from sheetsplat.errors import InvalidInput, OutOfMemory
+from sheetsplat.fit import _solid
 from sheetsplat.fit._mesh import close, winding_on_grid
 
 Array = np.ndarray
@@ -215,6 +216,31 @@ def test_solids_are_dense_inside_and_empty_outside(name: str) -> None:
 def test_the_count_is_about_that_wanted(wanted: int) -> None:
     mesh = joined(rotated(ball(), 1), rotated(box((1.5, 0, 0), (3, 1, 0.4)), 7))
     assert len(fit.solid(*mesh, kernels=wanted)) == pytest.approx(wanted, rel=0.02)
+
+
+def test_thin_walls_have_no_gaps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a hollow ball whose wall is thinner than a cell of the usual number of kernels."""
+    monkeypatch.setattr(_solid, "_USUAL", 1000)
+    shell, hollow = ball(), ball()
+    mesh = joined(shell, turned((0.96 * hollow[0], hollow[1])))
+    kernels = fit.solid(*mesh)
+    assert kernels.report["spacing"] < 0.04 and len(kernels.values) > 5000
+    field = kernels.field()
+    inner = np.cos(np.pi / 24) * 0.98
+    towards = np.random.default_rng(4).normal(size=(500, 3))
+    towards *= inner / np.linalg.norm(towards, axis=1, keepdims=True)
+    weights = field.scalars_and_weights(towards)[1]
+    coarse = fit.solid(*mesh, kernels=1000).field()
+    assert weights.min() > 1.0 and coarse.scalars_and_weights(towards)[1].min() < 0.5
+
+
+def test_walls_too_thin_to_fill_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_solid, "_USUAL", 500)
+    monkeypatch.setattr(_solid, "_MOST_UNASKED", 2000)
+    hollow = ball()
+    with pytest.warns(PictureWarning, match="walls of the mesh are 0.009.* thick.* have gaps"):
+        kernels = fit.solid(*joined(ball(), turned((0.99 * hollow[0], hollow[1]))))
+    assert 1000 < len(kernels.values) < 4000
 
 
 def test_values_are_numbers_or_functions_of_places() -> None:

@@ -157,14 +157,36 @@ SCENES = [Case(*parts) for parts in itertools.product(MODES, SAMPLINGS, NORMALIZ
 PATHS = list(itertools.product(("wide", "paper"), ("tiles", "depth_equal", "off")))
 
 
-@pytest.mark.parametrize(
-    ("number", "case"), list(enumerate(SCENES)), ids=lambda part: str(part) if isinstance(part, Case) else ""
-)
-def test_every_scene(number, case):
-    """Every scene takes the path that auto chooses and one of the others in turn."""
+# Every pair of choices, of which one may be the path; the C++ tests draw every scene in either packing.
+PAIRS = [
+    (
+        Case(
+            mode,
+            SAMPLINGS[(m + p) % 2],
+            NORMALIZATIONS[(m + p) % 3],
+            PROJECTIONS[(m // 2 + p // 3) % 2],
+            LATTICES[(m // 2 + p) % 2],
+        ),
+        *path,
+    )
+    for m, mode in enumerate(MODES)
+    for p, path in enumerate(PATHS)
+]
+
+
+@pytest.mark.parametrize(("case", "packing", "tagging"), PAIRS, ids=str)
+def test_every_pair(case, packing, tagging):
+    """Each scene takes the path that auto chooses and one of the others."""
     check(case)
-    packing, tagging = PATHS[number % len(PATHS)]
     check(case, packing=packing, tagging=tagging)
+
+
+def test_pairs_are_all_that_there_are():
+    rows = [(c.mode, c.sampling, c.normalization, c.projection, c.lattice, path) for c, *path in PAIRS]
+    choices = (MODES, SAMPLINGS, NORMALIZATIONS, PROJECTIONS, LATTICES, [list(path) for path in PATHS])
+    for one, other in itertools.combinations(range(len(choices)), 2):
+        found = {(str(row[one]), str(row[other])) for row in rows}
+        assert len(found) == len(choices[one]) * len(choices[other])
 
 
 HARD = [
@@ -182,9 +204,14 @@ HARD = [
 ]
 
 
-@pytest.mark.parametrize("elimination", [True, False], ids=["eliminate", "keep"])
-@pytest.mark.parametrize(("packing", "tagging"), PATHS)
-@pytest.mark.parametrize("case", [case for case in HARD if case.stops], ids=str)
+OPAQUE = [case for case in HARD if case.stops]
+# Every case on every path; with elimination and without by turns, so that either meets every case and every path.
+ELIMINATION = [
+    (case, *path, (c + p // 3 + p) % 2 == 0) for c, case in enumerate(OPAQUE) for p, path in enumerate(PATHS)
+]
+
+
+@pytest.mark.parametrize(("case", "packing", "tagging", "elimination"), ELIMINATION, ids=str)
 def test_every_path_of_scenes_that_become_opaque(case, packing, tagging, elimination):
     check(case, FLOAT32_HARD, packing=packing, tagging=tagging, effects=(("elimination", elimination),))
 

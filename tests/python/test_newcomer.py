@@ -258,10 +258,15 @@ def test_a_quality_cannot_change_a_scene(ball):
 
 
 def test_many_surfaces_are_told_in_few_words(ball):
-    scene = ss.Scene(ss.RegularField(ball), RED, mode="isosurface", iso_value=[(n / 5000, 0.01) for n in range(4096)])
+    scene = ss.Scene(ss.RegularField(ball), RED, mode="isosurface", iso_value=[(n / 300, 0.01) for n in range(256)])
     text = surface_text(scene)
     assert text.count("isosurface at") == 4 and len(text) < 400
-    assert text.endswith("and 4092 more, all between 0 and 0.819")
+    assert text.endswith("and 252 more, all between 0 and 0.85")
+
+
+def test_more_surfaces_than_can_be_told_apart_are_refused(ball):
+    with pytest.raises(ss.InvalidInput, match="more than 256 values; wanted at most 256"):
+        ss.render(ball, mode="isosurface", iso_value=[(n / 5000, 0.01) for n in range(4096)], **SMALL)
 
 
 def test_iso_values_from_an_iterator(ball):

@@ -16,6 +16,7 @@ from sheetsplat.errors import OutOfMemory
 from sheetsplat.options.quality import QUALITIES
 from sheetsplat.quality import samples
 from sheetsplat.quality.samples import LARGEST_NOISE, noise_of, through_samples
+from sheetsplat.quality.slicing import slicing_error
 
 SMALL = {"size": (20, 16), "backend": "cpu"}
 MODES = ["composite", "isosurface", "xray", "mip", "minimum", "average"]
@@ -51,7 +52,8 @@ def told(image: ss.Image) -> dict[str, ss.QualitySetting]:
 
 
 def test_what_each_quality_sets(smooth):
-    found = {name: ss.render(smooth, quality=name, **SMALL) for name in QUALITIES}
+    # Unlit: how many slices light calls for depends on the data.
+    found = {name: ss.render(smooth, quality=name, shading=False, **SMALL) for name in QUALITIES}
     values = {name: {option: one.value for option, one in told(image).items()} for name, image in found.items()}
     common = {"filter": "off"}
     assert values == {
@@ -76,7 +78,7 @@ def test_what_each_quality_sets(smooth):
         assert not any(one.given for one in told(image).values()) and all(one.reason for one in told(image).values())
         assert image.plan.quality.name == name and str(told(image)["slice_spacing"]) in str(image.plan)
         assert image.plan.to_dict()["quality"]["name"] == name
-    assert ss.render(smooth, **SMALL) == found["good"]
+    assert ss.render(smooth, shading=False, **SMALL) == found["good"]
     # The looks are the same: opacities refer to the same length.
     assert len({image.clim for image in found.values()}) == 1
     means = [float(image.rgba[..., 3].mean()) for image in found.values()]
@@ -148,13 +150,88 @@ def test_every_kind_of_data_in_every_mode(smooth, particles, mode, kind):
     assert np.sqrt(np.mean((pictures["good"] - pictures["best"]) ** 2)) < 0.1 * scale
 
 
-def test_fields_keep_their_kernels(smooth):
-    for field in (ss.RegularField(smooth), ss.RegularField(smooth, radius=2.5, falloff=7, prefilter=True)):
-        image = ss.render(field, quality="best", **SMALL)
+def test_fields_with_a_given_prefilter_keep_their_kernels(smooth):
+    made = (ss.RegularField(smooth, prefilter=False), ss.RegularField(smooth, radius=2.5, falloff=7, prefilter=True))
+    for field in made:
+        image = ss.render(field, quality="best", shading=False, **SMALL)
         assert told(image)["prefilter"] == ss.QualitySetting("prefilter", field.prefilter, "as the field has it", True)
         assert image.recipe.fields[0].options["radius"] == field.radius
         # Plain sums have smaller kernels, and more slices take the same time.
         assert image.plan.slice_spacing == (0.25 if field.prefilter else 1 / 6)
+
+
+def block(noise: float) -> np.ndarray:
+    """Return a ball of one value with a soft border, and noise in it."""
+    k, j, i = np.mgrid[-1:1:40j, -1:1:40j, -1:1:40j]
+    inside = 1.0 / (1.0 + np.exp(12 * (np.sqrt(k**2 + j**2 + i**2) - 0.7)))
+    return (inside * (1.0 + noise * np.random.default_rng(3).normal(size=inside.shape))).astype(np.float32)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize("kind", ["orthographic", "perspective"])
+def test_the_error_of_slices_is_estimated_by_rays(noise, kind):
+    field = ss.RegularField(block(noise), prefilter=False)
+    image = ss.render(field, slice_spacing=0.5, opacity_stop=1, projection=kind, size=64, backend="cpu")
+    found = slicing_error(image.recipe.scene([field]), image.camera, (64, 64))
+    assert found == pytest.approx(image.error.budget["slice distance"], rel=0.5)
+
+
+def test_light_that_is_rough_calls_for_more_slices():
+    """Normals in homogeneous material change from sample to sample by noise alone."""
+    slices = {}
+    for noise in (0.0, 0.02):
+        for name in ("good", "best"):
+            image = ss.render(ss.RegularField(block(noise), prefilter=False), quality=name, **SMALL)
+            slices[name, noise] = 1.0 / image.plan.slice_spacing
+            assert "an estimated error of" in told(image)["slice_spacing"].reason
+    assert slices["good", 0.0] == pytest.approx(2) and slices["good", 0.02] == pytest.approx(3)
+    assert slices["best", 0.0] < slices["best", 0.02] == pytest.approx(8)
+    rough = block(0.02)
+    assert ss.render(rough, shading=False, **SMALL).plan.slice_spacing == 0.5
+    assert ss.render(rough, slice_spacing=0.7, **SMALL).plan.slice_spacing == 0.7
+
+
+@pytest.mark.parametrize("name", QUALITIES)
+def test_fields_that_leave_it_open_are_shown_as_their_array(smooth, name):
+    field = ss.RegularField(smooth)
+    image, of_array = (ss.render(one, quality=name, **SMALL) for one in (field, smooth))
+    assert image == of_array and image.plan.quality == of_array.plan.quality
+    assert not field.prefilter and not field.settled
+    several = ss.render([field, ss.RegularField(smooth, origin=(5, 0, 0))], quality=name, **SMALL)
+    assert [one.options["prefilter"] for one in several.recipe.fields] == 2 * [name != "draft"]
+    # Scenes take a field as it is.
+    assert not ss.Scene(field, [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)]).fields[0].prefilter
+
+
+def test_what_a_field_has_of_its_own_stays(smooth):
+    wide = ss.render(ss.RegularField(smooth, radius=2.5, falloff=7), **SMALL)
+    assert wide.recipe.fields[0].options["prefilter"] and told(wide)["radius"].given
+    assert wide == ss.render(smooth, radius=2.5, falloff=7, **SMALL)
+    for own in ("threshold", "none"):
+        field = ss.RegularField(smooth, normalization=own)
+        setting = told(ss.render(field, **SMALL))["prefilter"]
+        assert setting.value is False and setting.given and "normalization as the field has it" in setting.reason
+    grains = smooth + np.random.default_rng(1).normal(size=smooth.shape).astype(np.float32)
+    assert "is noise" in told(ss.render(ss.RegularField(grains), **SMALL))["prefilter"].reason
+
+
+def test_whether_a_prefilter_was_given_belongs_to_the_field(smooth):
+    field, plain = ss.RegularField(smooth), ss.RegularField(smooth, prefilter=False)
+    assert not field.settled and plain.settled and field != plain and field.as_settled() == plain
+    assert ss.RegularField(smooth, prefilter=True).settled
+    for one in (field, plain):
+        for copy in (pickle.loads(pickle.dumps(one)), one.replace(one.values), one.with_quantity("density")):
+            assert copy.settled == one.settled
+    assert field.replace(prefilter=True).settled and field.is_plain and not plain.is_plain
+
+
+def test_a_recipe_gives_its_kernels_to_fields_that_leave_them_open(smooth):
+    image = ss.render(smooth, quality="best", **SMALL)
+    scene = image.recipe.scene([ss.RegularField(smooth)])
+    again = ss.Renderer("cpu").render(scene, image.camera, size=(20, 16))
+    assert np.array_equal(again.rgba, image.rgba)
+    kept = image.recipe.scene([ss.RegularField(smooth, prefilter=False)])
+    assert not kept.fields[0].prefilter and kept.fields[0].radius == 2
 
 
 def test_scenes_keep_everything(smooth):

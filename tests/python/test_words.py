@@ -95,3 +95,12 @@ def test_ambient_occlusion_finds_a_radius(tmp_path):
         "sigmoid" in run("render", tmp_path / "a.npy", "-o", tmp_path / "b.png", "--opacity", "sigmid", code=2).stderr
     )
     assert param_type(Special.OPACITY).convert("isolayers:3", None, None) == "isolayers:3"
+
+
+def test_the_command_line_knows_the_nearest_words(volume, tmp_path):
+    for given, near in {
+        "--quality=bst": "best",
+        "--opacity=sigmod_5": "sigmoid_5",
+        "--mode=isosurfce": "isosurface",
+    }.items():
+        assert f"did you mean {near}" in run("render", volume, "-o", tmp_path / "a.png", given, code=2).stderr

@@ -113,7 +113,7 @@ def one_look(
     shared = in_decades([shared], look, options.get("log"))[0]
     floor = shared.quantity.floor if shared.quantity.floor != alone[0].quantity.floor else None
     shared = without_strays([shared], look, framed=False)[0]
-    kernel = _kernel(shared, alone[len(alone) // 2], options, made=all(made))
+    kernel = _kernel(shared, alone[len(alone) // 2], options, made=made[len(made) // 2])
     if kernel is not None and isinstance(shared, RegularField):
         shared = shared.replace(**kernel)
     picture = api.prepare(shared, **{**rest, **placed, "log": False})
@@ -138,9 +138,9 @@ def _width(field: Field) -> float:
 
 def _kernel(shared: Field, step: Field, options: dict[str, Any], *, made: bool) -> dict[str, Any] | None:
     """Return the kernels of all volumes, as the quality finds them for one step; None: as they are."""
-    if made or not isinstance(shared, RegularField) or not isinstance(step, RegularField):
+    if not isinstance(shared, RegularField) or not isinstance(step, RegularField) or (made and step.settled):
         return None
-    found = Choice("render", {name: one for name, one in options.items() if name != "filter"}).kernel(step)
+    found = Choice("render", {name: one for name, one in options.items() if name != "filter"}).kernel(step, made=made)
     return {name: getattr(found, name) for name in _KERNEL} | (
         {} if found.prefilter else {"normalization": found.normalization}
     )

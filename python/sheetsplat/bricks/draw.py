@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,44 @@ from sheetsplat.scene import Scene
 #: What makes the field of a brick: for lattices that of `BrickView.samples`, of scattered kernels those that
 #: `Brick.reached` names. None: nothing of it can show.
 FieldOf = Callable[[int], Field | None]
+
+
+def _native(view: BrickView, number: int, field: Field, in_front: NDArray[np.float32] | None) -> dict[str, Any]:
+    """Return the arguments of the native renderer for one brick."""
+    options = dict(view.options)
+    options["background"] = None
+    if in_front is None:
+        options["opacity_stop"] = 1.0
+    native = Scene(field, view.transfer_function, **options).native
+    if view.depth_limit is not None:
+        native = native.with_depth_limit(view.depth_limit)
+    scene = native.with_part(
+        cell=view.partition.bricks[number].cell,
+        centres=view.whole.centres,
+        depths=view.depths(),
+        in_front=in_front,
+    )
+    also = {name: name in view.outputs for name in OUTPUTS}
+    return {"scene": scene, "camera": view.camera.native, "size": view.size, **also}
+
+
+def way_of_drawing(view: BrickView, number: int, field: Field, renderer: Renderer) -> tuple[str, str]:
+    """Return the backend and the precision that one brick calls for.
+
+    Any brick of a lattice says what the whole calls for. Of scattered kernels each looks at its own: the whole needs
+    float64 where one of them does (`agreed`).
+    """
+    plan = renderer.native.plan(**_native(view, number, field, None))
+    return plan.backend, plan.precision
+
+
+def agreed(view: BrickView, ways: Iterable[tuple[str, str]]) -> BrickView:
+    """Return the view with one backend and precision for all bricks, from what `way_of_drawing` says of them."""
+    found = list(ways)
+    if not found:
+        return view
+    precision = "float64" if any(precision == "float64" for _, precision in found) else found[0][1]
+    return view.replace(settings={**view.settings, "backend": found[0][0], "precision": precision})
 
 
 def draw_brick(
@@ -53,21 +92,7 @@ def draw_brick(
     rect = view.footprint(number)
     if rect is None:
         return empty(view)
-    options = dict(view.options)
-    options["background"] = None
-    if in_front is None:
-        options["opacity_stop"] = 1.0
-    native = Scene(field, view.transfer_function, **options).native
-    if view.depth_limit is not None:
-        native = native.with_depth_limit(view.depth_limit)
-    scene = native.with_part(
-        cell=view.partition.bricks[number].cell,
-        centres=view.whole.centres,
-        depths=view.depths(),
-        in_front=in_front,
-    )
-    also = {name: name in view.outputs for name in OUTPUTS}
-    image = renderer.native.render(scene=scene, camera=view.camera.native, size=view.size, progress=progress, **also)
+    image = renderer.native.render(**_native(view, number, field, in_front), progress=progress)
     x0, y0, x1, y1 = rect
     cut = (slice(y0, y1), slice(x0, x1))
 
@@ -116,7 +141,7 @@ def render_bricks(
     field_of
         Makes the field of a brick, by its number.
     renderer
-        A new one unless given.
+        A new one unless given, of the backend and precision that the whole calls for.
     progress
         Called with the share of bricks that are done; False stops.
 
@@ -125,6 +150,8 @@ def render_bricks(
     InvalidInput, Unsupported, OutOfMemory, Cancelled
         As `Renderer.render`.
     """
+    if renderer is None:
+        view = _decided(view, field_of)
     drawing = Renderer(**view.settings) if renderer is None else renderer
     width, height = view.size
     in_front = None if view.is_scalar else np.zeros((height, width), np.float32)
@@ -147,3 +174,18 @@ def render_bricks(
             in_front[y0:y1, x0:x1] = part.rgba[..., 3]
         so_far = merge(so_far, part)
     return finish(view, so_far)
+
+
+def _decided(view: BrickView, field_of: FieldOf) -> BrickView:
+    """Return the view with the backend and precision of the whole, where they are not given."""
+    if view.settings["precision"] != "auto" and view.settings["backend"] != "auto":
+        return view
+    renderer = Renderer(**view.settings)
+    ways = []
+    for number in view.order():
+        field = field_of(number) if view.footprint(number) is not None else None
+        if field is not None:
+            ways.append(way_of_drawing(view, number, field, renderer))
+            if view.lattice is not None:
+                break
+    return agreed(view, ways)

@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from sheetsplat.cli.help import help_all
-from sheetsplat.cli.types import param_type
+from sheetsplat.cli.types import Word, param_type
 from sheetsplat.cli.wording import warnings_on_stderr
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, CommandLine, Option, choices_of, definitions
@@ -94,7 +94,7 @@ def _option(option: Option, spelling: CommandLine) -> Callable[[Function], Funct
         if spelling.value is not None:
             settings["type"] = param_type(spelling.value)
         elif names:
-            settings["type"] = click.Choice(names)
+            settings["type"] = Word(names)
         # What is chosen by other options must be seen not to have been given.
         if is_own and isinstance(default, str | int | float | tuple) and not spelling.multiple and not option.chosen:
             settings["default"] = default

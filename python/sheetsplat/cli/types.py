@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from sheetsplat._checks import color
+from sheetsplat._checks import color, nearest_names
 from sheetsplat.errors import InvalidInput
 from sheetsplat.opacity_words import opacities_of
 from sheetsplat.options import values
@@ -22,8 +22,10 @@ from sheetsplat.options.values import Special
 # Generic for type checkers from click 8.4 on, and never at run time before.
 if TYPE_CHECKING:
     ParamType = click.ParamType[Any]
+    Choice = click.Choice[str]
 else:
     ParamType = click.ParamType
+    Choice = click.Choice
 
 # Rows of a table made of colours at values.
 _TABLE = 1025
@@ -60,7 +62,22 @@ class Parsed(ParamType):
         except (ValueError, InvalidInput) as error:
             text = repr(value)
             wanted = error if isinstance(error, _Wanted) else self.wanted
-            self.fail(f"{text if len(text) <= 80 else text[:77] + '...'}: wanted {wanted}", param, ctx)
+            # Of what the error advises only names are short enough.
+            advice = str(error.advice) if isinstance(error, InvalidInput) else ""
+            near = f"; {advice}" if advice.startswith("did you mean") else ""
+            self.fail(f"{text if len(text) <= 80 else text[:77] + '...'}: wanted {wanted}{near}", param, ctx)
+
+
+class Word(Choice):
+    """One of some words; a message about another one has the nearest."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the word."""
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter as error:
+            near = nearest_names(value, [str(one) for one in self.choices])
+            self.fail(error.message.rstrip(".") + f"; {near}" if near else error.message, param, ctx)
 
 
 def _finite(text: str) -> float:

@@ -19,6 +19,8 @@ from sheetsplat.quantity import Quantity
 
 _FEWER = "use fewer kernels at a time"
 _FALLOFF = 8.0
+# What weights of 0 are drawn as (least_drawn_weight of the engine).
+_LEAST_WEIGHT = 1e-30
 # All that a field is made of: arrays of the native field, and the rest.
 _ARRAYS = ("centers", "scales", "rotations", "values", "weights")
 _PARTS = ("_normalization", "_w0", "_falloff", "_min_scale", "_cell_volume", "_ghosts", "_ghost_options")
@@ -215,6 +217,10 @@ class EllipsoidField(Field):
         """
         arrays = (getattr(self.native, name) for name in _ARRAYS)
         kept: list[Any] = [None if array is None else array[chosen] for array in arrays]
+        weights = kept[_ARRAYS.index("weights")]
+        if weights is not None and not weights.any():
+            # A field needs a weight above 0; those of 0 are drawn as this.
+            kept[_ARRAYS.index("weights")] = np.full_like(weights, _LEAST_WEIGHT)
         native = self._made(*kept, unit_rotations=True, value_range=value_range or self.value_range)
         return self._with(native=native)
 

@@ -20,8 +20,10 @@ NanPolicy = Literal["error", "skip"]
 
 _KEPT = ("uint8", "int16", "uint16", "float32", "float64")
 _FAILED = "RegularField: the samples cannot be used"
+#: Radius and falloff of kernels whose sums are the samples, smoothed a little.
+PLAIN_KERNEL = (2.0, 5.0)
 # All that a field is made of, beside its samples and coefficients.
-_PARTS = ("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan")
+_PARTS = ("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan", "_settled")
 
 
 def _narrow_integers(values: NDArray[Any]) -> np.dtype[Any]:
@@ -127,7 +129,8 @@ class RegularField(Field):
         `normalization` becomes "none" then. There are no kernels beyond the volume. The field keeps the coefficients
         beside the samples, in float32 or float64; 4 bytes a sample more are needed while they are computed. The kernel
         must be narrow enough to resolve the samples: (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is
-        the best.
+        the best. None: the field has plain sums, and `sheetsplat.render` shows it with the kernels of its quality, as
+        it shows an array; False: the field is shown with plain sums at every quality.
     nan
         What a NaN sample is: "error", or "skip" for "no sample there".
 
@@ -147,7 +150,7 @@ class RegularField(Field):
     (120, (0.5, 0.5, 2.0))
     """
 
-    __slots__ = ("_lattice", "_nan", "_origin", "_radius", "_spacing")
+    __slots__ = ("_lattice", "_nan", "_origin", "_radius", "_settled", "_spacing")
     native: _sheetsplat.RegularField
 
     def __init__(
@@ -157,11 +160,11 @@ class RegularField(Field):
         spacing: Vector = (1.0, 1.0, 1.0),
         origin: Vector = (0.0, 0.0, 0.0),
         lattice: Lattice = "cartesian",
-        radius: float = 2.0,
-        falloff: float = 5.0,
+        radius: float = PLAIN_KERNEL[0],
+        falloff: float = PLAIN_KERNEL[1],
         normalization: Normalization = "lattice",
         w0: float = 1.0,
-        prefilter: bool = False,
+        prefilter: bool | None = None,
         nan: NanPolicy = "error",
     ) -> None:
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
@@ -173,7 +176,9 @@ class RegularField(Field):
         self._normalization = choice("RegularField: normalization", normalization, ("none", "lattice", "threshold"))
         self._w0 = number("RegularField: w0", w0)
         self._nan = choice("RegularField: nan", nan, ("error", "skip"))
-        self.native = self._made(as_samples(values), prefilter=truth("RegularField: prefilter", prefilter))
+        self._settled = prefilter is not None
+        wanted = prefilter is not None and truth("RegularField: prefilter", prefilter)
+        self.native = self._made(as_samples(values), prefilter=wanted)
         if self.prefilter:
             self._normalization = "none"
 
@@ -230,7 +235,8 @@ class RegularField(Field):
         InvalidInput, OutOfMemory
             As `RegularField`.
         """
-        options = {name.removeprefix("_"): getattr(self, name) for name in _PARTS} | {"prefilter": self.prefilter}
+        options = {name.removeprefix("_"): getattr(self, name) for name in _PARTS}
+        options["prefilter"] = self.prefilter if options.pop("settled") else None
         if self.prefilter:
             # The one that it set itself.
             del options["normalization"]
@@ -283,6 +289,20 @@ class RegularField(Field):
     def prefilter(self) -> bool:
         """Whether the kernels' sum passes through the samples."""
         return self.native.prefilter_figures is not None
+
+    settled = Forwarded[bool](
+        "_settled",
+        "Whether `prefilter` was given; if not, `sheetsplat.render` chooses kernels by its quality.",
+    )
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether nothing was given that says how samples become sums: `prefilter`, `normalization` or a kernel."""
+        return not self._settled and self._normalization == "lattice" and (self._radius, self._falloff) == PLAIN_KERNEL
+
+    def as_settled(self) -> RegularField:
+        """Return the same field, without a copy of its arrays, whose kernels stay as they are at every quality."""
+        return self if self._settled else self._with(_settled=True)
 
     coefficients = Forwarded[NDArray[Any]](
         "native.values", "Factors of the kernels, [k, j, i]: the samples unless prefiltered; read-only, no copy."

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import number
 from sheetsplat.errors import complain
+from sheetsplat.notices import warn
 
 from ._kernels import Floats, Kernels, Numbers
 from ._mesh import ClosedMesh, close, winding_on_grid
@@ -21,6 +22,10 @@ _LEVELS = 8
 _MOST = 50_000_000
 _ROUNDS = 16
 _NEAR = 0.003
+# Kernels unless asked for more; at least so many smallest cells across a wall, with at most so many kernels unasked.
+_USUAL = 20_000
+_ACROSS_WALL = 1.75
+_MOST_UNASKED = 500_000
 
 
 def _eroded(full: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -98,6 +103,29 @@ def _fill_to_count(mesh: ClosedMesh, wanted: int, levels: int) -> tuple[tuple[Fl
     return best[1], best[2]
 
 
+def _wall(mesh: ClosedMesh) -> float:
+    """Return twice the volume over the surface's area: the thickness of a shell; of a ball two thirds of its radius."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    return 4.0 * mesh.volume / float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+def _fill_unasked(mesh: ClosedMesh, levels: int) -> tuple[tuple[Floats, Floats], float]:
+    """Return cells and their spacing: the usual number, or more where walls are thinner than cells."""
+    cells, size = _fill_to_count(mesh, _USUAL, levels)
+    wall = _wall(mesh)
+    if size * _ACROSS_WALL <= wall:
+        return cells, size
+    size = wall / _ACROSS_WALL
+    if mesh.volume <= _MOST_UNASKED * size**3:
+        return _fill(mesh, size, levels), size
+    cells, size = _fill_to_count(mesh, _MOST_UNASKED, levels)
+    warn(
+        f"walls of the mesh are {wall:.3g} thick, thinner than the smallest cells of {size:.3g} that fill it, and "
+        f"have gaps; fill it with more than {len(cells[1]):,} kernels, or show its surface with a program for meshes"
+    )
+    return cells, size
+
+
 def solid(
     vertices: ArrayLike,
     triangles: ArrayLike,
@@ -126,7 +154,8 @@ def solid(
         orientation disagrees with their neighbours' are flipped, and so is a surface that encloses a negative volume;
         triangles without area are left out.
     kernels
-        Approximate number of spheres; 20,000 where `spacing` is not given either.
+        Approximate number of spheres. Where `spacing` is not given either: 20,000, or as many, up to 500,000, as let
+        walls be 7/4 of a smallest cell thick; walls that are thinner than that have gaps, and a warning says so.
     spacing
         Edge of the smallest cells, world units, instead of `kernels`.
     levels
@@ -175,9 +204,10 @@ def solid(
     if spacing is not None:
         size = positive(_WHAT, "spacing", spacing)
         centers, edges = _fill(mesh, size, levels)
+    elif kernels is None:
+        (centers, edges), size = _fill_unasked(mesh, levels)
     else:
-        wanted = 20_000 if kernels is None else count_of(_WHAT, "kernels", kernels, 1, _MOST)
-        (centers, edges), size = _fill_to_count(mesh, wanted, levels)
+        (centers, edges), size = _fill_to_count(mesh, count_of(_WHAT, "kernels", kernels, 1, _MOST), levels)
     count = len(edges)
     if not count:
         raise complain(

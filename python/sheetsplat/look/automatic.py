@@ -14,9 +14,12 @@ from sheetsplat.errors import option_ref
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.look.histogram import Look, beyond_pictures, choose_for, scaled_opacity, without_outliers
 from sheetsplat.look.measure import with_values
+from sheetsplat.look.surface import SURFACE_SHARE
 from sheetsplat.look.transparency import see_through
 from sheetsplat.notices import warn
 
+# Opacity of solids at shares of their value: nothing at their border, and opaque within a kernel's radius.
+_SOLID = ((0.25, 0.0), (0.75, 0.9))
 # Number of positions at which a scattered field is sampled.
 _PLACES = 16_384
 # Where thousands of kernels overlap, fewer positions suffice: at least so many, with so many summands in total.
@@ -46,6 +49,9 @@ def choose(fields: Sequence[Field]) -> Look:
         return choose_for(field.values, decades=field.quantity.floor is not None)
     if not isinstance(field, EllipsoidField):
         raise TypeError(f"automatic.choose: {type(field).__name__}")
+    solid = _of_solid(field)
+    if solid is not None:
+        return solid
     _warn_of_extremes(field.values)
     field = _without_outlying_kernels(field)
     places, (few, affordable) = places_in(field), _looked_at(field)
@@ -68,6 +74,19 @@ def choose(fields: Sequence[Field]) -> Look:
     # A weighted mean ends abruptly at the border of the weights; too few slices leave visible steps there.
     finer = max(_BORDER_SPACING * spacing, usual) if usual < spacing else None
     return see_through(replace(scaled_opacity(look, share), slice_spacing=finer), field, spacing, affordable)
+
+
+def _of_solid(field: EllipsoidField) -> Look | None:
+    """Return a look of kernels of one value, of which there is nothing to see but the surface; None for any others.
+
+    A translucent solid would be dark: light needs gradients, and inside there are none.
+    """
+    low, high = field.value_range if not field.ghosts else (0.0, 0.0)
+    if not low == high != 0.0 or field.normalization != "threshold" or field.quantity.floor is not None:
+        return None
+    ends = sorted((0.0, low / SURFACE_SHARE))
+    opacity = sorted((share * low, part) for share, part in _SOLID)
+    return Look((ends[0], ends[1]), tuple(opacity), 0.5 * low, _SOLID[-1][1])
 
 
 def _warn_of_extremes(values: NDArray[Any]) -> None:

@@ -114,18 +114,12 @@ def logarithmic(field: Field, floor: float) -> Field:
 
     shown: Field
     values: Any
-    names: tuple[str, ...]
     if isinstance(field, RegularField):
         wide = np.float32 if field.values.dtype.itemsize <= 4 else np.float64
         values = logarithm(field.values.astype(np.float64), field.quantity.name or "the samples", floor)
         # NaN samples stay: their kernels are left out.
         values = np.where(np.isnan(field.values), np.nan, values).astype(wide)
-        names = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
-        options = {name: getattr(field, name) for name in names}
-        if field.prefilter:
-            # Which that sets itself.
-            del options["normalization"]
-        shown = RegularField(values, **options)
+        shown = field.replace(values)
     else:
         assert isinstance(field, EllipsoidField)
         values = logarithm(field.values, field.quantity.name or "the values", floor)

@@ -6,6 +6,7 @@ that is ten decades larger. A picture whose options leave this open is one of th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
@@ -18,6 +19,8 @@ from sheetsplat.fields.trim import Trim
 from sheetsplat.look.histogram import within_pictures
 from sheetsplat.notices import warn
 from sheetsplat.options.core import COLORED
+
+Floats = NDArray[np.float64]
 
 # Strays: at most one in so many kernels, or a few, at least so many times as far from the middle as all others.
 _ONE_IN = 1000
@@ -52,8 +55,8 @@ def without_strays(fields: Sequence[Field], look: Mapping[str, Any], *, framed: 
     shown = list(fields)
     if look.get("mode", "composite") in COLORED and not any(look.get(name) is not None for name in _IN_VALUES):
         shown = [_within(one, look.get("clim")) for one in shown]
-    if framed and look.get("slice_spacing") is None and len(shown) == 1 and isinstance(shown[0], EllipsoidField):
-        shown = [_near(shown[0])]
+    if framed and look.get("slice_spacing") is None:
+        shown = [_near(one, shown) if isinstance(one, EllipsoidField) else one for one in shown]
     return shown
 
 
@@ -113,30 +116,52 @@ def _reaches(clim: Any, limits: tuple[float, float]) -> bool:
     return bool(first < limits[0] - 100.0 * width or last > limits[1] + 100.0 * width)
 
 
-def _near(field: EllipsoidField) -> EllipsoidField:
-    """Return a field without the few kernels far away that alone make its slices coarse."""
+def _near(field: EllipsoidField, fields: Sequence[Field]) -> EllipsoidField:
+    """Return one of a picture's fields without its few kernels, far away from all others, that make slices coarse."""
     if field.ghosts or field.size < _FEWEST:
         return field
     wanted = kernel_spacing(field)
-    if not field.default_slice_spacing > COARSE * wanted > 0.0:
+    spacing = min(one.default_slice_spacing for one in fields if one.size)
+    if not spacing > COARSE * wanted > 0.0:
         return field
-    few = max(1 if field.size < _SEVERAL else _A_FEW, field.size // _ONE_IN)
-    # Scaled, so that no square overflows.
-    middle, largest = np.median(field.centers, axis=0), float(np.abs(field.centers).max()) or 1.0
-    away = np.linalg.norm((field.centers - middle) / largest, axis=1)
-    reach = float(np.partition(away, field.size - 1 - few)[field.size - 1 - few])
-    far = np.flatnonzero(away > _FAR * reach)
-    if not len(far) or not reach > 0.0:
+    middle, reach = _ball(field)
+    if not reach > 0.0:
+        return field
+    alone = _distances(field, middle) > _FAR * reach
+    for other in fields:
+        if other is not field and other.size:
+            middle, reach = _ball(other)
+            alone &= _distances(field, middle) > reach
+    far = np.flatnonzero(alone)
+    if not len(far):
         return field
     first = ", ".join(f"{part:g}" for part in field.centers[far[0]])
     others = f" and {len(far) - 1} more" * (len(far) > 1)
     warn(
         f"{len(far)} of {field.size} kernels, number {field.trim.number_in_data(int(far[0]))} at ({first}){others}, "
         f"left out: more than {_FAR:g} times as far out as all others, so that slices would be "
-        f"{field.default_slice_spacing:.3g} apart instead of {wanted:.3g}; to keep them, pass "
+        f"{spacing:.3g} apart instead of {wanted:.3g}; to keep them, pass "
         + option_ref("slice_spacing", f"{wanted:.3g}")
     )
     kept = trimmed(field, Trim(kernels=tuple(far.tolist())))
     assert isinstance(kept, EllipsoidField)
     # Values beyond the limits were replaced before.
     return kept.with_trim(Trim(kept.trim.kernels, field.trim.limits))
+
+
+def _ball(field: Field) -> tuple[Floats, float]:
+    """Return middle and radius of a ball around the centres of a field, but for the few that may be strays."""
+    if not isinstance(field, EllipsoidField):
+        lower, upper = field.centre_bounds
+        return 0.5 * np.add(lower, upper), 0.5 * math.dist(lower, upper)
+    few = max(1 if field.size < _SEVERAL else _A_FEW, field.size // _ONE_IN)
+    middle = np.median(field.centers, axis=0)
+    inner = max(field.size - 1 - few, 0)
+    return middle, float(np.partition(_distances(field, middle), inner)[inner])
+
+
+def _distances(field: EllipsoidField, middle: Floats) -> Floats:
+    """Return the distances of a field's centres from a point, (N,); no square overflows."""
+    largest = float(np.abs(field.centers).max()) or 1.0
+    found: Floats = np.linalg.norm((field.centers - middle) / largest, axis=1) * largest
+    return found

@@ -24,7 +24,7 @@ IsoValue = float | Sequence[tuple[float, float]]
 
 # An iterator of lights may have no end.
 _MOST_LIGHTS = 4096
-_MOST_SURFACES = 4096
+_MOST_SURFACES = 256
 
 
 def _lights(what: str, lights: object) -> tuple[Light, ...]:
@@ -47,7 +47,7 @@ def iso_value_of(what: str, value: object) -> IsoValue:
     if not given:
         raise complain(unusable(what), "no value", wanted)
     if len(given) > _MOST_SURFACES:
-        raise complain(unusable(what), f"more than {_MOST_SURFACES} values", "fewer")
+        raise complain(unusable(what), f"more than {_MOST_SURFACES} values", f"at most {_MOST_SURFACES}")
     pairs = [parts(what, one, wanted, 2) if isinstance(one, Iterable) else [] for one in given]
     if any(len(pair) != 2 for pair in pairs):
         advice = f"opaque surfaces are [({shown(given[0])}, 1), …]" if not any(pairs) else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
@@ -9,17 +10,17 @@ from typing import Any, TypeVar, cast
 from sheetsplat._checks import choice
 from sheetsplat.camera import Camera
 from sheetsplat.fields import Field, RegularField
+from sheetsplat.fields.regular import PLAIN_KERNEL
 from sheetsplat.options.core import definitions
 from sheetsplat.options.quality import QUALITIES
 from sheetsplat.options.scene import SceneOptions
 from sheetsplat.plan import PictureQuality, QualitySetting
 from sheetsplat.quality.samples import through_samples
+from sheetsplat.quality.slicing import SLICES, can_be_estimated, slicing_error
 from sheetsplat.quality.thin import may_be_thin, small_kernels
 from sheetsplat.scene import Scene
 
 Made = TypeVar("Made", bound=Field)
-#: Radius and falloff of kernels whose sums are the samples, smoothed a little.
-PLAIN_KERNEL = (2.0, 5.0)
 _AS_GIVEN = "as given"
 _DEFAULT_STOP: Any = definitions(SceneOptions)["opacity_stop"].default
 # Options that say how a lattice's sums become values: with one of them nothing is left to a prefilter.
@@ -42,6 +43,9 @@ class _Level:
     volumes, plain_volumes, scattered
         How many slices there are to one of the default distance, by the mode; 1 in modes that are not named. Volumes of
         plain sums alone have smaller kernels, or fewer that show, so that more slices take the same time.
+    lit
+        Error that the slices of lit volumes in mode composite may have, and the least and the most of them to one of
+        the default distance; None: `volumes` holds.
     stop
         Opacity at which a pixel is finished; None: the default.
     filters
@@ -52,6 +56,7 @@ class _Level:
     volumes: Mapping[str, int]
     plain_volumes: Mapping[str, int]
     scattered: Mapping[str, int]
+    lit: tuple[float, int, int] | None
     stop: float | None
     filters: bool
 
@@ -59,13 +64,14 @@ class _Level:
 _TWICE = dict.fromkeys(("composite", "isosurface", "mip", "minimum"), 2)
 # Found by measurement: docs/quality.md, "What a picture is worth", and ./run bench quality.
 _LEVELS = {
-    "draft": _Level(None, {}, {}, {}, None, False),
-    "good": _Level((2.0, 5.0), _TWICE, _TWICE, {"composite": 2}, 0.995, True),
+    "draft": _Level(None, {}, {}, {}, None, None, False),
+    "good": _Level((2.0, 5.0), _TWICE, _TWICE, {"composite": 2}, (5e-3, 2, 3), 0.995, True),
     "best": _Level(
         (2.5, 7.0),
         {**dict.fromkeys(_TWICE, 4), "average": 2},
         {**dict.fromkeys(_TWICE, 6), "average": 2},
         {"composite": 4, "isosurface": 2, "mip": 2, "minimum": 2},
+        (1.7e-3, 4, 8),
         0.999,
         True,
     ),
@@ -91,7 +97,7 @@ class Choice:
                 f"{owner}: filter", "off" if options["filter"] is None else options["filter"], ("ewa", "off", "auto")
             )
         self.name = choice(f"{owner}: quality", given.get("quality", "good"), QUALITIES)
-        self._kept = False
+        self._kept = self._free = False
         self._level = _LEVELS[self.name]
         self._given = given
         self._settings: list[QualitySetting] = []
@@ -118,21 +124,22 @@ class Choice:
         return scene
 
     def kernels(self, fields: Sequence[Field], *, made: bool) -> list[Field]:
-        """Return fields with the kernels of the quality; `made`: the caller made them, and they stay."""
-        if not made:
-            return [self.kernel(one) for one in fields]
-        for one in fields:
-            if isinstance(one, RegularField):
-                self._set("prefilter", one.prefilter, "as the field has it", given=True)
-        return list(fields)
+        """Return fields with the kernels of the quality; `made`: the caller made them, and what they settled stays."""
+        return [self.kernel(one, made=made) for one in fields]
 
-    def kernel(self, field: Made) -> Made:
-        """Return a field with the kernels of the quality."""
-        return cast(Made, self._lattice(field)) if isinstance(field, RegularField) else field
+    def kernel(self, field: Made, *, made: bool) -> Made:
+        """Return a field with the kernels of the quality; `made` as for `kernels`."""
+        if not isinstance(field, RegularField):
+            return field
+        if made and field.settled:
+            self._set("prefilter", field.prefilter, "as the field has it", given=True)
+            return field
+        return cast(Made, self._lattice(field, made=made).as_settled())
 
-    def _lattice(self, field: RegularField) -> RegularField:
+    def _lattice(self, field: RegularField, *, made: bool) -> RegularField:
         wanted = self._level.kernel
         own_kernel = "radius" in self._given or "falloff" in self._given
+        own_kernel |= made and (field.radius, field.falloff) != PLAIN_KERNEL
         radius, falloff = (field.radius, field.falloff) if own_kernel or wanted is None else wanted
         if "prefilter" in self._given:
             shown = field
@@ -142,6 +149,11 @@ class Choice:
         elif own := [name for name in _OWN_SUMS if name in self._given]:
             shown = field
             self._set("prefilter", False, f"{' and '.join(own)} as given: sums are divided in another way", given=True)
+        elif made and field.normalization != "lattice":
+            shown = field
+            self._set(
+                "prefilter", False, "normalization as the field has it: sums are divided in another way", given=True
+            )
         elif wanted is None:
             shown = field
             self._set("prefilter", False, "plain sums of the samples, which smooth a little")
@@ -157,6 +169,7 @@ class Choice:
 
     def slices(self, scene: Scene, *, free: bool) -> Scene:
         """Return a scene with the slices of the quality; `free`: max_error or max_seconds decides on their distance."""
+        self._free = free
         found = {"slice_spacing": self._spacing(scene)}
         if scene.mode == "composite":
             found["opacity_stop"] = self._stop(scene)
@@ -193,8 +206,22 @@ class Choice:
     def finished(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
         """Return the scene with its filter, and with what was set, for the plan."""
         if not self._kept:
-            scene = self._filtered(scene, camera, size)
+            scene = self._filtered(self._with_slices_for_light(scene, camera, size), camera, size)
         return scene.with_quality(self.quality)
+
+    def _with_slices_for_light(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
+        """Return a scene with as many slices as its light calls for."""
+        if self._level.lit is None or self._free or "slice_spacing" in self._given or not can_be_estimated(scene):
+            return scene
+        most, least_slices, most_slices = self._level.lit
+        error = slicing_error(scene, camera, size)
+        # Errors fall at first order at least.
+        slices = min(max(math.ceil(error * SLICES / most), least_slices), most_slices)
+        spacing = _finest(scene) / slices
+        reason = f"1/{slices} of the default: an estimated error of {error * SLICES / slices:.1e} by slices"
+        self._settings = [one for one in self._settings if one.option != "slice_spacing"]
+        self._set("slice_spacing", spacing, reason)
+        return scene if spacing == scene.slice_spacing else scene.replace(slice_spacing=spacing)
 
     def _filtered(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
         given = self._given.get("filter")
@@ -225,8 +252,15 @@ def _plain(field: Field) -> Field:
     return field.replace(radius=PLAIN_KERNEL[0], falloff=PLAIN_KERNEL[1], normalization="lattice", prefilter=False)
 
 
+def _finest(scene: Scene) -> float:
+    """Return the default distance of slices."""
+    return min(one.default_slice_spacing for one in scene.fields)
+
+
 def _draft_spacing(scene: Scene) -> float | None:
     """Return the distance of slices of a draft; None: that of the fields."""
+    if can_be_estimated(scene):
+        return None
     set_by = next(
         (one for one in (scene.quality.settings if scene.quality else ()) if one.option == "slice_spacing"), None
     )

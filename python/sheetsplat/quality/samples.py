@@ -16,7 +16,7 @@ from sheetsplat.fields import RegularField
 #: Largest noise of samples that are interpolated, of their standard deviation. Coefficients have 8 times the noise of
 #: the samples: with more, slices show again, empty space is not seen to be empty, and frames take 2 to 3 times as long.
 #: docs/quality.md has it for measured volumes.
-LARGEST_NOISE = 0.011
+LARGEST_NOISE = 0.007
 # Integers of so few different values are classes.
 _FEWEST_VALUES = 8
 # Samples at which noise is estimated, in whole layers, and the squared sum of the taps 1, -2, 1 along three axes.

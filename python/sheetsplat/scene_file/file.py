@@ -444,7 +444,7 @@ class SceneFile:
             if isinstance(source, str | os.PathLike):
                 fields.append(_field_recipe(table).open(source, **given))
             else:
-                fields += api.to_fields(source, **given)
+                fields += map(_field_recipe(table).kernels_of, api.to_fields(source, **given))
         known = definitions(SceneOptions)
         wrong = [name for name in changes if name in _COLOURS]
         if wrong:

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from sheetsplat.api import open as open
     from sheetsplat.api import render as render
     from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
+    from sheetsplat.bricks.opening import open_bricks as open_bricks
     from sheetsplat.camera import Camera as Camera
     from sheetsplat.device import Device as Device
     from sheetsplat.device import devices as devices
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from sheetsplat.errors import InvalidInput as InvalidInput
     from sheetsplat.errors import OutOfMemory as OutOfMemory
     from sheetsplat.errors import Unsupported as Unsupported
+    from sheetsplat.fields import BrickedField as BrickedField
     from sheetsplat.fields import EllipsoidField as EllipsoidField
     from sheetsplat.fields import RegularField as RegularField
     from sheetsplat.image import ErrorEstimate as ErrorEstimate
@@ -75,6 +77,7 @@ __all__ = [
     "AccuracyReport",
     "AccuracyRow",
     "AmbientOcclusion",
+    "BrickedField",
     "Animation",
     "Camera",
     "CameraPath",
@@ -118,6 +121,7 @@ __all__ = [
     "devices",
     "lattice_ripple",
     "open",
+    "open_bricks",
     "render",
     "resample_to_bcc",
     "turntable",
@@ -134,11 +138,12 @@ _HOMES = {
     "animation": ("Animation", "CameraPath", "animate", "turntable"),
     "api": ("open", "render"),
     "bcc": ("resample_to_bcc",),
+    "bricks.opening": ("open_bricks",),
     "camera": ("Camera",),
     "device": ("Device", "devices"),
     "effects": ("AmbientOcclusion", "Clip", "DepthCue"),
     "errors": ("Cancelled", "DeviceUnavailable", "Error", "InvalidInput", "OutOfMemory", "Unsupported"),
-    "fields": ("EllipsoidField", "RegularField"),
+    "fields": ("BrickedField", "EllipsoidField", "RegularField"),
     "image": ("ErrorEstimate", "Image"),
     "light": ("Light", "Material"),
     "notices": ("PictureWarning",),

@@ -16,7 +16,7 @@ from sheetsplat._checks import choice, color, image_size, instance, names, parts
 from sheetsplat._objects import kind_of_object
 from sheetsplat.camera import Camera
 from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
-from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.image import Image
 from sheetsplat.look.compose import compose_scene, suggested_look
@@ -24,6 +24,7 @@ from sheetsplat.look.decades import in_decades
 from sheetsplat.look.strays import without_strays
 from sheetsplat.look.surface import surface_text
 from sheetsplat.notices import warn
+from sheetsplat.options.bricks import cluster_of
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, check_names, documented, filled, pick, pick_given
 from sheetsplat.options.data import FileOptions, OpenOptions
@@ -252,7 +253,7 @@ class Prepared:
     ----------
     scene, camera, size, renderer
         What `Renderer.render` takes, and the renderer that draws it.
-    outputs, progress, depth_limit
+    outputs, progress, depth_limit, client
         As given.
     """
 
@@ -263,9 +264,25 @@ class Prepared:
     outputs: tuple[Output, ...] = ()
     progress: Progress | None = None
     depth_limit: ArrayLike | None = None
+    client: Any = None
 
     def render(self) -> Image:
         """Return the picture; raises what `Renderer.render` does."""
+        if any(isinstance(one, BrickedField) for one in self.scene.fields):
+            from sheetsplat.bricks.picture import draw
+
+            return draw(
+                self.renderer.settings, self.scene, self.camera, self.size, self.outputs, self.progress,
+                depth_limit=self.depth_limit, client=self.client,
+            )  # fmt: skip
+        if self.client is not None:
+            raise complain(
+                unusable("render: client"),
+                "a client, for data that are not in bricks",
+                "a volume in bricks",
+                "open it with sheetsplat.open_bricks(path, client=client)",
+                option="client",
+            )
         return self.renderer.render(
             self.scene, self.camera, self.size, self.outputs, self.progress, depth_limit=self.depth_limit
         )
@@ -296,7 +313,8 @@ def prepare(data: Data | Dataset | BccVolume | Scene | Opened, **options: Unpack
     scene = quality.finished(scene, camera, size)
     if renderer is None:
         renderer = Renderer(**pick(RendererOptions, options))
-    return Prepared(scene, camera, size, renderer, outputs, picture["progress"], picture["depth_limit"])
+    client = cluster_of("render: client", picture["client"])
+    return Prepared(scene, camera, size, renderer, outputs, picture["progress"], picture["depth_limit"], client)
 
 
 @documented(RenderOptions, chooses=True)
@@ -306,10 +324,10 @@ def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOpt
     Parameters
     ----------
     data
-        Array [k, j, i], path of a file, field, sequence of fields, anything else that `open` takes, or an object whose
-        method ``field()`` makes a field, as generated data sets have. A data set is shown as it suggests where no
-        colours are given. A scene is drawn as it is, with the options of the picture, the camera and the renderer only;
-        a quality changes nothing.
+        Array [k, j, i], path of a file, field, volume in bricks (`open_bricks`), sequence of fields, anything else
+        that `open` takes, or an object whose method ``field()`` makes a field, as generated data sets have. A data set
+        is shown as it suggests where no colours are given. A scene is drawn as it is, with the options of the picture,
+        the camera and the renderer only; a quality changes nothing.
     **options
         Those of RenderOptions.
 

@@ -270,8 +270,8 @@ class Image:
             if self._estimate is None:
                 raise complain(
                     "the error of this picture cannot be estimated",
-                    "a picture without its renderer and scene",
-                    "one that Renderer.render returned",
+                    "a picture without its renderer and scene, or in bricks",
+                    "one that Renderer.render returned, of a volume in memory",
                     "render it",
                 )
             self._error = self._estimate(progress)
@@ -478,6 +478,25 @@ class Image:
             f"Image({width} x {height}, {'scalar' if self.is_scalar else 'rgba'}, mode {self.mode!r}, colours from "
             f"{low:g} to {high:g}, {self._plan.backend})"
         )
+
+
+def image_of(
+    recipe: Recipe,
+    plan: RenderPlan,
+    stats: dict[str, float],
+    *,
+    rgba: NDArray[np.float32] | None = None,
+    scalar: NDArray[np.float32] | None = None,
+    coverage: NDArray[np.float32] | None = None,
+    depth: NDArray[np.float32] | None = None,
+    depth_limit: Depths | None = None,
+    scene: Scene | None = None,
+) -> Image:
+    """Return the image of arrays that were drawn in parts; its error cannot be estimated."""
+    parts: dict[str, Any] = dict.fromkeys(Image.__slots__)
+    own = {"rgba": rgba, "scalar": scalar, "coverage": coverage, "depth": depth, "depth_limit": depth_limit}
+    told = {"recipe": recipe, "plan": plan, "stats": stats, "scene": scene}
+    return _of_parts(parts | {f"_{name}": part for name, part in (own | told).items()})
 
 
 def pixels_of(picture: Any) -> Any:

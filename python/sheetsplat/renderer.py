@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, instance, names, number, shown, whole
 from sheetsplat.camera import Camera
-from sheetsplat.errors import complain, option_ref, unusable
+from sheetsplat.errors import Unsupported, complain, option_ref, unusable
+from sheetsplat.fields import BrickedField
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
@@ -69,6 +70,14 @@ class _View(NamedTuple):
         """Return the view of arguments, or InvalidInput."""
         instance("Renderer: scene", scene, Scene)
         instance("Renderer: camera", camera, Camera)
+        if any(isinstance(one, BrickedField) for one in scene.fields):
+            raise complain(
+                "Renderer: the scene cannot be drawn",
+                "a volume in bricks",
+                "a volume in memory",
+                "draw it with sheetsplat.render, which draws it brick by brick",
+                kind=Unsupported,
+            )
         pixels = image_size(size)
         return cls(scene, camera, pixels, _names(outputs), checked_depths(depth_limit, camera, pixels))
 
@@ -217,8 +226,8 @@ class Renderer:
         InvalidInput, Unsupported, OutOfMemory
             As `render` would.
         """
-        native = self.native.plan(**_View.of(scene, camera, size, outputs, depth_limit).native())
-        plan = RenderPlan.of_native(native, scene.notes, scene.quality)
+        view = _View.of(scene, camera, size, outputs, depth_limit)
+        plan = RenderPlan.of_native(self.native.plan(**view.native()), scene.notes, scene.quality)
         self._warn_of_unused(plan)
         return plan
 
@@ -395,7 +404,7 @@ class Renderer:
                 warn(option_ref(goal) + f" is not kept: {reason}")
         # A coarse stage may miss what the last one shows.
         if image.stats.get("stage") == image.stats.get("stages"):
-            self._warn_of_unseen(image, scene)
+            empty.warn_of_unseen(image, scene)
             self._warn_of_unmet(image, scene)
             self._warn_of_light(image)
         if _log.isEnabledFor(logging.DEBUG):
@@ -412,17 +421,6 @@ class Renderer:
             second_order = chosen.pop("second_order")
             chosen["preintegration"] = "second_order" if second_order else chosen["preintegration"]
         return Recipe.of(scene, camera, native.size, settings, **chosen)
-
-    @staticmethod
-    def _warn_of_unseen(image: Image, scene: Scene) -> None:
-        """Warn of a picture in which nothing can be seen, or in which all values have one colour."""
-        if is_muted():
-            return
-        if empty.is_empty(image, scene):
-            why = empty.why_empty(scene, image.camera, image.size, hidden=image.plan.has("depth_limit"))
-            warn("nothing can be seen in the picture: " + why)
-        elif outside := empty.why_one_color(image, scene):
-            warn("all values have one colour in the picture: " + outside)
 
     @staticmethod
     def _warn_of_unmet(image: Image, scene: Scene) -> None:

@@ -12,6 +12,8 @@ import numpy as np
 
 from sheetsplat import pixels
 from sheetsplat.animation.sources import Source
+from sheetsplat.bricks.needs import bricked_field
+from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Words
 from sheetsplat.image import Image
@@ -90,6 +92,8 @@ def rgb_of(image: Image) -> np.ndarray[Any, np.dtype[np.uint8]]:
 
 def draw(scene: Scene, task: Task, progress: Progress | None = None) -> Image:
     """Return the picture of a frame."""
+    if bricked_field(scene) is not None:
+        return draw_in_bricks(dict(task.settings), scene, task.camera, task.size, (), progress)
     return _renderer(task.settings).render(scene, task.camera, size=task.size, progress=progress)
 
 

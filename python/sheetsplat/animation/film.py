@@ -22,8 +22,11 @@ from sheetsplat.animation.encoding import SUFFIXES, encoder, find_ffmpeg
 from sheetsplat.animation.folder import frames_there, make_folder, name_of
 from sheetsplat.animation.sources import MemoryStep, OneScene, Source
 from sheetsplat.animation.workers import Workers, cores
+from sheetsplat.bricks.picture import Begun
+from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Unsupported, complain, option_ref, unusable
+from sheetsplat.fields import BrickedField
 from sheetsplat.image import Image
 from sheetsplat.io.pictures import check_folder, listed_suffixes, whole_file
 from sheetsplat.notices import warn
@@ -156,6 +159,11 @@ class Animation(Sequence[Image]):
     def _image(self, frame: Frame, progress: Progress | None = None) -> Image:
         if isinstance(frame, PictureFrame):
             return frame.draw()
+        if _in_bricks(frame):
+            scene = self._source(frame).scene()
+            return draw_in_bricks(
+                self._renderer.settings, scene, frame.camera, self._size, (), progress, client=self._client
+            )
         return self._renderer.render(self._source(frame).scene(), frame.camera, size=self._size, progress=progress)
 
     def _mark(self, frame: Frame) -> str:
@@ -192,6 +200,9 @@ class Animation(Sequence[Image]):
         if here:
             yield from self._drawn_here(numbers, task, progress)
             return
+        if client is not None and any(_in_bricks(self._frames[n]) for n in numbers):
+            yield from self._drawn_in_bricks(numbers, task, client, progress)
+            return
         pool = Workers(min(workers, len(numbers))) if client is None and numbers else None
         try:
             yield from self._drawn_there(numbers, task, pool, client, workers, progress)
@@ -210,6 +221,30 @@ class Animation(Sequence[Image]):
                 raise complain("the film cannot be written", found, f"{self._size[0]} x {self._size[1]}, as the first")
             yield number, content_of(image, task(number))
             _tell(progress, (done + 1) / len(numbers))
+
+    def _drawn_in_bricks(
+        self, numbers: Sequence[int], task: Callable[[int], Task], client: Any, progress: Progress
+    ) -> Iterator[tuple[int, bytes]]:
+        """Yield frames of a volume in bricks, each drawn by all workers, the next one begun meanwhile."""
+        waiting: deque[tuple[int, Begun]] = deque()
+        rest = iter(numbers)
+        try:
+            for done in range(len(numbers)):
+                while len(waiting) < _AHEAD and (number := next(rest, None)) is not None:
+                    frame = self._frames[number]
+                    assert isinstance(frame, SceneFrame)
+                    scene = self._source(frame).scene()
+                    waiting.append((number, Begun(client, self._renderer.settings, scene, frame.camera, self._size)))
+                number, begun = waiting.popleft()
+                try:
+                    image = begun.result(lambda part, a=done: progress((a + part) / len(numbers)))  # type: ignore[misc]
+                finally:
+                    begun.cancel()
+                yield number, content_of(image, task(number))
+                _tell(progress, (done + 1) / len(numbers))
+        finally:
+            for _, begun in waiting:
+                begun.cancel()
 
     def _drawn_there(
         self,
@@ -370,6 +405,12 @@ class Animation(Sequence[Image]):
         duration = round(1000 / self._fps)
         frames[0].save(stream, "WEBP", save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=90)
         return stream.getvalue()
+
+
+def _in_bricks(frame: Frame) -> bool:
+    if isinstance(frame, PictureFrame) or not isinstance(frame.source, OneScene):
+        return False
+    return any(isinstance(one, BrickedField) for one in frame.source.template.fields)
 
 
 def _tell(progress: Progress, share: float) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from sheetsplat import api
 from sheetsplat.animation.sources import SharedLook
 from sheetsplat.animation.steps import Steps
+from sheetsplat.bricks.needs import bricked_field, one_backend
 from sheetsplat.camera import Camera
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
@@ -40,6 +41,8 @@ def settled(picture: api.Prepared) -> tuple[Scene, Renderer]:
         options = image.recipe.options
         changes = {name: one for name, one in options.items() if one != scene.options[name]}
         scene = scene.replace(**changes).with_quality(scene.quality)
+    elif bricked_field(scene) is not None:
+        settings = one_backend(settings)
     elif settings["backend"] == "auto":
         settings["backend"] = renderer.plan(scene, picture.camera, picture.size).backend
     same = settings == dict(renderer.settings)

@@ -166,10 +166,8 @@ def merge(front: Partial, back: Partial) -> Partial:
         a, b = wide_front["rgba"], wide_back["rgba"]
         if front.is_behind:
             joined = a + b
-            # Where the back has an opacity, it is that of both.
-            joined[..., 3] = a[..., 3]
-            here = _within(back.rect, rect)
-            joined[here][..., 3] = back.rgba[..., 3]
+            # Where bricks of the back are, it has the opacity of both, which is no less than that of the front.
+            joined[..., 3] = np.maximum(a[..., 3], b[..., 3])
         else:
             joined = a + (np.float32(1.0) - a[..., 3:]) * b
         made["rgba"] = joined

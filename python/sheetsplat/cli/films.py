@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from sheetsplat.cli.cluster import connected
 from sheetsplat.cli.options import apply, as_json, common, options_of, scene_options
 from sheetsplat.cli.output import progress_bar, report_json, say
 from sheetsplat.options.film import FilmOptions
@@ -35,31 +35,6 @@ def film_options(function: Callable[..., Any]) -> Callable[..., Any]:
     added = [_OUTPUT, *options_of(FilmOptions), _SCHEDULER, _OVERWRITE, scene_options, as_json, common]
     decorated: Callable[..., Any] = apply(added)(function)
     return decorated
-
-
-@contextlib.contextmanager
-def connected(address: str | None) -> Iterator[Any]:
-    """Yield a client of a dask scheduler, or None without an address."""
-    if address is None:
-        yield None
-        return
-    from sheetsplat.errors import Error, complain, missing_package
-
-    try:
-        from distributed import Client  # type: ignore[import-not-found, import-untyped, unused-ignore]
-    except ImportError as error:
-        raise missing_package(f"the scheduler {address} cannot be used", error) from error
-    try:
-        connect: Any = Client
-        client = connect(address, timeout=10)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise complain(
-            f"the scheduler {address} cannot be used", str(error), "a running scheduler", kind=Error
-        ) from None
-    try:
-        yield client
-    finally:
-        client.close()
 
 
 def write(

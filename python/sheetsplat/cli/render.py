@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from sheetsplat.cli.cluster import brick_options, in_bricks
 from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
@@ -52,6 +53,7 @@ Options whose help ends with names of modes are for these modes only.
 @click.option(
     "--metadata/--no-metadata", default=True, help="Say in a .png how it was made, so that it can be made again."
 )
+@brick_options
 @scene_options
 @as_json
 @common
@@ -67,6 +69,7 @@ def command(
     **options: Any,
 ) -> None:
     """Run the command; `_HELP` describes it."""
+    from sheetsplat.api import Prepared
     from sheetsplat.io import pictures
     from sheetsplat.io.png_text import is_png
     from sheetsplat.look.surface import surface_color, surface_text
@@ -98,17 +101,22 @@ def command(
             else f"{file} is no picture (.png) to make again from {data[0]}"
         )
     began = time.perf_counter()
-    if is_scene_file(file):
-        scene, camera, renderer, size = prepare_scene_file(file, data, options)
-    elif again:
-        scene, camera, renderer, size = prepare_again(file, data, options)
-    else:
-        check_mode(options, tuple(extra))
-        scene, camera, renderer, size = prepare(file, options)
-    for note in (*scene.notes, *([surface_text(scene)] if scene.mode == "isosurface" else [])):
-        say(note, quiet=quiet)
-    with progress_bar(file.name, quiet=quiet) as progress:
-        image = renderer.render(scene, camera, size=size, outputs=tuple(extra), progress=progress)
+    with in_bricks(options) as bricks:
+        if bricks is not None and (again or is_scene_file(file)):
+            raise click.UsageError("--brick, --workers and --scheduler are for files of data")
+        if is_scene_file(file):
+            scene, camera, renderer, size = prepare_scene_file(file, data, options)
+        elif again:
+            scene, camera, renderer, size = prepare_again(file, data, options)
+        else:
+            check_mode(options, tuple(extra))
+            scene, camera, renderer, size = prepare(file, options, None if bricks is None else bricks.open)
+        for note in (*scene.notes, *([surface_text(scene)] if scene.mode == "isosurface" else [])):
+            say(note, quiet=quiet)
+        with progress_bar(file.name, quiet=quiet) as progress:
+            picture: dict[str, Any] = {"size": size, "outputs": tuple(extra), "progress": progress}
+            client = None if bricks is None else bricks.client
+            image = Prepared(scene, camera, renderer=renderer, client=client, **picture).render()
     with pictures.whole_files([output, *extra.values()]) as (made, *others):
         with pictures.naming(output):
             image.save(made, metadata=metadata)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -138,8 +138,13 @@ def prepare_scene_file(
     return made.scene, made.camera, made.renderer, made.size
 
 
-def prepare(path: Path, options: dict[str, Any]) -> tuple[Scene, Camera, Renderer, tuple[int, int]]:
-    """Return scene, camera, renderer and size of a file and the values of `scene_options`."""
+def prepare(
+    path: Path, options: dict[str, Any], open_file: Callable[..., Field] | None = None
+) -> tuple[Scene, Camera, Renderer, tuple[int, int]]:
+    """Return scene, camera, renderer and size of a file and the values of `scene_options`.
+
+    `open_file` opens it in place of `sheetsplat.open`.
+    """
     if is_scene_file(path):
         return prepare_scene_file(path, (), options)
     from sheetsplat import api
@@ -155,7 +160,8 @@ def prepare(path: Path, options: dict[str, Any]) -> tuple[Scene, Camera, Rendere
         look = _look(options)
     opened = file_options(options)
     quality = Choice("render", {name: value for name, value in options.items() if value is not None})
-    fields = in_decades(api.to_fields(path, **opened), look, opened["log"])
+    found = api.to_fields(path, **opened) if open_file is None else [open_file(path, **opened)]
+    fields = in_decades(found, look, opened["log"])
     fields = quality.kernels(without_strays(fields, look, framed=options["target"] is None), made=False)
     with usage_errors():
         scene, camera = _seen(fields, look, options, size, quality)

@@ -1,10 +1,12 @@
 """Fields: sets of kernels whose weighted sums are the scalar that is shown. Conventions, section 2 (Fields)."""
 
 from sheetsplat.fields.base import Field, Normalization, as_fields, joined_bounds
+from sheetsplat.fields.bricked import BrickedField
 from sheetsplat.fields.ellipsoid import EllipsoidField
 from sheetsplat.fields.regular import Lattice, NanPolicy, RegularField, as_samples
 
 __all__ = [
+    "BrickedField",
     "EllipsoidField",
     "Field",
     "Lattice",

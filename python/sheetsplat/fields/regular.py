@@ -12,6 +12,7 @@ from sheetsplat._checks import Triple, Vector, as_array, choice, number, triple,
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
 from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
+from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.quantity import Quantity
 
@@ -23,14 +24,11 @@ _FAILED = "RegularField: the samples cannot be used"
 #: Radius and falloff of kernels whose sums are the samples, smoothed a little.
 PLAIN_KERNEL = (2.0, 5.0)
 # All that a field is made of, beside its samples and coefficients.
-_PARTS = ("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan", "_settled")
+PARTS = ("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan", "_settled")
 
 
-def _narrow_integers(values: NDArray[Any]) -> np.dtype[Any]:
-    """Return the smallest kept type that holds all of these integers exactly."""
-    if values.size == 0:
-        return np.dtype(np.float64)
-    low, high = int(values.min()), int(values.max())
+def narrowest(low: int, high: int) -> np.dtype[Any]:
+    """Return the smallest kept type that holds all integers of a range exactly."""
     for name in ("uint8", "int16", "uint16"):
         info = np.iinfo(name)
         if info.min <= low and high <= info.max:
@@ -48,17 +46,23 @@ def _narrow_integers(values: NDArray[Any]) -> np.dtype[Any]:
     )
 
 
-def _kept_type(values: NDArray[Any]) -> np.dtype[Any]:
-    """Return the type in which the samples are kept; no value changes by it."""
-    native = values.dtype.newbyteorder("=")
+def kept_type(native: np.dtype[Any]) -> np.dtype[Any] | None:
+    """Return the type in which samples of a type are kept; None where that depends on their values."""
     if native.name in _KEPT:
         return native
     if native.kind == "b":
         return np.dtype(np.uint8)
+    return np.dtype(np.float32) if native == np.float16 else None
+
+
+def _kept_type(values: NDArray[Any]) -> np.dtype[Any]:
+    """Return the type in which the samples are kept; no value changes by it."""
+    native = values.dtype.newbyteorder("=")
+    known = kept_type(native)
+    if known is not None:
+        return known
     if native.kind in "iu":
-        return _narrow_integers(values)
-    if native == np.float16:
-        return np.dtype(np.float32)
+        return narrowest(int(values.min()), int(values.max())) if values.size else np.dtype(np.float64)
     if native.kind == "f":
         with np.errstate(over="ignore"):
             shorter = values.astype(np.float64)
@@ -209,14 +213,14 @@ class RegularField(Field):
         )
 
     def _parts(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in _PARTS} | {
+        return {name: getattr(self, name) for name in PARTS} | {
             "samples": self.values,
             "coefficients": self.coefficients if self.prefilter else None,
             "figures": self.native.prefilter_figures,
         }
 
     def _restore(self, parts: dict[str, Any]) -> None:
-        for name in _PARTS:
+        for name in PARTS:
             setattr(self, name, parts[name])
         self.native = self._made(parts["samples"], coefficients=parts["coefficients"], figures=parts["figures"])
 
@@ -235,7 +239,7 @@ class RegularField(Field):
         InvalidInput, OutOfMemory
             As `RegularField`.
         """
-        options = {name.removeprefix("_"): getattr(self, name) for name in _PARTS}
+        options = {name.removeprefix("_"): getattr(self, name) for name in PARTS}
         options["prefilter"] = self.prefilter if options.pop("settled") else None
         if self.prefilter:
             # The one that it set itself.
@@ -278,6 +282,11 @@ class RegularField(Field):
         "native.given_values",
         "The samples, shape (nk, nj, ni), in the type in which they are kept; read-only, no copy.",
     )
+
+    @property
+    def samples(self) -> Samples:
+        """What looks ask of the samples."""
+        return ArraySamples(self.values)
 
     @property
     def value_range(self) -> tuple[float, float]:
@@ -337,7 +346,7 @@ class RegularField(Field):
         nk, nj, ni = self.shape
         low, high = self.value_range
         return (
-            f"RegularField({ni} x {nj} x {nk} {self.values.dtype.name}, {self._lattice}, "
+            f"{type(self).__name__}({ni} x {nj} x {nk} {self.samples.dtype.name}, {self._lattice}, "
             f"spacing {self._spacing}, values {low:g} to {high:g}{', prefiltered' if self.prefilter else ''}"
             f"{self._up_text})"
         )

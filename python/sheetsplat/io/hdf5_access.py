@@ -86,16 +86,22 @@ def attribute(one: Any, name: str, most: int = 3) -> Any:
 
 def read_dataset(path: Path, one: Any, what: str, spare: int = 0) -> NDArray[Any]:
     """Return a dataset after a check of its size against its stored bytes; `spare` more bytes must be available."""
-    if one.is_virtual or one.external:
-        raise unreadable(path, f"{what} in another file", "the numbers in this file", "copy them into it")
-    # Chunks that were not written have no stored bytes.
-    needed = math.prod(one.shape) * one.dtype.itemsize
-    stored = one.id.get_storage_size()
-    if needed > (stored if one.chunks is None else stored * DEFLATE_RATIO):
-        raise unreadable(path, f"{stored} stored bytes of {what}", f"{needed} bytes, as its shape says")
+    needed = check_stored(path, one, what)
     _memory.require(needed + spare, f"{what} of {path}")
     rows: NDArray[Any] = one[()]
     return rows
+
+
+def check_stored(path: Path, one: Any, what: str) -> int:
+    """Return the bytes of a dataset; InvalidInput where fewer are stored, or in another file."""
+    if one.is_virtual or one.external:
+        raise unreadable(path, f"{what} in another file", "the numbers in this file", "copy them into it")
+    # Chunks that were not written have no stored bytes.
+    needed: int = math.prod(one.shape) * one.dtype.itemsize
+    stored = one.id.get_storage_size()
+    if needed > (stored if one.chunks is None else stored * DEFLATE_RATIO):
+        raise unreadable(path, f"{stored} stored bytes of {what}", f"{needed} bytes, as its shape says")
+    return needed
 
 
 def walk(path: Path, group: Any, *, strict: bool = False) -> list[Any]:

@@ -16,6 +16,13 @@ from sheetsplat.quantity import Quantity
 
 def require_volume(where: str, shape: Any, dtype: Any) -> None:
     """Raise InvalidInput unless an array has three axes and real numbers, OutOfMemory where it does not fit."""
+    check_volume(where, shape, dtype)
+    # The array, and the copy that the field keeps.
+    _memory.require(2 * math.prod(map(int, shape)) * np.dtype(dtype).itemsize, where)
+
+
+def check_volume(where: str, shape: Any, dtype: Any) -> None:
+    """Raise InvalidInput unless an array has three axes of known sizes and real numbers."""
     if len(shape) != 3:
         advice = "choose one channel or one time step" if len(shape) > 3 else ""
         raise unreadable(where, f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]", advice)
@@ -24,8 +31,6 @@ def require_volume(where: str, shape: Any, dtype: Any) -> None:
     if not all(math.isfinite(size) for size in shape):
         advice = "compute the sizes first: compute_chunk_sizes()"
         raise unreadable(where, f"shape {tuple(shape)}, which is not known yet", "known sizes", advice)
-    # The array, and the copy that the field keeps.
-    _memory.require(2 * math.prod(map(int, shape)) * np.dtype(dtype).itemsize, where)
 
 
 def read(data: Any, where: str) -> Volume:

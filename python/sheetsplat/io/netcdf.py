@@ -25,8 +25,11 @@ def _classic(source: Source) -> Any:
 
 
 @contextlib.contextmanager
-def _opened(source: Source, name: str | None) -> Iterator[Any]:
-    """Yield a variable as a DataArray: FILE:/group/variable or `name`, else the only one."""
+def opened(source: Source, name: str | None, *, mapped: bool = False) -> Iterator[Any]:
+    """Yield a variable as a DataArray: FILE:/group/variable or `name`, else the only one; links are checked.
+
+    `mapped`: parts of a classic file are read from the file when they are asked for, which must not be packed.
+    """
     import xarray  # type: ignore[import-not-found, unused-ignore]
 
     # Times stay numbers, with their units.
@@ -36,22 +39,22 @@ def _opened(source: Source, name: str | None) -> Iterator[Any]:
         place = PurePosixPath(source.inner)
         group, name = str(place.parent).strip("/"), place.name
     if source.head(3) == b"CDF":
-        opened, engine = _classic(source), "scipy"
+        file_or_bytes, engine = source.path if mapped else _classic(source), "scipy"
     else:
         import h5netcdf  # type: ignore[import-not-found, import-untyped, unused-ignore]  # noqa: F401
 
-        opened, engine = seekable(source), "h5netcdf"
-        with h5py.File(opened, "r") as file:
+        file_or_bytes, engine = seekable(source), "h5netcdf"
+        with h5py.File(file_or_bytes, "r") as file:
             # h5netcdf follows links.
             walk(source.path, file, strict=True)
         options |= {"group": group or None, "phony_dims": "access"}
-    with xarray.open_dataset(opened, engine=engine, **options) as data:
+    with xarray.open_dataset(file_or_bytes, engine=engine, **options) as data:
         yield variable(data, source.path, name)
 
 
 def count_steps(source: Source, name: str | None = None) -> int:
     """Return the number of time steps of a variable."""
-    with _opened(source, name) as array:
+    with opened(source, name) as array:
         return steps_of(array)
 
 
@@ -64,7 +67,7 @@ def read(source: Source, name: str | None = None, resample: bool = False, step: 
     Raises InvalidInput where there is no variable or more than one, for several times without `step`, for uneven
     coordinates unless `resample` is true, and for links to other files.
     """
-    with _opened(source, name) as array:
+    with opened(source, name) as array:
         found = read_array(one_step(array, source.path, step), source.path, resample)
     return Volume(
         np.asarray(found.values),

@@ -45,14 +45,35 @@ def _require_numbers(path: Path, what: str, dtype: np.dtype[Any]) -> None:
         raise unreadable(path, found, "integers, booleans or real floating-point numbers", advice)
 
 
-def _volume(source: Source, header: _Header, payload: Payload, file_format: str) -> Volume:
-    shape, first_fastest, dtype = header
+def _sizes(source: Source, header: _Header) -> tuple[int, ...]:
+    """Return the shape of a volume; InvalidInput for anything else."""
+    shape, _, dtype = header
     _require_numbers(source.path, "an array", dtype)
     if len(shape) != 3:
         raise unreadable(source.path, f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]")
-    sizes = checked_shape(source.path, shape, "shape")
+    return checked_shape(source.path, shape, "shape")
+
+
+def _volume(source: Source, header: _Header, payload: Payload, file_format: str) -> Volume:
+    _, first_fastest, dtype = header
+    sizes = _sizes(source, header)
     values = payload.array(dtype, math.prod(sizes))
     return Volume(values.reshape(sizes, order="F" if first_fastest else "C"), format=file_format)
+
+
+def locate(source: Source) -> tuple[tuple[int, ...], np.dtype[Any], int, bool]:
+    """Return shape and type of a .npy file, where its samples begin, and whether the first axis is the fastest.
+
+    InvalidInput where the file, which is not packed, is shorter than that.
+    """
+    header = _header(source.stream)
+    _, first_fastest, dtype = header
+    sizes, offset = _sizes(source, header), source.stream.tell()
+    needed, there = math.prod(sizes) * dtype.itemsize, source.at_most()
+    if there < needed:
+        advice = "the file is cut off or its header is wrong; fetch it again"
+        raise unreadable(source.path, f"{there} bytes of samples", f"{needed} bytes, as the header says", advice)
+    return sizes, dtype, offset, first_fastest
 
 
 def read_npy(source: Source) -> Volume:

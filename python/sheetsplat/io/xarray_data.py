@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from sheetsplat import notices
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.io.axes import on_even_axes
 from sheetsplat.io.checks import Where, chosen_step, listed, printable, unreadable
-from sheetsplat.io.lazy_arrays import require_volume
+from sheetsplat.io.lazy_arrays import check_volume, require_volume
 from sheetsplat.io.records import Floats, Volume
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
@@ -103,6 +104,58 @@ def read_array(array: Any, where: Where, resample: bool = False) -> Volume:
     OutOfMemory
         Where the samples do not fit.
     """
+    found = placed(array, where)
+    require_volume(str(where), found.array.shape, found.array.dtype)
+    return found.volume(where, found.array.values, resample=resample)
+
+
+@dataclass(frozen=True)
+class PlacedArray:
+    """A DataArray with the axes z, y, x of the world, of which no sample is read yet.
+
+    Attributes
+    ----------
+    array
+        The DataArray.
+    names, attributes, positions
+        Names, attributes and coordinates of the dimensions along x, y, z; None: without coordinates.
+    """
+
+    array: Any
+    names: tuple[Hashable, ...]
+    attributes: tuple[Any, ...]
+    positions: tuple[Floats | None, ...]
+
+    @property
+    def falling(self) -> tuple[bool, ...]:
+        """Whether coordinates fall, along z, y, x."""
+        return tuple(one is not None and one.size > 1 and bool(one[0] > one[-1]) for one in reversed(self.positions))
+
+    def volume(self, where: Where, values: Any, *, resample: bool = False) -> Volume:
+        """Return samples of this array, [k, j, i] in the order of its axes, as a volume."""
+        names, attributes = self.names, self.attributes
+        placed = on_even_axes(where, list(map(str, names)), self.positions, values, resample=resample)
+        units = [_text(one, "units") for one in attributes]
+        _tell_units(where, names, units, placed.values.shape[::-1], placed.spacing)
+        same = units[0] if len(set(units)) == 1 else ""
+        name = _text(self.array.attrs, "long_name", "standard_name") or printable(self.array.name)
+        details = {"content": name, "dimensions": ", ".join(map(str, names)), **placed.details}
+        return Volume(
+            placed.values,
+            placed.spacing,
+            placed.origin,
+            "xarray",
+            {key: text for key, text in details.items() if text},
+            Quantity(name, _text(self.array.attrs, "units"), same),
+            Orientation((0.0, 0.0, -1.0)) if _upside_down(attributes[2]) else None,
+        )
+
+
+def placed(array: Any, where: Where) -> PlacedArray:
+    """Return a DataArray with three dimensions, those of size 1 aside, in the order of the world; no sample is read.
+
+    Raises InvalidInput as `read_array`, but not for uneven coordinates.
+    """
     if array.ndim > 3:
         array = array.squeeze([name for name, size in array.sizes.items() if size == 1][: array.ndim - 3])
     if array.ndim != 3:
@@ -110,28 +163,12 @@ def read_array(array: Any, where: Where, resample: bool = False) -> Volume:
         advice = f"choose one, for example .isel({larger[0]}=0)" if array.ndim > 3 else ""
         sizes = listed([f"{name} {size}" for name, size in array.sizes.items()])
         raise unreadable(where, f"{array.ndim} dimensions: {sizes}", "three dimensions", advice)
-    require_volume(str(where), array.shape, array.dtype)
+    check_volume(str(where), array.shape, array.dtype)
     told = [array.coords[name].attrs if name in array.coords else {} for name in array.dims]
     order = _world_order(array.dims, told)
-    names = [array.dims[at] for at in order]
-    attributes = [told[at] for at in order]
-    positions = [_positions(where, array, name, array.sizes[name]) for name in names]
-    values = array.transpose(*reversed(names)).values
-    placed = on_even_axes(where, list(map(str, names)), positions, values, resample=resample)
-    units = [_text(one, "units") for one in attributes]
-    _tell_units(where, names, units, placed.values.shape[::-1], placed.spacing)
-    same = units[0] if len(set(units)) == 1 else ""
-    name = _text(array.attrs, "long_name", "standard_name") or printable(array.name)
-    details = {"content": name, "dimensions": ", ".join(map(str, names)), **placed.details}
-    return Volume(
-        placed.values,
-        placed.spacing,
-        placed.origin,
-        "xarray",
-        {key: text for key, text in details.items() if text},
-        Quantity(name, _text(array.attrs, "units"), same),
-        Orientation((0.0, 0.0, -1.0)) if _upside_down(attributes[2]) else None,
-    )
+    names = tuple(array.dims[at] for at in order)
+    positions = tuple(_positions(where, array, name, array.sizes[name]) for name in names)
+    return PlacedArray(array.transpose(*reversed(names)), names, tuple(told[at] for at in order), positions)
 
 
 def _tell_units(where: Where, names: Sequence[Hashable], units: Sequence[str], counts: Any, spacing: Any) -> None:

@@ -6,19 +6,22 @@ are links out of the folder.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import os
 import struct
 import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from sheetsplat import _memory
-from sheetsplat._checks import shown, triple
-from sheetsplat.errors import Unsupported, complain, option_ref
+from sheetsplat._checks import Triple, shown, triple
+from sheetsplat.errors import Error, Unsupported, complain, option_ref
 from sheetsplat.io.checks import checked_shape, chosen_step, listed, printable, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import DEFLATE_RATIO, Folder
@@ -35,6 +38,50 @@ _PACKED = ("blosc", "zstd", "lz4", "zlib", "gzip")
 _UNITS = {"micrometer": "µm", "nanometer": "nm", "millimeter": "mm", "meter": "m", "angstrom": "Å"}
 # Of the memory that is available, the share that the samples of a picture may take: they are copied and prefiltered.
 _SHARE = 0.2
+
+
+@dataclass(frozen=True)
+class Located:
+    """An array of a Zarr folder as a volume, of which nothing is read yet.
+
+    Attributes
+    ----------
+    path
+        The folder of the array.
+    index
+        For each of its axes a number, or slice(None) along z, y and x.
+    order
+        Which of the axes with slice(None) runs along z, y, x.
+    shape, dtype
+        (nk, nj, ni), and the type of the samples as stored.
+    spacing, origin, format, details, quantity
+        Those of `Volume`.
+    """
+
+    path: Path
+    index: tuple[Any, ...]
+    order: tuple[int, ...]
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    spacing: Triple = (1.0, 1.0, 1.0)
+    origin: Triple = (0.0, 0.0, 0.0)
+    format: str = "zarr"
+    details: dict[str, str] = field(default_factory=dict)
+    quantity: Quantity = Quantity()
+
+    def volume(self) -> Volume:
+        """Return the volume with all its samples, after all checks."""
+        values = _read_array(self.path, self.index).transpose(self.order)
+        return Volume(values, self.spacing, self.origin, self.format, self.details, self.quantity)
+
+    def part(self, box: tuple[tuple[int, int], ...]) -> Any:
+        """Return the samples of a box, ((k0, k1), (j0, j1), (i0, i1)), after checks of the chunks that hold them."""
+        cuts = [slice(None)] * 3
+        for axis, (first, last) in zip(self.order, box, strict=True):
+            cuts[axis] = slice(first, last)
+        rest = iter(cuts)
+        index = tuple(next(rest) if one == slice(None) else one for one in self.index)
+        return _read_array(self.path, index).transpose(self.order)
 
 
 def _metadata(path: Path, name: str) -> dict[str, Any]:
@@ -108,34 +155,78 @@ def _frame_size(head: bytes) -> int:
     return int.from_bytes(head[at : at + width], "little") + (256 if width == 2 else 0)
 
 
-def _check_chunks(path: Path, chunk: int, codecs: list[tuple[str, Any]]) -> None:
-    """Raise InvalidInput for links, and for chunks that unpack to more than a chunk has."""
-    packer = next((name.removeprefix("numcodecs.") for name, _ in reversed(codecs) if name not in _PLAIN), "")
-    count = 0
-    most = 2 * chunk + _SLACK
-    # What deflate may unpack to at most is looked at only where that would be much.
-    much = max(most, _memory.available() // 4)
-    for folder, names, files in os.walk(path):
-        for name in (*names, *files):
-            count += 1
-            where = os.path.join(folder, name)
-            if count > _MOST_FILES:
-                raise unreadable(path, f"more than {_MOST_FILES} files", "larger chunks")
-            if os.path.islink(where):
-                raise unreadable(path, f"a link, {shown(name)}", "chunks in the folder itself")
-        for name in files:
-            if name.startswith(".z") or name == "zarr.json":
-                continue
-            where = os.path.join(folder, name)
-            size = os.stat(where).st_size
-            if size > most:
-                raise unreadable(path, f"a chunk of {size} bytes", f"at most {most}")
-            if not packer or (packer in ("zlib", "gzip") and size * DEFLATE_RATIO <= much):
-                continue
-            with open(where, "rb") as stream:
-                found = _unpacked_size(packer, stream, most)
-            if found > most:
-                raise unreadable(path, f"a chunk that unpacks to {found} bytes or more", f"at most {most}")
+@dataclass(frozen=True)
+class _ChunkCheck:
+    """What chunks of an array may hold: `most` bytes, packed by a codec or not."""
+
+    path: Path
+    packer: str
+    most: int
+    much: int
+
+    @classmethod
+    def of(cls, path: Path, chunk: int) -> _ChunkCheck:
+        """Return the check of chunks of so many bytes; Unsupported for codecs that are not known."""
+        packers = [name.removeprefix("numcodecs.") for name, _ in _codecs(path) if name not in _PLAIN]
+        packer = packers[-1] if packers else ""
+        most = 2 * chunk + _SLACK
+        # What deflate may unpack to at most is looked at only where that would be much.
+        return cls(path, packer, most, max(most, _memory.available() // 4))
+
+    def check(self, where: str) -> None:
+        """Raise InvalidInput for a file that unpacks to more than a chunk has."""
+        size = os.stat(where).st_size
+        if size > self.most:
+            raise unreadable(self.path, f"a chunk of {size} bytes", f"at most {self.most}")
+        if not self.packer or (self.packer in ("zlib", "gzip") and size * DEFLATE_RATIO <= self.much):
+            return
+        with open(where, "rb") as stream:
+            found = _unpacked_size(self.packer, stream, self.most)
+        if found > self.most:
+            raise unreadable(self.path, f"a chunk that unpacks to {found} bytes or more", f"at most {self.most}")
+
+    def all(self) -> None:
+        """Check every file of the array; InvalidInput for links."""
+        count = 0
+        for folder, names, files in os.walk(self.path):
+            for name in (*names, *files):
+                count += 1
+                if count > _MOST_FILES:
+                    raise unreadable(self.path, f"more than {_MOST_FILES} files", "larger chunks")
+                if os.path.islink(os.path.join(folder, name)):
+                    raise self._link(name)
+            for name in files:
+                if not (name.startswith(".z") or name == "zarr.json"):
+                    self.check(os.path.join(folder, name))
+
+    def these(self, keys: Iterable[str]) -> None:
+        """Check the chunks of some keys, where they are there; InvalidInput for links."""
+        root = os.path.realpath(self.path)
+        for key in keys:
+            where = os.path.join(root, *key.split("/"))
+            if os.path.realpath(where) != where:
+                raise self._link(key)
+            if os.path.exists(where):
+                self.check(where)
+
+    def _link(self, name: str) -> Error:
+        return unreadable(self.path, f"a link, {shown(name)}", "chunks in the folder itself")
+
+
+def _chunk_keys(path: Path, ranges: Iterable[range]) -> Iterable[str]:
+    """Return the keys of chunks by their numbers along each axis (specifications 2 and 3)."""
+    older = _metadata(path, ".zarray")
+    if older:
+        start, between = "", older.get("dimension_separator", ".")
+    else:
+        stated = _metadata(path, "zarr.json").get("chunk_key_encoding") or {}
+        is_default = stated.get("name", "default") == "default"
+        start = "c" if is_default else ""
+        between = (stated.get("configuration") or {}).get("separator", "/" if is_default else ".")
+    if between not in (".", "/"):
+        raise unreadable(path, f"the separator {shown(between)} of chunk keys", "a point or a slash")
+    for numbers in itertools.product(*ranges):
+        yield between.join(([start] if start else []) + [str(number) for number in numbers])
 
 
 def _sizes(path: Path) -> tuple[tuple[int, ...], np.dtype[Any], tuple[int, ...]]:
@@ -158,20 +249,31 @@ def _sizes(path: Path) -> tuple[tuple[int, ...], np.dtype[Any], tuple[int, ...]]
 
 
 def _read_array(path: Path, index: tuple[Any, ...]) -> Any:
-    """Return a part of an array after all checks."""
+    """Return a part of an array after all checks; of a part only those of the chunks that hold it."""
     import zarr  # type: ignore[import-not-found, unused-ignore]
 
     shape, dtype, chunks = _sizes(path)
-    _check_chunks(path, math.prod(chunks) * dtype.itemsize, _codecs(path))
-    picked = math.prod(size for size, one in zip(shape, index, strict=True) if one == slice(None))
-    _memory.require(2 * (picked + math.prod(chunks)) * dtype.itemsize, f"the samples of {path}")
+    check = _ChunkCheck.of(path, math.prod(chunks) * dtype.itemsize)
+    steps = [one.indices(size) if isinstance(one, slice) else (one, one + 1, 1)
+             for one, size in zip(index, shape, strict=True)]  # fmt: skip
+    # The chunks at the border of a part are read whole.
+    _memory.require(
+        2 * (math.prod(last - first for first, last, _ in steps) + math.prod(chunks)) * dtype.itemsize,
+        f"the samples of {path}",
+    )
+    if any(isinstance(one, slice) and one != slice(None) for one in index):
+        touched = [range(first // chunk, (last - 1) // chunk + 1)
+                   for (first, last, _), chunk in zip(steps, chunks, strict=True)]  # fmt: skip
+        check.these(_chunk_keys(path, touched))
+    else:
+        check.all()
     store = zarr.storage.LocalStore(path, read_only=True)
     return np.asarray(zarr.open_array(store=store, mode="r")[index])
 
 
-def _plain(path: Path) -> Volume:
+def _plain(path: Path) -> Located:
     """Return an array with three axes, those of size 1 aside."""
-    shape, _, _ = _sizes(path)
+    shape, dtype, _ = _sizes(path)
     index = tuple(0 if size == 1 and number < len(shape) - 3 else slice(None) for number, size in enumerate(shape))
     axes = sum(one == slice(None) for one in index)
     if axes != 3:
@@ -180,7 +282,8 @@ def _plain(path: Path) -> Volume:
     told = _attributes(path)
     label = printable(told.get("long_name")) or ("" if path.suffix == ".zarr" else printable(path.name))
     quantity = Quantity(label, printable(told.get("units")))
-    return Volume(_read_array(path, index), format="zarr", details={"content": path.name}, quantity=quantity)
+    sizes = tuple(size for size, one in zip(shape, index, strict=True) if one == slice(None))
+    return Located(path, index, (0, 1, 2), sizes, dtype, details={"content": path.name}, quantity=quantity)
 
 
 def _channel(path: Path, count: int, told: dict[str, Any], name: str | None) -> int:
@@ -220,15 +323,14 @@ def count_steps(source: Folder, name: str | None = None) -> int:
     return times[0] if times else 1
 
 
-def _multiscale(path: Path, told: dict[str, Any], name: str | None, step: int | None) -> Volume:
-    """Return the finest scale of an OME-Zarr image that fits into memory (specification 0.4 and 0.5)."""
+def _multiscale(path: Path, told: dict[str, Any], name: str | None, step: int | None, limit: float) -> Located:
+    """Return the finest scale of an OME-Zarr image whose samples take `limit` bytes (specification 0.4 and 0.5)."""
     image = told["multiscales"][0]
     axes = [str(one["name"] if isinstance(one, dict) else one).lower() for one in image["axes"]]
     units = [printable(one.get("unit")) if isinstance(one, dict) else "" for one in image["axes"]]
     levels = image["datasets"]
     if sorted(axes)[-3:] != ["x", "y", "z"] or len(axes) > 5 or len(set(axes)) != len(axes):
         raise unreadable(path, f"axes {', '.join(axes)}", "x, y and z, and at most a time and a channel")
-    limit = _SHARE * _memory.available()
     chosen = None
     level: dict[str, Any] = {}
     for number, level in enumerate(levels):
@@ -238,11 +340,11 @@ def _multiscale(path: Path, told: dict[str, Any], name: str | None, step: int | 
             raise unreadable(place, f"shape {shape}", f"{len(axes)} axes, {', '.join(axes)}")
         size = dtype.itemsize * math.prod(count for count, axis in zip(shape, axes, strict=True) if axis in "xyz")
         if size <= limit or number == len(levels) - 1:
-            chosen = (place, shape, number)
+            chosen = (place, shape, dtype, number)
             break
     if chosen is None:
         raise unreadable(path, "no scale", "at least one")
-    place, shape, number = chosen
+    place, shape, dtype, number = chosen
     index: list[Any] = []
     for axis, count in zip(axes, shape, strict=True):
         if axis in "xyz":
@@ -251,14 +353,17 @@ def _multiscale(path: Path, told: dict[str, Any], name: str | None, step: int | 
             index.append(_channel(path, count, told, name))
         else:
             index.append(chosen_step(path, count, step))
-    values = _read_array(place, tuple(index))
     spatial = [axis for axis in axes if axis in "xyz"]
     steps, start = _transforms(path, axes, level, image)
-    order = [spatial.index(axis) for axis in "zyx"]
+    sizes = dict(zip(axes, shape, strict=True))
     same = {unit for axis, unit in zip(axes, units, strict=True) if axis in "xyz"}
     unit = same.pop() if len(same) == 1 else ""
-    return Volume(
-        values.transpose(order),
+    return Located(
+        place,
+        tuple(index),
+        tuple(spatial.index(axis) for axis in "zyx"),
+        tuple(sizes[axis] for axis in "zyx"),
+        dtype,
         triple("scale", [steps[axis] for axis in "xyz"]),
         triple("translation", [start[axis] for axis in "xyz"]),
         "ome-zarr",
@@ -299,9 +404,14 @@ def read(source: Folder, name: str | None = None, step: int | None = None) -> Vo
     Unsupported
         For codecs that run code, or unpack without a bound.
     """
+    return locate(source, name, step, _SHARE * _memory.available()).volume()
+
+
+def locate(source: Folder, name: str | None = None, step: int | None = None, limit: float = math.inf) -> Located:
+    """Return what `read` reads without its samples; of an OME-Zarr image the finest scale of at most `limit` bytes."""
     root, told = _image(source)
     if told:
-        return _multiscale(root, told, name, step)
+        return _multiscale(root, told, name, step, limit)
     if step is not None:
         raise unreadable(root, option_ref("step") + " for an array", "it for images (OME-Zarr)", option="step")
     if _is_array(root):

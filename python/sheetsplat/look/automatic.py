@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sheetsplat.errors import option_ref
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields.samples import Samples
 from sheetsplat.look.histogram import Look, beyond_pictures, choose_for, scaled_opacity, without_outliers
 from sheetsplat.look.measure import with_values
 from sheetsplat.look.surface import SURFACE_SHARE
@@ -45,8 +46,8 @@ def choose(fields: Sequence[Field]) -> Look:
     """
     field = max(fields, key=lambda one: one.size)
     if isinstance(field, RegularField):
-        _warn_of_extremes(field.values)
-        return choose_for(field.values, decades=field.quantity.floor is not None)
+        _warn_of_extremes(field.samples)
+        return choose_for(field.samples, decades=field.quantity.floor is not None)
     if not isinstance(field, EllipsoidField):
         raise TypeError(f"automatic.choose: {type(field).__name__}")
     solid = _of_solid(field)
@@ -89,7 +90,7 @@ def _of_solid(field: EllipsoidField) -> Look | None:
     return Look((ends[0], ends[1]), tuple(opacity), 0.5 * low, _SOLID[-1][1])
 
 
-def _warn_of_extremes(values: NDArray[Any]) -> None:
+def _warn_of_extremes(values: NDArray[Any] | Samples) -> None:
     if (found := beyond_pictures(values)) is not None:
         worst, low, high = found
         warn(

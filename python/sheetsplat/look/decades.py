@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField
+from sheetsplat.fields.samples import Samples, samples_of
 from sheetsplat.look.histogram import beyond_pictures, choose_for
 from sheetsplat.look.measure import with_values
 from sheetsplat.options.core import COLORED
@@ -65,11 +66,12 @@ def floor_of(field: Field) -> float | None:
     if isinstance(field, EllipsoidField):
         positive = None if field.ghosts or beyond_pictures(field.values) else _positive(field.values)
         return None if positive is None or _decades(positive) < _DECADES else _floor(positive)
-    return floor_of_samples(field.values) if isinstance(field, RegularField) else None
+    return floor_of_samples(field.samples) if isinstance(field, RegularField) else None
 
 
-def floor_of_samples(samples: NDArray[Any]) -> float | None:
+def floor_of_samples(values: NDArray[Any] | Samples) -> float | None:
     """Return what `floor_of` does for the samples of a volume."""
+    samples = samples_of(values)
     # Of a few numbers far beyond all others a warning tells; their decades are nobody's.
     usable = samples.dtype.kind == "f" and beyond_pictures(samples) is None
     positive = _positive(samples) if usable else None
@@ -87,10 +89,15 @@ def _interpolates(field: Field) -> bool:
     return isinstance(field, RegularField) and field.prefilter
 
 
-def _positive(values: NDArray[Any]) -> NDArray[np.float64] | None:
+def stride_of(size: int) -> int:
+    """Return of how many samples one is looked at."""
+    return max(1, size // 1_000_000) | 1
+
+
+def _positive(values: NDArray[Any] | Samples) -> NDArray[np.float64] | None:
     """Return the values above 0; None where there are values below 0, or many of exactly 0."""
-    flat = values.reshape(-1)
-    flat = flat[:: max(1, flat.size // 1_000_000) | 1].astype(np.float64)
+    samples = samples_of(values)
+    flat = samples.every(stride_of(samples.size)).astype(np.float64)
     known = flat[~np.isnan(flat)]
     above = known[known > 0]
     usable = known.size > 1 and known.min() >= 0 and above.size >= (1.0 - _ZEROS) * known.size
@@ -114,7 +121,9 @@ def logarithmic(field: Field, floor: float) -> Field:
 
     shown: Field
     values: Any
-    if isinstance(field, RegularField):
+    if isinstance(field, BrickedField):
+        shown = field.logarithmic(floor)
+    elif isinstance(field, RegularField):
         wide = np.float32 if field.values.dtype.itemsize <= 4 else np.float64
         values = logarithm(field.values.astype(np.float64), field.quantity.name or "the samples", floor)
         # NaN samples stay: their kernels are left out.

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField
 from sheetsplat.look import automatic
+from sheetsplat.look.histogram import stride_of
+from sheetsplat.notices import is_muted, warn
 from sheetsplat.options.core import SCALAR
 from sheetsplat.quality.thin import may_be_thin
 
@@ -42,6 +45,17 @@ def _range_of(field: Field) -> tuple[float, float]:
     # Sums of scattered kernels may be much larger or smaller than their values.
     found = automatic.scalars_in(field)
     return float(found.min(initial=math.inf)), float(found.max(initial=-math.inf))
+
+
+def warn_of_unseen(image: Image, scene: Scene) -> None:
+    """Warn of a picture in which nothing can be seen, or in which all values have one colour."""
+    if is_muted():
+        return
+    if is_empty(image, scene):
+        why = why_empty(scene, image.camera, image.size, hidden=image.plan.has("depth_limit"))
+        warn("nothing can be seen in the picture: " + why)
+    elif outside := why_one_color(image, scene):
+        warn("all values have one colour in the picture: " + outside)
 
 
 def why_empty(
@@ -101,7 +115,7 @@ def _few_seen(scene: Scene, fields: Sequence[Field]) -> str:
     """Return in words that hardly any value of a single field has an opacity, or ""."""
     if len(fields) > 1 or scene.mode != "composite":
         return ""
-    values = fields[0].values.reshape(-1) if isinstance(fields[0], EllipsoidField | RegularField) else np.empty(0)
+    values = _values_of(fields[0])
     values = values[~np.isnan(values)] if values.dtype.kind == "f" else values
     count = sum(
         int((scene.transfer_function.at(part)[..., 3] > 0).sum())
@@ -111,6 +125,13 @@ def _few_seen(scene: Scene, fields: Sequence[Field]) -> str:
         return ""
     low, high = np.percentile(values, (100.0 * _FEW, 100.0 - 100.0 * _FEW)).tolist()
     return f"only {count} of {values.size} values have an opacity; nearly all lie between {low:g} and {high:g}"
+
+
+def _values_of(field: Field) -> NDArray[Any]:
+    """Return the values of a field, (N,), of a volume in bricks some of them."""
+    if isinstance(field, BrickedField):
+        return field.samples.every(stride_of(field.samples.size))
+    return field.values.reshape(-1) if isinstance(field, EllipsoidField | RegularField) else np.empty(0)
 
 
 def why_one_color(image: Image, scene: Scene) -> str:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat.fields.samples import Samples, samples_of
+
 # More samples than this do not change a histogram.
 _ENOUGH = 1_000_000
 _BINS = 512
@@ -66,11 +68,13 @@ def scaled_opacity(look: Look, share: float) -> Look:
     return replace(look, opacity=pairs, top_opacity=scaled(look.top_opacity))
 
 
-def _samples(samples: NDArray[Any]) -> NDArray[np.float64]:
-    flat = samples.reshape(-1)
-    # An odd stride does not sample the same columns of every row.
-    stride = max(1, -(-flat.size // _ENOUGH)) | 1
-    picked: NDArray[np.float64] = flat[::stride].astype(np.float64)
+def stride_of(size: int) -> int:
+    """Return of how many samples one counts in a histogram. An odd stride does not take the same columns of rows."""
+    return max(1, -(-size // _ENOUGH)) | 1
+
+
+def _samples(samples: Samples) -> NDArray[np.float64]:
+    picked: NDArray[np.float64] = samples.every(stride_of(samples.size)).astype(np.float64)
     known: NDArray[np.float64] = picked[~np.isnan(picked)]
     return known
 
@@ -100,7 +104,9 @@ def _inner_range(values: NDArray[np.float64]) -> tuple[float, float] | None:
     return (low, high) if low < high else None
 
 
-def without_outliers(values: NDArray[np.float64], samples: NDArray[Any]) -> NDArray[np.float64]:
+def without_outliers(
+    values: NDArray[np.float64], samples: NDArray[Any] | Samples, scale: float = 1.0
+) -> NDArray[np.float64]:
     """Return values with outliers moved to the nearest of the others.
 
     Outliers are few samples far beyond the range of all others: sensors with a fault, a division by nearly 0. In a
@@ -110,25 +116,28 @@ def without_outliers(values: NDArray[np.float64], samples: NDArray[Any]) -> NDAr
     Parameters
     ----------
     values
-        A subset of the samples without NaN, (N,). Without outliers it is returned as it is.
+        A subset of the samples without NaN, (N,), divided by `scale`. Without outliers it is returned as it is.
     samples
         All of them; with three axes, a volume.
+    scale
+        A power of two.
     """
     inner = _inner_range(values)
     if inner is None:
         return values
     low, high = inner
     reach, most = _APART * (high - low), _RESOLVED * (high - low)
-    if reach < float(values.max()) - high < most and _are_alone(samples, samples > high + reach):
+    known = samples_of(samples)
+    if reach < float(values.max()) - high < most and _are_alone(known, (high + reach) * scale, above=True):
         values = np.minimum(values, high)
-    if reach < low - float(values.min()) < most and _are_alone(samples, samples < low - reach):
+    if reach < low - float(values.min()) < most and _are_alone(known, (low - reach) * scale, above=False):
         values = np.maximum(values, low)
     return values
 
 
-def beyond_pictures(samples: NDArray[Any]) -> tuple[float, float, float] | None:
+def beyond_pictures(samples: NDArray[Any] | Samples) -> tuple[float, float, float] | None:
     """Return the worst of few samples that are so large that no picture resolves the others, and the others' range."""
-    values = _samples(samples)
+    values = _samples(samples_of(samples))
     inner = _inner_range(values)
     if inner is None:
         return None
@@ -137,7 +146,7 @@ def beyond_pictures(samples: NDArray[Any]) -> tuple[float, float, float] | None:
     return (worst, low, high) if abs(worst) > _RESOLVED * (high - low) + max(abs(low), abs(high)) else None
 
 
-def within_pictures(samples: NDArray[Any], values: tuple[float, float]) -> tuple[float, float] | None:
+def within_pictures(samples: Samples, values: tuple[float, float]) -> tuple[float, float] | None:
     """Return the range of samples without those beyond what a picture of the others can resolve; None without such.
 
     Parameters
@@ -147,23 +156,24 @@ def within_pictures(samples: NDArray[Any], values: tuple[float, float]) -> tuple
     values
         The smallest and the largest of them.
     """
-    inner = _inner_range(_samples(samples)) if samples.dtype.kind == "f" or samples.dtype.itemsize > 2 else None
+    wide = samples.dtype.kind == "f" or samples.dtype.itemsize > 2
+    inner = _inner_range(_samples(samples)) if wide else None
     if inner is None:
         return None
     low, high = inner
     most = _RESOLVED * (high - low) + max(abs(low), abs(high))
     if max(abs(values[0]), abs(values[1])) < most:
         return None
-    usual = samples[np.abs(samples) < most]
-    few = usual.size + max(1, round(_OUTLYING * samples.size)) >= samples.size - int(np.isnan(samples).sum())
-    return (float(usual.min()), float(usual.max())) if few else None
+    count, least, largest = samples.within(most)
+    few = count + max(1, round(_OUTLYING * samples.size)) >= samples.size - samples.missing
+    return (least, largest) if few else None
 
 
-def _are_alone(samples: NDArray[Any], marked: NDArray[np.bool_]) -> bool:
-    """Return whether most of the marked samples of a volume have no marked neighbour; True for samples of no volume."""
-    if samples.ndim != 3:
+def _are_alone(samples: Samples, limit: float, *, above: bool) -> bool:
+    """Return whether most samples of a volume beyond a limit have no neighbour there; True for samples of no volume."""
+    if len(samples.shape) != 3:
         return True
-    at = np.flatnonzero(marked)
+    at = samples.beyond(limit, above=above)
     # Steps along the axes; beyond a border they lead to samples that are hardly ever marked.
     steps = (1, samples.shape[2], samples.shape[1] * samples.shape[2])
     beside = np.zeros(at.size, bool)
@@ -172,7 +182,7 @@ def _are_alone(samples: NDArray[Any], marked: NDArray[np.bool_]) -> bool:
     return 2 * int(beside.sum()) <= at.size
 
 
-def choose_for(samples: NDArray[Any], *, decades: bool = False, extremes: bool = False) -> Look:
+def choose_for(samples: NDArray[Any] | Samples, *, decades: bool = False, extremes: bool = False) -> Look:
     """Return limits and opacities for samples.
 
     Parameters
@@ -184,11 +194,12 @@ def choose_for(samples: NDArray[Any], *, decades: bool = False, extremes: bool =
     extremes
         The largest values count although they are few, unless they more than double the range.
     """
-    values = _samples(samples)
+    known = samples_of(samples)
+    values = _samples(known)
     # Differences of the largest numbers must not overflow; scaling by a power of two is exact.
     scale = 4.0 if values.size and float(np.abs(values).max()) > 1e307 else 1.0
     if not decades:
-        values = without_outliers(values / scale, samples / scale if scale > 1.0 else samples) * scale
+        values = without_outliers(values / scale, known, scale) * scale
     look = _choose(values / scale, even=decades, extremes=extremes)
     pairs = tuple((value * scale, opacity) for value, opacity in look.opacity)
     return Look((look.clim[0] * scale, look.clim[1] * scale), pairs, look.surface * scale)

@@ -56,18 +56,24 @@ class Measure:
     reaches: Floats
 
 
-def measure_volumes(fields: Sequence[RegularField]) -> Measure:
-    """Return every n-th sample along each axis, as many as are needed, of the sum of fields on one lattice."""
-    field, values = fields[0], fields[0].values
-    step = max(1, math.ceil((values.size / _MOST) ** (1 / 3)))
-    steps = [min(step, size) for size in values.shape]
-    if field.lattice == "bcc":
+def grid_steps(shape: tuple[int, int, int], lattice: str) -> list[int]:
+    """Return of how many samples along each axis one is looked at."""
+    step = max(1, math.ceil((math.prod(shape) / _MOST) ** (1 / 3)))
+    steps = [min(step, size) for size in shape]
+    if lattice == "bcc":
         # Every second layer is shifted.
         steps[0] |= 1
+    return steps
+
+
+def measure_volumes(fields: Sequence[RegularField]) -> Measure:
+    """Return every n-th sample along each axis, as many as are needed, of the sum of fields on one lattice."""
+    field = fields[0]
+    steps = grid_steps(field.shape, field.lattice)
     picked = np.zeros([])
     for one in fields:
-        picked = picked + one.values[:: steps[0], :: steps[1], :: steps[2]].astype(np.float64)
-    k, j, i = (np.arange(0, size, gap, dtype=np.float64) for size, gap in zip(values.shape, steps, strict=True))
+        picked = picked + one.samples.on_grid(steps).astype(np.float64)
+    k, j, i = (np.arange(0, size, gap, dtype=np.float64) for size, gap in zip(field.shape, steps, strict=True))
     known = picked.reshape(-1)
     at = np.flatnonzero(~np.isnan(known))
     a, b, c = np.unravel_index(at, picked.shape)

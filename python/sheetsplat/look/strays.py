@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import Words, option_ref
-from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField
+from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.look.histogram import within_pictures
 from sheetsplat.notices import warn
@@ -64,6 +65,9 @@ def trimmed(field: Field, trim: Trim) -> Field:
     """Return a field of some data without what a trim leaves out."""
     if not trim:
         return field
+    if isinstance(field, BrickedField):
+        assert trim.limits is not None
+        return field.clipped(trim.limits).with_trim(trim)
     values: NDArray[Any] = field.values if isinstance(field, EllipsoidField | RegularField) else np.empty(0)
     if trim.limits is not None:
         values = np.clip(values, *trim.limits).astype(values.dtype)
@@ -85,17 +89,17 @@ def _within(field: Field, clim: Any) -> Field:
     known = isinstance(field, RegularField) or isinstance(field, EllipsoidField) and not field.ghosts
     if not known or not field.size:
         return field
-    values: NDArray[Any] = field.values  # type: ignore[attr-defined]
-    limits = within_pictures(values, field.value_range)
+    volume = isinstance(field, RegularField)
+    samples: Samples = field.samples if volume else ArraySamples(field.values)  # type: ignore[attr-defined]
+    limits = within_pictures(samples, field.value_range)
     if limits is None or _reaches(clim, limits):
         return field
     low, high = limits
-    wrong = np.flatnonzero((values < low) | (values > high))
+    wrong = np.sort(np.concatenate((samples.beyond(low, above=False), samples.beyond(high, above=True))))
     at: Any = int(wrong[0])
-    worst = float(values.reshape(-1)[at])
-    volume = values.ndim == 3
+    worst = samples.number(at)
     if volume:
-        at = [int(part) for part in np.unravel_index(at, values.shape)]
+        at = [int(part) for part in np.unravel_index(at, samples.shape)]
     advice: Words = "to leave it out, make it NaN with " + option_ref("nan", "skip") + "; " if volume else Words()
     what = "sample" if volume else "kernel"
     warn(

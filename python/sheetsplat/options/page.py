@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from sheetsplat.options.bricks import BrickOptions, ClusterOptions
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, Option, definitions, in_python
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
@@ -45,6 +46,7 @@ GROUPS: tuple[tuple[str, tuple[type, ...]], ...] = (
     ("Files", (FileOptions,)),
     ("Positions of samples", (PlacementOptions,)),
     ("Kernels", (KernelOptions,)),
+    ("Volumes in bricks", (BrickOptions, ClusterOptions)),
     ("Films", (FilmOptions,)),
     ("Turntables", (TurnOptions,)),
 )

@@ -7,6 +7,7 @@ from typing import Annotated, TypedDict
 from numpy.typing import ArrayLike
 
 from sheetsplat.camera import Camera
+from sheetsplat.options.bricks import ClusterOptions
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import COLORED, MODES, CommandLine, Option, definitions
 from sheetsplat.options.data import OpenOptions
@@ -83,7 +84,14 @@ class LookOptions(TransferOptions, SceneOptions, total=False):
 
 
 class RenderOptions(
-    PictureOptions, LookOptions, ObjectOptions, CameraOptions, RendererOptions, OpenOptions, total=False
+    PictureOptions,
+    LookOptions,
+    ObjectOptions,
+    ClusterOptions,
+    CameraOptions,
+    RendererOptions,
+    OpenOptions,
+    total=False,
 ):
     """Every keyword argument of `sheetsplat.render`."""
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat.errors import InvalidInput, OutOfMemory
-from sheetsplat.fields import RegularField
+from sheetsplat.fields import BrickedField, RegularField
+from sheetsplat.fields.samples import Samples
 
 #: Largest noise of samples that are interpolated, of their standard deviation. Coefficients have 8 times the noise of
 #: the samples: with more, slices show again, empty space is not seen to be empty, and frames take 2 to 3 times as long.
@@ -58,16 +57,17 @@ def through_samples(field: RegularField, radius: float, falloff: float) -> Sampl
 
 def _refusal(field: RegularField) -> str:
     """Return why the sums of a volume should not pass through its samples, or ""."""
-    values = field.values
+    samples = field.samples
     if field.normalization == "threshold":
         return "plain sums: they are divided by their weights, and do not pass through samples"
-    if not values.size:
+    if not samples.size:
         return "plain sums: there are no samples"
-    if values.dtype.kind == "f" and field.size < values.size:
+    if samples.dtype.kind == "f" and field.size < samples.size:
         return "plain sums: samples are missing (NaN), and sums cannot pass through those beside them"
-    if _BYTES * values.size > _SHARE * _memory.available():
-        return f"plain sums: the coefficients would take {_BYTES * values.size / 1e6:,.0f} MB"
-    if values.dtype.kind != "f" and _is_of_classes(values):
+    # Of a volume in bricks, coefficients are found brick by brick.
+    if not isinstance(field, BrickedField) and _BYTES * samples.size > _SHARE * _memory.available():
+        return f"plain sums: the coefficients would take {_BYTES * samples.size / 1e6:,.0f} MB"
+    if samples.dtype.kind != "f" and _is_of_classes(samples):
         return f"plain sums: up to {_FEWEST_VALUES} different values are classes, between which there is nothing"
     noise = noise_of(field)
     if noise > LARGEST_NOISE:
@@ -75,10 +75,13 @@ def _refusal(field: RegularField) -> str:
     return ""
 
 
-def _is_of_classes(values: NDArray[Any]) -> bool:
-    # An odd stride does not sample the same columns of every row.
-    stride = max(1, values.size // _ENOUGH) | 1
-    return np.unique(values.reshape(-1)[::stride]).size <= _FEWEST_VALUES
+def stride_of(size: int) -> int:
+    """Return of how many samples one is looked at. An odd stride does not take the same columns of every row."""
+    return max(1, size // _ENOUGH) | 1
+
+
+def _is_of_classes(samples: Samples) -> bool:
+    return np.unique(samples.every(stride_of(samples.size))).size <= _FEWEST_VALUES
 
 
 def noise_of(field: RegularField) -> float:
@@ -88,27 +91,20 @@ def noise_of(field: RegularField) -> float:
     and edges are; of noise that differs from sample to sample they have a known part. (J. Immerkær, Fast noise variance
     estimation, 1996, has the same in two dimensions.)
     """
-    values = field.values
-    # Neighbours on a BCC lattice are two layers apart.
-    apart = 2 if field.lattice == "bcc" else 1
-    nk, nj, ni = values.shape
-    if nk <= 2 * apart or min(nj, ni) <= 2:
-        return 0.0
-    layers = max(1, min(nk - 2 * apart, _ENOUGH // (nj * ni)))
-    starts = np.unique(np.linspace(0, nk - 2 * apart - 1, layers).astype(int))
-    # Differences of the largest numbers must not overflow, nor the squares of the smallest vanish.
     low, high = field.value_range
-    middle, width = 0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low
-    if not width > 0.0:
+    starts, apart = rough_layers(field.shape, field.lattice)
+    if not starts or not 0.5 * high - 0.5 * low > 0.0:
         return 0.0
-    mixed_squares = squares = mean = 0.0
-    for k in starts:
-        around = [(values[k + n * apart].astype(np.float64) - middle) / width for n in range(3)]
-        mixed = around[0] - 2.0 * around[1] + around[2]
-        mixed = mixed[:-2] - 2.0 * mixed[1:-1] + mixed[2:]
-        mixed = mixed[:, :-2] - 2.0 * mixed[:, 1:-1] + mixed[:, 2:]
-        mixed_squares += float(np.mean(mixed**2)) / len(starts)
-        squares += float(np.mean(around[1] ** 2)) / len(starts)
-        mean += float(np.mean(around[1])) / len(starts)
-    variance = squares - mean**2
+    mixed_squares, variance = field.samples.roughness(starts, apart, (low, high))
     return min(1.0, math.sqrt(mixed_squares / _GAIN / variance)) if variance > 0.0 else 0.0
+
+
+def rough_layers(shape: tuple[int, int, int], lattice: str) -> tuple[list[int], int]:
+    """Return the first of three layers where noise is estimated, and how far they are apart; none in thin volumes."""
+    # Neighbours on a BCC lattice are two layers apart.
+    apart = 2 if lattice == "bcc" else 1
+    nk, nj, ni = shape
+    if nk <= 2 * apart or min(nj, ni) <= 2:
+        return [], apart
+    layers = max(1, min(nk - 2 * apart, _ENOUGH // (nj * ni)))
+    return np.unique(np.linspace(0, nk - 2 * apart - 1, layers).astype(int)).tolist(), apart

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds
 from sheetsplat.camera import Camera
-from sheetsplat.fields import RegularField, joined_bounds
+from sheetsplat.fields import BrickedField, RegularField, joined_bounds
 from sheetsplat.look.visible import camera_axes
 from sheetsplat.scene import Scene
 
@@ -52,7 +52,9 @@ class _Rays:
 def can_be_estimated(scene: Scene) -> bool:
     """Return whether the error of a scene's slices is that of the light in a volume."""
     volumes = all(isinstance(one, RegularField) and one.size for one in scene.fields)
-    return volumes and scene.mode == "composite" and len(scene.groups) == 1 and bool(scene.lights)
+    # Of a volume in bricks, values at points would take reading it.
+    in_bricks = any(isinstance(one, BrickedField) for one in scene.fields)
+    return volumes and not in_bricks and scene.mode == "composite" and len(scene.groups) == 1 and bool(scene.lights)
 
 
 def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:

@@ -1,0 +1,549 @@
+"""Pictures in bricks by the workers of a client of dask.distributed.
+
+Nothing passes through the client but plans and pictures. A brick is read by a worker, which keeps it for further views
+(`bricks.resident`) and draws all pictures of it. Where a worker is gone, others take its bricks, and the picture begins
+again. A brick is drawn as soon as the bricks that cover its pixels are done, with the opacity that is in front of it:
+stop and depth are those of a picture in one process, and what an opaque front hides is neither read nor drawn. What
+bricks add is merged on the workers along the k-d tree, so that the bits of a picture do not depend on the workers.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+import uuid
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat._sheetsplat import __version__
+from sheetsplat.bricks.draw import draw_brick, is_hidden
+from sheetsplat.bricks.needs import field_of, may_show
+from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge
+from sheetsplat.bricks.partition import Nested, Partition, leaves
+from sheetsplat.bricks.resident import residents
+from sheetsplat.bricks.sources import BrickSource, box_text
+from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan, merge_surveys, survey_brick
+from sheetsplat.bricks.view import BrickView, Rect
+from sheetsplat.errors import Cancelled, Error, OutOfMemory, Unsupported, complain, missing_package, option_ref
+from sheetsplat.fields import BrickedField
+from sheetsplat.options.renderer import Progress
+from sheetsplat.renderer import Renderer
+
+# Parts that one task merges, at most: fewer tasks, and what they take still fits.
+_MERGED = 8
+# Seconds between two looks at whether all is done, and at how much is.
+_SHORT, _LOOK = 0.005, 0.05
+# Pixels of a cell by which it is known which bricks cover which.
+_CELL = 8
+# Seconds between two looks at which workers there are, and how many may be lost in one picture.
+_WATCH = 0.5
+_PATIENCE = 10.0
+_MOST_LOST = 4
+# Sources that hold more than this are sent to the workers once.
+_LARGE = 1 << 20
+
+
+def _here() -> str:
+    """Return the address of the worker that runs this."""
+    from distributed import get_worker  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+    return str(get_worker().address)
+
+
+@contextmanager
+def _naming(source: BrickSource, partition: Partition, number: int) -> Iterator[None]:
+    """Name worker, brick and file in errors of a brick."""
+    what = f"brick {number} {box_text(_core(partition, number))} of {source.name} cannot be drawn by worker {_here()}"
+    try:
+        yield
+    except Cancelled:
+        raise
+    except Error as error:
+        found = f"{error.what}: {error.found}" if error.found else error.what
+        raise complain(what, found, error.wanted, error.advice, kind=type(error)) from None
+    except MemoryError:
+        raise complain(what, "too little memory", "memory for it", "use smaller bricks", kind=OutOfMemory) from None
+
+
+def _core(partition: Partition, number: int) -> Any:
+    return partition.bricks[number].samples
+
+
+def _is_wanted(_: float) -> bool:
+    """Return whether the task that runs in this thread was not cancelled meanwhile."""
+    from distributed import get_worker
+    from distributed.worker import thread_state  # type: ignore[attr-defined, import-not-found, unused-ignore]
+
+    task = get_worker().state.tasks.get(thread_state.key)
+    return task is not None and task.state != "cancelled"
+
+
+@lru_cache(maxsize=4)
+def _renderer(settings: tuple[tuple[str, Any], ...]) -> Renderer:
+    plain: dict[str, Any] = {name: dict(value) if name == "effects" else value for name, value in settings}
+    return Renderer(**plain)
+
+
+def _key_of(settings: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+    return tuple(
+        (name, tuple(sorted(value.items())) if isinstance(value, Mapping) else value)
+        for name, value in settings.items()
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """What a brick adds to a picture, and what was done for it: reads, bytes read, 1 where it was drawn."""
+
+    part: Partial
+    counts: tuple[int, int, int]
+
+
+def _render_brick(view: BrickView, source: BrickSource, number: int, *before: _Drawn) -> _Drawn:
+    """Draw a brick behind others that cover some of its pixels."""
+    with _naming(source, view.partition, number):
+        in_front = None if view.is_scalar else _in_front(view, number, [one.part for one in before])
+        if in_front is not None and is_hidden(view, number, in_front):
+            return _Drawn(_passed(view, number, in_front), (0, 0, 0))
+        counts = residents().counts
+        reads, count = counts.reads, counts.bytes_read
+        field = field_of(source, view, number)
+        part = draw_brick(view, number, field, _renderer(_key_of(view.settings)), in_front, _is_wanted)
+        return _Drawn(part, (counts.reads - reads, counts.bytes_read - count, 1))
+
+
+def _in_front(view: BrickView, number: int, parts: Sequence[Partial]) -> NDArray[np.float32]:
+    """Return the opacity in front of a brick, (h, w): where several parts cover a pixel the last one has the most."""
+    width, height = view.size
+    found = np.zeros((height, width), np.float32)
+    rect = view.footprint(number)
+    assert rect is not None
+    x0, y0, x1, y1 = rect
+    for part in parts:
+        found[y0:y1, x0:x1] = np.maximum(found[y0:y1, x0:x1], part.opacity(rect))
+    return found
+
+
+def _passed(view: BrickView, number: int, in_front: NDArray[np.float32]) -> Partial:
+    """Return what a hidden brick adds: nothing but the opacity in front of it."""
+    rect = view.footprint(number)
+    assert rect is not None
+    x0, y0, x1, y1 = rect
+    rgba = np.zeros((y1 - y0, x1 - x0, 4), np.float32)
+    rgba[..., 3] = in_front[y0:y1, x0:x1]
+    depth = np.full(rgba.shape[:2], np.inf, np.float32) if "depth" in view.outputs else None
+    return Partial(view.mode, rect, rgba=rgba, depth=depth, is_behind=True)
+
+
+def _merge(view: BrickView, nested: Nested, *parts: _Drawn) -> _Drawn:
+    """Merge parts in pairs; the numbers of `nested` count them."""
+
+    def merged(one: Nested) -> Partial:
+        if isinstance(one, int):
+            return parts[one].part
+        return merge(merged(one[0]), merged(one[1]))
+
+    reads, count, drawn = np.sum([one.counts for one in parts], axis=0).tolist()
+    return _Drawn(merged(nested), (reads, count, drawn))
+
+
+def _finish(view: BrickView, drawn: _Drawn) -> tuple[Finished, tuple[int, int, int]]:
+    return finish(view, drawn.part), drawn.counts
+
+
+def _survey_brick(source: BrickSource, partition: Partition, number: int, plan: SurveyPlan) -> BrickSurvey:
+    with _naming(source, partition, number):
+        core = _core(partition, number)
+        outer = plan.margin(core)
+        return survey_brick(residents().samples(source, core, outer), outer, core, number, plan, source.name)
+
+
+def _merge_surveys(*parts: BrickSurvey) -> BrickSurvey:
+    return merge_surveys(parts)
+
+
+def addresses(client: Any) -> set[str]:
+    """Return the addresses of all workers; OSError where the scheduler is gone."""
+    if client.status != "running":
+        raise OSError(client.status)
+    return set(client.scheduler_info(n_workers=-1).get("workers", {}))
+
+
+class _Cluster:
+    """What the client knows of its workers: which were checked, which has which brick, and what they were sent."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = weakref.ref(client)
+        self._checked: set[str] = set()
+        self._places: dict[tuple[str, int], str] = {}
+        self._sent: dict[str, Any] = {}
+
+    def check(self) -> None:
+        """Raise an error where there is no worker, or one with another version of this package."""
+        client = self._client()
+        assert client is not None
+        with _connected(client):
+            known = addresses(client)
+            if not known:
+                client.wait_for_workers(1, timeout=_PATIENCE)
+                known = addresses(client)
+            new = sorted(known - self._checked)
+            found = client.run(_version, workers=new, on_error="return") if new else {}
+        for address, version in sorted(found.items()):
+            if isinstance(version, OSError):
+                # It ended meanwhile.
+                known.discard(address)
+            elif version != __version__:
+                there = f"{version}" if isinstance(version, str) else f"none that can be used ({version})"
+                raise complain(
+                    "a picture cannot be drawn by these workers",
+                    f"sheetsplat {there} on worker {address}",
+                    f"{__version__}, as here",
+                    "install the same version everywhere",
+                    kind=Unsupported,
+                )
+        if not known:
+            raise complain("a picture cannot be drawn", "no worker that answers", "workers that live", kind=Error)
+        self._checked |= known
+        self.workers = sorted(known)
+
+    def place(self, token: str, number: int) -> str:
+        """Return the worker that a brick is asked of: the same one as before while it is there."""
+        found = self._places.get((token, number))
+        if found not in self.workers:
+            found = self.workers[number % len(self.workers)]
+            self._places[(token, number)] = found
+        return found
+
+    def sent(self, client: Any, source: BrickSource) -> Any:
+        """Return what tasks take for a source: one with large arrays is sent to the workers once."""
+        if source.carried <= _LARGE:
+            return source
+        key = repr(source)
+        if key not in self._sent or self._sent[key].status != "finished":
+            self._sent[key] = client.scatter(source, hash=False)
+        return self._sent[key]
+
+
+# By the identity of the client, which cannot be a key where it is compared by something else.
+_clusters: dict[int, tuple[Any, _Cluster]] = {}
+
+
+def _cluster(client: Any) -> _Cluster:
+    for key in [key for key, (known, _) in _clusters.items() if known() is None]:
+        del _clusters[key]
+    found = _clusters.get(id(client))
+    if found is None or found[0]() is not client:
+        found = (weakref.ref(client), _Cluster(client))
+        _clusters[id(client)] = found
+    return found[1]
+
+
+def _version() -> str:
+    from sheetsplat._sheetsplat import __version__
+
+    return str(__version__)
+
+
+@contextmanager
+def _connected(client: Any) -> Iterator[None]:
+    """Turn errors of the cluster into errors of this package."""
+    try:
+        import distributed
+    except ImportError as error:
+        raise missing_package("a cluster cannot be used", error) from error
+    try:
+        yield
+    except Error:
+        raise
+    except distributed.KilledWorker as error:
+        number = str(error.task).rsplit("-", 1)[-1]
+        raise complain(
+            f"brick {number} cannot be drawn",
+            f"workers that ended while they drew it, the last at {error.last_worker.address}",
+            "workers that live",
+            "give workers more memory, or use smaller bricks",
+            kind=Error,
+        ) from None
+    except (OSError, TimeoutError, distributed.CancelledError) as error:
+        if client.status in ("running", "connecting") and not isinstance(error, OSError | distributed.CancelledError):
+            found = "no worker that answers"
+        else:
+            found = f"a connection that was lost ({client.status})"
+        address = getattr(getattr(client, "scheduler", None), "address", "")
+        raise complain(
+            f"the scheduler {address} cannot be used", found, "a scheduler that runs, with workers", kind=Error
+        ) from error
+
+
+class Pending:
+    """A result that workers are busy with.
+
+    Parameters
+    ----------
+    client
+        Of the cluster.
+    what
+        Its name, for messages.
+    submit
+        Submits all tasks to workers that are there, and returns their futures, the result last.
+    convert
+        Makes the result of what the last future gives.
+    """
+
+    def __init__(
+        self, client: Any, what: str, submit: Callable[[_Cluster], list[Any]], convert: Callable[[Any], Any]
+    ) -> None:
+        self._client, self._what, self._submit, self._convert = client, what, submit, convert
+        self._tasks: list[Any] = []
+        self._lost: list[str] = []
+        self._told = 0.0
+        self._begin()
+
+    def _begin(self) -> None:
+        cluster = _cluster(self._client)
+        cluster.check()
+        self._workers = set(cluster.workers)
+        with _connected(self._client):
+            self._tasks = self._submit(cluster)
+        self._watched = time.monotonic()
+
+    def result(self, progress: Progress | None = None) -> Any:
+        """Return the result; where `progress` returns False, or Ctrl-C is pressed, all tasks are cancelled.
+
+        Raises
+        ------
+        Cancelled
+            Where `progress` returned False.
+        Error
+            What the tasks raise, and where the scheduler or the workers are gone.
+        """
+        try:
+            while True:
+                with _connected(self._client):
+                    while not self._tasks[-1].done() and self._all_there():
+                        self._tell(progress)
+                        time.sleep(_SHORT)
+                    if self._tasks[-1].status in ("finished", "error"):
+                        found = self._convert(self._tasks[-1].result())
+                        break
+                self._again()
+            if progress is not None:
+                progress(1.0)
+            return found
+        finally:
+            self.cancel()
+
+    def _all_there(self) -> bool:
+        """Return whether all workers that have tasks are there; looks now and then."""
+        if time.monotonic() - self._watched > _WATCH:
+            self._watched = time.monotonic()
+            gone = sorted(self._workers - addresses(self._client))
+            self._lost += gone
+            return not gone
+        return True
+
+    def _again(self) -> None:
+        """Begin again with the workers that are left; what they keep is not read again."""
+        with _connected(self._client):
+            # A worker that restarts has a new address. Without one that is gone, its data alone were lost.
+            gone = self._workers - addresses(self._client)
+            self._lost += sorted(gone - set(self._lost)) or ["unknown"] * (not gone)
+        if len(self._lost) > _MOST_LOST:
+            raise complain(
+                f"{self._what} cannot be drawn",
+                f"{len(self._lost)} workers that ended meanwhile, the last at {self._lost[-1]}",
+                "workers that live",
+                "give workers more memory, or use smaller bricks",
+                kind=Error,
+            )
+        self.cancel()
+        self._begin()
+
+    def _tell(self, progress: Progress | None) -> None:
+        if progress is None or time.monotonic() - self._told < _LOOK:
+            return
+        self._told = time.monotonic()
+        done = sum(one.status == "finished" for one in self._tasks)
+        if progress(done / max(len(self._tasks), 1)) is False:
+            raise complain("the picture was given up", option_ref("progress") + " returned False", kind=Cancelled)
+
+    def cancel(self) -> None:
+        """Give up what is not done; workers stop within a slice. What is done is forgotten."""
+        # Client.cancel would fail for tasks between these, of which no future is kept.
+        for one in self._tasks:
+            one.release()
+        self._tasks = []
+
+
+def survey(client: Any, source: BrickSource, partition: Partition, plan: SurveyPlan) -> BrickSurvey:
+    """Return what is known of all samples: each brick is read by the worker that will draw it.
+
+    Raises
+    ------
+    Error
+        What reading raises, with worker, brick and file; and where the workers cannot be used.
+    """
+
+    def submit(cluster: _Cluster) -> list[Any]:
+        run = uuid.uuid4().hex
+        sent, whole = cluster.sent(client, source), client.submit(_same, (partition, plan), key=f"plan-{run}")
+        tasks = [
+            client.submit(
+                _survey_of,
+                sent,
+                whole,
+                number,
+                key=f"survey-brick-{run}-{number}",
+                workers=[cluster.place(source.token, number)],
+            )
+            for number in range(len(partition))
+        ]
+        level, names = list(tasks), itertools.count()
+        while len(level) > 1:
+            level = [
+                client.submit(_merge_surveys, *level[at : at + _MERGED], key=f"merge-surveys-{run}-{next(names)}")
+                for at in range(0, len(level), _MERGED)
+            ]
+        return [*tasks, level[0]]
+
+    found: BrickSurvey = Pending(client, source.name, submit, lambda one: one).result()
+    return found
+
+
+def _same(value: Any) -> Any:
+    """Return a value: as a task, whose result is made again where a worker takes it along."""
+    return value
+
+
+def _survey_of(source: BrickSource, whole: tuple[Partition, SurveyPlan], number: int) -> BrickSurvey:
+    return _survey_brick(source, whole[0], number, whole[1])
+
+
+def begin(client: Any, field: BrickedField, view: BrickView) -> Pending:
+    """Let the workers of a client begin a picture. Its result is a `Finished` picture, and figures.
+
+    Raises
+    ------
+    Unsupported
+        For workers with another version of this package.
+    Error
+        Where there is no worker, or the scheduler is gone.
+    """
+    source: BrickSource = field.source  # type: ignore[assignment]
+    shown = [number for number in view.order() if may_show(field, view, number)]
+    behind = {} if view.is_scalar else covering(view, shown)
+    tree = _without(view.nested(), set(shown))
+
+    def submit(cluster: _Cluster) -> list[Any]:
+        run, names = uuid.uuid4().hex, itertools.count()
+        sent, plan = cluster.sent(client, source), client.submit(_same, view, key=f"plan-{run}")
+        if tree is None:
+            return [client.submit(_blank, plan, key=f"merge-{run}")]
+        drawn: dict[int, Any] = {}
+        for number in shown:
+            drawn[number] = client.submit(
+                _render_brick,
+                plan,
+                sent,
+                number,
+                *(drawn[one] for one in behind.get(number, ())),
+                key=f"render-brick-{run}-{number}",
+                workers=[cluster.place(source.token, number)],
+            )
+
+        def merged(nested: Nested, parts: Sequence[Any]) -> Any:
+            return client.submit(_merge, plan, nested, *parts, key=f"merge-{run}-{next(names)}")
+
+        last = client.submit(_finish, plan, _submitted(tree, drawn, merged), key=f"merge-{run}-{next(names)}")
+        return [*drawn.values(), last]
+
+    def convert(found: tuple[Finished, tuple[int, int, int]]) -> tuple[Finished, dict[str, float]]:
+        finished, (reads, count, done) = found
+        return finished, {
+            "bricks": float(len(view.partition)),
+            "workers": float(len(_cluster(client).workers)),
+            "bricks_drawn": float(done),
+            "bricks_read": float(reads),
+            "bytes_read": float(count),
+        }
+
+    return Pending(client, source.name, submit, convert)
+
+
+def _blank(view: BrickView) -> tuple[Finished, tuple[int, int, int]]:
+    return finish(view, empty(view)), (0, 0, 0)
+
+
+def _without(nested: Nested, shown: set[int]) -> Nested | None:
+    """Return pairs of pairs without the bricks that are not drawn."""
+    if isinstance(nested, int):
+        return nested if nested in shown else None
+    front, back = _without(nested[0], shown), _without(nested[1], shown)
+    if front is None or back is None:
+        return front if back is None else back
+    return front, back
+
+
+def _submitted(nested: Nested, drawn: Mapping[int, Any], submit: Callable[[Nested, Sequence[Any]], Any]) -> Any:
+    """Return the future of all parts merged, a few at a time."""
+    numbers = leaves(nested)
+    if len(numbers) == 1:
+        return drawn[numbers[0]]
+    if len(numbers) <= _MERGED:
+        places = {number: place for place, number in enumerate(numbers)}
+        return submit(_renumbered(nested, places), [drawn[number] for number in numbers])
+    assert not isinstance(nested, int)
+    return submit((0, 1), [_submitted(one, drawn, submit) for one in nested])
+
+
+def _renumbered(nested: Nested, places: Mapping[int, int]) -> Nested:
+    if isinstance(nested, int):
+        return places[nested]
+    return _renumbered(nested[0], places), _renumbered(nested[1], places)
+
+
+def covering(view: BrickView, numbers: Sequence[int]) -> dict[int, list[int]]:
+    """Return for each brick those in front of it that tell all the opacity there.
+
+    Of the bricks in front that cover a pixel the last one is enough: it was drawn behind the others.
+
+    Parameters
+    ----------
+    view
+        The picture.
+    numbers
+        The bricks that are drawn, from front to back.
+    """
+    done: list[tuple[int, Rect]] = []
+    found: dict[int, list[int]] = {}
+    for number in numbers:
+        rect = view.footprint(number)
+        assert rect is not None
+        x0, y0, x1, y1 = rect
+        # Cells of the rectangle that no brick is known to cover; the first and the last ones may be narrower.
+        columns = np.append(np.arange(x0, x1, _CELL), x1)
+        rows = np.append(np.arange(y0, y1, _CELL), y1)
+        left = np.ones((len(rows) - 1, len(columns) - 1), bool)
+        needed = []
+        for other, (a, b, c, d) in reversed(done):
+            touched_x = (columns[:-1] < c) & (columns[1:] > a)
+            touched_y = (rows[:-1] < d) & (rows[1:] > b)
+            if not left[np.ix_(touched_y, touched_x)].any():
+                continue
+            needed.append(other)
+            inside_x = (columns[:-1] >= a) & (columns[1:] <= c)
+            inside_y = (rows[:-1] >= b) & (rows[1:] <= d)
+            left[np.ix_(inside_y, inside_x)] = False
+            if not left.any():
+                break
+        found[number] = needed
+        done.append((number, rect))
+    return found

@@ -1,0 +1,136 @@
+"""What a picture of a scene needs of the bricks of its field."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from sheetsplat.bricks.lattice import LatticeSpec
+from sheetsplat.bricks.partition import Partition, partition_lattice
+from sheetsplat.bricks.resident import residents
+from sheetsplat.bricks.sources import BrickSource
+from sheetsplat.bricks.view import BrickView
+from sheetsplat.bricks.whole import Whole
+from sheetsplat.camera import Camera
+from sheetsplat.errors import Unsupported, complain
+from sheetsplat.fields import BrickedField, Field
+from sheetsplat.limits import Depths
+from sheetsplat.plan import RenderPlan
+from sheetsplat.renderer import Renderer
+from sheetsplat.scene import Scene
+
+# Coefficients of a prefilter exceed the samples at most so many times more than its condition says.
+_LARGER = 1.05
+
+
+def bricked_field(scene: Scene) -> BrickedField | None:
+    """Return the field of a scene where it is in bricks, None for other scenes; Unsupported where there are others."""
+    found = [one for one in scene.fields if isinstance(one, BrickedField)]
+    if not found:
+        return None
+    if len(scene.fields) > 1:
+        raise complain(
+            "a picture cannot be drawn in bricks",
+            f"{len(scene.fields)} fields",
+            "one",
+            "draw them one by one",
+            kind=Unsupported,
+        )
+    return found[0]
+
+
+@lru_cache(maxsize=16)
+def _partition(lattice: LatticeSpec, brick: int) -> Partition:
+    return partition_lattice(lattice, brick)
+
+
+def one_backend(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings of a renderer with one backend for all processes, whatever devices they have."""
+    backend = "cpu" if settings["backend"] == "auto" else settings["backend"]
+    return {**settings, "backend": backend}
+
+
+def view_of(
+    field: BrickedField,
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    outputs: tuple[str, ...],
+    depth_limit: Depths | None,
+    settings: Mapping[str, Any],
+) -> BrickView:
+    """Return what a picture needs of each brick of the field of a scene.
+
+    Raises
+    ------
+    Unsupported
+        For effects that cannot be drawn in bricks, before anything is read.
+    """
+    lattice = LatticeSpec.of(field)
+    whole = Whole.of_lattice(lattice, _factors(field, field.value_range), field.centre_bounds)
+    return BrickView.of(
+        _partition(lattice, field.brick),
+        whole,
+        scene.transfer_function,
+        scene.options,
+        camera,
+        size,
+        outputs,
+        depth_limit,
+        one_backend(settings),
+        lattice,
+    )
+
+
+def _factors(field: BrickedField, values: tuple[float, float]) -> tuple[float, float]:
+    """Return bounds of the factors of kernels by those of the samples."""
+    low, high = values
+    amplified = field.prefilter_condition
+    if amplified is None or low == high:
+        return low, high
+    middle, half = 0.5 * low + 0.5 * high, _LARGER * amplified * (0.5 * high - 0.5 * low)
+    return middle - half, middle + half
+
+
+def may_show(field: BrickedField, view: BrickView, number: int) -> bool:
+    """Return whether a brick can add anything to a picture, by the ranges of all samples that it depends on."""
+    if view.footprint(number) is None:
+        return False
+    assert view.lattice is not None
+    needed = np.asarray(view.lattice.to_read(view.samples(number)))
+    cores = field.survey.cores
+    near = ((cores[:, :, 0] < needed[:, 1]) & (cores[:, :, 1] > needed[:, 0])).all(axis=1)
+    ranges = field.survey.ranges[near]
+    if np.isnan(ranges).all():
+        return view.may_show((0.0, 0.0))
+    values = float(np.nanmin(ranges[:, 0])), float(np.nanmax(ranges[:, 1]))
+    return view.may_show(_factors(field, values))
+
+
+def field_of(source: BrickSource, view: BrickView, number: int) -> Field:
+    """Return the field of a brick for a picture; its samples stay in this process while they fit."""
+    lattice, core = view.lattice, view.partition.bricks[number].samples
+    assert lattice is not None and core is not None
+    box, values = view.samples(number), view.whole.value_range
+    made: Field = residents().made(
+        source, core, lattice.to_read(box), (lattice, box, values), lambda samples: lattice.field(samples, box, values)
+    )
+    return made
+
+
+def plan_of(field: BrickedField, scene: Scene, view: BrickView) -> RenderPlan:
+    """Return the plan of every brick's picture: effects, slices and the backend; memory and device are one brick's."""
+    native = scene.native
+    if view.depth_limit is not None:
+        native = native.with_depth_limit(view.depth_limit)
+    everywhere = ((-np.inf,) * 3, (np.inf,) * 3)
+    native = native.with_part(
+        cell=everywhere, centres=view.whole.centres, depths=view.whole.depths(view.camera), in_front=None
+    )
+    also = {name: name in view.outputs for name in ("coverage", "depth")}
+    renderer = Renderer(**view.settings)
+    plan = renderer.native.plan(scene=native, camera=view.camera.native, size=view.size, **also)
+    return RenderPlan.of_native(plan, scene.notes, scene.quality)

@@ -1,0 +1,145 @@
+"""`open_bricks`: a volume whose samples stay where they are until a picture asks for them, brick by brick."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from typing import Any, Unpack
+
+import numpy as np
+
+from sheetsplat._checks import shown, whole
+from sheetsplat.bricks.lattice import PREFILTER_MARGIN, LatticeSpec
+from sheetsplat.bricks.partition import Partition, partition_lattice
+from sheetsplat.bricks.resident import residents
+from sheetsplat.bricks.sources import BrickSource, open_source
+from sheetsplat.bricks.statistics import BrickSurvey, Survey, SurveyPlan, merge_surveys, survey_brick
+from sheetsplat.errors import complain, option_ref, option_refs
+from sheetsplat.fields import BrickedField
+from sheetsplat.fields.regular import narrowest
+from sheetsplat.io.kernels import log_base
+from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of
+from sheetsplat.options.core import check_names, definitions, documented
+from sheetsplat.options.data import KernelOptions, PlacementOptions
+from sheetsplat.quality.choose import Choice
+
+_log = logging.getLogger("sheetsplat")
+
+# Samples around a brick that most pictures need: the reach of kernels, and two slices.
+_AROUND = 6
+_READING = ("shape", "dtype", "offset", "name", "scalar", "step")
+# Options of scattered data, and one that needs all samples at once.
+_REFUSED = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "resample")
+
+
+@documented(OpenBricksOptions, chooses=True)
+def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> BrickedField:
+    """Return a volume that is drawn brick by brick: by this process, or by all workers of a cluster.
+
+    Each brick is read once now, by the process that draws it, for the range and the histogram of all samples, and
+    stays there while it fits. `sheetsplat.render` then makes the picture that it makes of the same volume in memory.
+
+    Parameters
+    ----------
+    path_or_array
+        A file of raw samples (with `shape` and `dtype`), .npy, HDF5 (FILE:/dataset), NetCDF, a folder of Zarr or
+        OME-Zarr (FOLDER:/array); a URL of raw samples that fsspec reads; or an array [k, j, i] of NumPy, dask, Zarr,
+        h5py or xarray. All workers must be able to read a file by the same path.
+    **options
+        Those of OpenBricksOptions.
+
+    Raises
+    ------
+    InvalidInput
+        For damaged files, infinite samples, NaN unless they are skipped, and options that do not apply.
+    Unsupported
+        For formats of which no part can be read, and for workers with another version of this package.
+    OutOfMemory
+        Where a brick does not fit.
+    Error
+        Where the file cannot be read.
+
+    Examples
+    --------
+    >>> bricked = ss.open_bricks(values, brick=16)
+    >>> image = ss.render(bricked, size=(40, 30))
+    >>> image.size
+    (40, 30)
+    """
+    check_names("open_bricks", options, OpenBricksOptions)
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+    brick = edge_of("open_bricks: brick", given.pop("brick", definitions(OpenBricksOptions)["brick"].default))
+    client = cluster_of("open_bricks: client", given.pop("client", None))
+    given = {name: value for name, value in given.items() if value or name not in ("log", "offset", "resample")}
+    if wrong := [name for name in _REFUSED if name in given]:
+        raise complain(
+            "open_bricks: these options cannot be used",
+            option_refs(wrong),
+            "those of volumes that are read in parts",
+            "leave them out, or open the data with sheetsplat.open",
+            option=wrong[0] if len(wrong) == 1 else None,
+        )
+    if "offset" in given:
+        given["offset"] = whole("open_bricks: offset", given["offset"])
+    source = open_source(path_or_array, {name: given[name] for name in _READING if name in given})
+    field = _field(source, brick, client, given)
+    choice = Choice("open_bricks", {name: value for name, value in options.items() if name not in ("brick", "client")})
+    made = choice.kernel(field, made=False)
+    for setting in choice.quality.settings:
+        _log.info("quality %s: %s", choice.name, setting)
+    return made.opened_with({name: value for name, value in given.items() if name != "quality"})
+
+
+def _field(source: BrickSource, brick: int, client: Any, given: Mapping[str, Any]) -> BrickedField:
+    """Return the field with the kernels that were given, or plain ones."""
+    names = (*definitions(PlacementOptions), *definitions(KernelOptions))
+    placed: dict[str, Any] = {"spacing": source.spacing, "origin": source.origin}
+    placed |= {name: given[name] for name in names if name in given}
+    lattice = placed.get("lattice", "cartesian")
+    if lattice not in ("cartesian", "bcc"):
+        raise complain(
+            "open_bricks: lattice cannot be used", shown(lattice), "one of: cartesian, bcc", option="lattice"
+        )
+    partition = partition_lattice(LatticeSpec(source.shape, lattice=lattice), brick)
+    # A quality may choose a prefilter by what is found.
+    filtered = given.get("prefilter", given.get("quality") != "draft" and "normalization" not in given)
+    plan = SurveyPlan.of(source.shape, lattice, _AROUND + (PREFILTER_MARGIN if filtered else 0))
+    if client is None:
+        found = merge_surveys([survey_of(source, partition, number, plan) for number in range(len(partition))])
+    else:
+        from sheetsplat.bricks.cluster import survey
+
+        found = survey(client, source, partition, plan)
+    cores = [one.samples for one in partition.bricks if one.samples is not None]
+    known = Survey.of(source, found, cores, plan)
+    if known.missing and given.get("nan", "error") == "error":
+        raise complain(
+            f"{source.name} cannot be drawn",
+            f"{known.missing} of {known.size} samples are NaN",
+            "numbers",
+            "pass " + option_ref("nan", "skip") + " to leave their kernels out",
+            option="nan",
+        )
+    shown_source = source
+    if source.kept is None:
+        low, high = known.value_range
+        shown_source = shown_source.replace(kept=narrowest(int(low), int(high)))
+    if "log" in given:
+        low = known.value_range[0]
+        floor = log_base(np.asarray([low]), source.name, given["log"])
+        told = source.quantity
+        shown_source = shown_source.replace(
+            floor=floor, quantity=type(told)(told.name, told.unit, told.length_unit, floor)
+        )
+    if shown_source is not source:
+        known = known.shown_by(shown_source)
+    return BrickedField(shown_source, known, brick, **placed)
+
+
+def survey_of(source: BrickSource, partition: Partition, number: int, plan: SurveyPlan) -> BrickSurvey:
+    """Return what is known of one brick, whose samples stay in this process where they fit."""
+    core = partition.bricks[number].samples
+    assert core is not None
+    outer = plan.margin(core)
+    values = residents().samples(source, core, outer)
+    return survey_brick(values, outer, core, number, plan, source.name)

@@ -1,0 +1,161 @@
+"""Pictures of scenes whose field is in bricks: drawn in this process, or by the workers of a client."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from sheetsplat.bricks.draw import render_bricks
+from sheetsplat.bricks.needs import bricked_field, field_of, may_show, plan_of, view_of
+from sheetsplat.bricks.partial import Finished
+from sheetsplat.bricks.resident import residents
+from sheetsplat.bricks.view import BrickView
+from sheetsplat.camera import Camera
+from sheetsplat.fields import BrickedField, Field
+from sheetsplat.image import Image, image_of
+from sheetsplat.limits import Depths, checked_depths
+from sheetsplat.look.empty import warn_of_unseen
+from sheetsplat.options.renderer import Progress
+from sheetsplat.plan import RenderPlan
+from sheetsplat.recipe import Recipe
+from sheetsplat.scene import Scene
+
+_log = logging.getLogger("sheetsplat")
+
+
+class Begun:
+    """A picture in bricks that the workers of a client have begun.
+
+    Raises
+    ------
+    Unsupported
+        For several fields, effects that cannot be drawn in bricks, and workers with another version of this package.
+    """
+
+    def __init__(
+        self,
+        client: Any,
+        settings: Mapping[str, Any],
+        scene: Scene,
+        camera: Camera,
+        size: tuple[int, int],
+        outputs: tuple[str, ...] = (),
+        depth_limit: Depths | None = None,
+    ) -> None:
+        from sheetsplat.bricks.cluster import begin
+
+        self._began, self._scene = time.perf_counter(), scene
+        field = bricked_field(scene)
+        assert field is not None
+        self._view = view_of(field, scene, camera, size, outputs, depth_limit, settings)
+        self._plan = plan_of(field, scene, self._view)
+        self._pending = begin(client, field, self._view)
+
+    def result(self, progress: Progress | None = None) -> Image:
+        """Return the picture; raises what reading and drawing a brick raises."""
+        finished, stats = self._pending.result(progress)
+        stats |= {"total": time.perf_counter() - self._began}
+        return finished_image(self._scene, self._view, self._plan, finished, stats)
+
+    def cancel(self) -> None:
+        """Give it up."""
+        self._pending.cancel()
+
+
+def draw(
+    settings: Mapping[str, Any],
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    outputs: Sequence[str] = (),
+    progress: Progress | None = None,
+    *,
+    depth_limit: ArrayLike | None = None,
+    client: Any = None,
+) -> Image:
+    """Return the picture of a scene whose field is in bricks.
+
+    Parameters
+    ----------
+    settings
+        Options of the renderer.
+    scene, camera, size, outputs, progress, depth_limit
+        As for `Renderer.render`.
+    client
+        Its workers draw; None: this process draws brick after brick.
+
+    Raises
+    ------
+    Unsupported
+        For several fields, effects that cannot be drawn in bricks, and workers with another version of this package.
+    Cancelled
+        Where `progress` returned False.
+    Error
+        What reading and drawing a brick raises.
+    """
+    limit = checked_depths(depth_limit, camera, size)
+    if client is not None:
+        image = Begun(client, settings, scene, camera, size, tuple(outputs), limit).result(progress)
+    else:
+        began = time.perf_counter()
+        field = bricked_field(scene)
+        assert field is not None
+        view = view_of(field, scene, camera, size, tuple(outputs), limit, settings)
+        plan = plan_of(field, scene, view)
+        finished, stats = _draw_here(field, view, progress)
+        image = finished_image(scene, view, plan, finished, stats | {"total": time.perf_counter() - began})
+    warn_of_unseen(image, scene)
+    return image
+
+
+def _draw_here(field: BrickedField, view: BrickView, progress: Progress | None) -> tuple[Finished, dict[str, float]]:
+    before = residents().counts
+    reads, bytes_read = before.reads, before.bytes_read
+    drawn = 0
+
+    def made(number: int) -> Field | None:
+        nonlocal drawn
+        if not may_show(field, view, number):
+            return None
+        drawn += 1
+        return field_of(field.source, view, number)  # type: ignore[arg-type]
+
+    finished = render_bricks(view, made, None, progress)
+    counts = residents().counts
+    return finished, {
+        "bricks": float(len(view.partition)),
+        "bricks_drawn": float(drawn),
+        "bricks_read": float(counts.reads - reads),
+        "bytes_read": float(counts.bytes_read - bytes_read),
+    }
+
+
+def finished_image(
+    scene: Scene,
+    view: BrickView,
+    plan: RenderPlan,
+    finished: Finished,
+    stats: dict[str, float],
+) -> Image:
+    """Return a picture that was drawn in bricks, with how it was made."""
+    width, height = view.size
+    _log.info(
+        "rendered %d x %d in %.0f of %.0f bricks, %.0f read", width, height, stats["bricks_drawn"], stats["bricks"],
+        stats["bricks_read"],
+    )  # fmt: skip
+    recipe = Recipe.of(scene, view.camera, view.size, view.settings)
+    return image_of(
+        recipe,
+        plan,
+        stats,
+        rgba=finished.rgba,
+        scalar=finished.scalar,
+        coverage=finished.coverage,
+        depth=finished.depth,
+        depth_limit=view.depth_limit,
+        scene=scene,
+    )

@@ -1,0 +1,186 @@
+"""The bricks that a process keeps: what was read once stays while it fits, the least used goes first."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat import _memory
+from sheetsplat.bricks.lattice import Box
+from sheetsplat.bricks.sources import BrickSource
+from sheetsplat.fields import RegularField
+
+# Of the memory of a process, the share that bricks take; drawing them takes about as much again.
+_SHARE = 0.4
+
+
+@dataclass
+class Counts:
+    """What a process did with bricks since it began.
+
+    Attributes
+    ----------
+    reads, bytes_read
+        How often samples were read from where they are, and how much.
+    hits
+        How often they were here.
+    dropped
+        How many bricks had to go.
+    """
+
+    reads: int = 0
+    bytes_read: int = 0
+    hits: int = 0
+    dropped: int = 0
+
+
+@dataclass
+class _Entry:
+    """Samples around a brick, and the field of them.
+
+    A field without coefficients keeps samples of its own: these are the entry's then.
+    """
+
+    outer: Box
+    values: NDArray[Any]
+    made: RegularField | None = None
+    key: Any = None
+
+    @property
+    def size(self) -> int:
+        if self.made is None:
+            return self.values.nbytes
+        return self.made.memory + (self.values.nbytes if self.made.prefilter else 0)
+
+
+class Residents:
+    """Samples of bricks, and the fields made of them, within a budget of memory.
+
+    Threads may share it: one reads at a time.
+
+    Parameters
+    ----------
+    budget
+        Bytes. A brick that is larger is not kept.
+    """
+
+    def __init__(self, budget: int) -> None:
+        self.budget = budget
+        self.counts = Counts()
+        self._entries: OrderedDict[Any, _Entry] = OrderedDict()
+        self._lock = threading.RLock()
+
+    @property
+    def size(self) -> int:
+        """Bytes that are kept."""
+        with self._lock:
+            return sum(one.size for one in self._entries.values())
+
+    def samples(self, source: BrickSource, core: Box, wanted: Box) -> NDArray[Any]:
+        """Return samples of a box around a brick; they are read where they are not here.
+
+        Parameters
+        ----------
+        source
+            The volume.
+        core
+            The brick.
+        wanted
+            The box, which holds the brick.
+
+        Raises
+        ------
+        Error
+            What `BrickSource.read` raises.
+        """
+        with self._lock:
+            return _cut(self._entry(source, core, wanted), wanted)
+
+    def made(
+        self, source: BrickSource, core: Box, wanted: Box, key: Any, make: Callable[[NDArray[Any]], RegularField]
+    ) -> RegularField:
+        """Return the field that a function makes of the samples of a box: once with the same key, while it fits."""
+        with self._lock:
+            entry = self._entry(source, core, wanted)
+            if entry.made is None or entry.key != (wanted, key):
+                entry.made = None
+                found = make(_cut(entry, wanted))
+                entry.made, entry.key = found, (wanted, key)
+                if not found.prefilter:
+                    entry.outer, entry.values = wanted, found.values
+                self._fit()
+                return found
+            return entry.made
+
+    def _entry(self, source: BrickSource, core: Box, wanted: Box) -> _Entry:
+        key = (source.key, core)
+        entry = self._entries.get(key)
+        if entry is not None and _holds(entry.outer, wanted):
+            self._entries.move_to_end(key)
+            self.counts.hits += 1
+            return entry
+        outer = wanted if entry is None else _around(entry.outer, wanted)
+        self._entries.pop(key, None)
+        entry = _Entry(outer, source.read(outer))
+        self.counts.reads += 1
+        self.counts.bytes_read += entry.values.nbytes
+        self._entries[key] = entry
+        self._fit()
+        return entry
+
+    def _fit(self) -> None:
+        """Drop the least used bricks until the others fit."""
+        size = sum(one.size for one in self._entries.values())
+        while self._entries and size > self.budget:
+            _, gone = self._entries.popitem(last=False)
+            size -= gone.size
+            self.counts.dropped += 1
+
+    def clear(self) -> None:
+        """Drop everything."""
+        with self._lock:
+            self._entries.clear()
+
+
+def _holds(outer: Box, inner: Box) -> bool:
+    return all(a <= c and d <= b for (a, b), (c, d) in zip(outer, inner, strict=True))
+
+
+def _around(first: Box, second: Box) -> Box:
+    k, j, i = ((min(a, c), max(b, d)) for (a, b), (c, d) in zip(first, second, strict=True))
+    return k, j, i
+
+
+def _cut(entry: _Entry, wanted: Box) -> NDArray[Any]:
+    if wanted == entry.outer:
+        return entry.values
+    cut = tuple(slice(a - o, b - o) for (a, b), (o, _) in zip(wanted, entry.outer, strict=True))
+    return np.ascontiguousarray(entry.values[cut])
+
+
+_here: list[Residents] = []
+
+
+def residents() -> Residents:
+    """Return the bricks of this process, made at the first call with a share of the memory there is."""
+    if not _here:
+        _here.append(Residents(int(_SHARE * memory_limit())))
+    return _here[0]
+
+
+def memory_limit() -> int:
+    """Return how much memory this process may have: as a worker of dask what it was given."""
+    try:
+        from distributed import get_worker  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+        limit = get_worker().memory_manager.memory_limit
+    except (ImportError, ValueError, AttributeError):
+        limit = None
+    there = _memory.available()
+    return there if not limit else min(int(limit), there)

@@ -1,0 +1,605 @@
+"""Where the samples of bricks come from: volumes that any process with the same files reads box by box.
+
+Nothing of a volume is read before a box of it is asked for. What the readers of whole files check (links out of the
+file, sizes, codecs that run code) is checked here by the same functions.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import math
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat import _memory
+from sheetsplat._checks import Triple, shown
+from sheetsplat._objects import kind_of_object
+from sheetsplat.bricks.lattice import Box
+from sheetsplat.errors import Error, OutOfMemory, Unsupported, complain, missing_package, option_ref
+from sheetsplat.fields.regular import as_samples, kept_type
+from sheetsplat.io.kernels import logarithm
+from sheetsplat.io.lazy_arrays import check_volume
+from sheetsplat.io.records import Volume
+from sheetsplat.io.source import Folder, Source, guarded, opened
+from sheetsplat.orientation import Orientation
+from sheetsplat.quantity import Quantity
+
+Shape = tuple[int, int, int]
+#: Formats of files of which a part can be read.
+FORMATS = "raw samples (with shape and dtype), .npy, HDF5, NetCDF, Zarr and OME-Zarr"
+# Axes with fewer samples than a box may be are no reason to read more than this many bytes of a remote file at once.
+_ROW_BYTES = 1 << 26
+
+
+def box_text(box: Box) -> str:
+    """Return a box for messages: "[0:64, 0:64, 64:128]", the indices of the array [k, j, i]."""
+    return "[" + ", ".join(f"{first}:{last}" for first, last in box) + "]"
+
+
+class Reader(Protocol):
+    """Reads boxes of samples. It can be pickled, and any process with the same files can use it."""
+
+    def read(self, box: Box) -> Any:
+        """Return the samples of a box, an array [k, j, i]."""
+
+
+@dataclass(frozen=True, eq=False)
+class BrickSource:
+    """A volume whose samples stay where they are until a box of them is read.
+
+    Attributes
+    ----------
+    name
+        The file or the array, for messages.
+    token
+        The same for the same data; another one after a file was changed.
+    shape
+        (nk, nj, ni).
+    stored
+        Type of the samples as the reader returns them, in this machine's byte order.
+    reader
+        Reads them.
+    spacing, origin
+        World units along x, y, z.
+    quantity, orientation
+        As those of a field.
+    kept
+        Type in which fields keep the samples; None: it follows from the range of all of them (wide integers).
+    floor
+        The samples are log10(value / floor), 0 for smaller values; None: as they are.
+    limits
+        Samples beyond these are moved to them; None: as they are.
+    """
+
+    name: str
+    token: str
+    shape: Shape
+    stored: np.dtype[Any]
+    reader: Reader
+    spacing: Triple = (1.0, 1.0, 1.0)
+    origin: Triple = (0.0, 0.0, 0.0)
+    quantity: Quantity = Quantity()
+    orientation: Orientation | None = None
+    kept: np.dtype[Any] | None = None
+    floor: float | None = None
+    limits: tuple[float, float] | None = None
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What `read` depends on: equal for the same samples shown in the same way."""
+        return self.token, self.kept, self.floor, self.limits
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the samples are the same, shown and placed in the same way."""
+        if not isinstance(other, BrickSource):
+            return NotImplemented
+        mine, others = ((*one.key, one.spacing, one.origin, one.quantity, one.orientation) for one in (self, other))
+        return mine == others
+
+    def __hash__(self) -> int:
+        """Return a hash of `key`."""
+        return hash(self.key)
+
+    def __repr__(self) -> str:
+        """Return a text that is the same for the same samples."""
+        return f"BrickSource({self.key!r}, {self.shape}, {self.stored})"
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return math.prod(self.shape)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the samples that `read` returns."""
+        kind = self.stored if self.kept is None else self.kept
+        if self.floor is not None:
+            return np.dtype(np.float32 if kind.itemsize <= 4 else np.float64)
+        return kind
+
+    @property
+    def carried(self) -> int:
+        """Bytes that go along where it is pickled."""
+        values = getattr(self.reader, "values", None)
+        return 0 if values is None else int(values.nbytes)
+
+    def bytes_of(self, box: Box) -> int:
+        """Return how much memory a box takes while it is read."""
+        count = math.prod(last - first for first, last in box)
+        wide = 2 * np.dtype(np.float64).itemsize if self.floor is not None else 0
+        return count * (self.stored.itemsize + self.dtype.itemsize + wide)
+
+    def read(self, box: Box) -> NDArray[Any]:
+        """Return the samples of a box, a contiguous array [k, j, i].
+
+        Raises
+        ------
+        InvalidInput
+            For a box outside of the volume, damaged data, and data of another type or size than when it was opened.
+        OutOfMemory
+            Where the box does not fit.
+        Error
+            Where the data cannot be read any more.
+        """
+        inside = all(0 <= first < last <= size for (first, last), size in zip(box, self.shape, strict=True))
+        what = f"samples {box_text(box)} of {self.name} cannot be read"
+        if not inside:
+            raise complain(what, box_text(box), f"a box inside of {' x '.join(map(str, self.shape))} samples [k, j, i]")
+        _memory.require(self.bytes_of(box), f"samples {box_text(box)} of {self.name}", "use smaller bricks")
+        with _placed(what), np.errstate(all="ignore"):
+            found = np.asarray(self.reader.read(box))
+            wanted = tuple(last - first for first, last in box)
+            if found.shape != wanted:
+                raise complain(what, f"an array of shape {found.shape}", f"shape {wanted}, as the volume says")
+            if found.dtype.newbyteorder("=") != self.stored:
+                raise complain(what, f"samples of type {found.dtype}", f"{self.stored}, as when it was opened")
+        return self._as_shown(found)
+
+    def _as_shown(self, found: NDArray[Any]) -> NDArray[Any]:
+        values = np.ascontiguousarray(found, dtype=self.stored if self.kept is None else self.kept)
+        if self.floor is not None:
+            decades = logarithm(values.astype(np.float64), self.name, self.floor)
+            values = np.where(np.isnan(values), np.nan, decades).astype(self.dtype)
+        if self.limits is not None:
+            values = np.clip(values, *self.limits).astype(values.dtype)
+        return values
+
+    def shown_as(self, numbers: NDArray[Any]) -> NDArray[Any]:
+        """Return samples as they are stored, of any shape, in the way in which `read` returns them."""
+        return self._as_shown(np.atleast_1d(numbers))
+
+    def replace(self, **changes: Any) -> BrickSource:
+        """Return the same samples placed or shown in another way."""
+        return replace(self, **changes)
+
+
+@contextlib.contextmanager
+def _placed(what: str) -> Iterator[None]:
+    """Turn errors of reading into errors that say which samples could not be read."""
+    try:
+        yield
+    except Error as error:
+        if error.what == what:
+            raise
+        raise complain(what, error.found or error.what, error.wanted, error.advice, kind=type(error)) from error
+    except MemoryError as error:
+        raise complain(
+            what, "too little memory", "memory for a brick", "use smaller bricks", kind=OutOfMemory
+        ) from error
+    except ImportError as error:
+        raise missing_package(what, error) from error
+    except OSError as error:
+        if error.errno is not None:
+            raise complain(what, error.strerror or str(error), "the file as it was opened", kind=Error) from error
+        raise _damaged(what, error) from error
+    except Exception as error:
+        raise _damaged(what, error) from error
+
+
+def _damaged(what: str, error: Exception) -> Error:
+    reason = (str(error).strip().splitlines() or [""])[0] or type(error).__name__
+    return complain(what, f"damaged or cut-off data ({reason})", "whole data", "fetch them again")
+
+
+@dataclass(frozen=True)
+class _Stamp:
+    """A file, and its size and time of change when it was opened."""
+
+    path: Path
+    size: int
+    changed: int
+
+    @classmethod
+    def of(cls, path: Path) -> _Stamp:
+        found = os.stat(path)
+        return cls(Path(os.path.abspath(path)), found.st_size, found.st_mtime_ns)
+
+    def check(self) -> None:
+        """Raise an error where the file was changed or is gone."""
+        try:
+            now = _Stamp.of(self.path)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise complain(f"{self.path} cannot be read", reason, "the file as it was opened", kind=Error) from None
+        if now != self:
+            raise complain(f"{self.path} cannot be read", "a file that was changed", "the file as it was opened")
+
+
+@dataclass(frozen=True, eq=False)
+class _ArrayReader:
+    """Samples in memory."""
+
+    values: NDArray[Any]
+
+    def read(self, box: Box) -> NDArray[Any]:
+        return self.values[_cuts(box)]
+
+
+@dataclass(frozen=True)
+class _RawReader:
+    """Samples in a file, one after the other."""
+
+    stamp: _Stamp
+    shape: Shape
+    stored: np.dtype[Any]
+    offset: int
+    fortran: bool = False
+
+    def read(self, box: Box) -> NDArray[Any]:
+        self.stamp.check()
+        order: Any = "F" if self.fortran else "C"
+        mapped = np.memmap(self.stamp.path, self.stored, "r", self.offset, self.shape, order)
+        # A copy: what is mapped would be read when a picture is drawn, and fail there.
+        return np.array(mapped[_cuts(box)])
+
+
+@dataclass(frozen=True)
+class _RemoteRawReader:
+    """Samples in a file that fsspec reads."""
+
+    url: str
+    length: int
+    shape: Shape
+    stored: np.dtype[Any]
+    offset: int
+
+    def read(self, box: Box) -> NDArray[Any]:
+        import fsspec  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+        (k0, k1), (j0, j1), (i0, i1) = box
+        _, nj, ni = self.shape
+        found = np.empty((k1 - k0, j1 - j0, i1 - i0), self.stored)
+        # Whole rows of a layer lie together.
+        rows = max(1, _ROW_BYTES // (ni * self.stored.itemsize))
+        with fsspec.open(self.url, "rb") as file:
+            for k in range(k0, k1):
+                for j in range(j0, j1, rows):
+                    count = min(rows, j1 - j)
+                    file.seek(self.offset + ((k * nj + j) * ni) * self.stored.itemsize)
+                    piece = file.read(count * ni * self.stored.itemsize)
+                    part = np.frombuffer(piece, self.stored)
+                    if part.size < count * ni:
+                        raise EOFError(f"the file ends within layer {k}")
+                    found[k - k0, j - j0 : j - j0 + count] = part.reshape(count, ni)[:, i0:i1]
+        return found
+
+
+@dataclass(frozen=True)
+class _Hdf5Reader:
+    """A dataset of an HDF5 file."""
+
+    stamp: _Stamp
+    dataset: str
+
+    def read(self, box: Box) -> NDArray[Any]:
+        from sheetsplat.io.hdf5_volumes import read_part
+
+        self.stamp.check()
+        with Source(self.stamp.path, self.dataset) as source:
+            return read_part(source, self.dataset, box)
+
+
+@dataclass(frozen=True)
+class _ZarrReader:
+    """An array of a Zarr folder."""
+
+    located: Any
+
+    def read(self, box: Box) -> Any:
+        with guarded(self.located.path):
+            return self.located.part(box)
+
+
+@dataclass(frozen=True)
+class _NetcdfReader:
+    """A variable of a NetCDF file."""
+
+    stamp: _Stamp
+    inner: str
+    name: str | None
+    step: int | None
+
+    def read(self, box: Box) -> Any:
+        from sheetsplat.io.netcdf import opened as opened_variable
+        from sheetsplat.io.xarray_data import one_step, placed
+
+        self.stamp.check()
+        with Source(self.stamp.path, self.inner) as source, opened_variable(source, self.name, mapped=True) as array:
+            return _part_of(placed(one_step(array, source.path, self.step), source.path), box)
+
+
+@dataclass(frozen=True)
+class _LazyReader:
+    """An array of another library that reads parts of itself: dask, Zarr."""
+
+    array: Any
+
+    def read(self, box: Box) -> Any:
+        part = self.array[_cuts(box)]
+        # Tasks of a worker draw bricks; further tasks of its scheduler would wait for them.
+        return part.compute(scheduler="synchronous") if hasattr(part, "compute") else part
+
+
+@dataclass(frozen=True)
+class _DataArrayReader:
+    """A DataArray of xarray."""
+
+    placed: Any
+
+    def read(self, box: Box) -> Any:
+        return _part_of(self.placed, box)
+
+
+def _cuts(box: Box) -> tuple[slice, ...]:
+    return tuple(slice(first, last) for first, last in box)
+
+
+def _part_of(found: Any, box: Box) -> Any:
+    """Return a box of a placed DataArray; coordinates that fall turn an axis round."""
+    cuts = []
+    turned = found.falling
+    for (first, last), size, falls in zip(box, found.array.shape, turned, strict=True):
+        cuts.append(slice(size - last, size - first) if falls else slice(first, last))
+    part = found.array[tuple(cuts)].data
+    values = np.asarray(part.compute(scheduler="synchronous") if hasattr(part, "compute") else part)
+    return np.flip(values, tuple(axis for axis in range(3) if turned[axis]))
+
+
+def open_source(data: Any, options: Mapping[str, Any]) -> BrickSource:
+    """Return the source of a file, a URL, or an array; nothing but headers is read.
+
+    Parameters
+    ----------
+    data
+        A path, a URL that fsspec knows, a NumPy, dask, Zarr or h5py array, or a DataArray of xarray.
+    options
+        Options of reading that were given: shape, dtype, offset, name, scalar, step.
+
+    Raises
+    ------
+    InvalidInput
+        As `sheetsplat.open`, and for formats of which no part can be read.
+    """
+    if isinstance(data, BrickSource):
+        return data
+    if isinstance(data, str | os.PathLike):
+        text = os.fspath(data)
+        if "://" in text and not os.path.lexists(text):
+            return _remote(text, options)
+        return _file(text, options)
+    if reading := sorted(options):
+        raise complain(
+            "open_bricks: these options cannot be used",
+            ", ".join(reading) + " for an array",
+            "them only for files",
+            option=reading[0] if len(reading) == 1 else None,
+        )
+    kind = kind_of_object(data)
+    if kind is None:
+        return _of_numpy(data)
+    with _placed(f"{kind.name} cannot be opened in bricks"):
+        return _of_object(data, kind.name)
+
+
+def _source(name: str, token: str, volume: Volume, reader: Reader, stored: np.dtype[Any] | None = None) -> BrickSource:
+    """Return the source of a volume whose values stand for shape and type alone."""
+    kind = (volume.values.dtype if stored is None else stored).newbyteorder("=")
+    check_volume(name, volume.values.shape, kind)
+    nk, nj, ni = volume.values.shape
+    if not volume.values.size:
+        raise complain(f"{name} cannot be opened in bricks", f"no samples, shape {(nk, nj, ni)}", "at least one")
+    if kind.kind == "f" and kind.itemsize > 8:
+        wanted = "at most float64"
+        raise complain(f"{name} cannot be opened in bricks", f"samples of type {kind}", wanted, "convert them")
+    made = hashlib.blake2b(token.encode(), digest_size=12).hexdigest()
+    return BrickSource(
+        name,
+        made,
+        (nk, nj, ni),
+        kind,
+        reader,
+        volume.spacing,
+        volume.origin,
+        volume.quantity,
+        volume.orientation,
+        kept_type(kind),
+    )
+
+
+def _stand_in(shape: Any, dtype: Any) -> NDArray[Any]:
+    """Return an array of a shape and a type that takes no memory."""
+    return np.broadcast_to(np.zeros((), dtype), shape)
+
+
+def _of_numpy(data: Any) -> BrickSource:
+    values = as_samples(data)
+    digest = hashlib.blake2b(values.data if values.size else b"", digest_size=12).hexdigest()
+    volume = Volume(_stand_in(values.shape, values.dtype))
+    return _source("the array", f"{digest}{values.dtype.str}{values.shape}", volume, _ArrayReader(values))
+
+
+def _of_object(data: Any, name: str) -> BrickSource:
+    module = type(data).__module__.partition(".")[0]
+    if module == "xarray" and type(data).__name__ == "DataArray":
+        from sheetsplat.io.xarray_data import placed
+
+        found = placed(data, name)
+        volume = found.volume(name, _stand_in(found.array.shape, found.array.dtype))
+        return _source(name, _dask_token(data), volume, _DataArrayReader(found))
+    if module == "h5py":
+        if not Path(str(data.file.filename)).is_file():
+            raise complain(f"{name} cannot be opened in bricks", "a file in memory", "a file that all workers can read")
+        return _file(f"{data.file.filename}:{data.name}", {})
+    if module == "zarr":
+        root = getattr(data.store, "root", None)
+        if root is not None:
+            return _file(str(Path(root) / data.path), {})
+        volume = Volume(_stand_in(data.shape, data.dtype))
+        return _source(name, f"{data.store}/{data.path}", volume, _LazyReader(data))
+    if module == "dask":
+        check_volume(name, data.shape, data.dtype)
+        return _source(name, str(data.name), Volume(_stand_in(data.shape, data.dtype)), _LazyReader(data))
+    raise complain(
+        f"{name} cannot be opened in bricks",
+        f"{type(data).__name__}, which is read as a whole",
+        "a path, or an array of NumPy, dask, Zarr, h5py or xarray",
+        "open it with sheetsplat.open",
+        kind=Unsupported,
+    )
+
+
+def _dask_token(data: Any) -> str:
+    try:
+        from dask.base import tokenize  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+        return str(tokenize(data))
+    except ImportError:
+        return hashlib.blake2b(np.ascontiguousarray(data.values).data, digest_size=12).hexdigest()
+
+
+def _file(text: str, options: Mapping[str, Any]) -> BrickSource:
+    from sheetsplat.io.formats import format_of
+
+    with opened(text) as source:
+        found = format_of(source, raw_options="shape" in options or "dtype" in options)
+        if found.scattered or found.name not in _LOCATED:
+            raise complain(
+                f"{text} cannot be opened in bricks",
+                f"a file of format {found.name}, which is read as a whole",
+                FORMATS,
+                "convert it, or open it with sheetsplat.open",
+                kind=Unsupported,
+            )
+        if isinstance(source, Source) and source.packed:
+            raise complain(
+                f"{text} cannot be opened in bricks", "a gzipped file", "one that is not packed", "unpack it first"
+            )
+        timed = ("step",) if found.name in ("netcdf", "zarr") else ()
+        allowed = ("shape", "dtype", "offset") if found.name == "raw" else ("name", "scalar", *timed)
+        if wrong := [name for name in options if name not in allowed]:
+            raise complain(
+                f"{text} cannot be opened in bricks",
+                ", ".join(wrong) + f" for a file of format {found.name}",
+                "only " + ", ".join(allowed),
+                option=wrong[0] if len(wrong) == 1 else None,
+            )
+        made: BrickSource = _LOCATED[found.name](source, text, options)
+        return made
+
+
+def _chosen_name(options: Mapping[str, Any]) -> str | None:
+    name = options.get("name", options.get("scalar"))
+    return None if name is None else str(name)
+
+
+def _raw(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
+    from sheetsplat.io import raw
+
+    shape, kind = raw.locate(source, **options)
+    nk, nj, ni = shape
+    stamp = _Stamp.of(source.path)
+    reader = _RawReader(stamp, (nk, nj, ni), kind, int(options.get("offset", 0)))
+    return _source(text, f"{stamp}{reader}", Volume(_stand_in(shape, kind)), reader)
+
+
+def _npy(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
+    from sheetsplat.io.numpy_files import locate
+
+    shape, kind, offset, fortran = locate(source)
+    check_volume(text, shape, kind)
+    nk, nj, ni = shape
+    stamp = _Stamp.of(source.path)
+    reader = _RawReader(stamp, (nk, nj, ni), kind, offset, fortran)
+    return _source(text, f"{stamp}{reader}", Volume(_stand_in(shape, kind)), reader)
+
+
+def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
+    from sheetsplat.io.hdf5_volumes import locate
+
+    volume = locate(source, _chosen_name(options))
+    stamp = _Stamp.of(source.path)
+    dataset = volume.details["content"]
+    return _source(text, f"{stamp}{dataset}", volume, _Hdf5Reader(stamp, dataset))
+
+
+def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
+    from sheetsplat.io.zarr_folders import locate
+
+    located = locate(source, _chosen_name(options), options.get("step"))
+    located = replace(located, path=Path(os.path.abspath(located.path)))
+    volume = Volume(
+        _stand_in(located.shape, located.dtype),
+        located.spacing,
+        located.origin,
+        located.format,
+        located.details,
+        located.quantity,
+    )
+    changed = os.stat(located.path).st_mtime_ns
+    return _source(text, f"{located.path}{located.index}{changed}", volume, _ZarrReader(located))
+
+
+def _netcdf(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
+    from sheetsplat.io.netcdf import opened as opened_variable
+    from sheetsplat.io.xarray_data import one_step, placed
+
+    stamp, name, step = _Stamp.of(source.path), _chosen_name(options), options.get("step")
+    with opened_variable(source, name, mapped=True) as array:
+        found = placed(one_step(array, source.path, step), source.path)
+        volume = found.volume(source.path, _stand_in(found.array.shape, found.array.dtype))
+    return _source(text, f"{stamp}{source.inner}{name}{step}", volume, _NetcdfReader(stamp, source.inner, name, step))
+
+
+_LOCATED: Mapping[str, Any] = {"raw": _raw, "npy": _npy, "hdf5 volume": _hdf5, "zarr": _zarr, "netcdf": _netcdf}
+
+
+def _remote(url: str, options: Mapping[str, Any]) -> BrickSource:
+    """Return the source of raw samples at a URL."""
+    from sheetsplat.io import raw
+
+    what = f"{url} cannot be opened in bricks"
+    with _placed(what):
+        import fsspec
+
+        if "shape" not in options or "dtype" not in options:
+            advice = "pass " + option_ref("shape", "...") + " and " + option_ref("dtype", "...")
+            advice = advice + "; open other formats with their own library, and pass its dask or Zarr array"
+            raise complain(what, "a URL without the shape and the type of its samples", "both", advice)
+        shape, kind = raw.checked_samples(url, options.get("shape"), options.get("dtype"))
+        offset = int(options.get("offset", 0))
+        with fsspec.open(url, "rb") as file:
+            length = int(file.seek(0, os.SEEK_END))
+        needed = math.prod(shape) * kind.itemsize
+        if offset < 0 or length - offset != needed:
+            found = f"{length} bytes, {offset} of them before the samples"
+            raise complain(what, found, f"{needed} bytes of samples, {shown(shape)} of {kind}")
+    nk, nj, ni = shape
+    reader = _RemoteRawReader(url, length, (nk, nj, ni), kind, offset)
+    return _source(url, f"{reader}", Volume(_stand_in(shape, kind)), reader)

@@ -1,0 +1,120 @@
+"""What draws: a cluster of this machine's processes, or one that a scheduler has."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from sheetsplat.cli.options import apply, options_of
+from sheetsplat.options.bricks import BrickOptions
+from sheetsplat.options.film import MOST_WORKERS
+
+if TYPE_CHECKING:
+    from sheetsplat.fields import BrickedField
+
+_WORKERS = click.option(
+    "--workers",
+    type=click.IntRange(1, MOST_WORKERS),
+    help="Draw FILE in bricks by so many processes of this machine, which share its memory.",
+)
+_SCHEDULER = click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Draw FILE in bricks by the workers of a dask scheduler, tcp://host:8786, all of which can read it.",
+)
+
+
+def brick_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of pictures in bricks."""
+    decorated: Callable[..., Any] = apply([*options_of(BrickOptions), _WORKERS, _SCHEDULER])(function)
+    return decorated
+
+
+@contextlib.contextmanager
+def connected(address: str | None) -> Iterator[Any]:
+    """Yield a client of a dask scheduler, or None without an address."""
+    if address is None:
+        yield None
+        return
+    from sheetsplat.errors import Error, complain, missing_package
+
+    try:
+        from distributed import Client  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    except ImportError as error:
+        raise missing_package(f"the scheduler {address} cannot be used", error) from error
+    try:
+        connect: Any = Client
+        client = connect(address, timeout=10)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise complain(
+            f"the scheduler {address} cannot be used", str(error), "a running scheduler", kind=Error
+        ) from None
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+@contextlib.contextmanager
+def started(count: int) -> Iterator[Any]:
+    """Yield a client of so many processes, one thread each, that share the memory of this machine."""
+    from sheetsplat import _memory
+    from sheetsplat.errors import Error, complain, missing_package
+
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise missing_package("processes that draw bricks cannot be started", error) from error
+    try:
+        start: Any = LocalCluster
+        connect: Any = Client
+        cluster = start(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            memory_limit=_memory.available() // (count + 1),
+            dashboard_address=None,
+            silence_logs=40,
+        )
+    except (OSError, RuntimeError, TimeoutError) as error:
+        raise complain("processes that draw bricks cannot be started", str(error), f"{count}", kind=Error) from error
+    with cluster, connect(cluster) as client:
+        yield client
+
+
+@dataclass(frozen=True)
+class Bricks:
+    """What opens a file in bricks, and what draws it: a client, or None for this process."""
+
+    brick: int
+    client: Any
+
+    def open(self, path: Path, **reading: Any) -> BrickedField:
+        """Return the volume of a file; `reading`: options of `sheetsplat.open_bricks`."""
+        from sheetsplat.bricks.opening import open_bricks
+
+        return open_bricks(path, brick=self.brick, client=self.client, **reading)
+
+
+@contextlib.contextmanager
+def in_bricks(options: dict[str, Any]) -> Iterator[Bricks | None]:
+    """Yield what opens and draws a file in bricks; None where no option asks for that.
+
+    It takes `brick`, `workers` and `scheduler` out of the options.
+    """
+    given = click.get_current_context().get_parameter_source
+    asked = any(given(name) is ParameterSource.COMMANDLINE for name in ("brick", "workers", "scheduler"))
+    brick, workers, scheduler = (options.pop(name) for name in ("brick", "workers", "scheduler"))
+    if workers is not None and scheduler is not None:
+        raise click.UsageError("--scheduler and --workers both say what draws the bricks; leave out one or the other")
+    if not asked:
+        yield None
+        return
+    with started(workers) if workers is not None else connected(scheduler) as client:
+        yield Bricks(brick, client)

@@ -1,0 +1,263 @@
+"""Volumes whose samples are in files or other processes, and are read in bricks when a picture is drawn."""
+
+from __future__ import annotations
+
+from typing import Any, NoReturn, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sheetsplat import _sheetsplat
+from sheetsplat._checks import Bounds, Triple, choice, number, triple, truth
+from sheetsplat.errors import Unsupported, complain
+from sheetsplat.fields.base import NOT_OPENED
+from sheetsplat.fields.regular import PARTS, RegularField
+from sheetsplat.fields.samples import Samples
+from sheetsplat.fields.trim import Trim
+from sheetsplat.orientation import Orientation
+from sheetsplat.quantity import Quantity
+
+# Samples at which kernels are tried: more than the prefilter of any usable kernel reaches.
+_TRIED = (8, 8, 8)
+
+
+class Source(Protocol):
+    """Where the samples are: `sheetsplat.bricks.sources.BrickSource`."""
+
+    @property
+    def name(self) -> str:
+        """How messages call it."""
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of samples along k, j, i."""
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the samples."""
+
+    @property
+    def quantity(self) -> Quantity:
+        """What the samples are."""
+
+    @property
+    def orientation(self) -> Orientation | None:
+        """Which way up the volume is."""
+
+    def read(self, box: Any) -> NDArray[Any]:
+        """Return the samples of a box."""
+
+    def replace(self, **changes: Any) -> Source:
+        """Return the same samples shown in another way."""
+
+
+class Survey(Samples, Protocol):
+    """What is known of all samples: `sheetsplat.bricks.statistics.Survey`."""
+
+    @property
+    def ranges(self) -> NDArray[np.float64]:
+        """Smallest and largest sample of each brick, (N, 2); NaN where it has none."""
+
+    @property
+    def cores(self) -> NDArray[np.int64]:
+        """Boxes of the bricks, first and last index along k, j, i, (N, 3, 2)."""
+
+    @property
+    def value_range(self) -> tuple[float, float]:
+        """Smallest and largest sample."""
+
+    def centres(self, lattice: str) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
+        """Return the first and the last step of lattice planes with samples along x, y, z."""
+
+    def shown_by(self, source: Any) -> Survey:
+        """Return what is known of the same samples shown in another way."""
+
+
+class BrickedField(RegularField):
+    """A volume whose samples are read in bricks when a picture is drawn. Made by `sheetsplat.open_bricks`. Immutable.
+
+    It has the options, the bounds and the range of values of a `RegularField`, and pictures of it are drawn by
+    `sheetsplat.render`, brick by brick: of the samples no more is in memory than the bricks that are drawn. Whatever
+    needs all samples at once (`values`, `at`) raises Unsupported.
+
+    Attributes
+    ----------
+    source
+        Where the samples are.
+    survey
+        What is known of all of them.
+    brick
+        Edge of a brick in samples.
+
+    Examples
+    --------
+    >>> bricked = ss.open_bricks(values, brick=16)
+    >>> bricked.shape == values.shape
+    True
+    """
+
+    __slots__ = ("_condition", "_prefilter", "brick", "source", "survey")
+
+    def __init__(
+        self,
+        source: Source,
+        survey: Survey,
+        brick: int,
+        *,
+        spacing: Any = (1.0, 1.0, 1.0),
+        origin: Any = (0.0, 0.0, 0.0),
+        lattice: str = "cartesian",
+        radius: float = 2.0,
+        falloff: float = 5.0,
+        normalization: str = "lattice",
+        w0: float = 1.0,
+        prefilter: bool | None = None,
+        nan: str = "error",
+    ) -> None:
+        self._quantity, self._opened, self._orientation = source.quantity, NOT_OPENED, source.orientation
+        self._trim = Trim()
+        self._spacing = triple("open_bricks: spacing", spacing)
+        self._origin = triple("open_bricks: origin", origin)
+        self._lattice = choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))
+        self._radius = number("open_bricks: radius", radius)
+        self._falloff = number("open_bricks: falloff", falloff)
+        kinds = ("none", "lattice", "threshold")
+        self._normalization = choice("open_bricks: normalization", normalization, kinds)
+        self._w0 = number("open_bricks: w0", w0)
+        self._nan = choice("open_bricks: nan", nan, ("error", "skip"))
+        self._settled = prefilter is not None
+        self._prefilter = prefilter is not None and truth("open_bricks: prefilter", prefilter)
+        self._set(source, survey, brick)
+        self._condition = None
+        if self._prefilter:
+            # The same errors as those of a volume in memory: of kernels that lose the samples, and of NaN.
+            tried = np.zeros(_TRIED, np.float32)
+            tried[0, 0, 0] = np.nan if survey.missing else 0.0
+            figures = self._made(tried, prefilter=True).prefilter_figures
+            self._condition = None if figures is None else figures["condition"]
+            self._normalization = "none"
+
+    def _set(self, source: Source, survey: Survey, brick: int) -> None:
+        """Set the samples, and a native field of two of them, for what scenes ask a field for."""
+        self.source, self.survey, self.brick = source, survey, brick
+        self.native = self._stand_in(source, survey)
+
+    def _stand_in(self, source: Source, survey: Survey) -> _sheetsplat.RegularField:
+        return self._made(np.asarray([[survey.value_range]], dtype=source.dtype))
+
+    def _parts(self) -> dict[str, Any]:
+        own = ("source", "survey", "brick", "_prefilter", "_condition")
+        return {name: getattr(self, name) for name in (*PARTS, *own)}
+
+    def _restore(self, parts: dict[str, Any]) -> None:
+        for name in (*PARTS, "_prefilter", "_condition"):
+            setattr(self, name, parts[name])
+        self._set(parts["source"], parts["survey"], parts["brick"])
+
+    def replace(self, values: ArrayLike | None = None, **changes: Any) -> BrickedField:
+        """Return a field of the same samples with some options changed; other samples are refused."""
+        if values is not None:
+            self._refuse("other samples")
+        options = {name.removeprefix("_"): getattr(self, name) for name in PARTS}
+        options["prefilter"] = self.prefilter if options.pop("settled") else None
+        if self.prefilter:
+            # The one that it set itself.
+            del options["normalization"]
+        made = BrickedField(self.source, self.survey, self.brick, **{**options, **changes})
+        return self._told(made)
+
+    def _told(self, made: BrickedField) -> BrickedField:
+        made._quantity, made._opened, made._orientation = self._quantity, self._opened, self._orientation
+        made._trim = self._trim
+        return made
+
+    def _shown(self, **changes: Any) -> BrickedField:
+        source = self.source.replace(**changes)
+        survey = self.survey.shown_by(source)
+        return self._with(source=source, survey=survey, native=self._stand_in(source, survey))
+
+    def logarithmic(self, floor: float) -> BrickedField:
+        """Return a field of log10(value / floor), 0 for smaller values."""
+        return self._shown(floor=floor)
+
+    def clipped(self, limits: tuple[float, float]) -> BrickedField:
+        """Return a field whose samples beyond the limits are moved to them."""
+        return self._shown(limits=limits)
+
+    def _refuse(self, what: str) -> NoReturn:
+        raise complain(
+            f"{what} of a volume in bricks cannot be had",
+            f"{self.source.name}, whose samples are not in memory",
+            "a volume in memory",
+            "open it with sheetsplat.open",
+            kind=Unsupported,
+        )
+
+    @property
+    def values(self) -> NDArray[Any]:  # type: ignore[override]
+        """Raise Unsupported: the samples are not in memory."""
+        self._refuse("all samples")
+
+    @property
+    def coefficients(self) -> NDArray[Any]:  # type: ignore[override]
+        """Raise Unsupported: the samples are not in memory."""
+        self._refuse("all coefficients")
+
+    def _sums_at(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        self._refuse("values at points")
+
+    @property
+    def samples(self) -> Samples:
+        """What looks ask of the samples."""
+        return self.survey
+
+    @property
+    def value_range(self) -> tuple[float, float]:
+        """Smallest and largest sample, which coefficients may exceed."""
+        return self.survey.value_range
+
+    @property
+    def prefilter(self) -> bool:
+        """Whether the kernels' sum passes through the samples."""
+        return self._prefilter
+
+    @property
+    def prefilter_residual(self) -> float | None:
+        """Not known of a volume in bricks: None."""
+        return None
+
+    @property
+    def prefilter_condition(self) -> float | None:
+        """Largest amplification of errors from samples to coefficients; None unless prefiltered."""
+        return self._condition
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Samples along k, j, i."""
+        return self.source.shape
+
+    @property
+    def size(self) -> int:  # type: ignore[override]
+        """Number of kernels, skipped samples excluded."""
+        return self.survey.size - self.survey.missing
+
+    @property
+    def centre_bounds(self) -> Bounds:  # type: ignore[override]
+        """World-aligned box around all kernel centres: its lower and its upper corner."""
+        first, last = self.survey.centres(self._lattice)
+        half = 0.5 * self._spacing[0]
+        steps = (half, half, half) if self._lattice == "bcc" else self._spacing
+
+        def at(numbers: tuple[int, int, int]) -> Triple:
+            return triple("bounds", [o + d * n for o, d, n in zip(self._origin, steps, numbers, strict=True)])
+
+        return at(first), at(last)
+
+    @property
+    def bounds(self) -> Bounds:  # type: ignore[override]
+        """World-aligned box around all supports: its lower and its upper corner."""
+        lower, upper = self.centre_bounds
+        length = self._spacing[0] / np.sqrt(2.0)
+        steps = (length, length, length) if self._lattice == "bcc" else self._spacing
+        reach = np.asarray(steps) * self._radius
+        return triple("bounds", np.asarray(lower) - reach), triple("bounds", np.asarray(upper) + reach)

@@ -1,0 +1,67 @@
+"""The options of volumes that are drawn in bricks, and of the cluster that draws them."""
+
+from typing import Annotated, Any, TypedDict
+
+from sheetsplat._checks import shown, whole
+from sheetsplat.errors import complain, unusable
+from sheetsplat.options.core import Option
+from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
+from sheetsplat.options.quality import QualityOptions
+from sheetsplat.options.values import Whole
+
+#: Edges of bricks, in samples. Smaller ones would be all border, larger ones more than a worker holds.
+LEAST_EDGE, LARGEST_EDGE = 4, 2048
+
+
+def edge_of(what: str, value: object) -> int:
+    """Return the edge of bricks in samples, or InvalidInput."""
+    wanted = f"a whole number of samples from {LEAST_EDGE} to {LARGEST_EDGE}"
+    result = whole(what, value, wanted)
+    if not LEAST_EDGE <= result <= LARGEST_EDGE:
+        raise complain(unusable(what), str(result), wanted)
+    return result
+
+
+def cluster_of(what: str, value: Any) -> Any:
+    """Return a client of dask.distributed, or None; InvalidInput for anything else."""
+    if value is not None and not all(callable(getattr(value, name, None)) for name in ("submit", "scheduler_info")):
+        wanted = "a client of dask.distributed"
+        advice = "from dask.distributed import Client; Client(n_workers=4, threads_per_worker=1)"
+        raise complain(unusable(what), f"{type(value).__name__}, {shown(value)}", wanted, advice)
+    return value
+
+
+class ClusterOptions(TypedDict, total=False):
+    """What draws a volume in bricks."""
+
+    client: Annotated[
+        Any,
+        Option(
+            "Of a volume in bricks: a client of dask.distributed, all of whose workers draw the picture, which does "
+            "not depend on their number.",
+            unset="this process",
+            accepts="distributed.Client",
+            check=cluster_of,
+            cli=(),
+        ),
+    ]
+
+
+class BrickOptions(TypedDict, total=False):
+    """How a volume is cut."""
+
+    brick: Annotated[
+        int,
+        Option(
+            "Edge of the bricks of a volume in samples; best a multiple of the edge of the file's chunks.",
+            default=256,
+            check=edge_of,
+            value=Whole(LEAST_EDGE, LARGEST_EDGE),
+        ),
+    ]
+
+
+class OpenBricksOptions(
+    BrickOptions, ClusterOptions, PlacementOptions, KernelOptions, FileOptions, QualityOptions, total=False
+):
+    """Every keyword argument of `sheetsplat.open_bricks`."""

@@ -1,0 +1,552 @@
+"""Volumes in bricks: what is read of files, statistics of all samples, and pictures by the workers of a cluster."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import pickle
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import sheetsplat as ss
+from sheetsplat import api
+from sheetsplat.bricks.cluster import covering
+from sheetsplat.bricks.needs import view_of
+from sheetsplat.bricks.resident import Residents, residents
+from sheetsplat.bricks.sources import open_source
+from sheetsplat.bricks.statistics import SurveyPlan, merge_surveys, survey_brick
+from sheetsplat.look.histogram import choose_for
+
+SIZE = (72, 60)
+SHAPE = (37, 46, 41)
+# Rounding of float32: what is drawn in bricks is the picture of the whole.
+ROUNDING = 1e-6
+
+
+def blob(shape=SHAPE, kind=np.uint8):
+    """Return two soft balls, one of them behind the other in most views."""
+    k, j, i = (np.arange(size, dtype=np.float64) / size for size in shape)
+    k, j, i = k[:, None, None], j[None, :, None], i[None, None, :]
+    first = np.exp(-((k - 0.4) ** 2 + (j - 0.5) ** 2 + (i - 0.45) ** 2) / 0.03)
+    second = np.exp(-((k - 0.7) ** 2 + (j - 0.6) ** 2 + (i - 0.7) ** 2) / 0.008)
+    values = 200 * np.maximum(first, 0.8 * second)
+    return values.round().astype(kind) if np.dtype(kind).kind in "iu" else values.astype(kind)
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return blob()
+
+
+def rmse(one, other):
+    return float(np.sqrt(np.mean((one.pixels.astype(np.float64) - other.pixels) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Return a client of two processes of one thread each."""
+    distributed = pytest.importorskip("distributed", reason="no distributed: pip install 'sheetsplat[distributed]'")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        ) as made,
+        distributed.Client(made) as client,
+    ):
+        yield client
+
+
+def stored(kind, samples, folder):
+    """Return what `open_bricks` and `open` take for the samples in a format, with options."""
+    if kind == "npy":
+        np.save(folder / "v.npy", samples)
+        return folder / "v.npy", {}
+    if kind == "fortran":
+        np.save(folder / "v.npy", np.asfortranarray(samples))
+        return folder / "v.npy", {}
+    if kind == "raw":
+        (folder / "v.raw").write_bytes(b"head" + samples.astype(">i2").tobytes())
+        return folder / "v.raw", {"shape": samples.shape, "dtype": ">i2", "offset": 4}
+    if kind == "hdf5":
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(folder / "v.h5", "w") as file:
+            file.create_dataset("a/b", data=samples[:, None], chunks=(8, 1, 9, 10), compression="gzip")
+        return f"{folder / 'v.h5'}:/a/b", {}
+    if kind in ("zarr", "ome-zarr"):
+        zarr = pytest.importorskip("zarr")
+        if kind == "zarr":
+            array = zarr.create_array(folder / "v.zarr", shape=samples.shape, chunks=(9, 16, 8), dtype=samples.dtype)
+            array[:] = samples
+            return folder / "v.zarr", {}
+        group = zarr.create_group(folder / "v.zarr", zarr_format=2)
+        array = group.create_array("0", shape=(1, *samples.shape), chunks=(1, 16, 16, 16), dtype=samples.dtype)
+        array[:] = samples[None]
+        axes = [{"name": name, "type": "space" if name in "zyx" else "channel"} for name in "czyx"]
+        level = {"path": "0", "coordinateTransformations": [{"type": "scale", "scale": [1, 3.0, 2.0, 1.0]}]}
+        group.attrs["multiscales"] = [{"version": "0.4", "axes": axes, "datasets": [level]}]
+        return folder / "v.zarr", {}
+    xarray = pytest.importorskip("xarray")
+    coords = {"z": np.arange(samples.shape[0])[::-1] * 2.0, "y": np.arange(samples.shape[1]) * 1.0}
+    array = xarray.DataArray(samples.astype(np.float32), dims=("z", "y", "x"), coords=coords, name="rho")
+    if kind == "netcdf":
+        pytest.importorskip("h5netcdf")
+        array.to_netcdf(folder / "v.nc", engine="h5netcdf")
+        return folder / "v.nc", {}
+    if kind == "netcdf classic":
+        array.to_netcdf(folder / "v.nc", engine="scipy")
+        return folder / "v.nc", {}
+    if kind == "xarray":
+        return array, {}
+    dask = pytest.importorskip("dask.array")
+    return dask.from_array(samples, chunks=(10, 20, 30)), {}
+
+
+KINDS = (
+    "npy", "fortran", "raw", "hdf5", "zarr", "ome-zarr", "netcdf", "netcdf classic", "xarray", "dask",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_boxes_of_a_source_are_those_of_the_opened_volume(kind, samples, tmp_path):
+    data, options = stored(kind, samples, tmp_path)
+    whole = ss.open(data, quality="draft", **options)
+    source = open_source(data, options)
+    assert source.shape == whole.shape and source.spacing == whole.spacing and source.origin == whole.origin
+    assert source.quantity == whole.quantity and source.orientation == whole.orientation
+    for box in (((0, 37), (0, 46), (0, 41)), ((3, 12), (45, 46), (7, 33)), ((36, 37), (0, 5), (40, 41))):
+        cut = tuple(slice(*part) for part in box)
+        np.testing.assert_array_equal(source.read(box), whole.values[cut])
+    again = pickle.loads(pickle.dumps(source))
+    assert again == source and again.token == source.token
+
+
+def test_remote_raw_samples_are_read_by_ranges(samples, tmp_path):
+    pytest.importorskip("fsspec")
+    (tmp_path / "v.raw").write_bytes(samples.tobytes())
+    source = open_source(f"file://{tmp_path / 'v.raw'}", {"shape": SHAPE, "dtype": "uint8"})
+    np.testing.assert_array_equal(source.read(((5, 9), (3, 40), (2, 41))), samples[5:9, 3:40, 2:41])
+    with pytest.raises(ss.InvalidInput, match="bytes of samples"):
+        open_source(f"file://{tmp_path / 'v.raw'}", {"shape": SHAPE, "dtype": "uint16"})
+
+
+def test_arrays_of_any_strides_and_types_are_read(samples):
+    turned = samples[::-1, :, ::-2]
+    assert ss.open_bricks(turned, brick=16, quality="draft").value_range == (0.0, float(samples.max()))
+    np.testing.assert_array_equal(open_source(turned, {}).read(((0, 3), (1, 2), (0, 21))), turned[:3, 1:2])
+    wide = ss.open_bricks(samples.astype(np.int64) - 3, brick=16, quality="draft")
+    assert wide.samples.dtype == np.int16
+    assert ss.RegularField(samples.astype(np.int64) - 3).values.dtype == np.int16
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (np.zeros((3, 4)), "2 axes"),
+        (np.zeros((0, 4, 4)), "no samples"),
+        (np.zeros((4, 4, 4), complex), "complex128"),
+        (np.full((5, 5, 5), np.nan), "NaN"),
+        (np.full((5, 5, 5), np.inf), "infinite sample at \\[0, 0, 0\\], in brick 0"),
+    ],
+)
+def test_bad_arrays_are_refused(data, words):
+    with pytest.raises(ss.InvalidInput, match=words):
+        ss.open_bricks(data, brick=4)
+
+
+def test_bad_options_are_refused(samples, tmp_path):
+    for brick in (0, 3, 4096, "x", 1.5):
+        with pytest.raises(ss.InvalidInput, match="brick"):
+            ss.open_bricks(samples, brick=brick)
+    with pytest.raises(ss.InvalidInput, match="client"):
+        ss.open_bricks(samples, client="tcp://nowhere")
+    with pytest.raises(ss.InvalidInput, match="resample"):
+        ss.open_bricks(samples, resample=True)
+    with pytest.raises(ss.InvalidInput, match="open_bricks"):
+        ss.render(samples, client=Pretender())
+    path = tmp_path / "mesh.vtk"
+    path.write_text("# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS 0 float\n")
+    with pytest.raises(ss.Error):
+        ss.open_bricks(path)
+    with pytest.raises(ss.Unsupported, match="values at points"):
+        ss.open_bricks(samples, brick=16).at([[1, 2, 3]])
+    with pytest.raises(ss.Unsupported, match="all samples"):
+        np.asarray(ss.open_bricks(samples, brick=16).values)
+
+
+class Pretender:
+    def submit(self):
+        """Have the name that a client has."""
+
+    def scheduler_info(self):
+        """Have the name that a client has."""
+
+
+def test_blocks_that_disagree_with_their_array_are_named(samples):
+    dask = pytest.importorskip("dask.array")
+    lying = dask.from_array(samples, chunks=20).map_blocks(lambda part: part.astype(np.float64), dtype=np.uint8)
+    with pytest.raises(ss.InvalidInput, match="samples of type float64.*uint8, as when it was opened"):
+        ss.open_bricks(lying, brick=20)
+
+
+def test_a_file_that_changed_is_not_mixed_with_what_was_read(samples, tmp_path):
+    path = tmp_path / "v.npy"
+    np.save(path, samples)
+    bricked = ss.open_bricks(path, brick=16, quality="draft")
+    residents().clear()
+    np.save(path, samples[:, :, :40])
+    with pytest.raises(ss.InvalidInput, match="changed"):
+        ss.render(bricked, size=SIZE)
+
+
+def test_zarr_chunks_are_checked_when_their_brick_is_read(samples, tmp_path):
+    zarr = pytest.importorskip("zarr")
+    path = tmp_path / "v.zarr"
+    array = zarr.create_array(path, shape=SHAPE, chunks=(16, 16, 16), dtype=samples.dtype, fill_value=7)
+    array[:] = samples
+    source = open_source(path, {})
+    chunk = path / "c" / "1" / "1" / "1"
+    chunk.unlink()
+    # A chunk that was never written holds the fill value.
+    assert (source.read(((16, 32), (16, 32), (16, 32))) == 7).all()
+    chunk.symlink_to("/etc/passwd")
+    with pytest.raises(ss.InvalidInput, match="a link"):
+        source.read(((20, 21), (20, 21), (20, 21)))
+    np.testing.assert_array_equal(source.read(((0, 16), (0, 16), (0, 16))), samples[:16, :16, :16])
+
+
+def surveyed(samples, edges, lattice="cartesian"):
+    """Return what is known of an array by bricks with these edges."""
+    source = open_source(samples, {})
+    plan = SurveyPlan.of(source.shape, lattice)
+    cores = list(itertools.product(*([(a, min(a + edge, size)) for a in range(0, size, edge)]
+                                     for edge, size in zip(edges, samples.shape, strict=True))))  # fmt: skip
+    parts = []
+    for number, core in enumerate(cores):
+        outer = plan.margin(core)
+        parts.append(survey_brick(source.read(outer), outer, core, number, plan, "it"))
+    from sheetsplat.bricks.statistics import Survey
+
+    one_by_one = merge_surveys(parts)
+    in_a_tree = merge_surveys([merge_surveys(parts[:1]), merge_surveys(parts[1:] or parts[:1])])
+    assert one_by_one.ranges == in_a_tree.ranges
+    return Survey.of(source, one_by_one, cores, plan)
+
+
+@pytest.mark.parametrize("edges", [(64, 64, 64), (16, 9, 30), (1, 46, 41), (5, 5, 5)])
+@pytest.mark.parametrize("lattice", ["cartesian", "bcc"])
+def test_a_survey_has_what_looks_ask_of_an_array(edges, lattice, rng):
+    noisy = blob(kind=np.float32) + rng.normal(size=SHAPE).astype(np.float32)
+    field = ss.RegularField(noisy, lattice=lattice)
+    found, own = surveyed(noisy, edges, lattice), field.samples
+    plan = SurveyPlan.of(SHAPE, lattice)
+    for stride in plan.strides:
+        np.testing.assert_array_equal(found.every(stride), own.every(stride))
+    np.testing.assert_array_equal(found.on_grid(plan.steps), own.on_grid(plan.steps))
+    assert found.value_range == field.value_range
+    mine, others = (one.roughness(plan.starts, plan.apart, field.value_range) for one in (found, own))
+    assert mine[0] / mine[1] == pytest.approx(others[0] / others[1], rel=1e-9)
+    high = float(np.quantile(noisy, 0.999))
+    np.testing.assert_array_equal(found.beyond(high, above=True), own.beyond(high, above=True))
+    assert found.within(high) == own.within(high)
+    assert choose_for(found) == choose_for(own)
+
+
+def test_missing_samples_bound_the_centres(rng):
+    values = rng.normal(size=(12, 13, 14)).astype(np.float32)
+    values[:3], values[:, 11:], values[..., :2] = np.nan, np.nan, np.nan
+    for lattice in ("cartesian", "bcc"):
+        field = ss.RegularField(values, lattice=lattice, nan="skip", spacing=(2, 3, 4), origin=(1, 2, 3))
+        bricked = ss.open_bricks(
+            values, brick=5, lattice=lattice, nan="skip", spacing=(2, 3, 4), origin=(1, 2, 3), quality="draft"
+        )
+        assert bricked.size == field.size
+        np.testing.assert_allclose(bricked.centre_bounds, field.centre_bounds, rtol=1e-15)
+        np.testing.assert_allclose(bricked.bounds, field.bounds, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "options", [{"slice_spacing": 0.5}, {"mode": "isosurface"}, {"shading": False}, {"mode": "mip"}]
+)
+def test_a_volume_in_bricks_looks_as_in_memory(samples, tmp_path, options):
+    data, _ = stored("npy", samples, tmp_path)
+    quality = {"quality": options.pop("quality")} if "quality" in options else {}
+    one = api.prepare(ss.open(data, **quality), size=SIZE, **quality, **options)
+    other = api.prepare(ss.open_bricks(data, brick=16, **quality), size=SIZE, **quality, **options)
+    assert one.camera == other.camera and one.scene.transfer_function == other.scene.transfer_function
+    assert one.scene.options == other.scene.options
+    assert one.scene.fields[0].prefilter == other.scene.fields[0].prefilter
+
+
+def test_decades_are_found_in_bricks(rng, tmp_path):
+    decades = (10.0 ** (6 * blob(kind=np.float64) / 200 - 5)).astype(np.float32)
+    np.save(tmp_path / "v.npy", decades)
+    one = api.prepare(ss.open(tmp_path / "v.npy"), size=SIZE)
+    other = api.prepare(ss.open_bricks(tmp_path / "v.npy", brick=16), size=SIZE)
+    assert one.scene.fields[0].quantity == other.scene.fields[0].quantity
+    assert other.scene.fields[0].quantity.floor is not None
+    assert one.scene.transfer_function == other.scene.transfer_function
+
+
+class Counted:
+    def __init__(self):
+        self.key, self.boxes = "counted", []
+
+    def read(self, box):
+        self.boxes.append(box)
+        return np.zeros([last - first for first, last in box], np.uint8)
+
+
+def test_the_least_used_brick_goes_first():
+    source, kept = Counted(), Residents(2500)
+    boxes = [((n * 10, n * 10 + 10), (0, 10), (0, 10)) for n in range(3)]
+    for box in (boxes[0], boxes[1], boxes[0], boxes[2], boxes[0]):
+        assert kept.samples(source, box, box).shape == (10, 10, 10)
+    assert source.boxes == [boxes[0], boxes[1], boxes[2]]
+    assert (kept.counts.reads, kept.counts.hits, kept.counts.dropped) == (3, 2, 1)
+    assert kept.size <= kept.budget
+    kept.samples(source, boxes[1], boxes[1])
+    assert source.boxes[-1] == boxes[1]
+
+
+MODES = ("composite", "isosurface", "xray", "mip", "minimum", "average")
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_one_process_draws_the_picture_of_the_whole(samples, tmp_path, mode):
+    data, _ = stored("npy", samples, tmp_path)
+    outputs = ("depth",) if mode in ("composite", "isosurface") else ("coverage",)
+    options = {"size": SIZE, "mode": mode, "azimuth": 35, "elevation": 20, "outputs": outputs, "slice_spacing": 0.5}
+    one = ss.render(ss.open(data), **options)
+    other = ss.render(ss.open_bricks(data, brick=16), **options)
+    scale = max(1.0, float(np.abs(one.pixels).max()))
+    assert rmse(one, other) <= ROUNDING * scale
+    for name in outputs:
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-5, atol=1e-5 * scale)
+    assert other.recipe.fields[0].kind == "RegularField"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["composite", "isosurface", "average"])
+def test_a_cluster_draws_the_picture_of_one_process(cluster, samples, tmp_path, mode):
+    data, _ = stored("npy", samples, tmp_path)
+    options = {
+        "size": SIZE,
+        "mode": mode,
+        "azimuth": 35,
+        "elevation": 20,
+        "projection": "perspective",
+        "slice_spacing": 0.5,
+    }
+    bricked = ss.open_bricks(data, brick=24, client=cluster)
+    drawn = ss.render(bricked, client=cluster, **options)
+    alone = ss.render(ss.open(data), **options)
+    assert rmse(drawn, alone) <= ROUNDING * max(1.0, float(np.abs(alone.pixels).max()))
+    again = ss.render(bricked, client=cluster, **options)
+    np.testing.assert_array_equal(drawn.pixels, again.pixels)
+    # What was drawn once is resident, and nothing is read.
+    assert again.stats["bricks_read"] == 0 and again.stats["bricks_drawn"] == drawn.stats["bricks_drawn"] > 0
+
+
+@pytest.mark.slow
+def test_bits_do_not_depend_on_the_number_of_workers(cluster, samples):
+    bricked = ss.open_bricks(samples, brick=24, client=cluster)
+    both = ss.render(bricked, client=cluster, size=SIZE)
+    from sheetsplat.bricks import cluster as module
+
+    places = module._cluster(cluster)
+    for number in range(64):
+        places._places[(bricked.source.token, number)] = places.workers[0]
+    one = ss.render(bricked, client=cluster, size=SIZE)
+    np.testing.assert_array_equal(both.pixels, one.pixels)
+
+
+@pytest.mark.slow
+def test_bricks_behind_an_opaque_front_are_not_read(cluster):
+    wall = np.zeros((64, 24, 24), np.uint8)
+    wall[4:60] = 255
+    bricked = ss.open_bricks(wall, brick=16, client=cluster, prefilter=False)
+    camera = ss.Camera.orthographic((12, 12, -50), (12, 12, 0), (0, 1, 0), height=10)
+    table = [(0, 0, 0, 0, 0), (128, 1, 1, 1, 0.97), (255, 1, 1, 1, 0.97)]
+    drawn = ss.render(bricked, client=cluster, camera=camera, transfer_function=table, size=32)
+    assert drawn.stats["bricks"] == 16 and 0 < drawn.stats["bricks_drawn"] <= 8
+    whole = ss.render(
+        ss.RegularField(wall), camera=camera, transfer_function=table, size=32,
+        opacity_stop=drawn.recipe.options["opacity_stop"], slice_spacing=drawn.plan.slice_spacing,
+        reference_length=1.0,
+    )  # fmt: skip
+    assert rmse(drawn, whole) <= ROUNDING
+
+
+def test_covering_bricks_leave_none_out(samples):
+    bricked = ss.open_bricks(samples, brick=8)
+    picture = api.prepare(bricked, size=SIZE, azimuth=33, elevation=21)
+    view = view_of(bricked, picture.scene, picture.camera, SIZE, (), None, picture.renderer.settings)
+    order = [number for number in view.order() if view.footprint(number) is not None]
+    found = covering(view, order)
+    # What a brick is told by those before it that it asks for, and they by theirs, is all there is in front of it.
+    told = {}
+    for place, number in enumerate(order):
+        known = set()
+        for one in found[number]:
+            known |= told[one] | {one}
+        told[number] = known
+        x0, y0, x1, y1 = view.footprint(number)
+        for before in order[:place]:
+            a, b, c, d = view.footprint(before)
+            if max(x0, a) < min(x1, c) and max(y0, b) < min(y1, d):
+                assert before in known
+    assert sum(map(len, found.values())) < sum(map(len, told.values()))
+
+
+@pytest.mark.slow
+def test_a_brick_smaller_than_the_reach_of_kernels_is_drawn(cluster, samples):
+    small = samples[:14, 15:33, 10:26]
+    drawn = ss.render(ss.open_bricks(small, brick=4, radius=3.0, falloff=5.0), size=SIZE, client=cluster)
+    whole = ss.render(
+        ss.RegularField(small, radius=3.0), camera=drawn.camera, size=SIZE,
+        transfer_function=drawn.recipe.transfer_functions[0],
+    )  # fmt: skip
+    assert drawn.size == whole.size
+    kernels = ss.RegularField(small, radius=drawn.recipe.fields[0].options["radius"],
+                              prefilter=drawn.recipe.fields[0].options["prefilter"])  # fmt: skip
+    assert rmse(drawn, ss.Renderer("cpu").render(drawn.recipe.scene([kernels]), drawn.camera, SIZE)) <= ROUNDING
+
+
+@pytest.mark.slow
+def test_a_damaged_chunk_names_worker_brick_and_file(cluster, samples, tmp_path):
+    data, _ = stored("hdf5", samples, tmp_path)
+    path = tmp_path / "v.h5"
+    import h5py
+
+    with h5py.File(path) as file:
+        chunk = file["a/b"].id.get_chunk_info(50)
+    content = bytearray(path.read_bytes())
+    content[chunk.byte_offset : chunk.byte_offset + chunk.size] = bytes(chunk.size)
+    path.write_bytes(content)
+    with pytest.raises(ss.InvalidInput, match=r"brick \d+ \[.*v\.h5.* by worker tcp://"):
+        ss.open_bricks(data, brick=16, client=cluster)
+
+
+@pytest.mark.slow
+def test_nan_in_a_brick_is_told_and_skipped(cluster, tmp_path):
+    values = blob(kind=np.float32)
+    values[20:24, 5:9, 3] = np.nan
+    np.save(tmp_path / "v.npy", values)
+    with pytest.raises(ss.InvalidInput, match="16 of .* samples are NaN"):
+        ss.open_bricks(tmp_path / "v.npy", brick=16, client=cluster)
+    bricked = ss.open_bricks(tmp_path / "v.npy", brick=16, client=cluster, nan="skip")
+    drawn = ss.render(bricked, client=cluster, size=SIZE, slice_spacing=0.5)
+    whole = ss.render(ss.open(tmp_path / "v.npy", nan="skip"), size=SIZE, slice_spacing=0.5)
+    assert rmse(drawn, whole) <= ROUNDING
+
+
+def test_effects_that_bricks_cannot_have_are_refused_before_anything_is_read(samples, cluster):
+    bricked = ss.open_bricks(samples, brick=16)
+    residents().clear()
+    reads = residents().counts.reads
+    for options in ({"shadows": True}, {"ambient_occlusion": True}, {"max_error": 1e-3}, {"max_seconds": 1.0}):
+        with pytest.raises(ss.Unsupported, match="bricks"):
+            ss.render(bricked, size=SIZE, client=cluster, **options)
+    assert residents().counts.reads == reads
+
+
+def slow(block):
+    """Take a while to be read."""
+    time.sleep(0.4)
+    return block
+
+
+@pytest.mark.slow
+def test_a_killed_worker_is_survived(cluster, samples):
+    dask = pytest.importorskip("dask.array")
+    workers = cluster.scheduler_info(n_workers=-1)["workers"]
+    lazily = dask.from_array(samples, chunks=16).map_blocks(slow, dtype=samples.dtype)
+    pid = cluster.run(os.getpid, workers=[sorted(workers)[0]]).popitem()[1]
+    timer = threading.Timer(1.0, os.kill, (pid, signal.SIGKILL))
+    timer.start()
+    try:
+        bricked = ss.open_bricks(lazily, brick=20, client=cluster, quality="draft")
+        drawn = ss.render(bricked, client=cluster, size=SIZE, quality="draft")
+    finally:
+        timer.join()
+    whole = ss.render(ss.RegularField(samples), size=SIZE, quality="draft")
+    assert rmse(drawn, whole) <= ROUNDING
+    cluster.wait_for_workers(2, timeout=30)
+
+
+@pytest.mark.slow
+@pytest.mark.alone
+def test_a_picture_that_is_given_up_leaves_the_workers_idle(cluster):
+    large = np.tile(blob(), (3, 3, 3))
+    bricked = ss.open_bricks(large, brick=64, client=cluster, quality="draft")
+    calls = []
+
+    def stop(share):
+        calls.append(share)
+        return len(calls) < 3
+
+    with pytest.raises(ss.Cancelled):
+        ss.render(bricked, client=cluster, size=(1500, 1500), quality="best", progress=stop)
+    began = time.monotonic()
+    while any(cluster.processing().values()) and time.monotonic() - began < 10:
+        time.sleep(0.02)
+    assert not any(cluster.processing().values())
+
+
+def test_workers_of_another_version_are_refused(cluster, samples, monkeypatch):
+    from sheetsplat.bricks import cluster as module
+
+    monkeypatch.setattr(module, "__version__", "0.0.1")
+    monkeypatch.setattr(module, "_clusters", {})
+    with pytest.raises(ss.Unsupported, match=r"sheetsplat \S+ on worker tcp://.*wanted 0\.0\.1, as here"):
+        ss.open_bricks(samples, client=cluster)
+
+
+@pytest.mark.slow
+def test_a_lost_scheduler_is_told(samples):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=50
+    ) as made:
+        client = distributed.Client(made, set_as_default=False)
+        bricked = ss.open_bricks(samples, brick=16, client=client, quality="draft")
+    with pytest.raises(ss.Error, match="the scheduler .* cannot be used"):
+        ss.render(bricked, client=client, size=SIZE)
+    client.close()
+
+
+@pytest.mark.slow
+def test_a_film_is_drawn_by_all_workers(cluster, samples, tmp_path):
+    bricked = ss.open_bricks(samples, brick=24, client=cluster, quality="draft")
+    film = ss.turntable(bricked, frames=3, size=(40, 30), quality="draft", client=cluster)
+    film.save(tmp_path / "film")
+    names = sorted(one.name for one in (tmp_path / "film").iterdir())
+    assert names == ["frame_0000.png", "frame_0001.png", "frame_0002.png"]
+    before = {name: (tmp_path / "film" / name).read_bytes() for name in names}
+    (tmp_path / "film" / names[1]).unlink()
+    film.save(tmp_path / "film")
+    assert {name: (tmp_path / "film" / name).read_bytes() for name in names} == before
+    alone = ss.turntable(ss.RegularField(samples), frames=3, size=(40, 30), quality="draft", backend="cpu")
+    assert rmse(film[1], alone[1]) <= ROUNDING
+
+
+@pytest.mark.slow
+def test_the_command_line_draws_in_bricks(samples, tmp_path):
+    from click.testing import CliRunner
+
+    from sheetsplat.cli.main import main
+
+    np.save(tmp_path / "v.npy", samples)
+    for name, options in (("whole", []), ("bricks", ["--brick", "16"])):
+        command = ["render", str(tmp_path / "v.npy"), "-o", str(tmp_path / f"{name}.npy"), "--size", "60", *options]
+        command += ["--slice-spacing", "0.5"]
+        result = CliRunner().invoke(main, command)
+        assert result.exit_code == 0, result.output
+    one, other = np.load(tmp_path / "whole.npy"), np.load(tmp_path / "bricks.npy")
+    assert np.sqrt(np.mean((one.astype(np.float64) - other) ** 2)) <= ROUNDING
+    both = ["--workers", "2", "--scheduler", "tcp://127.0.0.1:9"]
+    refused = CliRunner().invoke(main, ["render", str(tmp_path / "v.npy"), "-o", str(tmp_path / "x.png"), *both])
+    assert refused.exit_code == 2 and "leave out one" in refused.output

@@ -238,8 +238,8 @@ def test_maxima_of_all_samples_and_kernels(dtype, radius, precision):
 
 def test_maxima_skip_what_cannot_exceed_them():
     """Rays that meet the bright middle of a volume look at a small part of their points."""
-    k, j, i = np.mgrid[-1:1:40j, -1:1:40j, -1:1:40j]
-    values = np.exp(-2 * (k * k + j * j + i * i)).astype(np.float32)
+    k, j, i = np.mgrid[-1:1:80j, -1:1:80j, -1:1:80j]
+    values = np.exp(-6 * (k * k + j * j + i * i)).astype(np.float32)
     scene = ss.Scene(ss.RegularField(values), GRAY, mode="mip")
     camera = view(scene, "orthographic", (0.0, 0.0, -1.0))
     image, expected = shots(scene, camera)

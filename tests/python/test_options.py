@@ -112,8 +112,8 @@ def test_defaults_are_those_of_cpp(header, start, taker, others):
     # Python has it as a value of preintegration.
     cpp.pop("second_order", None)
     assert len(cpp) >= 3
-    # What Python leaves out with None is 0 or a name in C++.
-    unset = {"filter": "none", "tile_size": 0.0, "tags_per_clear": 0.0, "threads": 0.0}
+    # What Python leaves out with None is 0, false or a name in C++.
+    unset = {"filter": "none", "prefilter": False, "tile_size": 0.0, "tags_per_clear": 0.0, "threads": 0.0}
     assert cpp == {name: unset[name] if python[name] is None else python[name] for name in cpp}
 
 

@@ -171,13 +171,14 @@ def interrupted_import(folder, where, *command):
 @pytest.mark.parametrize("where", ["click", "numpy", "sheetsplat.cli.main", "sheetsplat.scene"])
 def test_ctrl_c_while_modules_are_read(tmp_path, where):
     done = interrupted_import(tmp_path, where, "-m", "sheetsplat", "info", "none.npy")
-    assert done.returncode in (1, 130, -2) and done.stderr == "Aborted!\n", done.stderr
+    # Once click runs, it ends the line of ^C first.
+    assert done.returncode in (1, 130, -2) and done.stderr.lstrip("\n") == "Aborted!\n", done.stderr
 
 
 def test_a_program_of_the_same_name_keeps_its_traceback(tmp_path):
     """Only the installed command answers Ctrl-C during the import."""
     program = tmp_path / "sheetsplat"
-    program.write_text("import sheetsplat\n")
+    program.write_text("import sheetsplat\nsheetsplat.Scene\n")
     done = interrupted_import(tmp_path, "numpy", str(program))
     assert done.stderr.startswith("Traceback") and "Aborted" not in done.stderr, done.stderr
 

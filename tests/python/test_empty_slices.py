@@ -29,9 +29,14 @@ def clusters(fields: int = 1, far_off: float = 0.0, **scene: Any) -> Parts:
         one["values"] = one["values"] / fields + far_off
         made.append(one)
     transfer = [(fields * far_off + point[0], *point[1:]) for point in scene_parts.GENTLE]
-    return scene_parts.parts(made, FAR, transfer=transfer, size=(24, 20), slice_spacing=0.01) | {"scene": {
-        "slice_spacing": 0.01, "opacity_stop": 1.0, "reference_length": 0.05, **scene,
-    }}
+    return scene_parts.parts(made, FAR, transfer=transfer, size=(24, 20), slice_spacing=0.01) | {
+        "scene": {
+            "slice_spacing": 0.01,
+            "opacity_stop": 1.0,
+            "reference_length": 0.05,
+            **scene,
+        }
+    }
 
 
 @pytest.mark.parametrize(

@@ -32,8 +32,9 @@ def write(folder: Path, text: str) -> Path:
 def test_every_option_of_a_picture_is_in_one_section():
     names = [name for section in SECTIONS for name in options_of(section)]
     assert len(names) == len(set(names))
-    # Functions, objects that replace groups, arrays beside the picture and depths of one view are no part of a scene.
-    others = {"outputs", "progress", "camera", "renderer", "depth_limit"}
+    # Functions, objects that replace groups, clusters, arrays beside the picture and depths of one view are no part of
+    # a scene.
+    others = {"outputs", "progress", "camera", "renderer", "depth_limit", "client"}
     assert set(definitions(RenderOptions)) - set(names) == others
 
 

@@ -109,13 +109,12 @@ class SphereBatch {
             const T* bell_y = bell_y_ + kernel;
             const T* bell_z = bell_z_ + slice * room + kernel;
             if constexpr (slopes) {
-                separable_slopes<sums, number.value, room>(d, splat.targets + slice, bell_x, bell_y, bell_z,
-                                                                  slope_x, slope_y_ + kernel,
-                                                                  slope_z_ + slice * room + kernel, edge, value, weight,
-                                                                  splat.steep(), start, box.x1, box.y0, box.y1);
+                separable_slopes<sums, number.value, room>(d, splat.targets + slice, bell_x, bell_y, bell_z, slope_x,
+                                                           slope_y_ + kernel, slope_z_ + slice * room + kernel, edge,
+                                                           value, weight, splat.steep(), start, box.x1, box.y0, box.y1);
             } else {
-                separable_rows<sums, number.value, room>(d, splat.targets + slice, bell_x, bell_y, bell_z, edge,
-                                                                value, weight, start, box.x1, box.y0, box.y1);
+                separable_rows<sums, number.value, room>(d, splat.targets + slice, bell_x, bell_y, bell_z, edge, value,
+                                                         weight, start, box.x1, box.y0, box.y1);
             }
         });
     }

@@ -21,6 +21,8 @@ from sheetsplat.notices import warn
 
 # Opacity of solids at shares of their value: nothing at their border, and opaque within a kernel's radius.
 _SOLID = ((0.25, 0.0), (0.75, 0.9))
+# Kernels at whose centres weights are summed to tell a solid.
+_FEW_KERNELS = 500
 # Number of positions at which a scattered field is sampled.
 _PLACES = 16_384
 # Where thousands of kernels overlap, fewer positions suffice: at least so many, with so many summands in total.
@@ -84,6 +86,10 @@ def _of_solid(field: EllipsoidField) -> Look | None:
     """
     low, high = field.value_range if not field.ghosts else (0.0, 0.0)
     if not low == high != 0.0 or field.normalization != "threshold" or field.quantity.floor is not None:
+        return None
+    # Where weights stay below w0, the scalar is a sum that is far from the value.
+    some = field.centers[:: max(1, field.size // _FEW_KERNELS)]
+    if float(np.median(field.scalars_and_weights(some)[1])) < field.w0:
         return None
     ends = sorted((0.0, low / SURFACE_SHARE))
     opacity = sorted((share * low, part) for share, part in _SOLID)

@@ -44,7 +44,7 @@ _EDGE = 128
 _FORMULA = 8
 _DEPTH = 1.0
 _FACES = ("engine", "bonsai", "cthead_256", "stent")
-_TEN = (
+_VOLUMES = (
     *("aneurism_256", "bonsai", "cthead_256", "engine", "lobster", "mrbrain", "nucleon", "stent", "tooth", "vismale"),
     # Beyond the ten.
     *("hydrogen", "lcdm", "silicium", "turbulent"),
@@ -56,8 +56,9 @@ _TILE, _FLATTEST = 0.25, 0.3
 # Finer than this, pixels, is weave; a face is flat where light changes little over so many.
 _FINE, _FLAT = 2.0, 4.0
 
-#: Rows that can be run alone.
-ROWS = ("signal", "frames", "faces", "errors")
+#: Parts that can be run alone, and volumes that can be measured alone: `--row errors --row bonsai` is one of each.
+PARTS = ("signal", "frames", "faces", "errors")
+ROWS = (*PARTS, *_VOLUMES)
 # What measures one of them.
 Part = Callable[[Options, list[Goal]], list[Row]]
 
@@ -214,6 +215,9 @@ def _timed(
 
 def _frames(options: Options, goals: list[Goal]) -> list[Row]:
     """Return times of the signal, flat, and of measured volumes, lit."""
+    lit = _each("frames", _FACES, _lit_frames)
+    if set(options.rows) & set(_VOLUMES):
+        return lit(options, goals)
     volume = datasets.marschner_lobb(options.edge(_EDGE))
     function = ss.TransferFunction(list(POINTS))
     camera = view()
@@ -223,7 +227,7 @@ def _frames(options: Options, goals: list[Goal]) -> list[Row]:
         for name in QUALITIES
     ]
     rows = _timed(options, "signal, flat", flat, goals)
-    return rows + _each("frames", _FACES, _lit_frames)(options, goals)
+    return rows + lit(options, goals)
 
 
 def _lit_frames(options: Options, name: str, goals: list[Goal]) -> list[Row]:
@@ -243,12 +247,17 @@ def _attempted(run: Any, name: str) -> list[Row]:
     return found or [{"row": name, **failed}]
 
 
+def _asked(options: Options, names: Sequence[str]) -> Sequence[str]:
+    """Return those of some volumes that are to be measured: all where no volume was named."""
+    return [name for name in names if name in options.rows] if set(options.rows) & set(_VOLUMES) else names
+
+
 def _each(kind: str, names: Sequence[str], measure: Callable[[Options, str, list[Goal]], list[Row]]) -> Part:
     """Return the part that measures one volume after another."""
 
     def rows(options: Options, goals: list[Goal]) -> list[Row]:
         found: list[Row] = []
-        for name in names:
+        for name in _asked(options, names):
             options.say(f"{kind}: {name}")
             found += _attempted(partial(measure, options, name, goals), name)
         return found
@@ -303,7 +312,7 @@ _PARTS: dict[str, Part] = {
     "signal": _signal,
     "frames": _frames,
     "faces": _each("faces", _FACES, _face),
-    "errors": _each("errors", _TEN, _error),
+    "errors": _each("errors", _VOLUMES, _error),
 }
 
 
@@ -312,9 +321,8 @@ def run(options: Options) -> Report:
     options = options.preferring("cpu")
     rows: list[Row] = []
     goals: list[Goal] = []
-    for name in ROWS:
-        if options.wants(name):
-            rows += _PARTS[name](options, goals)
+    for name in [name for name in PARTS if name in options.rows] or PARTS:
+        rows += _PARTS[name](options, goals)
     return Report(
         name="quality",
         title=f"The three qualities at {options.size[0]}x{options.size[1]}",

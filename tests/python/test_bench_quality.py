@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -241,3 +242,5 @@ def test_qualities_are_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert errors[0] > errors[1] > errors[2] and rows["engine", "good"]["through"]
     assert "SHEETSPLAT_DATA" in rows["bonsai", None]["remark"]
     assert {goal.name for goal in report.goals} == {"error, engine, good", "error, engine, best"}
+    rows = quality_bench.run(replace(options, rows=("frames", "engine"))).rows
+    assert [row["row"] for row in rows] == 3 * ["engine, lit"]

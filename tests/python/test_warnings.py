@@ -88,6 +88,41 @@ def test_what_does_not_warn(ball, options):
     assert caught(lambda: ss.render(ball, **SMALL, **options)) == []
 
 
+@pytest.mark.parametrize("value", [0, 7, -2.5, 1e30])
+@pytest.mark.parametrize("mode", ["composite", "isosurface", "mip", "minimum", "average", "xray"])
+def test_equal_samples_are_told_once(value, mode):
+    image, told = told_of(lambda: ss.render(np.full((5, 6, 7), value, np.float32), mode=mode, **SMALL))
+    assert np.isfinite(image.pixels).all()
+    if mode == "xray" and value:
+        # How thick the volume is.
+        assert told == [] and image.scalar.any()
+        return
+    (one,) = told
+    if value == 0 and mode != "composite":
+        assert one == "nothing can be seen in the picture: all values are 0"
+    elif mode == "mip" and value < 0:
+        assert one == "nothing can be seen in the picture: mode mip shows nothing below 0, and the values -2.5 to -2.5 are"
+    else:
+        assert f"all samples are {np.float32(value):g}: there is nothing in the volume to tell apart" in one
+
+
+@pytest.mark.parametrize("options", [{"clim": (0, 9), "opacity": 0.3}, {"mode": "isosurface", "iso_value": 3}])
+def test_equal_samples_that_were_asked_for_are_not_told(options):
+    image, told = told_of(lambda: ss.render(np.full((5, 6, 7), 7.0), **options, **SMALL))
+    assert told == [] and image.rgba[..., 3].max() > 0.2
+    # Nor such as another volume tells apart.
+    fields = [ss.RegularField(np.full((5, 6, 7), value)) for value in (7.0, 3.0)]
+    assert told_of(lambda: ss.render(fields, **SMALL))[1] == []
+
+
+def test_missing_samples_are_told():
+    values = np.full((5, 6, 7), np.nan)
+    with pytest.raises(ss.InvalidInput, match='nan="skip"'):
+        ss.render(values, **SMALL)
+    image, told = told_of(lambda: ss.render(values, nan="skip", **SMALL))
+    assert told == ["nothing can be seen in the picture: all samples are NaN"] and not image.rgba.any()
+
+
 def test_scattered_data_are_judged_by_what_they_can_reach(rng):
     centers, values = rng.normal(size=(40, 3)), np.full(40, 3.0)
     mean = ss.EllipsoidField(centers, 1.0, values=values)

@@ -97,6 +97,43 @@ def test_ambient_occlusion_finds_a_radius(tmp_path):
     assert param_type(Special.OPACITY).convert("isolayers:3", None, None) == "isolayers:3"
 
 
+@pytest.mark.parametrize("gradient", ["sheets", "analytic"])
+def test_a_number_is_a_radius(gradient):
+    values = np.random.default_rng(1).random((9, 9, 9))
+    image, again = (
+        ss.render(values, ambient_occlusion=one, gradient=gradient, **SMALL) for one in (2.5, ss.AmbientOcclusion(2.5))
+    )
+    assert image == again and image.recipe.options["ambient_occlusion"] == ss.AmbientOcclusion(2.5)
+    for bad in (0, -1, float("inf"), "5", (5, 0.5)):
+        with pytest.raises(ss.InvalidInput, match="ambient_occlusion|radius"):
+            ss.render(values, ambient_occlusion=bad, **SMALL)
+    with pytest.raises(ss.InvalidInput, match="which knows the data"):
+        ss.Scene(ss.RegularField(values), [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)], ambient_occlusion=True)
+
+
+def test_the_command_line_takes_occlusion_with_and_without_a_number(tmp_path):
+    data, picture = tmp_path / "a.npy", tmp_path / "a.png"
+    np.save(data, np.random.default_rng(1).random((9, 9, 9)))
+    chosen = 0.04 * 8 * np.sqrt(3)
+    flag = "--ambient-occlusion"
+    for command, expected in (
+        ((flag, data, "-o", picture), (chosen, 1)),
+        ((data, flag, "-o", picture), (chosen, 1)),
+        ((data, "-o", picture, flag), (chosen, 1)),
+        ((flag, "--", data), (chosen, 1)),
+        ((flag, "auto", data, "-o", picture), (chosen, 1)),
+        ((flag, "3", data, "-o", picture), (3, 1)),
+        ((data, "-o", picture, f"{flag}=3,0.5"), (3, 0.5)),
+    ):
+        output = () if "-o" in command else ("-o", picture)
+        run("render", *output, "--size", "12", "--backend", "cpu", *command)
+        found = ss.Recipe.read(picture).options["ambient_occlusion"]
+        assert (found.radius, found.strength) == pytest.approx(expected), command
+    for bad in ("0", "3,2", "wide"):
+        assert "a radius above 0" in run("render", data, "-o", picture, f"{flag}={bad}", code=2).stderr
+    assert "found no such file" in run("render", flag, tmp_path / "missing.npy", "-o", picture, code=1).stderr
+
+
 def test_the_command_line_knows_the_nearest_words(volume, tmp_path):
     for given, near in {
         "--quality=bst": "best",

@@ -7,6 +7,7 @@ from functools import cache
 
 import click
 
+from sheetsplat.cli.optional_values import with_values
 from sheetsplat.options.core import definitions
 from sheetsplat.options.page import GROUPS
 
@@ -65,7 +66,11 @@ help_all = click.option(
 
 
 class GroupedCommand(click.Command):
-    """A command whose help has groups."""
+    """A command whose help has groups, and whose options may have values that can be left out."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read arguments and options."""
+        return super().parse_args(ctx, list(with_values(self.get_params(ctx), args)))
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write its own options, then those of pictures: the most used ones, or all of them in groups."""

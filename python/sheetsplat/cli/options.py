@@ -11,6 +11,7 @@ import click
 from click.core import ParameterSource
 
 from sheetsplat.cli.help import help_all
+from sheetsplat.cli.optional_values import OptionalValue
 from sheetsplat.cli.types import Word, param_type
 from sheetsplat.cli.wording import warnings_on_stderr
 from sheetsplat.options.camera import CameraOptions
@@ -98,6 +99,8 @@ def _option(option: Option, spelling: CommandLine) -> Callable[[Function], Funct
         # What is chosen by other options must be seen not to have been given.
         if is_own and isinstance(default, str | int | float | tuple) and not spelling.multiple and not option.chosen:
             settings["default"] = default
+    if spelling.bare:
+        settings |= {"cls": OptionalValue, "flag_value": spelling.bare}
     if spelling.metavar:
         settings["metavar"] = spelling.metavar
     return click.option(flag, parameter, help=_help(option, spelling, default=words), **settings)

@@ -10,7 +10,7 @@ import numpy as np
 
 from sheetsplat.effects import AmbientOcclusion
 from sheetsplat.errors import complain, option_ref, option_refs
-from sheetsplat.fields import EllipsoidField, Field, joined_bounds
+from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
 from sheetsplat.look.histogram import Look
@@ -31,6 +31,8 @@ _MOST_CENTRES = (0.5, 99.5)
 _FAR_APART = 0.25
 # Radius of ambient occlusion, of the diagonal of the data.
 _SURROUNDINGS = 0.04
+# With one of them a picture of equal samples is what was asked for.
+_SAY_WHAT_IS_MEANT = ("transfer_function", "opacity", "clim", "iso_value", "scalar_colors")
 # One light over the viewer's left shoulder; with the specular share it shows the shape of smooth surfaces.
 HEAD_LIGHT = Light(direction=(-0.3, 0.4, 1.0))
 SHINY = Material(ambient=0.3, diffuse=0.85, specular=0.3, shininess=24.0, two_sided=True)
@@ -83,9 +85,24 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     scene = Scene(list(fields), function, **scene_options)
     if options.get("slice_spacing") is None and not spacing_is_free:
         _warn_of_strays(scene)
+    if all(options.get(name) is None for name in _SAY_WHAT_IS_MEANT):
+        _warn_of_one_value(scene)
     if scene.options["shadows"] and not scene.lights:
         warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene
+
+
+def _warn_of_one_value(scene: Scene) -> None:
+    """Warn of volumes whose samples are all equal: there is nothing to choose a look by."""
+    volumes = [one for one in scene.fields if one.size]
+    # X-rays show how thick a volume is.
+    if scene.mode == "xray" or not volumes or not all(isinstance(one, RegularField) for one in volumes):
+        return
+    (low, high), *others = [one.value_range for one in volumes]
+    told_as_empty = (low == 0.0 and scene.mode != "composite") or (low < 0.0 and scene.mode == "mip")
+    if low == high and all(found == (low, low) for found in others) and not told_as_empty:
+        shown = "a translucent block, with limits around that value" if scene.mode == "composite" else "its block"
+        warn(f"all samples are {low:g}: there is nothing in the volume to tell apart, and the picture shows {shown}")
 
 
 def _warn_of_strays(scene: Scene) -> None:

@@ -74,13 +74,13 @@ def why_empty(
     """
     known = [one for one in scene.fields if one.size]
     if not known:
-        return f"the field has no {'kernels' if isinstance(scene.fields[0], EllipsoidField) else 'samples'}"
+        return "the field has no kernels" if isinstance(scene.fields[0], EllipsoidField) else "all samples are NaN"
     ranges = [_range_of(one) for one in known]
     low, high = sum(low for low, _ in ranges), sum(high for _, high in ranges)
     values = f"the values {low:g} to {high:g}"
+    if low == high == 0 and scene.mode != "composite":
+        return "all values are 0"
     if scene.mode in SCALAR:
-        if low == high == 0:
-            return "all values are 0"
         if scene.mode == "mip" and high <= 0:
             return f"mode mip shows nothing below 0, and {values} are"
     elif scene.mode == "isosurface":

@@ -208,9 +208,11 @@ def choose_for(samples: NDArray[Any] | Samples, *, decades: bool = False, extrem
 def _choose(values: NDArray[np.float64], *, even: bool, extremes: bool) -> Look:
     low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
     if not low < high:
-        # One value everywhere: show it, almost transparent.
+        # One value everywhere: show it, almost transparent. Outside the supports the scalar is 0, and of logarithms the
+        # least.
         width = max(abs(low), 1.0) * 1e-3
-        return Look((low - width, high + width), ((low - width, 0.05), (high + width, 0.05)), low)
+        surface = low if even else 0.5 * low
+        return Look((low - width, high + width), ((low - width, 0.05), (high + width, 0.05)), surface)
     # Low values vary little and high ones much. Square roots make the variation similar, so that thin branches and
     # faint shells are classified as objects, not as background; logarithms do that already.
     start = low + (_between_classes(values - low) if even else _between_classes(np.sqrt(values - low)) ** 2)

@@ -56,6 +56,8 @@ class CommandLine:
         May be repeated.
     switch
         Takes no value.
+    bare
+        The value that it stands for where none follows; "": one must follow.
     """
 
     flag: str = ""
@@ -66,6 +68,7 @@ class CommandLine:
     metavar: str = ""
     multiple: bool = False
     switch: bool = False
+    bare: str = ""
 
 
 @dataclass(eq=False)

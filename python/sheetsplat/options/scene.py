@@ -68,6 +68,18 @@ def _preintegration(what: str, value: object) -> Preintegration:
     return truth(what, value)
 
 
+def _occlusion(what: str, value: object) -> AmbientOcclusion | None:
+    """Return ambient occlusion, also by its radius alone; None for False."""
+    if value is False:
+        return None
+    if value is True:
+        wanted = "AmbientOcclusion(radius), the radius, or None"
+        raise complain(unusable(what), shown(value), wanted, "give it to sheetsplat.render, which knows the data")
+    if isinstance(value, AmbientOcclusion):
+        return value
+    return AmbientOcclusion(number(what, value))
+
+
 def _filter(what: str, value: object) -> str | None:
     """Return "ewa" or None; "off" is another name of None."""
     if value == "auto":
@@ -326,15 +338,22 @@ class EffectOptions(TypedDict, total=False):
         bool, Option("Lights cast shadows.", default=False, modes=COLORED, effect="shadows", check=truth, switch=True)
     ]
     ambient_occlusion: Annotated[
-        AmbientOcclusion | bool | None,
+        AmbientOcclusion | float | bool | None,
         Option(
-            "Dim ambient light where the surroundings, up to a radius in world units, are dense; True, in `render` "
-            "alone: a radius of 4 % of the data's diagonal.",
-            accepts="AmbientOcclusion or bool",
+            "Dim ambient light where the surroundings, up to a radius in world units, are dense. A number is the "
+            "radius; True, in `render` alone: 4 % of the data's diagonal.",
+            accepts="AmbientOcclusion, float or bool",
             modes=COLORED,
             effect="ambient_occlusion",
-            check=optional(instance_of(AmbientOcclusion)),
-            value=Special.OCCLUSION,
+            check=optional(_occlusion),
+            cli=(
+                CommandLine(
+                    value=Special.OCCLUSION,
+                    help="Dim ambient light where the surroundings, up to a radius in world units, are dense, by a "
+                    "strength from 0 to 1; without a number: a radius of 4 % of the data's diagonal.",
+                    bare="auto",
+                ),
+            ),
         ),
     ]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import click
 
@@ -15,9 +14,6 @@ _OF_PATHS = re.compile(r"[/\\:]|\.[A-Za-z]")
 
 class OptionalValue(click.Option):
     """An option that stands for a value, `flag_value`, where none follows it."""
-
-    def __init__(self, *names: Any, **settings: Any) -> None:
-        super().__init__(*names, is_flag=False, **settings)
 
     def takes(self, text: str) -> bool:
         """Return whether a text that follows the option is its value, and no argument of the command."""

@@ -100,7 +100,7 @@ def _option(option: Option, spelling: CommandLine) -> Callable[[Function], Funct
         if is_own and isinstance(default, str | int | float | tuple) and not spelling.multiple and not option.chosen:
             settings["default"] = default
     if spelling.bare:
-        settings |= {"cls": OptionalValue, "flag_value": spelling.bare}
+        settings |= {"cls": OptionalValue, "is_flag": False, "flag_value": spelling.bare}
     if spelling.metavar:
         settings["metavar"] = spelling.metavar
     return click.option(flag, parameter, help=_help(option, spelling, default=words), **settings)

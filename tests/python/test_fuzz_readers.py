@@ -32,6 +32,7 @@ import test_first_sight
 import test_io
 import test_mesh_files
 import test_vtk_files as vtk
+import test_vtk_parts as parts
 from hypothesis import HealthCheck, Phase, given, note, settings
 from hypothesis import strategies as st
 from PIL import Image as PillowImage
@@ -274,6 +275,8 @@ KINDS: dict[str, Callable[[Path], Files]] = {
     "vtr": lambda _: {"a.vtr": _structured("RectilinearGrid", "ascii")},
     "vtm": lambda _: _blocks(),
     "pvd": lambda _: _series(),
+    "pvti": _folder(parts.structured, "run"),
+    "pvtu": _folder(parts.meshes, "run"),
     "vtk": lambda _: {"a.vtk": vtk.LEGACY.encode()},
     "vtk binary": lambda _: {"a.vtk": _legacy_binary()},
     "meshio gmsh": _of_meshio("b.msh"),
@@ -283,6 +286,8 @@ KINDS: dict[str, Callable[[Path], Files]] = {
     "meshio xdmf text": _of_meshio("b.xdmf"),
     "vtkhdf": _made(vtk.vtkhdf, "a.vtkhdf"),
     "vtkhdf image": _made(vtk.vtkhdf, "a.vtkhdf", kind="ImageData"),
+    "vtkhdf of steps": _made(parts.timed, "a.vtkhdf", steps=1, **parts.steps_of(1, **{"Steps/NumberOfParts": [2]})),
+    "vtkhdf image of steps": _made(parts.timed_image, "a.vtkhdf", count=1),
     "picture png": lambda folder: _picture(".png", folder),
     "picture exr": lambda folder: _picture(".exr", folder),
     "picture npy": lambda folder: _picture(".npy", folder),

@@ -124,6 +124,12 @@ def test_names_stay_what_they_are_whatever_is_imported_first(first):
     assert python(code).split() == ["True", "sheetsplat.fit", "sheetsplat.api"]
 
 
+def test_every_page_of_the_documentation_is_in_its_contents():
+    docs = Path(__file__).parents[2] / "python" / "docs"
+    contents = (docs / "index.md").read_text(encoding="utf-8").split()
+    assert [page.stem for page in docs.glob("*.md") if page.stem not in (*contents, "index")] == []
+
+
 def test_extras_of_messages_are_those_of_the_package():
     root = Path(__file__).parents[2]
     extras = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]

@@ -331,14 +331,6 @@ def test_vtkhdf_that_lies(tmp_path, change, text):
         ss.open(vtkhdf(tmp_path / "a.vtkhdf", **change))
 
 
-def test_time_steps_of_vtkhdf_are_refused(tmp_path):
-    path = vtkhdf(tmp_path / "a.vtkhdf")
-    with h5py.File(path, "a") as file:
-        file["VTKHDF"].create_group("Steps").attrs["NSteps"] = 3
-    with pytest.raises(ss.InvalidInput, match="3 time steps"):
-        ss.open(path)
-
-
 @pytest.mark.parametrize("kind", ["vti", "vtkhdf"])
 def test_series_of_vtk(tmp_path, kind):
     """A .pvd names a file for each time."""

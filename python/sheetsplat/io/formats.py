@@ -114,12 +114,18 @@ def _vtk_kind(source: Source) -> str:
 
 
 def _is_vtk_image(source: Source) -> bool:
-    return _vtk_kind(source) in ("ImageData", "RectilinearGrid")
+    # A parallel file, whose type begins with P, names files of the same kind.
+    return _vtk_kind(source).removeprefix("P") in ("ImageData", "RectilinearGrid")
+
+
+def names_blocks(source: Source) -> bool:
+    """Return whether a file is one of blocks or a time series of VTK."""
+    return _vtk_kind(source) in ("vtkMultiBlockDataSet", "Collection")
 
 
 def _blocks_of(source: Source, *, scattered: bool) -> bool:
     """Return whether a file names others, of which the shown one is a volume, or scattered data."""
-    if _vtk_kind(source) not in ("vtkMultiBlockDataSet", "Collection"):
+    if not names_blocks(source):
         return False
     kind: str = pkgutil.resolve_name(_IO + "vtk_xml.blocks:kind_of")(source)
     return (kind in SCATTERED) == scattered
@@ -220,6 +226,7 @@ FORMATS: tuple[Format, ...] = (
         recognizes_folder=_every(_is_tiff),
     ),
     Format("mrc", _IO + "mrc:read", _is_mrc, beats_raw=True, shown="MRC"),
+    Format("openvdb", _IO + "vdb:read", _begins(b" BDV\0\0\0\0"), ("name",), beats_raw=True, shown="OpenVDB"),
     Format(
         "netcdf",
         _IO + "netcdf:read",
@@ -233,16 +240,18 @@ FORMATS: tuple[Format, ...] = (
         "vtkhdf image",
         _IO + "vtk_hdf:read_image",
         lambda source: _hdf5_kind(source) == "vtkhdf image",
-        ("name",),
+        ("name", "step"),
         shown="VTKHDF images",
+        steps=_IO + "vtk_hdf:count_steps",
     ),
     Format(
         "vtkhdf",
         _IO + "vtk_hdf:read",
         lambda source: _hdf5_kind(source) == "vtkhdf",
-        ("scalar",),
+        ("scalar", "step"),
         scattered=True,
         shown="VTKHDF meshes",
+        steps=_IO + "vtk_hdf:count_steps",
     ),
     Format(
         "hdf5 volume",
@@ -286,7 +295,7 @@ FORMATS: tuple[Format, ...] = (
         scattered=True,
         shown=".ply of 3D Gaussian Splatting",
     ),
-    Format("vti", _IO + "vtk_xml.images:read", _is_vtk_image, ("name", "resample"), shown=".vti, .vtr"),
+    Format("vti", _IO + "vtk_xml.images:read", _is_vtk_image, ("name", "resample"), shown=".vti, .vtr, .pvti, .pvtr"),
     Format(
         "vtm image",
         _IO + "vtk_xml.blocks:read",
@@ -306,7 +315,14 @@ FORMATS: tuple[Format, ...] = (
         parts=True,
         steps=_IO + "vtk_xml.blocks:steps",
     ),
-    Format("vtk", _IO + "vtk_xml.meshes:read", _is_vtk_xml, ("scalar",), scattered=True, shown=".vtu, .vts, .vtp"),
+    Format(
+        "vtk",
+        _IO + "vtk_xml.meshes:read",
+        _is_vtk_xml,
+        ("scalar",),
+        scattered=True,
+        shown=".vtu, .vts, .vtp, .pvtu, .pvts, .pvtp",
+    ),
     Format(
         "vtk legacy image",
         _IO + "vtk_legacy:read_volume",

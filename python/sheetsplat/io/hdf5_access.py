@@ -92,6 +92,23 @@ def read_dataset(path: Path, one: Any, what: str, spare: int = 0) -> NDArray[Any
     return rows
 
 
+def read_rows(path: Path, one: Any, what: str, rows: slice, spare: int = 0) -> NDArray[Any]:
+    """Return the rows first to last of a dataset, and no others; `spare` more bytes must be available for each number.
+
+    Raises InvalidInput where it has fewer.
+    """
+    check_stored(path, one, what)
+    if not 0 <= rows.start <= rows.stop <= one.shape[0]:
+        raise unreadable(path, f"{one.shape[0]} rows of {what}", f"{rows.stop}, as other numbers of the file say")
+    count = (rows.stop - rows.start) * math.prod(one.shape[1:])
+    # A chunk is unpacked as a whole.
+    _memory.require(
+        count * (one.dtype.itemsize + spare) + math.prod(one.chunks or (0,)) * one.dtype.itemsize, f"{what} of {path}"
+    )
+    found: NDArray[Any] = one[rows]
+    return found
+
+
 def check_stored(path: Path, one: Any, what: str) -> int:
     """Return the bytes of a dataset; InvalidInput where fewer are stored, or in another file."""
     if one.is_virtual or one.external:

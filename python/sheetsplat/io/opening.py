@@ -31,6 +31,8 @@ _SAMPLES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization"
 _RAW = ("shape", "dtype", "offset", "name", "resample", "step")
 #: Options that say how data are read.
 READING = (*_RAW, *_POINTS)
+# The number in a header is not trusted.
+_MOST_STEPS = 100_000
 
 
 def read_volume(
@@ -230,6 +232,8 @@ def time_steps(path: str | os.PathLike[str], options: Mapping[str, Any]) -> list
     with opened(path) as source:
         steps: int | list[Path] = pkgutil.resolve_name(found.steps)(source, options.get("scalar", options.get("name")))
     if isinstance(steps, int):
+        if steps > _MOST_STEPS:
+            raise unreadable(Path(path), f"{steps} time steps", f"at most {_MOST_STEPS}")
         return [(Path(path), {"step": number}) for number in range(steps)] if steps > 1 else alone
     return [(one, {}) for one in steps] or alone
 

@@ -14,6 +14,10 @@ from sheetsplat.io.records import Floats, Scattered
 
 #: VTK's number of a hexahedron.
 HEXAHEDRON = 12
+#: The array by which VTK marks points and cells that belong to another piece, or are hidden.
+GHOSTS = "vtkGhostType"
+#: Arrays that VTK writes for itself.
+OWN_ARRAYS = (GHOSTS, "vtkOriginalPointIds", "vtkOriginalCellIds")
 
 _log = logging.getLogger("sheetsplat")
 
@@ -40,6 +44,12 @@ class Cells:
     def sizes(self) -> NDArray[np.int64]:
         """Return how many points each cell has."""
         return np.diff(self.ends, prepend=0)
+
+    def where(self, kept: NDArray[np.bool_]) -> Cells:
+        """Return some of the cells, by a mask."""
+        sizes = self.sizes()
+        types = self.types[kept] if self.types.size else self.types
+        return Cells(self.connectivity[np.repeat(kept, sizes)], np.cumsum(sizes[kept]), types)
 
 
 def hexahedra_of(counts: Sequence[int]) -> NDArray[np.int64]:

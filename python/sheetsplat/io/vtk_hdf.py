@@ -1,4 +1,4 @@
-"""VTK's data sets in HDF5 (.vtkhdf): images, unstructured grids and surfaces, in one or more partitions.
+"""VTK's data sets in HDF5 (.vtkhdf): images, unstructured grids and surfaces, in partitions and in time steps.
 
 Source: the VTKHDF file format, versions 1 and 2, of VTK's documentation.
 """
@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import shown, triple
 from sheetsplat.io.axes import nearest_the_world
-from sheetsplat.io.checks import checked_shape, finite_points, printable, require_rows, unreadable
-from sheetsplat.io.hdf5_access import attribute, inside, read_dataset, seekable
+from sheetsplat.io.checks import checked_shape, chosen_step, finite_points, printable, require_rows, unreadable
+from sheetsplat.io.hdf5_access import attribute, check_stored, inside, read_rows, seekable
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
-from sheetsplat.io.vtk_cells import Cells, Meshes, checked_lists, joined
+from sheetsplat.io.vtk_cells import OWN_ARRAYS, Cells, Meshes, checked_lists, joined
 from sheetsplat.quantity import Quantity
 
 _GROUP = "VTKHDF"
@@ -41,12 +41,53 @@ def kind_of(path: Path, file: Any) -> str:
     return "vtkhdf image" if _type(path, file) == "ImageData" else "vtkhdf"
 
 
-def _one_step(path: Path, group: Any) -> None:
-    """Raise InvalidInput for several time steps."""
-    steps = inside(path, group, "Steps")
-    count = attribute(steps, "NSteps") if isinstance(steps, h5py.Group) else None
-    if count is not None and int(count) > 1:
-        raise unreadable(path, f"{int(count)} time steps", "one", "save one of them as a file of its own")
+class _Step:
+    """A time step, and where its rows begin. A file without a group Steps has one, which begins at 0.
+
+    Raises InvalidInput unless there is a time for each step that the file says it has.
+    """
+
+    def __init__(self, path: Path, group: Any) -> None:
+        self._path = path
+        found = inside(path, group, "Steps")
+        self._group = found if isinstance(found, h5py.Group) else None
+        self.count, self.number = 1, 0
+        if self._group is None:
+            return
+        told = attribute(self._group, "NSteps", 1)
+        self.count = 0 if told is None else int(np.asarray(told).reshape(-1)[0])
+        times = inside(path, self._group, "Values")
+        stored = times.shape[0] if isinstance(times, h5py.Dataset) and times.ndim == 1 else 0
+        if self.count < 1 or self.count > stored:
+            raise unreadable(path, f"{self.count} time steps with {stored} times", "one or more, each with its time")
+        check_stored(path, times, "Steps/Values")
+
+    @property
+    def has_axis(self) -> bool:
+        """Return whether arrays of images have an axis of time before the others."""
+        return self._group is not None
+
+    def choose(self, step: int | None) -> None:
+        """Take a step, the only one unless given."""
+        self.number = chosen_step(self._path, self.count, step)
+
+    def first(self, name: str, column: int = 0) -> int | None:
+        """Return what Steps/name has for this step; None where it has nothing."""
+        one = None if self._group is None else inside(self._path, self._group, name)
+        if not isinstance(one, h5py.Dataset):
+            return None
+        if one.ndim not in (1, 2) or one.dtype.kind not in "iu" or (one.ndim == 2 and column >= one.shape[1]):
+            raise unreadable(self._path, f"no whole numbers in Steps/{name}", "one for each time step")
+        row = read_rows(self._path, one, f"Steps/{name}", slice(self.number, self.number + 1)).reshape(-1)
+        if row[column] < 0:
+            raise unreadable(self._path, f"{row[column]} in Steps/{name}", "numbers that are not negative")
+        return int(row[column])
+
+
+def count_steps(source: Source, name: str | None = None) -> int:
+    """Return the number of time steps."""
+    with h5py.File(seekable(source), "r") as file:
+        return _Step(source.path, inside(source.path, file, _GROUP)).count
 
 
 class _Arrays:
@@ -67,7 +108,8 @@ class _Arrays:
             preferred.append(printable(attribute(owner, "Scalars")))
             for name in names:
                 one = inside(path, owner, name)
-                usable = isinstance(one, h5py.Dataset) and one.dtype.kind in "iuf" and name not in widths
+                usable = isinstance(one, h5py.Dataset) and one.dtype.kind in "iuf"
+                usable = usable and name not in widths and name not in OWN_ARRAYS
                 if usable and one.ndim in (grid_axes, grid_axes + 1) and one.shape[grid_axes:] != (0,):
                     found[name] = (where, one)
                     widths[name] = 1 if one.ndim == grid_axes else int(one.shape[-1])
@@ -76,24 +118,32 @@ class _Arrays:
         where, self.dataset = found[self._base]
         self.of_cells = where == "CellData"
         self.of_vectors = widths[self._base] > 1
+        #: Where the dataset Steps/… has the first row of each time step.
+        self.offsets = f"{where}Offsets/{self._base}"
 
-    def rows(self) -> NDArray[Any]:
-        """Return all rows of the array that is shown."""
-        return read_dataset(self._path, self.dataset, str(self.dataset.name), 8 * self.dataset.size)
+    def rows(self, first: int, count: int) -> NDArray[Any]:
+        """Return rows of the array that is shown."""
+        return read_rows(self._path, self.dataset, self.name, slice(first, first + count), 8)
 
 
-def _image(path: Path, group: Any, scalar: str | None) -> Volume:
-    _one_step(path, group)
-    arrays = _Arrays(path, group, scalar, 3)
+def _image(path: Path, group: Any, scalar: str | None, number: int | None) -> Volume:
+    step = _Step(path, group)
+    step.choose(number)
+    arrays = _Arrays(path, group, scalar, 3 + step.has_axis)
     whole = attribute(group, "WholeExtent", 6)
     numbers = [] if whole is None else [int(one) for one in np.asarray(whole).reshape(-1)]
     if len(numbers) != 6:
         raise unreadable(path, f"WholeExtent = {shown(numbers)}", "six whole numbers")
     points = [numbers[2 * axis + 1] - numbers[2 * axis] + 1 for axis in (2, 1, 0)]
     counts = checked_shape(path, [max(one - 1, 1) if arrays.of_cells else one for one in points], "the extent")
-    if tuple(arrays.dataset.shape[:3]) != counts:
-        raise unreadable(path, f"{arrays.name} of {arrays.dataset.shape}", f"{counts}, as WholeExtent says")
-    rows = arrays.rows()
+    axes = arrays.dataset.shape[step.has_axis :]
+    if tuple(axes[:3]) != counts:
+        raise unreadable(path, f"{arrays.name} of {axes}", f"{counts}, as WholeExtent says")
+    if step.has_axis:
+        at = step.first(arrays.offsets)
+        rows = arrays.rows(step.number if at is None else at, 1)[0]
+    else:
+        rows = arrays.rows(0, counts[0])
     if arrays.of_vectors:
         rows = column_of(rows.reshape(-1, rows.shape[-1]), arrays.column)
     values = rows.reshape(counts)
@@ -115,95 +165,124 @@ def _image(path: Path, group: Any, scalar: str | None) -> Volume:
     return Volume(placed.values, placed.spacing, placed.origin, "vtkhdf", details, Quantity(printable(arrays.name)))
 
 
-def read_image(source: Source, name: str | None = None) -> Volume:
+def read_image(source: Source, name: str | None = None, step: int | None = None) -> Volume:
     """Read an image: an array of its points, or of its cells, whose values lie at their middles.
 
-    Raises InvalidInput for damaged files, several time steps and links to other files.
+    Raises InvalidInput for damaged files, several time steps without `step`, and links to other files.
     """
     with h5py.File(seekable(source), "r") as file, np.errstate(all="ignore"):
-        return _image(source.path, inside(source.path, file, _GROUP), name)
+        return _image(source.path, inside(source.path, file, _GROUP), name, step)
+
+
+class _Rows:
+    """Rows of a dataset that are taken one part after another, read at once."""
+
+    def __init__(self, path: Path, group: Any, name: str, first: int, count: int) -> None:
+        one = inside(path, group, name)
+        if not isinstance(one, h5py.Dataset) or one.dtype.kind not in "iuf" or one.ndim not in (1, 2):
+            raise unreadable(path, f"no numbers in {name}", "a dataset")
+        self._rows = read_rows(path, one, name, slice(first, first + count), 8)
+        self._used = 0
+
+    def take(self, count: int) -> NDArray[Any]:
+        """Return the next rows."""
+        self._used += count
+        return self._rows[self._used - count : self._used]
 
 
 class _Partitions:
-    """Numbers of a mesh whose partitions lie one after another in each dataset."""
+    """Numbers of the partitions of a time step, which lie one after another in each dataset."""
 
-    def __init__(self, path: Path, group: Any) -> None:
-        self._path, self._group = path, group
-        self._read: dict[str, NDArray[Any]] = {}
-        self._used: dict[str, int] = {}
+    def __init__(self, path: Path, group: Any, step: _Step) -> None:
+        self._path, self._group, self._step = path, group, step
+        self.first = step.first("PartOffsets") or 0
+        self._of_all_steps: int = self._whole("NumberOfPoints").shape[0]
+        told = step.first("NumberOfParts")
+        # Without it every step has as many.
+        self.count = max(1, self._of_all_steps // step.count) if told is None else told
+        if self.count > _MOST_PARTITIONS:
+            raise unreadable(path, f"{self.count} partitions", f"at most {_MOST_PARTITIONS}")
 
-    def counts(self, name: str, wanted: int | None = None) -> list[int]:
-        """Return a number for each partition."""
+    def _whole(self, name: str) -> Any:
         one = inside(self._path, self._group, name)
         if not isinstance(one, h5py.Dataset) or one.ndim != 1 or one.dtype.kind not in "iu":
             raise unreadable(self._path, f"no whole numbers in {name}", "one for each partition")
-        if one.shape[0] > _MOST_PARTITIONS or one.shape[0] != (one.shape[0] if wanted is None else wanted):
-            limit = f"at most {_MOST_PARTITIONS}" if wanted is None else f"{wanted}"
-            raise unreadable(self._path, f"{one.shape[0]} partitions in {name}", limit)
-        numbers = [int(count) for count in read_dataset(self._path, one, name)]
-        if any(count < 0 for count in numbers):
+        return one
+
+    def counts(self, name: str) -> list[int]:
+        """Return a number for each partition."""
+        one = self._whole(name)
+        if one.shape[0] != self._of_all_steps:
+            raise unreadable(self._path, f"{one.shape[0]} partitions in {name}", f"{self._of_all_steps}")
+        rows = read_rows(self._path, one, name, slice(self.first, self.first + self.count))
+        if np.any(rows < 0):
             raise unreadable(self._path, f"negative numbers in {name}", "numbers that are not negative")
-        return numbers
+        return [int(count) for count in rows]
 
-    def take(self, name: str, count: int) -> NDArray[Any]:
-        """Return the next rows of a dataset."""
-        if name not in self._read:
-            one = inside(self._path, self._group, name)
-            if not isinstance(one, h5py.Dataset) or one.dtype.kind not in "iuf" or one.ndim not in (1, 2):
-                raise unreadable(self._path, f"no numbers in {name}", "a dataset")
-            self._read[name] = read_dataset(self._path, one, name)
-        rows, first = self._read[name], self._used.get(name, 0)
-        if first + count > len(rows):
-            raise unreadable(self._path, f"{len(rows)} rows of {name}", f"{first + count}, as its partitions have")
-        self._used[name] = first + count
-        return rows[first : first + count]
+    def rows(self, name: str, count: int, first: int | None) -> _Rows:
+        """Return rows of all partitions; `first` as the step has it, 0 unless it does."""
+        return _Rows(self._path, self._group, name, first or 0, count)
 
-    def cells(self, prefix: str, count: int, connections: int, points: int) -> tuple[NDArray[Any], NDArray[Any]]:
+
+class _Lists:
+    """Lists of cells of all partitions: those of a mesh, or one of the four of a surface."""
+
+    def __init__(self, path: Path, parts: _Partitions, step: _Step, prefix: str, number: int) -> None:
+        self._path, self._name = path, prefix + "Connectivity"
+        self.cells = parts.counts(prefix + "NumberOfCells")
+        self._sizes = parts.counts(prefix + "NumberOfConnectivityIds")
+        self.first = step.first("CellOffsets", number) or 0
+        # A partition has one more of them than cells.
+        starts = self.first + parts.first
+        self._offsets = parts.rows(prefix + "Offsets", sum(self.cells) + parts.count, starts)
+        ids = step.first("ConnectivityIdOffsets", number)
+        self._connectivity = parts.rows(self._name, sum(self._sizes), ids)
+
+    def take(self, part: int, points: int) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return point numbers and ends of the cells of the next partition."""
-        offsets = self.take(prefix + "Offsets", count + 1).astype(np.int64)
-        connectivity = self.take(prefix + "Connectivity", connections).astype(np.int64).reshape(-1)
+        offsets = self._offsets.take(self.cells[part] + 1).astype(np.int64)
+        connectivity = self._connectivity.take(self._sizes[part]).astype(np.int64).reshape(-1)
         ends = offsets[1:].reshape(-1)
-        checked_lists(self._path, prefix + "Connectivity", connectivity, ends, points)
+        checked_lists(self._path, self._name, connectivity, ends, points)
         return connectivity, ends
 
 
-def _mesh(path: Path, group: Any, kind: str, scalar: str | None) -> Scattered:
-    _one_step(path, group)
+def _mesh(path: Path, group: Any, kind: str, scalar: str | None, number: int | None) -> Scattered:
+    step = _Step(path, group)
+    step.choose(number)
     arrays = _Arrays(path, group, scalar, 1)
-    parts = _Partitions(path, group)
+    parts = _Partitions(path, group, step)
     points_of = parts.counts("NumberOfPoints")
-    partitions = len(points_of)
-    prefixes = ("",) if kind == "UnstructuredGrid" else tuple(f"{name}/" for name in _LISTS)
-    cells_of = [parts.counts(prefix + "NumberOfCells", partitions) for prefix in prefixes]
-    sizes_of = [parts.counts(prefix + "NumberOfConnectivityIds", partitions) for prefix in prefixes]
     require_rows(path, sum(points_of))
-    rows = arrays.rows()
-    values = column_of(rows, arrays.column)
+    is_mesh = kind == "UnstructuredGrid"
+    prefixes = ("",) if is_mesh else tuple(f"{name}/" for name in _LISTS)
+    lists = [_Lists(path, parts, step, prefix, number) for number, prefix in enumerate(prefixes)]
+    cells_of = [sum(one.cells[part] for one in lists) for part in range(len(points_of))]
+    first_point = step.first("PointOffsets") or 0
+    all_points = parts.rows("Points", sum(points_of), first_point)
+    all_types = parts.rows("Types", sum(cells_of), lists[0].first) if is_mesh else None
+    first = step.first(arrays.offsets)
+    if first is None:
+        first = sum(one.first for one in lists) if arrays.of_cells else first_point
+    values = column_of(arrays.rows(first, sum(cells_of if arrays.of_cells else points_of)), arrays.column)
     meshes = Meshes(path, arrays.of_cells)
     used = 0
     for part, count in enumerate(points_of):
-        points = parts.take("Points", count)
+        points = all_points.take(count)
         if points.ndim != 2 or points.shape[1] != 3:
             raise unreadable(path, f"Points of {points.shape}", "(N, 3)")
-        lists = [
-            parts.cells(prefix, cells[part], sizes[part], count)
-            for prefix, cells, sizes in zip(prefixes, cells_of, sizes_of, strict=True)
-        ]
-        number = sum(cells[part] for cells in cells_of)
-        types = parts.take("Types", number).astype(np.int64).reshape(-1) if prefixes == ("",) else np.empty(0, np.int64)
-        cells: Cells = joined(lists, types)
-        taken = number if arrays.of_cells else count
-        if used + taken > len(values):
-            raise unreadable(path, f"{len(values)} rows of {arrays.name}", f"{used + taken}")
+        types = np.empty(0, np.int64) if all_types is None else all_types.take(cells_of[part]).astype(np.int64)
+        cells: Cells = joined([one.take(part, count) for one in lists], types.reshape(-1))
+        taken = cells_of[part] if arrays.of_cells else count
         meshes.add(finite_points(path, points.astype(np.float64)), cells, values[used : used + taken])
         used += taken
     return meshes.scattered(arrays.name, "vtkhdf", arrays.known)
 
 
-def read(source: Source, scalar: str | None = None) -> Scattered:
+def read(source: Source, scalar: str | None = None, step: int | None = None) -> Scattered:
     """Read an unstructured grid or a surface; see `vtk_xml.meshes.read`.
 
-    Raises InvalidInput for other types, damaged files, several time steps and links to other files.
+    Raises InvalidInput for other types, damaged files, several time steps without `step`, and links to other files.
     """
     path = source.path
     with h5py.File(seekable(source), "r") as file, np.errstate(all="ignore"):
@@ -211,4 +290,4 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         if kind not in _MESHES:
             found = f"a VTKHDF file of type {shown(kind)}"
             raise unreadable(path, found, "ImageData, " + ", ".join(_MESHES), "save one data set of it")
-        return _mesh(path, inside(path, file, _GROUP), kind, scalar)
+        return _mesh(path, inside(path, file, _GROUP), kind, scalar, step)

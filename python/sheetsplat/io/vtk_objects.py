@@ -12,11 +12,8 @@ from sheetsplat.io.axes import nearest_the_world, on_even_axes
 from sheetsplat.io.checks import Where, finite_points, printable, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered, Volume
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
-from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, Meshes, hexahedra_of, joined, same_cells
+from sheetsplat.io.vtk_cells import HEXAHEDRON, OWN_ARRAYS, Cells, Meshes, hexahedra_of, joined, same_cells
 from sheetsplat.quantity import Quantity
-
-# Arrays that VTK writes for itself.
-_OWN = ("vtkGhostType", "vtkOriginalPointIds", "vtkOriginalCellIds")
 
 
 def _numbers(array: Any) -> NDArray[Any]:
@@ -51,7 +48,7 @@ def _scalar(data: Any, where: Where, wanted: str | None) -> _Scalar:
         for number in range(attributes.GetNumberOfArrays()):
             one = attributes.GetArray(number)
             name = None if one is None else one.GetName()
-            if name and name not in arrays and name not in _OWN and one.GetNumberOfComponents() > 0:
+            if name and name not in arrays and name not in OWN_ARRAYS and one.GetNumberOfComponents() > 0:
                 arrays[name], widths[name] = (of_cells, one), int(one.GetNumberOfComponents())
     name, base, column = choose_scalar(where, wanted, preferred, widths)
     of_cells, array = arrays[base]

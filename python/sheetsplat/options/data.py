@@ -135,7 +135,7 @@ class FileOptions(TypedDict, total=False):
     step: Annotated[
         int | None,
         Option(
-            "The time step to take of a file with several, from 0 on: NetCDF, OME-Zarr, .pvd.",
+            "The time step to take of a file with several, from 0 on: NetCDF, OME-Zarr, .vtkhdf, .pvd.",
             unset="the only one",
             value=Whole(0),
         ),

@@ -10,6 +10,7 @@ import io
 import lzma
 import zlib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -19,12 +20,15 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Error, Unsupported, complain
 from sheetsplat.io.checks import natural, numbers_in_text, unreadable
-from sheetsplat.io.scalars import choose_scalar, scalar_names
+from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
+from sheetsplat.io.vtk_cells import GHOSTS, OWN_ARRAYS
 from sheetsplat.io.vtk_xml.document import DataArray, Document, Piece
 
 _NAMES = "Int8 UInt8 Int16 UInt16 Int32 UInt32 Int64 UInt64 Float32 Float64"
 TYPES = {name: name.lower() for name in _NAMES.split()}
+# Of cells, vtkDataSetAttributes: DUPLICATECELL and HIDDENCELL.
+_LEFT_OUT = 1 | 32
 # Most characters of a number as text, and a margin for other text of an array.
 _LONGEST_WORD = 64
 _SLACK = 1 << 16
@@ -32,13 +36,35 @@ _SLACK = 1 << 16
 
 @dataclass(frozen=True)
 class Chosen:
-    """The scalar that is shown: its element (PointData or CellData), its name, its array, its column, and all names."""
+    """The scalar that is shown: its element (PointData or CellData), its name, its array, its column, and all names.
+
+    `components` is how many columns its array has.
+    """
 
     where: str
     name: str
     base: str
     column: int | None
+    components: int
     known: tuple[str, ...]
+
+    @property
+    def of_cells(self) -> bool:
+        """Return whether it belongs to the cells."""
+        return self.where == "CellData"
+
+
+def pick_scalar(path: Path, piece: Piece, scalar: str | None) -> Chosen:
+    """Return the scalar to show of those that a piece has: that with this name, or the active one, or the first."""
+    owners: dict[str, str] = {}
+    widths: dict[str, int] = {}
+    for where in ("PointData", "CellData"):
+        for one in piece.arrays.get(where, []):
+            if one.type in TYPES and one.name and one.name not in widths and one.name not in OWN_ARRAYS:
+                owners[one.name], widths[one.name] = where, one.components
+    preferred = [piece.chosen[role] for role in ("PointData Scalars", "CellData Scalars") if role in piece.chosen]
+    name, base, column = choose_scalar(path, scalar, preferred, widths)
+    return Chosen(owners[base], name, base, column, widths[base], scalar_names(widths))
 
 
 class _Bytes:
@@ -79,19 +105,6 @@ class ArrayReader:
         """Return a number of points or cells that a piece declares, 0 unless it does."""
         return natural(self._path, name, piece.attributes.get(name, "0").strip())
 
-    def pick_scalar(self, scalar: str | None) -> Chosen:
-        """Return the scalar to show: that with this name, or the active one, or the first."""
-        first = self._document.pieces[0]
-        owners: dict[str, str] = {}
-        widths: dict[str, int] = {}
-        for where in ("PointData", "CellData"):
-            for one in first.arrays.get(where, []):
-                if one.type in TYPES and one.name and one.name not in widths:
-                    owners[one.name], widths[one.name] = where, one.components
-        preferred = [first.chosen[role] for role in ("PointData Scalars", "CellData Scalars") if role in first.chosen]
-        name, base, column = choose_scalar(self._path, scalar, preferred, widths)
-        return Chosen(owners[base], name, base, column, scalar_names(widths))
-
     def named(self, piece: Piece, where: str, name: str, count: int) -> NDArray[Any]:
         """Return the numbers of an array of a piece by its element (PointData, Cells ...) and its name."""
         for one in piece.arrays.get(where, []):
@@ -99,6 +112,22 @@ class ArrayReader:
                 return self.array(one, count)
         found = f"a Piece whose {where} has no array {shown(name)}"
         raise self._fail(found, "the same arrays in every Piece")
+
+    def scalar(self, piece: Piece, chosen: Chosen, count: int) -> NDArray[Any]:
+        """Return the scalar of a piece, (count,): in the file's own type where it is a whole array."""
+        rows = self.named(piece, chosen.where, chosen.base, count)
+        if rows.size != count * chosen.components:
+            found = f"{rows.size // max(count, 1)} components of the array {shown(chosen.base)}"
+            raise self._fail(found, f"{chosen.components}, as other pieces have")
+        return rows if chosen.components == 1 else column_of(rows, chosen.column)
+
+    def ghosts(self, piece: Piece, count: int) -> NDArray[np.bool_] | None:
+        """Return which cells of a piece stand for those of another one, or are hidden; None where it does not say."""
+        for one in piece.arrays.get("CellData", []):
+            if one.name == GHOSTS:
+                marks = self.array(one, count).reshape(-1).astype(np.int64)
+                return np.asarray(marks & _LEFT_OUT, dtype=np.bool_)
+        return None
 
     def array(self, one: DataArray, count: int) -> NDArray[Any]:
         """Return the numbers of an array in its own type, in `count` rows."""

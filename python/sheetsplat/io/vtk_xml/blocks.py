@@ -98,6 +98,8 @@ def kind_of(source: Source) -> str:
     parser = _parsed(source)
     files = _files(source, parser) if parser.is_series else []
     with Source(files[0] if files else _chosen(source, None)) as block:
+        if formats.names_blocks(block):
+            raise unreadable(source.path, f"{block.path.name}, which names files itself", "a data set in its own file")
         return formats.format_of(block).name
 
 

@@ -26,6 +26,8 @@ KINDS = {
 }
 #: The kinds that are regular volumes.
 VOLUMES = ("ImageData", "RectilinearGrid")
+#: What the type of a parallel file, whose pieces are files, begins with.
+PARALLEL = "P"
 _CHUNK = 1 << 20
 _APPENDED = b"<AppendedData"
 _MOST_ELEMENTS = 100_000
@@ -33,6 +35,7 @@ _MOST_ELEMENTS = 100_000
 _LONGEST_TAG = 16 * _CHUNK
 # Elements that contain a DataArray: VTKFile, the kind, Piece, and PointData, CellData, Points, Coordinates or Cells.
 _ARRAY_DEPTH = 4
+_DECLARED = {"PPointData": "PointData", "PCellData": "CellData"}
 
 
 @dataclass
@@ -56,10 +59,20 @@ class Piece:
     arrays: dict[str, list[DataArray]] = field(default_factory=dict)
     chosen: dict[str, str] = field(default_factory=dict)
 
+    def add_element(self, name: str, attributes: dict[str, str]) -> None:
+        """Add an element that holds arrays, and the names of its active ones."""
+        self.arrays.setdefault(name, [])
+        for role in ("Scalars", "Vectors"):
+            if role in attributes:
+                self.chosen.setdefault(f"{name} {role}", attributes[role])
+
 
 @dataclass
 class Document:
-    """A file: its kind, the encoding of its numbers, its pieces, and the first byte of appended data."""
+    """A file: its kind, the encoding of its numbers, its pieces, and the first byte of appended data.
+
+    The pieces of a parallel file have no arrays; `declared` has those that the pieces of its files are to have.
+    """
 
     kind: str
     order: str
@@ -69,6 +82,12 @@ class Document:
     pieces: list[Piece]
     appended: str = ""
     start: int = 0
+    declared: Piece | None = None
+
+    @property
+    def element(self) -> str:
+        """Return the name of the element of its kind."""
+        return self.kind if self.declared is None else PARALLEL + self.kind
 
 
 class GuardedParser:
@@ -127,23 +146,30 @@ class _Parser(GuardedParser):
             self._root(name, attributes)
         document = self.document
         assert document is not None
-        if depth == 1 and name == document.kind:
+        if depth == 1 and name == document.element:
             document.attributes = dict(attributes)
-        elif depth == 2 and name == "Piece" and self._stack[1] == document.kind:
+        elif depth == 2 and name == "Piece" and self._stack[1] == document.element:
             document.pieces.append(Piece(dict(attributes)))
+        elif document.declared is not None:
+            self._declare(document.declared, depth, name, attributes)
         elif depth == 3 and self._stack[2] == "Piece" and document.pieces:
-            document.pieces[-1].arrays.setdefault(name, [])
-            for role in ("Scalars", "Vectors"):
-                if role in attributes:
-                    document.pieces[-1].chosen.setdefault(f"{name} {role}", attributes[role])
+            document.pieces[-1].add_element(name, attributes)
         elif depth == _ARRAY_DEPTH and name == "DataArray" and document.pieces and self._stack[2] == "Piece":
             self._array = self._new_array(attributes)
             document.pieces[-1].arrays[self._stack[3]].append(self._array)
 
+    def _declare(self, declared: Piece, depth: int, name: str, attributes: dict[str, str]) -> None:
+        """Take the arrays that a parallel file declares."""
+        if depth == 2 and name in _DECLARED:
+            declared.add_element(_DECLARED[name], attributes)
+        elif depth == 3 and name == "PDataArray" and self._stack[2] in _DECLARED:
+            declared.arrays[_DECLARED[self._stack[2]]].append(self._new_array(attributes))
+
     def _root(self, name: str, attributes: dict[str, str]) -> None:
-        kind = attributes.get("type", "")
+        told = attributes.get("type", "")
+        kind = told.removeprefix(PARALLEL) if told.removeprefix(PARALLEL) in KINDS else told
         if name != "VTKFile" or kind not in KINDS:
-            found = f"<{shown(name)[1:-1]}>" if name != "VTKFile" else f"a VTK file of type {shown(kind)}"
+            found = f"<{shown(name)[1:-1]}>" if name != "VTKFile" else f"a VTK file of type {shown(told)}"
             then = "save it as one file of one of these types"
             raise unreadable(self._path, found, "a VTK file of type " + ", ".join(KINDS), then)
         orders, widths = {"LittleEndian": "<", "BigEndian": ">"}, {"UInt32": "u4", "UInt64": "u8"}
@@ -152,7 +178,9 @@ class _Parser(GuardedParser):
             found = f"byte_order {shown(order)}, header_type {shown(width)}"
             raise unreadable(self._path, found, "LittleEndian or BigEndian, UInt32 or UInt64")
         header = np.dtype(orders[order] + widths[width])
-        self.document = Document(kind, orders[order], header, attributes.get("compressor", ""), {}, [])
+        declared = None if kind == told else Piece({})
+        packer = attributes.get("compressor", "")
+        self.document = Document(kind, orders[order], header, packer, {}, [], declared=declared)
 
     def _new_array(self, attributes: dict[str, str]) -> DataArray:
         def whole(name: str, default: str) -> int:

@@ -1,4 +1,4 @@
-"""Structured files: extents, and arrays that lie in several pieces."""
+"""Structured data: extents, and arrays that lie in several pieces."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.io.checks import checked_shape, unreadable
-from sheetsplat.io.vtk_xml.document import Document, Piece
+from sheetsplat.io.vtk_xml.document import Piece
 
 
 def extent(path: Path, text: str, what: str) -> list[int]:
@@ -43,52 +43,61 @@ def piece_extent(path: Path, piece: Piece, whole: list[int]) -> list[int]:
     return numbers
 
 
-def assembled(
-    path: Path,
-    document: Document,
-    rows_of: Callable[[Piece, int], NDArray[Any]],
-    *,
-    of_cells: bool,
-    columns: int = 0,
-) -> tuple[NDArray[Any], list[int]]:
-    """Return an array of all pieces, [k, j, i] or with columns [k, j, i, column], and the whole extent.
+class Assembly:
+    """An array that is put together of the rows of pieces, [k, j, i] or with columns [k, j, i, column].
 
     Parameters
     ----------
-    path, document
-        The file.
-    rows_of
-        Returns the rows of a piece, as many as it is told.
+    path
+        The file, for messages.
+    whole
+        The extent of all pieces.
     of_cells
         Whether rows are those of cells.
     columns
         Of a row; 0: rows are numbers.
-
-    Raises
-    ------
-    InvalidInput
-        For pieces that leave the extent, or leave a part of it without rows.
     """
-    whole = extent(path, document.attributes.get("WholeExtent", ""), "WholeExtent")
-    shape = counts_of(path, whole, of_cells=of_cells)
-    ending = (columns,) if columns else ()
-    values: NDArray[Any] | None = None
-    filled = 0
-    for piece in document.pieces:
-        numbers = piece_extent(path, piece, whole)
-        here = counts_of(path, numbers, of_cells=of_cells)
-        rows = rows_of(piece, math.prod(here)).reshape(*here, *ending)
-        if here == shape:
-            return rows, whole
-        if values is None:
-            _memory.require(math.prod((*shape, *ending)) * rows.dtype.itemsize, f"the samples of {path}")
-            values = np.zeros((*shape, *ending), rows.dtype)
-        low = [numbers[2 * axis] - whole[2 * axis] for axis in (2, 1, 0)]
-        values[tuple(slice(first, first + size) for first, size in zip(low, here, strict=True))] = rows
-        # Pieces of points share the layers between them, which are counted once.
-        own = [size - (not of_cells and first > 0) for first, size in zip(low, here, strict=True)]
-        filled += math.prod(own)
-    assert values is not None
-    if filled < math.prod(shape):
-        raise unreadable(path, f"pieces with {filled} samples", f"{math.prod(shape)}, as WholeExtent says")
-    return values, whole
+
+    def __init__(self, path: Path, whole: list[int], *, of_cells: bool, columns: int = 0) -> None:
+        self._path, self._whole, self._of_cells = path, whole, of_cells
+        self._ending = (columns,) if columns else ()
+        self.shape = counts_of(path, whole, of_cells=of_cells)
+        self._values: NDArray[Any] | None = None
+        # Which rows there are; None: all of them. Pieces share layers of points, and overlap where they have ghosts.
+        self._filled: NDArray[np.bool_] | None = None
+
+    def add(self, numbers: list[int], rows_of: Callable[[int], NDArray[Any]]) -> None:
+        """Add a piece by its extent; `rows_of` returns as many rows as it is told.
+
+        Raises InvalidInput for rows of another type than those of pieces before.
+        """
+        if self._values is not None and self._filled is None:
+            return
+        here = counts_of(self._path, numbers, of_cells=self._of_cells)
+        rows = rows_of(math.prod(here)).reshape(*here, *self._ending)
+        if here == self.shape:
+            self._values, self._filled = rows, None
+            return
+        if self._values is None:
+            count = math.prod(self.shape) * (math.prod(self._ending) * rows.dtype.itemsize + 1)
+            _memory.require(count, f"the samples of {self._path}")
+            self._values = np.zeros((*self.shape, *self._ending), rows.dtype.newbyteorder("="))
+            self._filled = np.zeros(self.shape, np.bool_)
+        if rows.dtype.newbyteorder("=") != self._values.dtype:
+            found = f"pieces with samples of types {self._values.dtype} and {rows.dtype}"
+            raise unreadable(self._path, found, "one type in all pieces")
+        assert self._filled is not None
+        low = [numbers[2 * axis] - self._whole[2 * axis] for axis in (2, 1, 0)]
+        place = tuple(slice(first, first + size) for first, size in zip(low, here, strict=True))
+        self._values[place] = rows
+        self._filled[place] = True
+
+    def whole(self) -> NDArray[Any]:
+        """Return the array; InvalidInput where pieces leave a part of the extent without rows."""
+        filled = math.prod(self.shape)
+        if self._filled is not None:
+            filled = int(np.count_nonzero(self._filled))
+        if self._values is None or filled < math.prod(self.shape):
+            found = f"pieces with {filled if self._values is not None else 0} samples"
+            raise unreadable(self._path, found, f"{math.prod(self.shape)}, as WholeExtent says")
+        return self._values

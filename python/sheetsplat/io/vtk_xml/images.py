@@ -1,7 +1,8 @@
-"""Images (.vti) and rectilinear grids (.vtr)."""
+"""Images (.vti, .pvti) and rectilinear grids (.vtr, .pvtr)."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,11 @@ from sheetsplat._checks import triple
 from sheetsplat.io.axes import Placed, nearest_the_world, on_even_axes
 from sheetsplat.io.checks import floats, unreadable
 from sheetsplat.io.records import Floats, Volume
-from sheetsplat.io.scalars import column_of
 from sheetsplat.io.source import Source
 from sheetsplat.io.vtk_xml.arrays import ArrayReader
-from sheetsplat.io.vtk_xml.document import KINDS, VOLUMES, Document, parse_document
-from sheetsplat.io.vtk_xml.extents import assembled, piece_extent
+from sheetsplat.io.vtk_xml.document import KINDS, VOLUMES, Piece
+from sheetsplat.io.vtk_xml.extents import Assembly, extent, piece_extent
+from sheetsplat.io.vtk_xml.pieces import Pieces
 from sheetsplat.quantity import Quantity
 
 
@@ -37,32 +38,37 @@ def read(source: Source, name: str | None = None, resample: bool = False) -> Vol
 
 def _volume(source: Source, scalar: str | None, resample: bool) -> Volume:
     path = source.path
-    document = parse_document(source)
-    if document.kind not in VOLUMES:
-        raise unreadable(path, f"a {document.kind}", " or ".join(VOLUMES))
-    reader = ArrayReader(source, document)
-    chosen = reader.pick_scalar(scalar)
-    of_cells = chosen.where == "CellData"
-
-    def rows(piece: object, count: int) -> NDArray[np.generic]:
-        found = reader.named(piece, chosen.where, chosen.base, count)  # type: ignore[arg-type]
-        return found if chosen.column == 0 and found.ndim == 1 else column_of(found, chosen.column)
-
-    values, whole = assembled(path, document, rows, of_cells=of_cells)
-    if document.kind == "ImageData":
-        placed = _image(path, document, whole, values, of_cells)
+    pieces = Pieces(source)
+    if pieces.kind not in VOLUMES:
+        raise unreadable(path, f"a {pieces.kind}", " or ".join(VOLUMES))
+    chosen = pieces.pick_scalar(scalar)
+    whole = extent(path, pieces.attributes.get("WholeExtent", ""), "WholeExtent")
+    assembly = Assembly(path, whole, of_cells=chosen.of_cells)
+    # Axes are no longer than the numbers that the pieces have for them.
+    axes: list[dict[tuple[int, int], Floats]] = [{}, {}, {}]
+    for reader, piece in pieces:
+        numbers = piece_extent(path, piece, whole)
+        assembly.add(numbers, partial(reader.scalar, piece, chosen))
+        if pieces.kind == "RectilinearGrid":
+            for axis in range(3):
+                first, last = numbers[2 * axis : 2 * axis + 2]
+                axes[axis][first, last] = _coordinates(path, reader, piece, axis, last - first + 1)
+    values = assembly.whole()
+    if pieces.kind == "ImageData":
+        placed = _image(path, pieces.attributes, whole, values, chosen.of_cells)
     else:
-        places = [_coordinates(path, document, reader, whole, axis) for axis in range(3)]
-        if of_cells:
+        places = [_along(whole, axis, axes[axis]) for axis in range(3)]
+        if chosen.of_cells:
             places = [0.5 * (along[1:] + along[:-1]) if along.size > 1 else along for along in places]
         placed = on_even_axes(path, ("x", "y", "z"), places, values, resample=resample)
     details = {"content": chosen.name, **placed.details}
     quantity = Quantity(chosen.name)
-    return Volume(placed.values, placed.spacing, placed.origin, KINDS[document.kind], details, quantity)
+    return Volume(placed.values, placed.spacing, placed.origin, KINDS[pieces.kind], details, quantity)
 
 
-def _image(path: Path, document: Document, whole: list[int], values: NDArray[np.generic], of_cells: bool) -> Placed:
-    attributes = document.attributes
+def _image(
+    path: Path, attributes: dict[str, str], whole: list[int], values: NDArray[np.generic], of_cells: bool
+) -> Placed:
     spacing = triple("Spacing", floats(path, "Spacing", attributes.get("Spacing", "1 1 1"), 3))
     origin = np.asarray(floats(path, "Origin", attributes.get("Origin", "0 0 0"), 3))
     if min(spacing) <= 0:
@@ -74,16 +80,19 @@ def _image(path: Path, document: Document, whole: list[int], values: NDArray[np.
     return nearest_the_world(path, "Direction", steps, origin + first @ steps, values, None)
 
 
-def _coordinates(path: Path, document: Document, reader: ArrayReader, whole: list[int], axis: int) -> Floats:
-    """Return the coordinates of the points along an axis, from the pieces that have them."""
+def _coordinates(path: Path, reader: ArrayReader, piece: Piece, axis: int, count: int) -> Floats:
+    """Return the coordinates of a piece's points along an axis."""
+    arrays = piece.arrays.get("Coordinates", [])
+    if len(arrays) != 3 or arrays[axis].components != 1:
+        raise unreadable(path, f"{len(arrays)} arrays of Coordinates", "three, along x, y and z")
+    return reader.array(arrays[axis], count).astype(np.float64)
+
+
+def _along(whole: list[int], axis: int, pieces: dict[tuple[int, int], Floats]) -> Floats:
+    """Return the coordinates of all points along an axis, from those of pieces by their first and last point."""
     first, last = whole[2 * axis : 2 * axis + 2]
     # As many as the samples along this axis, which are in memory.
     along = np.full(last - first + 1, np.nan)
-    for piece in document.pieces:
-        numbers = piece_extent(path, piece, whole)
-        low, high = numbers[2 * axis] - first, numbers[2 * axis + 1] - first + 1
-        arrays = piece.arrays.get("Coordinates", [])
-        if len(arrays) != 3 or arrays[axis].components != 1:
-            raise unreadable(path, f"{len(arrays)} arrays of Coordinates", "three, along x, y and z")
-        along[low:high] = reader.array(arrays[axis], high - low)
+    for (low, high), numbers in pieces.items():
+        along[low - first : high - first + 1] = numbers
     return along

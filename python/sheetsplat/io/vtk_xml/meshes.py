@@ -1,7 +1,8 @@
-"""Meshes (.vtu), structured grids (.vts) and surfaces (.vtp): their points, a scalar and the cells."""
+"""Meshes (.vtu, .pvtu), structured grids (.vts, .pvts) and surfaces (.vtp, .pvtp): points, a scalar and the cells."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 
 from sheetsplat.io.checks import finite_points, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered
-from sheetsplat.io.scalars import column_of
 from sheetsplat.io.source import Source
 from sheetsplat.io.vtk_cells import (
     HEXAHEDRON,
@@ -22,8 +22,9 @@ from sheetsplat.io.vtk_cells import (
     same_cells,
 )
 from sheetsplat.io.vtk_xml.arrays import ArrayReader, Chosen
-from sheetsplat.io.vtk_xml.document import KINDS, Document, Piece, parse_document
-from sheetsplat.io.vtk_xml.extents import assembled
+from sheetsplat.io.vtk_xml.document import KINDS, Piece
+from sheetsplat.io.vtk_xml.extents import Assembly, extent, piece_extent
+from sheetsplat.io.vtk_xml.pieces import Pieces
 
 
 def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) -> Cells:
@@ -59,30 +60,33 @@ def _points(path: Path, reader: ArrayReader, piece: Piece, count: int) -> Floats
     return finite_points(path, reader.array(place[0], count).astype(np.float64))
 
 
-def _structured(path: Path, document: Document, reader: ArrayReader, meshes: Meshes, chosen: Chosen) -> None:
+def _values(reader: ArrayReader, piece: Piece, chosen: Chosen, count: int) -> Floats:
+    return reader.scalar(piece, chosen, count).astype(np.float64)
+
+
+def _structured(pieces: Pieces, meshes: Meshes, chosen: Chosen) -> None:
     """Add a structured grid, whose pieces are put together."""
-    points, _ = assembled(
-        path, document, lambda piece, count: _points(path, reader, piece, count), of_cells=False, columns=3
-    )
-    counts = points.shape[2::-1]
-    hexahedra = hexahedra_of(counts)
-    if meshes.of_cells and not hexahedra.size:
+    path = pieces.path
+    whole = extent(path, pieces.attributes.get("WholeExtent", ""), "WholeExtent")
+    points = Assembly(path, whole, of_cells=False, columns=3)
+    values = Assembly(path, whole, of_cells=meshes.of_cells)
+    counts = points.shape[::-1]
+    if meshes.of_cells and min(counts) < 2:
         raise unreadable(path, "values of cells without a volume", "values of points")
-    values, _ = assembled(
-        path,
-        document,
-        lambda piece, count: column_of(reader.named(piece, chosen.where, chosen.base, count), chosen.column),
-        of_cells=meshes.of_cells,
-    )
-    meshes.add(points.reshape(-1, 3), same_cells(hexahedra, HEXAHEDRON), values.reshape(-1))
+    for reader, piece in pieces:
+        numbers = piece_extent(path, piece, whole)
+        points.add(numbers, partial(_points, path, reader, piece))
+        values.add(numbers, partial(_values, reader, piece, chosen))
+    placed = points.whole().reshape(-1, 3)
+    meshes.add(placed, same_cells(hexahedra_of(counts), HEXAHEDRON), values.whole().reshape(-1))
 
 
 def read(source: Source, scalar: str | None = None) -> Scattered:
-    """Read a mesh, a structured grid or a surface: its points, a scalar of theirs and its cells.
+    """Read a mesh, a structured grid or a surface, in one file or in several: points, a scalar of theirs and the cells.
 
     The scalar is an array of the points or of the cells, the length of a vector's rows, or one column of it (uvw_x);
     the file's active scalars unless another is named. Values of cells are at the means of their points; then the result
-    has no mesh.
+    has no mesh. Cells that VTK marks as hidden, or as those of another piece, are left out.
 
     Raises
     ------
@@ -92,20 +96,21 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         For an unknown compressor.
     """
     path = source.path
-    document = parse_document(source)
-    reader = ArrayReader(source, document)
-    chosen = reader.pick_scalar(scalar)
-    of_cells = chosen.where == "CellData"
-    meshes = Meshes(path, of_cells)
-    if document.kind == "StructuredGrid":
-        _structured(path, document, reader, meshes, chosen)
-        return meshes.scattered(chosen.name, KINDS[document.kind], chosen.known)
-    for piece in document.pieces:
+    pieces = Pieces(source)
+    chosen = pieces.pick_scalar(scalar)
+    meshes = Meshes(path, chosen.of_cells)
+    if pieces.kind == "StructuredGrid":
+        _structured(pieces, meshes, chosen)
+        return meshes.scattered(chosen.name, KINDS[pieces.kind], chosen.known)
+    for reader, piece in pieces:
         count = reader.count(piece, "NumberOfPoints")
         if not count:
             continue
         here = _points(path, reader, piece, count)
-        cells = _mesh(path, document.kind, reader, piece, count)
-        rows = reader.named(piece, chosen.where, chosen.base, cells.ends.size if of_cells else count)
-        meshes.add(here, cells, column_of(rows, chosen.column))
-    return meshes.scattered(chosen.name, KINDS[document.kind], chosen.known)
+        cells = _mesh(path, pieces.kind, reader, piece, count)
+        values = _values(reader, piece, chosen, cells.ends.size if chosen.of_cells else count)
+        ghosts = reader.ghosts(piece, cells.ends.size)
+        if ghosts is not None:
+            cells, values = cells.where(~ghosts), values[~ghosts] if chosen.of_cells else values
+        meshes.add(here, cells, values)
+    return meshes.scattered(chosen.name, KINDS[pieces.kind], chosen.known)

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from sheetsplat.errors import OutOfMemory as OutOfMemory
     from sheetsplat.errors import Unsupported as Unsupported
     from sheetsplat.fields import BrickedField as BrickedField
+    from sheetsplat.fields import BrickedKernels as BrickedKernels
     from sheetsplat.fields import EllipsoidField as EllipsoidField
     from sheetsplat.fields import RegularField as RegularField
     from sheetsplat.image import ErrorEstimate as ErrorEstimate
@@ -78,6 +79,7 @@ __all__ = [
     "AccuracyRow",
     "AmbientOcclusion",
     "BrickedField",
+    "BrickedKernels",
     "Animation",
     "Camera",
     "CameraPath",
@@ -143,7 +145,7 @@ _HOMES = {
     "device": ("Device", "devices"),
     "effects": ("AmbientOcclusion", "Clip", "DepthCue"),
     "errors": ("Cancelled", "DeviceUnavailable", "Error", "InvalidInput", "OutOfMemory", "Unsupported"),
-    "fields": ("BrickedField", "EllipsoidField", "RegularField"),
+    "fields": ("BrickedField", "BrickedKernels", "EllipsoidField", "RegularField"),
     "image": ("ErrorEstimate", "Image"),
     "light": ("Light", "Material"),
     "notices": ("PictureWarning",),

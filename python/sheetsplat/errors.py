@@ -39,6 +39,7 @@ _EXTRAS = {
     "plot": ("matplotlib",),
     "medical": ("nibabel", "pydicom"),
     "science": ("xarray", "h5netcdf", "zarr", "numcodecs", "tifffile", "mrcfile", "dask", "pandas", "meshio"),
+    "parquet": ("pyarrow",),
     "pyvista": ("vtk", "vtkmodules", "pyvista"),
     "view": ("aiohttp",),
     "jupyter": ("anywidget", "traitlets"),

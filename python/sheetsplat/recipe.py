@@ -108,8 +108,8 @@ class FieldRecipe:
     @classmethod
     def of(cls, field: Field) -> FieldRecipe:
         """Return how a field was made."""
-        # A volume in bricks is made again of the same file in memory.
-        kind = "RegularField" if isinstance(field, RegularField) else type(field).__name__
+        # Data in bricks are made again of the same file in memory.
+        kind = "RegularField" if isinstance(field, RegularField) else "EllipsoidField"
         options = {name: getattr(field, name) for name in _KINDS[kind][1]}
         ghosts = field.ghost_options if isinstance(field, EllipsoidField) else None
         return cls(kind, options, dict(field.opened), field.quantity, ghosts, field.trim)

@@ -15,7 +15,7 @@ from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, instance, names, number, shown, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
-from sheetsplat.fields import BrickedField
+from sheetsplat.fields import is_in_bricks
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
@@ -70,11 +70,11 @@ class _View(NamedTuple):
         """Return the view of arguments, or InvalidInput."""
         instance("Renderer: scene", scene, Scene)
         instance("Renderer: camera", camera, Camera)
-        if any(isinstance(one, BrickedField) for one in scene.fields):
+        if any(map(is_in_bricks, scene.fields)):
             raise complain(
                 "Renderer: the scene cannot be drawn",
-                "a volume in bricks",
-                "a volume in memory",
+                "data in bricks",
+                "data in memory",
                 "draw it with sheetsplat.render, which draws it brick by brick",
                 kind=Unsupported,
             )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, Triple
 from sheetsplat.errors import complain
-from sheetsplat.fields import Field, as_fields, joined_bounds
+from sheetsplat.fields import BrickedKernels, Field, as_fields, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.options.core import check_names, checked, documented
 from sheetsplat.options.scene import IsoValue, SceneOptions, surfaces_of
@@ -116,6 +116,11 @@ class Scene:
         native["preintegration"] = bool(native["preintegration"])
         native["iso_value"] = self.surfaces
         groups = [([one.native for one in fields], function.native) for fields, function in self._groups]
+        spacings = [one.default_slice_spacing for one in self.fields if isinstance(one, BrickedKernels)]
+        for length in ("slice_spacing", "reference_length"):
+            # The native field of kernels in bricks is a sample, which would have slices farther apart.
+            if native[length] is None and spacings:
+                native[length] = min(spacings)
         self.native = _sheetsplat.Scene(groups, **native)
 
     def replace(self, **changes: Any) -> Scene:

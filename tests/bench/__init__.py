@@ -68,5 +68,6 @@ BENCHES: dict[str, Bench] = {
         "huge",
         "cliffs",
         "interactive",
+        "distributed",
     )
 }

@@ -385,6 +385,22 @@ def test_hidden_and_unseen_bricks_are_not_asked_for() -> None:
     assert bricked.asked == []
 
 
+@pytest.mark.parametrize("kind", ["orthographic", "perspective", "inside"])
+def test_outlines_hold_all_that_bricks_change(kind: str) -> None:
+    field = field_named("cartesian")
+    bricked = Bricked(field, 11)
+    view = bricked.view(camera_of(field, kind), ("coverage",), {"backend": "cpu"}, mode="xray")
+    field_of, renderer = bricked.field_of(view), ss.Renderer("cpu")
+    left = 0
+    for number in view.order():
+        part, outline = draw_brick(view, number, field_of(number), renderer), view.outline(number)
+        assert part.coverage is not None
+        assert part.coverage.shape == outline.shape or not outline.size
+        assert not part.coverage[~outline].any()
+        left += int((~outline).sum())
+    assert left > 0
+
+
 def test_a_range_of_values_says_what_may_show() -> None:
     field = field_named("cartesian")
     bricked = Bricked(field, 9)

@@ -387,18 +387,22 @@ def test_covering_bricks_leave_none_out(samples):
     order = [number for number in view.order() if view.footprint(number) is not None]
     found = covering(view, order)
     # What a brick is told by those before it that it asks for, and they by theirs, is all there is in front of it.
-    told = {}
+    told, seen = {}, {}
     for place, number in enumerate(order):
         known = set()
         for one in found[number]:
             known |= told[one] | {one}
         told[number] = known
         x0, y0, x1, y1 = view.footprint(number)
-        for before in order[:place]:
-            a, b, c, d = view.footprint(before)
-            if max(x0, a) < min(x1, c) and max(y0, b) < min(y1, d):
-                assert before in known
+        seen[number] = np.zeros(SIZE[::-1], bool)
+        seen[number][y0:y1, x0:x1] = view.outline(number)
+        assert known >= {before for before in order[:place] if (seen[before] & seen[number]).any()}
     assert sum(map(len, found.values())) < sum(map(len, told.values()))
+    # Bricks side by side do not wait for each other: no more steps than a ray of a cube passes bricks.
+    steps = {}
+    for number in order:
+        steps[number] = 1 + max((steps[one] for one in found[number]), default=0)
+    assert max(steps.values()) <= sum(-(-size // 8) for size in SHAPE) - 2
 
 
 @pytest.mark.slow

@@ -26,7 +26,7 @@ from sheetsplat.bricks.picture import Begun
 from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Unsupported, complain, option_ref, unusable
-from sheetsplat.fields import BrickedField
+from sheetsplat.fields import is_in_bricks
 from sheetsplat.image import Image
 from sheetsplat.io.pictures import check_folder, listed_suffixes, whole_file
 from sheetsplat.notices import warn
@@ -410,7 +410,7 @@ class Animation(Sequence[Image]):
 def _in_bricks(frame: Frame) -> bool:
     if isinstance(frame, PictureFrame) or not isinstance(frame.source, OneScene):
         return False
-    return any(isinstance(one, BrickedField) for one in frame.source.template.fields)
+    return any(map(is_in_bricks, frame.source.template.fields))
 
 
 def _tell(progress: Progress, share: float) -> None:

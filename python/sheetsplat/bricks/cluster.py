@@ -24,15 +24,20 @@ from numpy.typing import NDArray
 
 from sheetsplat._sheetsplat import __version__
 from sheetsplat.bricks.draw import draw_brick, is_hidden
+from sheetsplat.bricks.kernel_pieces import Pieces
+from sheetsplat.bricks.kernel_source import Columns, Segments, Store
+from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys
+from sheetsplat.bricks.kernel_survey import survey_of as survey_of_piece
 from sheetsplat.bricks.needs import field_of, may_show
+from sheetsplat.bricks.opening_kernels import sorted_piece
 from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge
 from sheetsplat.bricks.partition import Nested, Partition, leaves
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource, box_text
-from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan, merge_surveys, survey_brick
-from sheetsplat.bricks.view import BrickView, Rect
+from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan, merge_surveys, survey_of
+from sheetsplat.bricks.view import BrickView
 from sheetsplat.errors import Cancelled, Error, OutOfMemory, Unsupported, complain, missing_package, option_ref
-from sheetsplat.fields import BrickedField
+from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.options.renderer import Progress
 from sheetsplat.renderer import Renderer
 
@@ -40,8 +45,6 @@ from sheetsplat.renderer import Renderer
 _MERGED = 8
 # Seconds between two looks at whether all is done, and at how much is.
 _SHORT, _LOOK = 0.005, 0.05
-# Pixels of a cell by which it is known which bricks cover which.
-_CELL = 8
 # Seconds between two looks at which workers there are, and how many may be lost in one picture.
 _WATCH = 0.5
 _PATIENCE = 10.0
@@ -58,22 +61,25 @@ def _here() -> str:
 
 
 @contextmanager
-def _naming(source: BrickSource, partition: Partition, number: int) -> Iterator[None]:
-    """Name worker, brick and file in errors of a brick."""
-    what = f"brick {number} {box_text(_core(partition, number))} of {source.name} cannot be drawn by worker {_here()}"
+def _naming(what: str, doing: str = "drawn") -> Iterator[None]:
+    """Name the worker, and what it does, in errors."""
     try:
         yield
     except Cancelled:
         raise
     except Error as error:
         found = f"{error.what}: {error.found}" if error.found else error.what
+        what = f"{what} cannot be {doing} by worker {_here()}"
         raise complain(what, found, error.wanted, error.advice, kind=type(error)) from None
     except MemoryError:
+        what = f"{what} cannot be {doing} by worker {_here()}"
         raise complain(what, "too little memory", "memory for it", "use smaller bricks", kind=OutOfMemory) from None
 
 
-def _core(partition: Partition, number: int) -> Any:
-    return partition.bricks[number].samples
+def _brick_text(source: Any, partition: Partition, number: int) -> str:
+    """Return how messages call a brick."""
+    core = partition.bricks[number].samples
+    return f"brick {number} {'' if core is None else box_text(core) + ' '}of {source.name}"
 
 
 def _is_wanted(_: float) -> bool:
@@ -106,9 +112,9 @@ class _Drawn:
     counts: tuple[int, int, int]
 
 
-def _render_brick(view: BrickView, source: BrickSource, number: int, *before: _Drawn) -> _Drawn:
+def _render_brick(view: BrickView, source: Any, number: int, *before: _Drawn) -> _Drawn:
     """Draw a brick behind others that cover some of its pixels."""
-    with _naming(source, view.partition, number):
+    with _naming(_brick_text(source, view.partition, number)):
         in_front = None if view.is_scalar else _in_front(view, number, [one.part for one in before])
         if in_front is not None and is_hidden(view, number, in_front):
             return _Drawn(_passed(view, number, in_front), (0, 0, 0))
@@ -158,15 +164,33 @@ def _finish(view: BrickView, drawn: _Drawn) -> tuple[Finished, tuple[int, int, i
     return finish(view, drawn.part), drawn.counts
 
 
-def _survey_brick(source: BrickSource, partition: Partition, number: int, plan: SurveyPlan) -> BrickSurvey:
-    with _naming(source, partition, number):
-        core = _core(partition, number)
-        outer = plan.margin(core)
-        return survey_brick(residents().samples(source, core, outer), outer, core, number, plan, source.name)
+def _survey_brick(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> BrickSurvey:
+    partition, plan = shared
+    with _naming(_brick_text(source, partition, number)):
+        return survey_of(source, partition, number, plan)
 
 
-def _merge_surveys(*parts: BrickSurvey) -> BrickSurvey:
+def _survey_piece(shared: tuple[int, str], pieces: Pieces, number: int) -> KernelSurvey:
+    with _naming(f"piece {number} of {pieces.name}", "read"):
+        return survey_of_piece(pieces, number, shared[0])
+
+
+def _sort_piece(shared: tuple[Columns, Partition, int, Store], pieces: Pieces, number: int) -> Segments:
+    columns, partition, rows, store = shared
+    with _naming(f"piece {number} of {pieces.name}", "sorted"):
+        return sorted_piece(pieces, number, columns, partition, rows, store)
+
+
+def _merge_surveys(_: Any, *parts: BrickSurvey) -> BrickSurvey:
     return merge_surveys(parts)
+
+
+def _merge_kernel_surveys(shared: tuple[int, str], *parts: KernelSurvey) -> KernelSurvey:
+    return merge_kernel_surveys(parts, shared[1])
+
+
+def _merge_segments(_: Any, *parts: Segments) -> Segments:
+    return Segments.joined(parts)
 
 
 def addresses(client: Any) -> set[str]:
@@ -222,9 +246,9 @@ class _Cluster:
             self._places[(token, number)] = found
         return found
 
-    def sent(self, client: Any, source: BrickSource) -> Any:
+    def sent(self, client: Any, source: Any) -> Any:
         """Return what tasks take for a source: one with large arrays is sent to the workers once."""
-        if source.carried <= _LARGE:
+        if getattr(source, "carried", 0) <= _LARGE:
             return source
         key = repr(source)
         if key not in self._sent or self._sent[key].status != "finished":
@@ -383,6 +407,59 @@ class Pending:
         self._tasks = []
 
 
+class _Tasks:
+    """Submits the tasks of one run, by readable names.
+
+    Parameters
+    ----------
+    client, cluster
+        Of the workers.
+    source
+        What the tasks read.
+    shared
+        What else all of them take: it is sent once.
+    """
+
+    def __init__(self, client: Any, cluster: _Cluster, source: Any, shared: Any) -> None:
+        self._client, self._cluster, self._source = client, cluster, source
+        self._run, self._names = uuid.uuid4().hex, itertools.count()
+        self._sent = cluster.sent(client, source)
+        # As a task, whose result is made again where a worker takes it along.
+        self._shared = client.submit(_same, shared, key=f"plan-{self._run}")
+
+    def place(self, name: str, function: Callable[..., Any], number: int, *more: Any) -> Any:
+        """Submit ``function(shared, source, number, *more)`` to the worker that a brick or a piece is asked of."""
+        workers = [self._cluster.place(self._source.token, number)]
+        return self._client.submit(
+            function, self._shared, self._sent, number, *more, key=f"{name}-{self._run}-{number}", workers=workers
+        )
+
+    def anywhere(self, name: str, function: Callable[..., Any], *more: Any) -> Any:
+        """Submit ``function(shared, *more)`` to any worker."""
+        key = f"{name}-{self._run}-{next(self._names)}"
+        return self._client.submit(function, self._shared, *more, key=key)
+
+    def merged(self, name: str, function: Callable[..., Any], tasks: Sequence[Any]) -> list[Any]:
+        """Submit merges of results in their order, a few at a time; return all tasks, the last one last."""
+        level = list(tasks)
+        while len(level) > 1:
+            level = [self.anywhere(name, function, *level[at : at + _MERGED]) for at in range(0, len(level), _MERGED)]
+        return [*tasks, level[0]]
+
+
+def _each(
+    client: Any, source: Any, shared: Any, count: int, task: tuple[str, Callable[..., Any]],
+    merge: tuple[str, Callable[..., Any]],
+) -> Any:  # fmt: skip
+    """Return what a task says of each brick or piece, merged."""
+
+    def submit(cluster: _Cluster) -> list[Any]:
+        tasks = _Tasks(client, cluster, source, shared)
+        return tasks.merged(*merge, [tasks.place(*task, number) for number in range(count)])
+
+    return Pending(client, source.name, submit, lambda one: one).result()
+
+
 def survey(client: Any, source: BrickSource, partition: Partition, plan: SurveyPlan) -> BrickSurvey:
     """Return what is known of all samples: each brick is read by the worker that will draw it.
 
@@ -391,43 +468,34 @@ def survey(client: Any, source: BrickSource, partition: Partition, plan: SurveyP
     Error
         What reading raises, with worker, brick and file; and where the workers cannot be used.
     """
+    task, merge = ("survey-brick", _survey_brick), ("merge-surveys", _merge_surveys)
+    found: BrickSurvey = _each(client, source, (partition, plan), len(partition), task, merge)
+    return found
 
-    def submit(cluster: _Cluster) -> list[Any]:
-        run = uuid.uuid4().hex
-        sent, whole = cluster.sent(client, source), client.submit(_same, (partition, plan), key=f"plan-{run}")
-        tasks = [
-            client.submit(
-                _survey_of,
-                sent,
-                whole,
-                number,
-                key=f"survey-brick-{run}-{number}",
-                workers=[cluster.place(source.token, number)],
-            )
-            for number in range(len(partition))
-        ]
-        level, names = list(tasks), itertools.count()
-        while len(level) > 1:
-            level = [
-                client.submit(_merge_surveys, *level[at : at + _MERGED], key=f"merge-surveys-{run}-{next(names)}")
-                for at in range(0, len(level), _MERGED)
-            ]
-        return [*tasks, level[0]]
 
-    found: BrickSurvey = Pending(client, source.name, submit, lambda one: one).result()
+def survey_kernels(client: Any, pieces: Pieces, stride: int) -> KernelSurvey:
+    """Return what is known of all kernels; raises what `survey` does."""
+    task, merge = ("survey-kernels", _survey_piece), ("merge-surveys", _merge_kernel_surveys)
+    found: KernelSurvey = _each(client, pieces, (stride, pieces.name), len(pieces.counts), task, merge)
+    return found
+
+
+def sort_kernels(
+    client: Any, pieces: Pieces, columns: Columns, partition: Partition, rows: int, store: Store
+) -> Segments:
+    """Sort all pieces into bricks; raises what `survey` does."""
+    task, merge = ("sort-kernels", _sort_piece), ("merge-segments", _merge_segments)
+    shared = (columns, partition, rows, store)
+    found: Segments = _each(client, pieces, shared, len(pieces.counts), task, merge)
     return found
 
 
 def _same(value: Any) -> Any:
-    """Return a value: as a task, whose result is made again where a worker takes it along."""
+    """Return a value."""
     return value
 
 
-def _survey_of(source: BrickSource, whole: tuple[Partition, SurveyPlan], number: int) -> BrickSurvey:
-    return _survey_brick(source, whole[0], number, whole[1])
-
-
-def begin(client: Any, field: BrickedField, view: BrickView) -> Pending:
+def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) -> Pending:
     """Let the workers of a client begin a picture. Its result is a `Finished` picture, and figures.
 
     Raises
@@ -437,33 +505,24 @@ def begin(client: Any, field: BrickedField, view: BrickView) -> Pending:
     Error
         Where there is no worker, or the scheduler is gone.
     """
-    source: BrickSource = field.source  # type: ignore[assignment]
+    source: Any = field.source
     shown = [number for number in view.order() if may_show(field, view, number)]
     behind = {} if view.is_scalar else covering(view, shown)
     tree = _without(view.nested(), set(shown))
 
     def submit(cluster: _Cluster) -> list[Any]:
-        run, names = uuid.uuid4().hex, itertools.count()
-        sent, plan = cluster.sent(client, source), client.submit(_same, view, key=f"plan-{run}")
+        tasks = _Tasks(client, cluster, source, view)
         if tree is None:
-            return [client.submit(_blank, plan, key=f"merge-{run}")]
+            return [tasks.anywhere("merge", _blank)]
         drawn: dict[int, Any] = {}
         for number in shown:
-            drawn[number] = client.submit(
-                _render_brick,
-                plan,
-                sent,
-                number,
-                *(drawn[one] for one in behind.get(number, ())),
-                key=f"render-brick-{run}-{number}",
-                workers=[cluster.place(source.token, number)],
-            )
+            before = (drawn[one] for one in behind.get(number, ()))
+            drawn[number] = tasks.place("render-brick", _render_brick, number, *before)
 
         def merged(nested: Nested, parts: Sequence[Any]) -> Any:
-            return client.submit(_merge, plan, nested, *parts, key=f"merge-{run}-{next(names)}")
+            return tasks.anywhere("merge", _merge, nested, *parts)
 
-        last = client.submit(_finish, plan, _submitted(tree, drawn, merged), key=f"merge-{run}-{next(names)}")
-        return [*drawn.values(), last]
+        return [*drawn.values(), tasks.anywhere("merge", _finish, _submitted(tree, drawn, merged))]
 
     def convert(found: tuple[Finished, tuple[int, int, int]]) -> tuple[Finished, dict[str, float]]:
         finished, (reads, count, done) = found
@@ -522,28 +581,18 @@ def covering(view: BrickView, numbers: Sequence[int]) -> dict[int, list[int]]:
     numbers
         The bricks that are drawn, from front to back.
     """
-    done: list[tuple[int, Rect]] = []
+    width, height = view.size
+    # The last brick in front of each pixel so far; -1: none.
+    last = np.full((height, width), -1, np.int32)
     found: dict[int, list[int]] = {}
     for number in numbers:
         rect = view.footprint(number)
         assert rect is not None
         x0, y0, x1, y1 = rect
-        # Cells of the rectangle that no brick is known to cover; the first and the last ones may be narrower.
-        columns = np.append(np.arange(x0, x1, _CELL), x1)
-        rows = np.append(np.arange(y0, y1, _CELL), y1)
-        left = np.ones((len(rows) - 1, len(columns) - 1), bool)
-        needed = []
-        for other, (a, b, c, d) in reversed(done):
-            touched_x = (columns[:-1] < c) & (columns[1:] > a)
-            touched_y = (rows[:-1] < d) & (rows[1:] > b)
-            if not left[np.ix_(touched_y, touched_x)].any():
-                continue
-            needed.append(other)
-            inside_x = (columns[:-1] >= a) & (columns[1:] <= c)
-            inside_y = (rows[:-1] >= b) & (rows[1:] <= d)
-            left[np.ix_(inside_y, inside_x)] = False
-            if not left.any():
-                break
-        found[number] = needed
-        done.append((number, rect))
+        part, inside = last[y0:y1, x0:x1], view.outline(number)
+        row = part[inside]
+        # Neighbours mostly have the same brick.
+        changes = row[np.flatnonzero(np.diff(row, prepend=-2))]
+        found[number] = np.unique(changes[changes >= 0]).tolist()
+        part[inside] = number
     return found

@@ -116,14 +116,14 @@ def draw_brick(
 
 
 def is_hidden(view: BrickView, number: int, in_front: NDArray[np.float32]) -> bool:
-    """Return whether all pixels of a brick are finished by what is in front of it: (h, w) of the whole picture."""
+    """Return whether all pixels that a brick can change are finished by what is in front: (h, w) of the picture."""
     rect = view.footprint(number)
     if rect is None:
         return True
     if view.is_scalar or "coverage" in view.outputs:
         return False
     x0, y0, x1, y1 = rect
-    return bool((in_front[y0:y1, x0:x1] >= view.opacity_stop).all())
+    return bool((in_front[y0:y1, x0:x1][view.outline(number)] >= view.opacity_stop).all())
 
 
 def render_bricks(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sheetsplat.bricks.kernel_source import KernelSource
 from sheetsplat.bricks.lattice import LatticeSpec
 from sheetsplat.bricks.partition import Partition, partition_lattice
 from sheetsplat.bricks.resident import residents
@@ -16,7 +17,7 @@ from sheetsplat.bricks.view import BrickView
 from sheetsplat.bricks.whole import Whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Unsupported, complain
-from sheetsplat.fields import BrickedField, Field
+from sheetsplat.fields import BrickedField, BrickedKernels, Field
 from sheetsplat.limits import Depths
 from sheetsplat.plan import RenderPlan
 from sheetsplat.renderer import Renderer
@@ -26,9 +27,9 @@ from sheetsplat.scene import Scene
 _LARGER = 1.05
 
 
-def bricked_field(scene: Scene) -> BrickedField | None:
+def bricked_field(scene: Scene) -> BrickedField | BrickedKernels | None:
     """Return the field of a scene where it is in bricks, None for other scenes; Unsupported where there are others."""
-    found = [one for one in scene.fields if isinstance(one, BrickedField)]
+    found = [one for one in scene.fields if isinstance(one, BrickedField | BrickedKernels)]
     if not found:
         return None
     if len(scene.fields) > 1:
@@ -54,7 +55,7 @@ def one_backend(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def view_of(
-    field: BrickedField,
+    field: BrickedField | BrickedKernels,
     scene: Scene,
     camera: Camera,
     size: tuple[int, int],
@@ -69,10 +70,9 @@ def view_of(
     Unsupported
         For effects that cannot be drawn in bricks, before anything is read.
     """
-    lattice = LatticeSpec.of(field)
-    whole = Whole.of_lattice(lattice, _factors(field, field.value_range), field.centre_bounds)
+    lattice, partition, whole = _cut(field)
     return BrickView.of(
-        _partition(lattice, field.brick),
+        partition,
         whole,
         scene.transfer_function,
         scene.options,
@@ -85,6 +85,22 @@ def view_of(
     )
 
 
+def _cut(field: BrickedField | BrickedKernels) -> tuple[LatticeSpec | None, Partition, Whole]:
+    """Return the lattice of a volume, the bricks, and what they share."""
+    if isinstance(field, BrickedField):
+        lattice = LatticeSpec.of(field)
+        whole = Whole.of_lattice(lattice, _factors(field, field.value_range), field.centre_bounds)
+        return lattice, _partition(lattice, field.brick), whole
+    source = _kernels(field.source)
+    supports = source.segments.supports(len(source.partition))
+    return None, source.partition, Whole.of_bricks(field, supports, source.longest)
+
+
+def _kernels(source: Any) -> KernelSource:
+    assert isinstance(source, KernelSource)
+    return source
+
+
 def _factors(field: BrickedField, values: tuple[float, float]) -> tuple[float, float]:
     """Return bounds of the factors of kernels by those of the samples."""
     low, high = values
@@ -95,10 +111,13 @@ def _factors(field: BrickedField, values: tuple[float, float]) -> tuple[float, f
     return middle - half, middle + half
 
 
-def may_show(field: BrickedField, view: BrickView, number: int) -> bool:
+def may_show(field: BrickedField | BrickedKernels, view: BrickView, number: int) -> bool:
     """Return whether a brick can add anything to a picture, by the ranges of all samples that it depends on."""
     if view.footprint(number) is None:
         return False
+    if isinstance(field, BrickedKernels):
+        found = _kernels(field.source).value_range(number, view.margin(number))
+        return found is not None and view.may_show(found)
     assert view.lattice is not None
     needed = np.asarray(view.lattice.to_read(view.samples(number)))
     cores = field.survey.cores
@@ -110,8 +129,10 @@ def may_show(field: BrickedField, view: BrickView, number: int) -> bool:
     return view.may_show(_factors(field, values))
 
 
-def field_of(source: BrickSource, view: BrickView, number: int) -> Field:
-    """Return the field of a brick for a picture; its samples stay in this process while they fit."""
+def field_of(source: BrickSource | KernelSource, view: BrickView, number: int) -> Field:
+    """Return the field of a brick for a picture; what it is made of stays in this process while it fits."""
+    if isinstance(source, KernelSource):
+        return residents().kernels(source, number, view.margin(number), view.whole.value_range)
     lattice, core = view.lattice, view.partition.bricks[number].samples
     assert lattice is not None and core is not None
     box, values = view.samples(number), view.whole.value_range
@@ -121,8 +142,12 @@ def field_of(source: BrickSource, view: BrickView, number: int) -> Field:
     return made
 
 
-def plan_of(field: BrickedField, scene: Scene, view: BrickView) -> RenderPlan:
-    """Return the plan of every brick's picture: effects, slices and the backend; memory and device are one brick's."""
+def planned(scene: Scene, view: BrickView) -> tuple[BrickView, RenderPlan]:
+    """Return the plan of every brick's picture, and the view with what it says for all bricks.
+
+    Effects, slices, backend and precision are those of the whole; memory and device are one brick's. Where the whole
+    needs float64 so do all bricks; else a brick may need it for itself.
+    """
     native = scene.native
     if view.depth_limit is not None:
         native = native.with_depth_limit(view.depth_limit)
@@ -133,4 +158,6 @@ def plan_of(field: BrickedField, scene: Scene, view: BrickView) -> RenderPlan:
     also = {name: name in view.outputs for name in ("coverage", "depth")}
     renderer = Renderer(**view.settings)
     plan = renderer.native.plan(scene=native, camera=view.camera.native, size=view.size, **also)
-    return RenderPlan.of_native(plan, scene.notes, scene.quality)
+    if plan.precision == "float64":
+        view = view.replace(settings={**view.settings, "precision": "float64"})
+    return view, RenderPlan.of_native(plan, scene.notes, scene.quality)

@@ -1,24 +1,25 @@
-"""`open_bricks`: a volume whose samples stay where they are until a picture asks for them, brick by brick."""
+"""`open_bricks`: data that stay where they are until a picture asks for them, brick by brick."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Unpack
 
 import numpy as np
 
 from sheetsplat._checks import shown, whole
+from sheetsplat.bricks.kernel_pieces import KERNELS, READING, pieces_of
 from sheetsplat.bricks.lattice import PREFILTER_MARGIN, LatticeSpec
-from sheetsplat.bricks.partition import Partition, partition_lattice
-from sheetsplat.bricks.resident import residents
+from sheetsplat.bricks.opening_kernels import open_kernels
+from sheetsplat.bricks.partition import partition_lattice
 from sheetsplat.bricks.sources import BrickSource, open_source
-from sheetsplat.bricks.statistics import BrickSurvey, Survey, SurveyPlan, merge_surveys, survey_brick
+from sheetsplat.bricks.statistics import Survey, SurveyPlan, merge_surveys, survey_of
 from sheetsplat.errors import complain, option_ref, option_refs
-from sheetsplat.fields import BrickedField
+from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.fields.regular import narrowest
 from sheetsplat.io.kernels import log_base
-from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of
+from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of, folder_of, kernels_of
 from sheetsplat.options.core import check_names, definitions, documented
 from sheetsplat.options.data import KernelOptions, PlacementOptions
 from sheetsplat.quality.choose import Choice
@@ -27,24 +28,28 @@ _log = logging.getLogger("sheetsplat")
 
 # Samples around a brick that most pictures need: the reach of kernels, and two slices.
 _AROUND = 6
-_READING = ("shape", "dtype", "offset", "name", "scalar", "step")
+_SAMPLES = ("shape", "dtype", "offset", "name", "scalar", "step")
+_OWN = ("brick", "brick_kernels", "scratch", "client")
 # Options of scattered data, and one that needs all samples at once.
 _REFUSED = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "resample")
 
 
 @documented(OpenBricksOptions, chooses=True)
-def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> BrickedField:
-    """Return a volume that is drawn brick by brick: by this process, or by all workers of a cluster.
+def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> BrickedField | BrickedKernels:
+    """Return data that are drawn brick by brick: by this process, or by all workers of a cluster.
 
     Each brick is read once now, by the process that draws it, for the range and the histogram of all samples, and
     stays there while it fits. `sheetsplat.render` then makes the picture that it makes of the same volume in memory.
+    Scattered kernels are sorted into bricks first; those of files in a folder for temporary files (`scratch`).
 
     Parameters
     ----------
     path_or_array
         A file of raw samples (with `shape` and `dtype`), .npy, HDF5 (FILE:/dataset), NetCDF, a folder of Zarr or
         OME-Zarr (FOLDER:/array); a URL of raw samples that fsspec reads; or an array [k, j, i] of NumPy, dask, Zarr,
-        h5py or xarray. All workers must be able to read a file by the same path.
+        h5py or xarray. Kernels with their sizes: HDF5 with particles, Parquet with columns as those of `open` (a file,
+        a folder, several paths), a DataFrame of dask, pandas or polars, a dict of columns, or an EllipsoidField. All
+        workers must be able to read a file by the same path.
     **options
         Those of OpenBricksOptions.
 
@@ -69,25 +74,40 @@ def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> Bri
     check_names("open_bricks", options, OpenBricksOptions)
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     brick = edge_of("open_bricks: brick", given.pop("brick", definitions(OpenBricksOptions)["brick"].default))
+    most = kernels_of(
+        "open_bricks: brick_kernels",
+        given.pop("brick_kernels", definitions(OpenBricksOptions)["brick_kernels"].default),
+    )
+    scratch = folder_of("open_bricks: scratch", given.pop("scratch", None))
     client = cluster_of("open_bricks: client", given.pop("client", None))
     given = {name: value for name, value in given.items() if value or name not in ("log", "offset", "resample")}
-    if wrong := [name for name in _REFUSED if name in given]:
-        raise complain(
-            "open_bricks: these options cannot be used",
-            option_refs(wrong),
-            "those of volumes that are read in parts",
-            "leave them out, or open the data with sheetsplat.open",
-            option=wrong[0] if len(wrong) == 1 else None,
-        )
+    pieces = pieces_of(path_or_array, given, client)
+    if pieces is not None:
+        _refuse(given, [name for name in given if name not in (*READING, *KERNELS, "log", "quality")], "kernels")
+        made_of = {name: value for name, value in given.items() if name != "quality"}
+        return open_kernels(pieces, most, scratch, client, given).opened_with(made_of)
+    _refuse(given, _REFUSED, "volumes")
     if "offset" in given:
         given["offset"] = whole("open_bricks: offset", given["offset"])
-    source = open_source(path_or_array, {name: given[name] for name in _READING if name in given})
+    source = open_source(path_or_array, {name: given[name] for name in _SAMPLES if name in given})
     field = _field(source, brick, client, given)
-    choice = Choice("open_bricks", {name: value for name, value in options.items() if name not in ("brick", "client")})
+    choice = Choice("open_bricks", {name: value for name, value in options.items() if name not in _OWN})
     made = choice.kernel(field, made=False)
     for setting in choice.quality.settings:
         _log.info("quality %s: %s", choice.name, setting)
     return made.opened_with({name: value for name, value in given.items() if name != "quality"})
+
+
+def _refuse(given: Mapping[str, Any], names: Sequence[str], what: str) -> None:
+    """Raise InvalidInput for options that were given and have no meaning for what is read."""
+    if wrong := [name for name in names if name in given]:
+        raise complain(
+            "open_bricks: these options cannot be used",
+            option_refs(wrong),
+            f"those of {what} that are read in parts",
+            "leave them out, or open the data with sheetsplat.open",
+            option=wrong[0] if len(wrong) == 1 else None,
+        )
 
 
 def _field(source: BrickSource, brick: int, client: Any, given: Mapping[str, Any]) -> BrickedField:
@@ -134,12 +154,3 @@ def _field(source: BrickSource, brick: int, client: Any, given: Mapping[str, Any
     if shown_source is not source:
         known = known.shown_by(shown_source)
     return BrickedField(shown_source, known, brick, **placed)
-
-
-def survey_of(source: BrickSource, partition: Partition, number: int, plan: SurveyPlan) -> BrickSurvey:
-    """Return what is known of one brick, whose samples stay in this process where they fit."""
-    core = partition.bricks[number].samples
-    assert core is not None
-    outer = plan.margin(core)
-    values = residents().samples(source, core, outer)
-    return survey_brick(values, outer, core, number, plan, source.name)

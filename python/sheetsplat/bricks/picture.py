@@ -10,18 +10,19 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from sheetsplat.bricks.draw import render_bricks
-from sheetsplat.bricks.needs import bricked_field, field_of, may_show, plan_of, view_of
+from sheetsplat.bricks.needs import bricked_field, field_of, may_show, planned, view_of
 from sheetsplat.bricks.partial import Finished
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.camera import Camera
-from sheetsplat.fields import BrickedField, Field
+from sheetsplat.fields import BrickedField, BrickedKernels, Field
 from sheetsplat.image import Image, image_of
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look.empty import warn_of_unseen
 from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
 from sheetsplat.recipe import Recipe
+from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
 _log = logging.getLogger("sheetsplat")
@@ -51,8 +52,8 @@ class Begun:
         self._began, self._scene = time.perf_counter(), scene
         field = bricked_field(scene)
         assert field is not None
-        self._view = view_of(field, scene, camera, size, outputs, depth_limit, settings)
-        self._plan = plan_of(field, scene, self._view)
+        view = view_of(field, scene, camera, size, outputs, depth_limit, settings)
+        self._view, self._plan = planned(scene, view)
         self._pending = begin(client, field, self._view)
 
     def result(self, progress: Progress | None = None) -> Image:
@@ -105,14 +106,16 @@ def draw(
         field = bricked_field(scene)
         assert field is not None
         view = view_of(field, scene, camera, size, tuple(outputs), limit, settings)
-        plan = plan_of(field, scene, view)
+        view, plan = planned(scene, view)
         finished, stats = _draw_here(field, view, progress)
         image = finished_image(scene, view, plan, finished, stats | {"total": time.perf_counter() - began})
     warn_of_unseen(image, scene)
     return image
 
 
-def _draw_here(field: BrickedField, view: BrickView, progress: Progress | None) -> tuple[Finished, dict[str, float]]:
+def _draw_here(
+    field: BrickedField | BrickedKernels, view: BrickView, progress: Progress | None
+) -> tuple[Finished, dict[str, float]]:
     before = residents().counts
     reads, bytes_read = before.reads, before.bytes_read
     drawn = 0
@@ -124,7 +127,7 @@ def _draw_here(field: BrickedField, view: BrickView, progress: Progress | None) 
         drawn += 1
         return field_of(field.source, view, number)  # type: ignore[arg-type]
 
-    finished = render_bricks(view, made, None, progress)
+    finished = render_bricks(view, made, Renderer(**view.settings), progress)
     counts = residents().counts
     return finished, {
         "bricks": float(len(view.partition)),

@@ -12,12 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
+from sheetsplat.bricks.kernel_source import KernelSource
 from sheetsplat.bricks.lattice import Box
 from sheetsplat.bricks.sources import BrickSource
-from sheetsplat.fields import RegularField
+from sheetsplat.fields import EllipsoidField, RegularField
 
 # Of the memory of a process, the share that bricks take; drawing them takes about as much again.
 _SHARE = 0.4
+# Kernels are read so many times as far around a brick as a picture needs.
+_WIDER = 1.25
 
 
 @dataclass
@@ -59,8 +62,21 @@ class _Entry:
         return self.made.memory + (self.values.nbytes if self.made.prefilter else 0)
 
 
+@dataclass
+class _Kernels:
+    """The field of the scattered kernels that reach closer to a brick than `margin`."""
+
+    margin: float
+    key: Any
+    made: EllipsoidField
+
+    @property
+    def size(self) -> int:
+        return self.made.memory
+
+
 class Residents:
-    """Samples of bricks, and the fields made of them, within a budget of memory.
+    """Samples or kernels of bricks, and the fields made of them, within a budget of memory.
 
     Threads may share it: one reads at a time.
 
@@ -73,7 +89,7 @@ class Residents:
     def __init__(self, budget: int) -> None:
         self.budget = budget
         self.counts = Counts()
-        self._entries: OrderedDict[Any, _Entry] = OrderedDict()
+        self._entries: OrderedDict[Any, Any] = OrderedDict()
         self._lock = threading.RLock()
 
     @property
@@ -118,9 +134,36 @@ class Residents:
                 return found
             return entry.made
 
+    def kernels(
+        self, source: KernelSource, number: int, margin: float, value_range: tuple[float, float]
+    ) -> EllipsoidField:
+        """Return the field of the kernels that reach closer to a brick than `margin`; they are read where not here.
+
+        Raises
+        ------
+        Error
+            What `KernelSource.read` raises.
+        """
+        with self._lock:
+            key = (source.key, number)
+            entry: _Kernels | None = self._entries.get(key)
+            if entry is not None and entry.margin >= margin and entry.key == value_range:
+                self._entries.move_to_end(key)
+                self.counts.hits += 1
+                return entry.made
+            self._entries.pop(key, None)
+            # Other views need a little more.
+            wider = _WIDER * margin
+            made, count = source.read(number, wider, value_range)
+            self.counts.reads += 1
+            self.counts.bytes_read += count
+            self._entries[key] = _Kernels(wider, value_range, made)
+            self._fit()
+            return made
+
     def _entry(self, source: BrickSource, core: Box, wanted: Box) -> _Entry:
         key = (source.key, core)
-        entry = self._entries.get(key)
+        entry: _Entry | None = self._entries.get(key)
         if entry is not None and _holds(entry.outer, wanted):
             self._entries.move_to_end(key)
             self.counts.hits += 1

@@ -33,7 +33,7 @@ from sheetsplat.quantity import Quantity
 
 Shape = tuple[int, int, int]
 #: Formats of files of which a part can be read.
-FORMATS = "raw samples (with shape and dtype), .npy, HDF5, NetCDF, Zarr and OME-Zarr"
+FORMATS = "raw samples (with shape and dtype), .npy, HDF5, NetCDF, Zarr and OME-Zarr; particles in HDF5, and Parquet"
 # Axes with fewer samples than a box may be are no reason to read more than this many bytes of a remote file at once.
 _ROW_BYTES = 1 << 26
 
@@ -153,7 +153,7 @@ class BrickSource:
         if not inside:
             raise complain(what, box_text(box), f"a box inside of {' x '.join(map(str, self.shape))} samples [k, j, i]")
         _memory.require(self.bytes_of(box), f"samples {box_text(box)} of {self.name}", "use smaller bricks")
-        with _placed(what), np.errstate(all="ignore"):
+        with placed_errors(what), np.errstate(all="ignore"):
             found = np.asarray(self.reader.read(box))
             wanted = tuple(last - first for first, last in box)
             if found.shape != wanted:
@@ -181,7 +181,7 @@ class BrickSource:
 
 
 @contextlib.contextmanager
-def _placed(what: str) -> Iterator[None]:
+def placed_errors(what: str) -> Iterator[None]:
     """Turn errors of reading into errors that say which samples could not be read."""
     try:
         yield
@@ -209,7 +209,7 @@ def _damaged(what: str, error: Exception) -> Error:
 
 
 @dataclass(frozen=True)
-class _Stamp:
+class Stamp:
     """A file, and its size and time of change when it was opened."""
 
     path: Path
@@ -217,14 +217,15 @@ class _Stamp:
     changed: int
 
     @classmethod
-    def of(cls, path: Path) -> _Stamp:
+    def of(cls, path: Path) -> Stamp:
+        """Return the stamp of a file."""
         found = os.stat(path)
         return cls(Path(os.path.abspath(path)), found.st_size, found.st_mtime_ns)
 
     def check(self) -> None:
         """Raise an error where the file was changed or is gone."""
         try:
-            now = _Stamp.of(self.path)
+            now = Stamp.of(self.path)
         except OSError as error:
             reason = error.strerror or str(error)
             raise complain(f"{self.path} cannot be read", reason, "the file as it was opened", kind=Error) from None
@@ -246,7 +247,7 @@ class _ArrayReader:
 class _RawReader:
     """Samples in a file, one after the other."""
 
-    stamp: _Stamp
+    stamp: Stamp
     shape: Shape
     stored: np.dtype[Any]
     offset: int
@@ -295,7 +296,7 @@ class _RemoteRawReader:
 class _Hdf5Reader:
     """A dataset of an HDF5 file."""
 
-    stamp: _Stamp
+    stamp: Stamp
     dataset: str
 
     def read(self, box: Box) -> NDArray[Any]:
@@ -321,7 +322,7 @@ class _ZarrReader:
 class _NetcdfReader:
     """A variable of a NetCDF file."""
 
-    stamp: _Stamp
+    stamp: Stamp
     inner: str
     name: str | None
     step: int | None
@@ -404,7 +405,7 @@ def open_source(data: Any, options: Mapping[str, Any]) -> BrickSource:
     kind = kind_of_object(data)
     if kind is None:
         return _of_numpy(data)
-    with _placed(f"{kind.name} cannot be opened in bricks"):
+    with placed_errors(f"{kind.name} cannot be opened in bricks"):
         return _of_object(data, kind.name)
 
 
@@ -524,7 +525,7 @@ def _raw(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
 
     shape, kind = raw.locate(source, **options)
     nk, nj, ni = shape
-    stamp = _Stamp.of(source.path)
+    stamp = Stamp.of(source.path)
     reader = _RawReader(stamp, (nk, nj, ni), kind, int(options.get("offset", 0)))
     return _source(text, f"{stamp}{reader}", Volume(_stand_in(shape, kind)), reader)
 
@@ -535,7 +536,7 @@ def _npy(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
     shape, kind, offset, fortran = locate(source)
     check_volume(text, shape, kind)
     nk, nj, ni = shape
-    stamp = _Stamp.of(source.path)
+    stamp = Stamp.of(source.path)
     reader = _RawReader(stamp, (nk, nj, ni), kind, offset, fortran)
     return _source(text, f"{stamp}{reader}", Volume(_stand_in(shape, kind)), reader)
 
@@ -544,7 +545,7 @@ def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
     from sheetsplat.io.hdf5_volumes import locate
 
     volume = locate(source, _chosen_name(options))
-    stamp = _Stamp.of(source.path)
+    stamp = Stamp.of(source.path)
     dataset = volume.details["content"]
     return _source(text, f"{stamp}{dataset}", volume, _Hdf5Reader(stamp, dataset))
 
@@ -570,7 +571,7 @@ def _netcdf(source: Source, text: str, options: Mapping[str, Any]) -> BrickSourc
     from sheetsplat.io.netcdf import opened as opened_variable
     from sheetsplat.io.xarray_data import one_step, placed
 
-    stamp, name, step = _Stamp.of(source.path), _chosen_name(options), options.get("step")
+    stamp, name, step = Stamp.of(source.path), _chosen_name(options), options.get("step")
     with opened_variable(source, name, mapped=True) as array:
         found = placed(one_step(array, source.path, step), source.path)
         volume = found.volume(source.path, _stand_in(found.array.shape, found.array.dtype))
@@ -585,7 +586,7 @@ def _remote(url: str, options: Mapping[str, Any]) -> BrickSource:
     from sheetsplat.io import raw
 
     what = f"{url} cannot be opened in bricks"
-    with _placed(what):
+    with placed_errors(what):
         import fsspec
 
         if "shape" not in options or "dtype" not in options:

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.bricks.lattice import Box
+from sheetsplat.bricks.partition import Partition
+from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource, Shape, box_text
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields.samples import mixed_differences
@@ -238,6 +240,15 @@ def _roughness(values: NDArray[Any], outer: Box, core: Box, plan: SurveyPlan) ->
             mixed = mixed_differences(layers)
             total += _Rough(mixed.size, float((mixed**2).sum()))
     return total
+
+
+def survey_of(source: BrickSource, partition: Partition, number: int, plan: SurveyPlan) -> BrickSurvey:
+    """Return what is known of one brick, whose samples stay in this process where they fit."""
+    core = partition.bricks[number].samples
+    assert core is not None
+    outer = plan.margin(core)
+    values = residents().samples(source, core, outer)
+    return survey_brick(values, outer, core, number, plan, source.name)
 
 
 def merge_surveys(parts: Sequence[BrickSurvey]) -> BrickSurvey:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds
 from sheetsplat.bricks.lattice import Box, LatticeSpec
@@ -22,11 +23,14 @@ from sheetsplat.options.scene import SceneOptions, surfaces_of
 from sheetsplat.ripple import lattice_constant, lattice_ripple
 from sheetsplat.transfer import TransferFunction
 
+Floats = NDArray[np.float64]
 #: First column, first row, the column and the row behind the last ones.
 Rect = tuple[int, int, int, int]
 
 # Distances are enlarged by this, so that rounding does not leave out a kernel that just reaches.
 _ROUNDING = 1.001
+# Pixels by which rays that pass a cell may meet it, by rounding.
+_NEAR = 1e-6
 # Standard deviation of the EWA filter in pixels and slice distances.
 _FILTER = 0.5
 
@@ -215,8 +219,11 @@ class BrickView:
         brick = self.partition.bricks[number]
         return self.lattice.around(brick.cell, self.margin(number))
 
-    def footprint(self, number: int) -> Rect | None:
-        """Return the pixels that a brick can change, or None where there are none."""
+    def _projected(self, number: int) -> tuple[Floats, Floats] | None:
+        """Return columns and rows of the corners of what can be seen of a brick, in pixels.
+
+        None where there is nothing; none of them where it is all around the eye.
+        """
         region = self._region(number)
         if region is None:
             return None
@@ -228,13 +235,52 @@ class BrickView:
             if depth.max() <= self.camera.near:
                 return None
             if depth.min() <= self.camera.near:
-                return 0, 0, width, height
+                return np.empty(0), np.empty(0)
             x, y = x / depth, y / depth
         pixel = self._unit_pixel()
-        columns, rows = x / pixel + 0.5 * width, 0.5 * height - y / pixel
-        x0, x1 = max(math.floor(columns.min()) - 1, 0), min(math.ceil(columns.max()) + 1, width)
-        y0, y1 = max(math.floor(rows.min()) - 1, 0), min(math.ceil(rows.max()) + 1, height)
+        return x / pixel + 0.5 * width, 0.5 * height - y / pixel
+
+    def footprint(self, number: int) -> Rect | None:
+        """Return the rectangle of pixels that a brick can change, or None where there are none."""
+        found = self._projected(number)
+        if found is None:
+            return None
+        width, height = self.size
+        columns, rows = found
+        if not columns.size:
+            return 0, 0, width, height
+        x0, y0 = max(math.floor(columns.min()) - 1, 0), max(math.floor(rows.min()) - 1, 0)
+        x1, y1 = min(math.ceil(columns.max()) + 1, width), min(math.ceil(rows.max()) + 1, height)
         return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
+
+    def outline(self, number: int) -> NDArray[np.bool_]:
+        """Return which pixels of its footprint a brick can change, (h, w): those whose rays meet its cell."""
+        found, rect = self._projected(number), self.footprint(number)
+        if found is None or rect is None:
+            return np.zeros((0, 0), bool)
+        x0, y0, x1, y1 = rect
+        if not found[0].size:
+            return np.ones((y1 - y0, x1 - x0), bool)
+        columns, rows = found
+        # Every line between two corners lies within the outline, and some of them are its border.
+        first, second = np.triu_indices(len(columns), 1)
+        low, high = np.minimum(rows[first], rows[second]), np.maximum(rows[first], rows[second])
+        steep = np.where(high > low, rows[second] - rows[first], 1.0)
+        centres = np.arange(y0, y1)[:, None] + 0.5
+        above, below = centres - _NEAR, centres + _NEAR
+        ends = []
+        for edge in (above, below):
+            share = (np.clip(edge, low, high) - rows[first]) / steep
+            share = np.where(high > low, share, 0.0)
+            ends.append(columns[first] + share * (columns[second] - columns[first]))
+        level = (high == low) & (low >= above) & (low <= below)
+        ends.append(np.where(level, columns[second], ends[0]))
+        touched = (high >= above) & (low <= below)
+        left = np.where(touched, np.minimum.reduce(ends), np.inf).min(axis=1) - _NEAR
+        right = np.where(touched, np.maximum.reduce(ends), -np.inf).max(axis=1) + _NEAR
+        pixels = np.arange(x0, x1) + 0.5
+        inside: NDArray[np.bool_] = (pixels >= left[:, None]) & (pixels <= right[:, None])
+        return inside
 
     def may_show(self, value_range: tuple[float, float]) -> bool:
         """Return whether kernels with factors in a range, all that reach a brick, can show anything at all."""
@@ -262,8 +308,10 @@ class BrickView:
     def _largest_sum(self) -> float:
         """Largest scalar that kernels of factor 1 add up to."""
         lattice = self.lattice
-        if lattice is None or self.options["filter"] is not None:
+        if self.options["filter"] is not None or (lattice is None and not self.whole.is_mean):
             return math.inf
+        if lattice is None:
+            return 1.0
         if lattice.normalization == "threshold":
             return 1.0
         ripple = lattice_ripple(lattice.radius, lattice.falloff, lattice=lattice.lattice, normalization="none")

@@ -35,6 +35,8 @@ class Whole:
         Those of every kernel of a lattice, along x, y, z; None for scattered kernels.
     falloff
         k of the kernels.
+    is_mean
+        Whether the scalar is a weighted mean of values, and of 0 where few weights add up.
     """
 
     centres: Bounds
@@ -44,6 +46,7 @@ class Whole:
     largest_reach: float
     semi_axes: Triple | None = None
     falloff: float = 8.0
+    is_mean: bool = False
 
     @classmethod
     def of_lattice(cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds | None = None) -> Whole:
@@ -72,16 +75,31 @@ class Whole:
 
     @classmethod
     def of_kernels(cls, field: EllipsoidField) -> Whole:
-        """Return the facts of scattered kernels that fit into memory, or of those of one brick (see `joined`)."""
-        native = field.native
+        """Return the facts of scattered kernels that fit into memory."""
         scales = np.asarray(field.scales)
+        return cls.of_bricks(field, (field.bounds,), float(scales.max()) if scales.size else 0.0)
+
+    @classmethod
+    def of_bricks(cls, field: EllipsoidField, supports: tuple[Bounds, ...], longest: float) -> Whole:
+        """Return the facts of scattered kernels.
+
+        Parameters
+        ----------
+        field
+            The kernels; of those in bricks no arrays are asked for.
+        supports
+            The boxes around the supports of the kernels of each brick.
+        longest
+            Largest semi-axis of all kernels, world units.
+        """
         return cls(
-            centres=native.centres,
-            supports=(native.supports,),
+            centres=field.centre_bounds,
+            supports=supports,
             value_range=field.value_range,
-            default_slice_spacing=native.default_slice_spacing,
-            largest_reach=float(scales.max()) if scales.size else 0.0,
+            default_slice_spacing=field.default_slice_spacing,
+            largest_reach=longest,
             falloff=field.falloff,
+            is_mean=field.normalization == "threshold",
         )
 
     def depths(self, camera: Camera, widening: float = 0.0) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +13,11 @@ from click.core import ParameterSource
 
 from sheetsplat.cli.options import apply, options_of
 from sheetsplat.options.bricks import BrickOptions
+from sheetsplat.options.core import definitions
 from sheetsplat.options.film import MOST_WORKERS
 
 if TYPE_CHECKING:
-    from sheetsplat.fields import BrickedField
+    from sheetsplat.fields import BrickedField, BrickedKernels
 
 _WORKERS = click.option(
     "--workers",
@@ -90,31 +91,36 @@ def started(count: int) -> Iterator[Any]:
 
 @dataclass(frozen=True)
 class Bricks:
-    """What opens a file in bricks, and what draws it: a client, or None for this process."""
+    """What opens a file in bricks, and what draws it: a client, or None for this process.
 
-    brick: int
+    `cut`: the values of `BrickOptions`.
+    """
+
+    cut: Mapping[str, Any]
     client: Any
 
-    def open(self, path: Path, **reading: Any) -> BrickedField:
-        """Return the volume of a file; `reading`: options of `sheetsplat.open_bricks`."""
+    def open(self, path: Path, **reading: Any) -> BrickedField | BrickedKernels:
+        """Return the data of a file; `reading`: options of `sheetsplat.open_bricks`."""
         from sheetsplat.bricks.opening import open_bricks
 
-        return open_bricks(path, brick=self.brick, client=self.client, **reading)
+        return open_bricks(path, client=self.client, **self.cut, **reading)
 
 
 @contextlib.contextmanager
 def in_bricks(options: dict[str, Any]) -> Iterator[Bricks | None]:
     """Yield what opens and draws a file in bricks; None where no option asks for that.
 
-    It takes `brick`, `workers` and `scheduler` out of the options.
+    It takes `workers`, `scheduler` and `BrickOptions` out of the options.
     """
     given = click.get_current_context().get_parameter_source
-    asked = any(given(name) is ParameterSource.COMMANDLINE for name in ("brick", "workers", "scheduler"))
-    brick, workers, scheduler = (options.pop(name) for name in ("brick", "workers", "scheduler"))
+    names = (*definitions(BrickOptions), "workers", "scheduler")
+    asked = any(given(name) is ParameterSource.COMMANDLINE for name in names)
+    cut = {name: options.pop(name) for name in definitions(BrickOptions)}
+    workers, scheduler = options.pop("workers"), options.pop("scheduler")
     if workers is not None and scheduler is not None:
         raise click.UsageError("--scheduler and --workers both say what draws the bricks; leave out one or the other")
     if not asked:
         yield None
         return
     with started(workers) if workers is not None else connected(scheduler) as client:
-        yield Bricks(brick, client)
+        yield Bricks(cut, client)

@@ -2,18 +2,22 @@
 
 from sheetsplat.fields.base import Field, Normalization, as_fields, joined_bounds
 from sheetsplat.fields.bricked import BrickedField
+from sheetsplat.fields.bricked_kernels import BrickedKernels, KernelFacts, is_in_bricks
 from sheetsplat.fields.ellipsoid import EllipsoidField
 from sheetsplat.fields.regular import Lattice, NanPolicy, RegularField, as_samples
 
 __all__ = [
     "BrickedField",
+    "BrickedKernels",
     "EllipsoidField",
     "Field",
+    "KernelFacts",
     "Lattice",
     "NanPolicy",
     "Normalization",
     "RegularField",
     "as_fields",
     "as_samples",
+    "is_in_bricks",
     "joined_bounds",
 ]

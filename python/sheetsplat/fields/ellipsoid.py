@@ -217,11 +217,31 @@ class EllipsoidField(Field):
         """
         arrays = (getattr(self.native, name) for name in _ARRAYS)
         kept: list[Any] = [None if array is None else array[chosen] for array in arrays]
-        weights = kept[_ARRAYS.index("weights")]
+        return self.with_rows(*kept, value_range=value_range or self.value_range)
+
+    def with_rows(
+        self,
+        centers: NDArray[Any],
+        scales: NDArray[Any],
+        rotations: NDArray[Any] | None,
+        values: NDArray[Any],
+        weights: NDArray[Any] | None,
+        *,
+        value_range: tuple[float, float],
+    ) -> EllipsoidField:
+        """Return the field of other kernels with the same options, for pictures in bricks.
+
+        Parameters
+        ----------
+        centers, scales, rotations, values, weights
+            Rows of the arrays of a field of this package: quaternions have unit length to the last digit.
+        value_range
+            As for `part`.
+        """
         if weights is not None and not weights.any():
             # A field needs a weight above 0; those of 0 are drawn as this.
-            kept[_ARRAYS.index("weights")] = np.full_like(weights, _LEAST_WEIGHT)
-        native = self._made(*kept, unit_rotations=True, value_range=value_range or self.value_range)
+            weights = np.full_like(weights, _LEAST_WEIGHT)
+        native = self._made(centers, scales, rotations, values, weights, unit_rotations=True, value_range=value_range)
         return self._with(native=native)
 
     @classmethod

@@ -84,12 +84,24 @@ def attribute(one: Any, name: str, most: int = 3) -> Any:
     return one.attrs[name]
 
 
-def read_dataset(path: Path, one: Any, what: str, spare: int = 0) -> NDArray[Any]:
-    """Return a dataset after a check of its size against its stored bytes; `spare` more bytes must be available."""
+def read_dataset(path: Path, one: Any, what: str, spare: int = 0, rows: tuple[int, int] | None = None) -> NDArray[Any]:
+    """Return a dataset after a check of its size against its stored bytes.
+
+    Parameters
+    ----------
+    path, one, what
+        The file, the dataset, and its name for messages.
+    spare
+        So many more bytes must be available.
+    rows
+        The first row to read, and the one behind the last; None: all.
+    """
     needed = check_stored(path, one, what)
+    if rows is not None:
+        needed = needed // max(one.shape[0], 1) * (rows[1] - rows[0])
     _memory.require(needed + spare, f"{what} of {path}")
-    rows: NDArray[Any] = one[()]
-    return rows
+    found: NDArray[Any] = one[()] if rows is None else one[rows[0] : rows[1]]
+    return found
 
 
 def read_rows(path: Path, one: Any, what: str, rows: slice, spare: int = 0) -> NDArray[Any]:

@@ -33,6 +33,8 @@ _MOST_DATASETS = 1000
 # Radii of supports in smoothing lengths: Gadget, Arepo and GIZMO; SWIFT (cubic spline); Gasoline and ChaNGa.
 _SUPPORTS = (1.0, 1.825742, 2.0)
 _PROBES = 64
+# Of more particles the support is not searched for where they are read in parts.
+_MOST_SEARCHED = 4_000_000
 # Types by the names that people give them.
 _TYPES = {"gas": 0, "dark_matter": 1, "dm": 1, "disk": 2, "bulge": 3, "stars": 4, "star": 4, "black_holes": 5, "bh": 5}
 # Datasets by which the cells of a moving mesh are known, and their kernels' supports in radii of spheres with their
@@ -46,10 +48,13 @@ _log = logging.getLogger("sheetsplat")
 
 
 class _Group:
-    """A group of particles: its datasets of numbers, that of the positions, and the number of particles."""
+    """A group of particles: its datasets of numbers, that of the positions, and the number of particles.
 
-    def __init__(self, path: Path, group: Any, name: str) -> None:
-        self._path, self._group, self._name = path, group, name
+    `rows`: the first particle that is read, and the one behind the last; None: all.
+    """
+
+    def __init__(self, path: Path, group: Any, name: str, rows: tuple[int, int] | None = None) -> None:
+        self._path, self._group, self.name, self._rows = path, group, name, rows
         self._datasets: dict[str, Any] = {}
         names = list(group)
         if len(names) > _MOST_DATASETS:
@@ -65,6 +70,16 @@ class _Group:
             raise unreadable(path, f"{name}/{place} of shape {self._datasets[place].shape}", "(N, 3)")
         self.place = place
         self.count = int(self._datasets[place].shape[0])
+
+    @property
+    def size(self) -> int:
+        """Number of particles that are read."""
+        return self.count if self._rows is None else self._rows[1] - self._rows[0]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all particles are read."""
+        return self._rows is None
 
     def first(self, names: tuple[str, ...]) -> str | None:
         return next((name for name in names if name in self._datasets), None)
@@ -84,12 +99,12 @@ class _Group:
 
     def read(self, name: str) -> NDArray[Any]:
         """Return a dataset after a check of its size against its stored bytes."""
-        one, what = self._datasets[name], f"{self._name}/{name}"
+        one, what = self._datasets[name], f"{self.name}/{name}"
         if one.shape[0] != self.count:
-            wanted = f"{self.count}, as {self._name}/{self.place} has"
+            wanted = f"{self.count}, as {self.name}/{self.place} has"
             raise unreadable(self._path, f"{what} of {one.shape[0]} rows", wanted)
         # For the dataset, and float64 of it.
-        return read_dataset(self._path, one, what, spare=8 * math.prod(one.shape))
+        return read_dataset(self._path, one, what, 8 * self.size * math.prod(one.shape[1:]), self._rows)
 
     def column(self, names: tuple[str, ...]) -> Floats | None:
         """Return the first of these datasets that exists, as float64; None where it has several columns."""
@@ -146,7 +161,11 @@ def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Flo
 
 
 def read(
-    source: Source, scalar: str | None = None, particles: str | None = None, support: float | None = None
+    source: Source,
+    scalar: str | None = None,
+    particles: str | None = None,
+    support: float | None = None,
+    rows: tuple[int, int] | None = None,
 ) -> Scattered:
     """Read particles of one group.
 
@@ -168,21 +187,55 @@ def read(
     InvalidInput
         For damaged files, missing groups or datasets, and datasets of other lengths or larger than what is stored.
     """
+    with h5py.File(seekable(source), "r") as file:
+        group = _group_of(source.path, file, particles, rows)
+        return _read_group(source.path, file, group, scalar, support)
+
+
+def locate(source: Source, particles: str | None = None, support: float | None = None) -> tuple[int, float | None]:
+    """Return the number of particles of a group, and the support that `read` takes for parts of it.
+
+    Where that is found by the densities, it is found of all particles, which are read for it; InvalidInput where they
+    are too many.
+    """
     path = source.path
+    with h5py.File(seekable(source), "r") as file:
+        group = _group_of(path, file, particles)
+        lengths = group.first(_SMOOTHING)
+        mass = _mass_table(path, file, group.name)
+        if support is not None or lengths is None or group.first(_DENSITY) is None:
+            return group.count, support
+        if group.first(_MASS) is None and not mass > 0:
+            return group.count, support
+        if group.count > _MOST_SEARCHED:
+            raise unreadable(
+                path,
+                f"{group.count} particles, of which the radius of a kernel in smoothing lengths is not known",
+                "that radius: 1 of Gadget, Arepo and GIZMO, 1.825742 of SWIFT's cubic spline, 2 of Gasoline and ChaNGa",
+                "pass " + option_ref("support", "1"),
+            )
+        columns = [group.column(names) for names in (_SMOOTHING, _MASS, _DENSITY)]
+        sizes, masses, densities = columns[0], columns[1], columns[2]
+        masses = np.full(group.count, mass) if masses is None else masses
+        if sizes is None or densities is None:
+            return group.count, support
+        points = group.read(group.place).astype(np.float64)
+        return group.count, find_support(points, sizes, masses, densities)[0]
+
+
+def _group_of(path: Path, file: Any, particles: str | None, rows: tuple[int, int] | None = None) -> _Group:
     name = _DEFAULT if particles is None else particles
-    opened = seekable(source)
-    with h5py.File(opened, "r") as file:
+    group = inside(path, file, name)
+    number = _TYPES.get(name.lower().replace(" ", "_").replace("-", "_"))
+    if group is None and number is not None:
+        name = f"PartType{number}"
         group = inside(path, file, name)
-        number = _TYPES.get(name.lower().replace(" ", "_").replace("-", "_"))
-        if group is None and number is not None:
-            name = f"PartType{number}"
-            group = inside(path, file, name)
-        if not isinstance(group, h5py.Group) or group == file:
-            groups = [one for one in file if one != "Header"]
-            found = f"no group {shown(name)}, but {listed(groups) or 'nothing'}"
-            wanted = "particles in a group PartType0, or the name of another one"
-            raise unreadable(path, found, wanted, "pass " + option_ref("particles", "..."))
-        return _read_group(path, file, _Group(path, group, name), name, scalar, support)
+    if not isinstance(group, h5py.Group) or group == file:
+        groups = [one for one in file if one != "Header"]
+        found = f"no group {shown(name)}, but {listed(groups) or 'nothing'}"
+        wanted = "particles in a group PartType0, or the name of another one"
+        raise unreadable(path, found, wanted, "pass " + option_ref("particles", "..."))
+    return _Group(path, group, name, rows)
 
 
 def _home(path: Path, file: Any, name: str) -> Any:
@@ -196,24 +249,24 @@ def _about(told: dict[str, float]) -> dict[str, str]:
     about = {text: f"{told[key]:g}" for key, text in texts.items() if told.get(key)}
     if told.get("files", 1) > 1:
         about["part"] = f"one file of {told['files']:g} of a snapshot"
-        _log.warning("this is one file of %g of a snapshot: the others are not read", told["files"])
     return about
 
 
-def _read_group(
-    path: Path, file: Any, group: _Group, name: str, scalar: str | None, support: float | None
-) -> Scattered:
-    require_rows(path, group.count)
+def _read_group(path: Path, file: Any, group: _Group, scalar: str | None, support: float | None) -> Scattered:
+    name = group.name
+    require_rows(path, group.size)
     widths = group.widths()
     chosen, base, column = choose_scalar(path, scalar, (*_DENSITY, *_MASS), widths)
     points = finite_points(path, group.read(group.place).astype(np.float64))
     values = finite_values(path, chosen, column_of(group.read(base), column))
     masses, densities = group.column(_MASS), group.column(_DENSITY)
     if masses is None and (share := _mass_table(path, file, name)) > 0:
-        masses = np.full(group.count, share)
+        masses = np.full(group.size, share)
     lengths = group.column(_SMOOTHING)
     told = particle_units.header(particle_units.homes_of({one: _home(path, file, one) for one in file}))
     details = {"particles": name, **_about(told)}
+    if "part" in details and group.is_whole:
+        _log.warning("this is %s: the others are not read", details["part"])
     if lengths is None and masses is not None and densities is not None and group.first(_CELLS) is not None:
         if densities.min() <= 0 or masses.min() <= 0:
             raise unreadable(path, f"masses or densities of 0 or less in {name}", "cells with a volume")
@@ -221,7 +274,7 @@ def _read_group(
         lengths = share * np.cbrt(0.75 / math.pi * masses / densities)
         details["support"] = f"{share:g} radii of spheres with the volumes of the cells"
     elif lengths is not None:
-        if support is None and masses is not None and densities is not None:
+        if support is None and masses is not None and densities is not None and group.is_whole:
             support, error = find_support(points, lengths, masses, densities)
             details["support"] = (
                 "1 smoothing length, as in Gadget; the densities of the file fit no known kernel"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField
+from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.fields.samples import Samples, samples_of
 from sheetsplat.look.histogram import beyond_pictures, choose_for
 from sheetsplat.look.measure import with_values
@@ -121,7 +121,7 @@ def logarithmic(field: Field, floor: float) -> Field:
 
     shown: Field
     values: Any
-    if isinstance(field, BrickedField):
+    if isinstance(field, BrickedField | BrickedKernels):
         shown = field.logarithmic(floor)
     elif isinstance(field, RegularField):
         wide = np.float32 if field.values.dtype.itemsize <= 4 else np.float64

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import Words, option_ref
-from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField
+from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.look.histogram import within_pictures
@@ -65,7 +65,7 @@ def trimmed(field: Field, trim: Trim) -> Field:
     """Return a field of some data without what a trim leaves out."""
     if not trim:
         return field
-    if isinstance(field, BrickedField):
+    if isinstance(field, BrickedField | BrickedKernels):
         assert trim.limits is not None
         return field.clipped(trim.limits).with_trim(trim)
     values: NDArray[Any] = field.values if isinstance(field, EllipsoidField | RegularField) else np.empty(0)
@@ -122,7 +122,8 @@ def _reaches(clim: Any, limits: tuple[float, float]) -> bool:
 
 def _near(field: EllipsoidField, fields: Sequence[Field]) -> EllipsoidField:
     """Return one of a picture's fields without its few kernels, far away from all others, that make slices coarse."""
-    if field.ghosts or field.size < _FEWEST:
+    # Of kernels in bricks a sample alone is known; a warning tells of those far away.
+    if field.ghosts or field.size < _FEWEST or isinstance(field, BrickedKernels):
         return field
     wanted = kernel_spacing(field)
     spacing = min(one.default_slice_spacing for one in fields if one.size)

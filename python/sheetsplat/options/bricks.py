@@ -1,16 +1,19 @@
 """The options of volumes that are drawn in bricks, and of the cluster that draws them."""
 
+import os
 from typing import Annotated, Any, TypedDict
 
 from sheetsplat._checks import shown, whole
 from sheetsplat.errors import complain, unusable
-from sheetsplat.options.core import Option
+from sheetsplat.options.core import CommandLine, Option
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
 from sheetsplat.options.quality import QualityOptions
-from sheetsplat.options.values import Whole
+from sheetsplat.options.values import Special, Whole
 
 #: Edges of bricks, in samples. Smaller ones would be all border, larger ones more than a worker holds.
 LEAST_EDGE, LARGEST_EDGE = 4, 2048
+#: Kernels of a brick of scattered data.
+LEAST_KERNELS, MOST_KERNELS = 1, 1 << 31
 
 
 def edge_of(what: str, value: object) -> int:
@@ -20,6 +23,22 @@ def edge_of(what: str, value: object) -> int:
     if not LEAST_EDGE <= result <= LARGEST_EDGE:
         raise complain(unusable(what), str(result), wanted)
     return result
+
+
+def kernels_of(what: str, value: object) -> int:
+    """Return the most kernels of a brick, or InvalidInput."""
+    wanted = f"a whole number of kernels from {LEAST_KERNELS} to {MOST_KERNELS}"
+    result = whole(what, value, wanted)
+    if not LEAST_KERNELS <= result <= MOST_KERNELS:
+        raise complain(unusable(what), str(result), wanted)
+    return result
+
+
+def folder_of(what: str, value: object) -> str | None:
+    """Return the path of a folder that exists, or None; InvalidInput for anything else."""
+    if value is not None and not (isinstance(value, str | os.PathLike) and os.path.isdir(value)):
+        raise complain(unusable(what), shown(value), "a folder that exists")
+    return None if value is None else os.path.abspath(os.fsdecode(value))
 
 
 def cluster_of(what: str, value: Any) -> Any:
@@ -37,7 +56,7 @@ class ClusterOptions(TypedDict, total=False):
     client: Annotated[
         Any,
         Option(
-            "Of a volume in bricks: a client of dask.distributed, all of whose workers draw the picture, which does "
+            "Of data in bricks: a client of dask.distributed, all of whose workers draw the picture, which does "
             "not depend on their number.",
             unset="this process",
             accepts="distributed.Client",
@@ -57,6 +76,27 @@ class BrickOptions(TypedDict, total=False):
             default=256,
             check=edge_of,
             value=Whole(LEAST_EDGE, LARGEST_EDGE),
+        ),
+    ]
+    brick_kernels: Annotated[
+        int,
+        Option(
+            "Kernels of a brick of scattered data, about.",
+            default=1_000_000,
+            check=kernels_of,
+            value=Whole(LEAST_KERNELS, MOST_KERNELS),
+        ),
+    ]
+    scratch: Annotated[
+        str | os.PathLike[str] | None,
+        Option(
+            "Scattered data in bricks: a folder for kernels sorted by bricks, about as large as the data, which all "
+            "workers see.",
+            unset="the folder for temporary files",
+            accepts="path",
+            check=folder_of,
+            value=Special.TEXT,
+            cli=(CommandLine(value=Special.TEXT, metavar="FOLDER"),),
         ),
     ]
 

@@ -46,7 +46,7 @@ GROUPS: tuple[tuple[str, tuple[type, ...]], ...] = (
     ("Files", (FileOptions,)),
     ("Positions of samples", (PlacementOptions,)),
     ("Kernels", (KernelOptions,)),
-    ("Volumes in bricks", (BrickOptions, ClusterOptions)),
+    ("Data in bricks", (BrickOptions, ClusterOptions)),
     ("Films", (FilmOptions,)),
     ("Turntables", (TurnOptions,)),
 )

@@ -1,0 +1,547 @@
+"""Pictures in bricks on clusters: measured costs, and a simulation of clusters that are not here."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+import sheetsplat as ss
+from bench.measure import usable_processors
+from bench.report import Goal, Options, Report, Row, columns
+from sheetsplat import api
+from sheetsplat.bricks.cluster import covering
+from sheetsplat.bricks.draw import draw_brick
+from sheetsplat.bricks.lattice import LatticeSpec
+from sheetsplat.bricks.needs import field_of, may_show, planned, view_of
+from sheetsplat.bricks.partial import Partial, merge
+from sheetsplat.bricks.partition import Nested, partition_lattice
+from sheetsplat.bricks.view import BrickView
+from sheetsplat.bricks.whole import Whole
+
+ROWS = ("real", "4096", "16384", "particles")
+# Real runs: edge of the volume, of its bricks, and pixels of the picture.
+_EDGE, _BRICK, _PIXELS = 160, 40, 400
+_WORKERS = (1, 2, 4)
+_SIMULATED = (10, 64, 256, 1024, 4096)
+# Bytes of a part's pixel: float32 red, green, blue and opacity.
+_PIXEL_BYTES = 16
+# Bytes of a kernel that is resident: of a byte volume samples and their border, of spheres centre, radius and value.
+_VOLUME_BYTES, _SPHERE_BYTES = 1.3, 48.0
+# A cluster: cores of a worker, share of them that a brick uses, bytes a second and seconds of latency of its network.
+_CORES, _SHARE, _BANDWIDTH, _LATENCY = 16, 0.7, 1.25e9, 2e-4
+_FILM = (3840, 2160)
+_NULL_TASKS = 400
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What drawing takes, seconds of one core.
+
+    Attributes
+    ----------
+    brick, kernel, sample
+        Of a brick, of each of its kernels, and of each pixel and slice in it.
+    merge
+        Of each pixel of two merged parts.
+    scheduler
+        Of the scheduler and the client, for each task.
+    """
+
+    brick: float
+    kernel: float
+    sample: float
+    merge: float
+    scheduler: float = 1e-3
+
+    def drawing(self, kernels: float, samples: float) -> float:
+        """Return the time of a brick."""
+        return self.brick + self.kernel * kernels + self.sample * samples
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A cluster.
+
+    Attributes
+    ----------
+    workers
+        How many.
+    speed
+        Cores that a worker draws a brick with.
+    cores
+        Cores that all of them share, with those of the others.
+    bandwidth, latency
+        Bytes a second of a worker's network, and seconds of a message.
+    """
+
+    workers: int
+    speed: float = _CORES * _SHARE
+    cores: float = math.inf
+    bandwidth: float = _BANDWIDTH
+    latency: float = _LATENCY
+
+
+@dataclass(frozen=True)
+class Task:
+    """A task of a picture.
+
+    Attributes
+    ----------
+    seconds
+        Of one core.
+    bytes
+        Of the result.
+    before
+        Tasks whose results it takes.
+    place
+        Number by which a worker is chosen; None: where most of what it takes is.
+    """
+
+    seconds: float
+    bytes: float
+    before: tuple[int, ...]
+    place: int | None = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a simulation says: seconds of the picture, bytes between workers, and what kept it from being shorter."""
+
+    seconds: float
+    moved: float
+    work: float
+    chain: float
+    scheduler: float
+
+    @property
+    def limit(self) -> str:
+        """The longest of what a picture cannot be shorter than."""
+        known = {"work": self.work, "order of depth": self.chain, "scheduler": self.scheduler}
+        return max(known, key=lambda name: known[name])
+
+
+def simulated(tasks: Sequence[Task], machine: Machine, costs: Costs) -> Run:
+    """Return what a picture takes, event by event.
+
+    The scheduler serves one message after the other: a task when it is submitted, and when it is done. A worker draws
+    one brick at a time, those of lower numbers first; what a task takes from elsewhere comes through the worker's
+    network before, one after the other.
+    """
+    waiting = [len(task.before) + 1 for task in tasks]
+    after: list[list[int]] = [[] for _ in tasks]
+    for number, task in enumerate(tasks):
+        for one in task.before:
+            after[one].append(number)
+    where, ends = [-1] * len(tasks), [0.0] * len(tasks)
+    ready: list[list[int]] = [[] for _ in range(machine.workers)]
+    network, busy = [0.0] * machine.workers, [False] * machine.workers
+    served = moved = 0.0
+    active = 0
+    # Events: time, order, kind, task.
+    order = itertools.count()
+    events: list[tuple[float, int, str, int]] = [(0.0, next(order), "submit", number) for number in range(len(tasks))]
+    heapq.heapify(events)
+
+    def start(worker: int, now: float) -> None:
+        nonlocal active
+        if busy[worker] or not ready[worker]:
+            return
+        number = heapq.heappop(ready[worker])
+        busy[worker] = True
+        active += 1
+        share = max(1.0, active / machine.cores)
+        heapq.heappush(events, (now + tasks[number].seconds * share / machine.speed, next(order), "done", number))
+
+    def release(number: int, now: float) -> None:
+        nonlocal moved
+        waiting[number] -= 1
+        if waiting[number]:
+            return
+        task = tasks[number]
+        held: dict[int, float] = {}
+        for one in task.before:
+            held[where[one]] = held.get(where[one], 0.0) + tasks[one].bytes
+        if task.place is not None:
+            worker = task.place % machine.workers
+        else:
+            worker = max(held, key=lambda one: held[one], default=number % machine.workers)
+        far = sum(size for one, size in held.items() if one != worker)
+        where[number] = worker
+        arrived = now + machine.latency
+        if far:
+            network[worker] = max(network[worker], arrived) + far / machine.bandwidth
+            arrived = network[worker] + machine.latency
+            moved += far
+        heapq.heappush(events, (arrived, next(order), "there", number))
+
+    while events:
+        now, _, kind, number = heapq.heappop(events)
+        if kind == "submit":
+            served = max(served, now) + 0.5 * costs.scheduler
+            heapq.heappush(events, (served, next(order), "known", number))
+        elif kind == "known":
+            release(number, now)
+        elif kind == "there":
+            heapq.heappush(ready[where[number]], number)
+            start(where[number], now)
+        elif kind == "done":
+            busy[where[number]] = False
+            active -= 1
+            ends[number] = now
+            start(where[number], now)
+            served = max(served, now + machine.latency) + 0.5 * costs.scheduler
+            heapq.heappush(events, (served, next(order), "told", number))
+        else:
+            for one in after[number]:
+                release(one, now)
+    longest = [0.0] * len(tasks)
+    for number, task in enumerate(tasks):
+        longest[number] = task.seconds / machine.speed + max((longest[one] for one in task.before), default=0.0)
+    capacity = min(machine.workers, machine.cores) * machine.speed
+    work = sum(task.seconds for task in tasks) / capacity
+    return Run(max(ends) + machine.latency, moved, work, max(longest), costs.scheduler * len(tasks))
+
+
+def tasks_of(view: BrickView, shown: Sequence[int], seconds: Callable[[int], float], costs: Costs) -> list[Task]:
+    """Return the tasks of a picture in mode composite, as `sheetsplat.bricks.cluster` submits them.
+
+    Parameters
+    ----------
+    view
+        The picture.
+    shown
+        Bricks that may show, from front to back.
+    seconds
+        Of drawing a brick.
+    costs
+        Of merging.
+    """
+    numbers = {brick: number for number, brick in enumerate(shown)}
+    behind = covering(view, shown)
+    tasks = []
+    rects = {}
+    for brick in shown:
+        rect = view.footprint(brick)
+        assert rect is not None
+        rects[brick] = rect
+        before = tuple(numbers[one] for one in behind[brick])
+        tasks.append(Task(seconds(brick), _area(rect) * _PIXEL_BYTES, before, brick))
+
+    def merged(nested: Nested) -> tuple[int, Any] | None:
+        if isinstance(nested, int):
+            return (numbers[nested], rects[nested]) if nested in numbers else None
+        parts = [one for one in map(merged, nested) if one is not None]
+        if len(parts) < 2:
+            return parts[0] if parts else None
+        (first, a), (second, b) = parts
+        rect = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
+        tasks.append(Task(costs.merge * _area(rect), _area(rect) * _PIXEL_BYTES, (first, second)))
+        return len(tasks) - 1, rect
+
+    last = merged(view.nested())
+    assert last is not None
+    whole = view.size[0] * view.size[1]
+    tasks.append(Task(costs.merge * whole, whole * _PIXEL_BYTES, (last[0],)))
+    return tasks
+
+
+def _area(rect: tuple[int, int, int, int]) -> int:
+    return (rect[2] - rect[0]) * (rect[3] - rect[1])
+
+
+def ball(edge: int) -> np.ndarray[Any, Any]:
+    """Return soft shells with noise, bytes: something shows in every brick."""
+    axis = np.linspace(-1.0, 1.0, edge)
+    radius = np.sqrt(axis[:, None, None] ** 2 + axis[None, :, None] ** 2 + axis[None, None, :] ** 2)
+    noise = np.random.default_rng(4).normal(0.0, 6.0, radius.shape)
+    return np.asarray(np.clip(110 + 60 * np.sin(9.0 * radius) + noise, 1, 255), np.uint8)
+
+
+def _picture(data: Any, pixels: int) -> dict[str, Any]:
+    """Return options of a lit, translucent picture without a stop."""
+    table = [(0.0, 0.2, 0.4, 0.9, 0.0), (255.0, 1.0, 0.8, 0.5, 0.02)]
+    camera = ss.Camera.fit(data, direction=(-0.5, -0.4, -1.0))
+    return {"size": pixels, "camera": camera, "transfer_function": table, "quality": "draft", "backend": "cpu",
+            "opacity_stop": 1.0}  # fmt: skip
+
+
+def _view(field: Any, pixels: int) -> tuple[BrickView, list[int]]:
+    """Return the view of a picture of a bricked field, and the bricks that may show."""
+    made = api.prepare(field, **_picture(field, pixels))
+    settings = {**made.renderer.settings, "threads": 1}
+    view, _ = planned(made.scene, view_of(field, made.scene, made.camera, made.size, (), None, settings))
+    return view, [number for number in view.order() if may_show(field, view, number)]
+
+
+def _samples(view: BrickView, number: int) -> float:
+    """Return pixels times slices of a brick."""
+    region, rect = view.partition.bricks[number].cell, view.footprint(number)
+    assert rect is not None
+    lower, upper = np.asarray(view.whole.centres)
+    extent = np.minimum(upper, region[1]) - np.maximum(lower, region[0])
+    along = float(np.abs(extent) @ np.abs(np.asarray(view.camera.world_axes()[2])))
+    return _area(rect) * along / view.slice_spacing
+
+
+def measured(field: Any, pixels: Sequence[int]) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """Return (1, kernels, samples) of some bricks of a field in pictures of some sizes, and their seconds of a core."""
+    facts, seconds = [], []
+    renderer = ss.Renderer("cpu", threads=1)
+    for size in pixels:
+        view, shown = _view(field, size)
+        in_front = np.zeros((size, size), np.float32)
+        for number in shown[:: max(1, len(shown) // 6)]:
+            part = field_of(field.source, view, number)
+            draw_brick(view, number, part, renderer, in_front)
+            times = []
+            for _ in range(3):
+                began = time.process_time()
+                draw_brick(view, number, part, renderer, in_front)
+                times.append(time.process_time() - began)
+            facts.append((1.0, float(part.size), _samples(view, number)))
+            seconds.append(min(times))
+    return np.asarray(facts), np.asarray(seconds)
+
+
+def fitted(facts: Any, seconds: Any) -> tuple[float, float, float]:
+    """Return non-negative coefficients whose sums are nearest to the seconds, relative to them."""
+    known = list(range(facts.shape[1]))
+    while True:
+        found = np.linalg.lstsq(facts[:, known] / seconds[:, None], np.ones(len(seconds)), rcond=None)[0]
+        if (found >= 0).all():
+            break
+        del known[int(np.argmin(found))]
+    result = np.zeros(facts.shape[1])
+    result[known] = found
+    a, b, c = result.tolist()
+    return a, b, c
+
+
+def _merge_seconds() -> float:
+    """Return seconds of merging a pixel."""
+    side = 400
+    parts = [
+        Partial("composite", (0, 0, side, side), rgba=np.full((side, side, 4), 0.1, np.float32), is_behind=True)
+        for _ in range(2)
+    ]
+    times = []
+    for _ in range(5):
+        began = time.process_time()
+        merge(*parts)
+        times.append(time.process_time() - began)
+    return min(times) / side**2
+
+
+def costs_of(options: Options, *, scattered: bool) -> tuple[Costs, float]:
+    """Return measured costs, and the relative residual of the fit."""
+    facts, seconds = [], []
+    for edge, sizes in ((32, (150, 600)), (64, (150, 400))):
+        edge = options.edge(edge)
+        if scattered:
+            count = edge**3
+            random = np.random.default_rng(1)
+            radius = 2.0 * (4.0 / 3.0 * math.pi * count / 6.0) ** (-1.0 / 3.0)
+            points = random.uniform(-1.0, 1.0, (count, 3))
+            made = ss.EllipsoidField(points, np.full(count, radius), values=random.uniform(1.0, 255.0, count), w0=0.1)
+            field = ss.open_bricks(made, brick_kernels=-(-count // 8))
+        else:
+            field = ss.open_bricks(ball(2 * edge), brick=edge, quality="draft")
+        one, other = measured(field, [max(40, round(size * options.scale)) for size in sizes])
+        facts.append(one)
+        seconds.append(other)
+    every, took = np.concatenate(facts), np.concatenate(seconds)
+    brick, kernel, sample = fitted(every, took)
+    off = float(np.sqrt(np.mean((every @ (brick, kernel, sample) / took - 1.0) ** 2)))
+    return Costs(brick, kernel, sample, _merge_seconds()), off
+
+
+def _nothing(number: int) -> int:
+    return number
+
+
+def real(options: Options, costs: Costs) -> list[Row]:
+    """Draw pictures with one, two and four worker processes, and simulate the same."""
+    import distributed
+
+    edge, brick = options.edge(_EDGE), options.edge(_BRICK)
+    pixels = max(60, round(_PIXELS * options.scale))
+    values = ball(edge)
+    rows = []
+    for workers in _WORKERS:
+        options.say(f"{workers} workers")
+        with (
+            distributed.LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+            ) as made,
+            distributed.Client(made) as client,
+        ):
+            began = time.perf_counter()
+            client.gather([client.submit(_nothing, number, pure=False) for number in range(_NULL_TASKS)])
+            known = replace(costs, scheduler=(time.perf_counter() - began) / _NULL_TASKS)
+            field = ss.open_bricks(values, brick=brick, client=client, quality="draft")
+            picture = {**_picture(field, pixels), "threads": 1}
+            times = []
+            for _ in range(max(2, options.views) + 1):
+                began = time.perf_counter()
+                image = ss.render(field, client=client, **picture)
+                times.append(time.perf_counter() - began)
+            here = ss.open_bricks(values, brick=brick, quality="draft")
+            view, shown = _view(here, pixels)
+            tasks = tasks_of(view, shown, _seconds_of(view, known), known)
+            machine = Machine(workers, 1.0, usable_processors(), 1e9, 1e-3)
+            run = simulated(tasks, machine, known)
+        took = min(times[1:])
+        rows.append(
+            {
+                "row": f"{edge}^3 in {len(shown)} bricks, {workers} workers",
+                "seconds": took,
+                "simulated": run.seconds,
+                "off": run.seconds / took - 1.0,
+                "read": image.stats["bricks_read"],
+                "moved": 1e-9 * run.moved,
+                "limit": run.limit,
+            }
+        )
+    return rows
+
+
+def _seconds_of(view: BrickView, costs: Costs) -> Callable[[int], float]:
+    def seconds(number: int) -> float:
+        box = view.samples(number)
+        kernels = math.prod(last - first for first, last in box)
+        return costs.drawing(kernels, _samples(view, number))
+
+    return seconds
+
+
+@cache
+def _grid(bricks: int, size: tuple[int, int]) -> tuple[BrickView, list[int]]:
+    """Return the view of a cube of so many bricks along each axis, one sample each."""
+    lattice = LatticeSpec((bricks,) * 3, radius=1e-3)
+    partition = partition_lattice(lattice, 1)
+    whole = Whole.of_lattice(lattice, (0.0, 1.0))
+    look = ss.TransferFunction([(0, 0, 0, 0, 0), (1, 1, 1, 1, 0.02)])
+    middle = 0.5 * (bricks - 1)
+    direction = np.array((-0.5, -0.4, -1.0)) / np.linalg.norm((-0.5, -0.4, -1.0))
+    eye = np.full(3, middle) - 2.0 * bricks * direction
+    camera = ss.Camera.orthographic(tuple(eye), (middle,) * 3, height=1.5 * bricks)
+    view = BrickView.of(partition, whole, look, {"slice_spacing": 1e-3}, camera, size, lattice=lattice)
+    return view, [number for number in view.order() if view.footprint(number) is not None]
+
+
+def large(
+    options: Options, name: str, side: float, kernels: float, bytes_each: float, costs: Costs, cuts: Sequence[int]
+) -> list[Row]:
+    """Simulate pictures of data that are too large for this machine.
+
+    Parameters
+    ----------
+    options
+        Of the run.
+    name
+        What it is called.
+    side
+        Slices of a picture along an edge of the data.
+    kernels, bytes_each
+        How many there are, and bytes of each in memory.
+    costs
+        Measured.
+    cuts
+        Numbers of bricks along an edge that are tried.
+    """
+    rows = []
+    for workers in _SIMULATED:
+        options.say(f"{name}, {workers} workers")
+        best: tuple[Run, int] | None = None
+        for cut in cuts:
+            view, shown = _grid(cut, _FILM)
+
+            def seconds(number: int, view: BrickView = view, cut: int = cut) -> float:
+                rect = view.footprint(number)
+                assert rect is not None
+                return costs.drawing(kernels / cut**3, _area(rect) * side / cut)
+
+            run = simulated(tasks_of(view, shown, seconds, costs), Machine(workers), costs)
+            if best is None or run.seconds < best[0].seconds:
+                best = run, cut
+        assert best is not None
+        run, cut = best
+        rows.append(
+            {
+                "row": f"{name}, {workers} workers",
+                "bricks": cut**3,
+                "simulated": run.seconds,
+                "work": run.work,
+                "chain": run.chain,
+                "scheduler": run.scheduler,
+                "moved": 1e-9 * run.moved,
+                "memory": 1e-9 * kernels * bytes_each / workers,
+                "limit": run.limit,
+            }
+        )
+    return rows
+
+
+def run(options: Options) -> Report:
+    """Measure what bricks, merges and tasks take here, draw with real workers, and simulate larger clusters."""
+    options.say("costs of lattices")
+    lattice, off = costs_of(options, scattered=False)
+    rows: list[Row] = []
+    goals: list[Goal] = []
+    if options.wants("real"):
+        try:
+            found = real(options, lattice)
+            rows += found
+            if options.scale == 1.0:
+                goals += [Goal(f"simulation, {one['row']}", abs(one["off"]), 0.2) for one in found]
+        except ImportError as error:
+            rows.append({"row": "real", "remark": f"skipped: {error}"})
+    cuts = (8, 16, 32) if options.scale == 1.0 else (4,)
+    volumes: Mapping[str, int] = {"4096": 4096, "16384": 16384}
+    for name, side in volumes.items():
+        if options.wants(name):
+            rows += large(options, f"{side}^3", 1.5 * side, float(side) ** 3, _VOLUME_BYTES, lattice, cuts)
+    if options.scale == 1.0 and options.wants("16384"):
+        there = next(one for one in rows if one["row"] == "16384^3, 1024 workers")
+        goals.append(Goal("16384^3 at 3840x2160 on 1,024 workers of 16 cores", there["simulated"], 10.0, "s"))
+    scattered = None
+    if options.wants("particles"):
+        options.say("costs of spheres")
+        spheres, scattered = costs_of(options, scattered=True)
+        rows += large(options, "10^11 particles", 4096.0, 1e11, _SPHERE_BYTES, spheres, cuts)
+    told = f"{1e6 * lattice.brick:.0f} µs a brick, {1e9 * lattice.kernel:.1f} ns a kernel, "
+    told += f"{1e9 * lattice.sample:.2f} ns a pixel and slice, {1e9 * lattice.merge:.1f} ns a merged pixel"
+    notes = [
+        f"Costs of lattices on one core: {told}; the fit is {100 * off:.0f} % from the bricks that it was made of.",
+        f"Simulated workers have {_CORES} cores, of which a brick uses {_CORES * _SHARE:g}, and {8e-9 * _BANDWIDTH:g} "
+        f"Gbit/s; the scheduler takes {1e3 * lattice.scheduler:g} ms a task. Pictures have {_FILM[0]}x{_FILM[1]} "
+        "pixels; data are resident, nothing is empty or hidden, and no level of a pyramid is taken: the worst case.",
+        "work, depth, scheduler: seconds that the picture cannot be shorter than, by all drawing on all cores, by "
+        "bricks that wait for those in front, and by tasks that the scheduler handles one by one.",
+        f"Load of this machine: {os.getloadavg()[0]:.1f}.",
+    ]
+    if scattered is not None:
+        notes.insert(1, f"The fit of spheres is {100 * scattered:.0f} % from its bricks.")
+    return Report(
+        name="distributed",
+        title="Pictures in bricks on clusters",
+        columns=columns(
+            "row=what, bricks, seconds=s, simulated=simulated s, off=off by, work=work s, chain=depth s, "
+            "scheduler=scheduler s, moved=GB moved, memory=GB a worker, read=bricks read, limit, remark"
+        ),
+        rows=rows,
+        goals=goals,
+        notes=notes,
+    )
+
+
+__all__ = ["ROWS", "Costs", "Machine", "Run", "Task", "run", "simulated", "tasks_of"]

@@ -141,10 +141,10 @@ def simulated(tasks: Sequence[Task], machine: Machine, costs: Costs) -> Run:
     for number, task in enumerate(tasks):
         for one in task.before:
             after[one].append(number)
-    where, ends = [-1] * len(tasks), [0.0] * len(tasks)
+    where = [-1] * len(tasks)
     ready: list[list[int]] = [[] for _ in range(machine.workers)]
     network, busy = [0.0] * machine.workers, [False] * machine.workers
-    served = moved = 0.0
+    served = moved = end = 0.0
     active = 0
     # Events: time, order, kind, task.
     order = itertools.count()
@@ -196,11 +196,11 @@ def simulated(tasks: Sequence[Task], machine: Machine, costs: Costs) -> Run:
         elif kind == "done":
             busy[where[number]] = False
             active -= 1
-            ends[number] = now
             start(where[number], now)
             served = max(served, now + machine.latency) + 0.5 * costs.scheduler
             heapq.heappush(events, (served, next(order), "told", number))
         else:
+            end = now
             for one in after[number]:
                 release(one, now)
     longest = [0.0] * len(tasks)
@@ -208,7 +208,7 @@ def simulated(tasks: Sequence[Task], machine: Machine, costs: Costs) -> Run:
         longest[number] = task.seconds / machine.speed + max((longest[one] for one in task.before), default=0.0)
     capacity = min(machine.workers, machine.cores) * machine.speed
     work = sum(task.seconds for task in tasks) / capacity
-    return Run(max(ends) + machine.latency, moved, work, max(longest), costs.scheduler * len(tasks))
+    return Run(end, moved, work, max(longest), costs.scheduler * len(tasks))
 
 
 def tasks_of(view: BrickView, shown: Sequence[int], seconds: Callable[[int], float], costs: Costs) -> list[Task]:

@@ -6,6 +6,7 @@ import gzip
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from PIL import Image
 import sheetsplat as ss
 from bench import BENCHES, Goal, Options, Report
 from bench.__main__ import main
+from bench.distributed import Costs, Machine, Task, simulated
 from bench.ellipsoids import WAYS, at_equal_time
 from bench.error_estimate import summary
 from bench.huge import corners
@@ -436,3 +438,29 @@ def test_scattered_scaling_runs_in_new_processes(tmp_path: Path) -> None:
         assert row["per_kernel"] * row["row"] == pytest.approx(1e6 * row["resident"]) and row["cpu_ms"] > 0.0
     assert report.rows[0]["slices"] < report.rows[2]["slices"]
     assert not report.goals
+
+
+def test_simulated_clusters() -> None:
+    costs = Costs(0.0, 0.0, 0.0, 0.0, scheduler=1e-6)
+    alone = [Task(1.0, 8e9, (), number) for number in range(8)]
+    for workers, expected in ((1, 8.0), (4, 2.0), (16, 1.0)):
+        machine = Machine(workers, speed=1.0, bandwidth=1e9, latency=1e-6)
+        assert simulated(alone, machine, costs).seconds == pytest.approx(expected, rel=1e-3)
+    # Two processes on one core take as long as one.
+    shared = Machine(2, speed=1.0, cores=1.0, latency=1e-6)
+    assert simulated(alone, shared, costs).seconds == pytest.approx(8.0, rel=0.15)
+    # One after the other, on different workers: what is moved takes time too.
+    row = [Task(1.0, 8e9, (number - 1,) if number else (), number) for number in range(4)]
+    run = simulated(row, Machine(2, speed=1.0, bandwidth=8e9, latency=1e-6), costs)
+    assert run.seconds == pytest.approx(7.0, rel=1e-3) and run.moved == 24e9
+    assert run.chain == pytest.approx(4.0) and run.limit == "order of depth"
+    busy = simulated(alone, Machine(8, speed=1e3), replace(costs, scheduler=1.0))
+    assert busy.limit == "scheduler" and busy.seconds >= 8.0
+
+
+def test_pictures_on_clusters(tmp_path: Path) -> None:
+    report = BENCHES["distributed"].run(_options(tmp_path, rows=("4096",), scale=0.15))
+    assert [row["row"].rsplit(",")[-1] for row in report.rows][0] == " 10 workers"
+    seconds = [row["simulated"] for row in report.rows]
+    assert seconds == sorted(seconds, reverse=True) and seconds[-1] >= report.rows[-1]["chain"]
+    assert all(row["memory"] > 0 for row in report.rows)

@@ -26,10 +26,9 @@ from sheetsplat._sheetsplat import __version__
 from sheetsplat.bricks.draw import draw_brick, is_hidden
 from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import Columns, Segments, Store
-from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys
+from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys, sorted_piece
 from sheetsplat.bricks.kernel_survey import survey_of as survey_of_piece
 from sheetsplat.bricks.needs import field_of, may_show
-from sheetsplat.bricks.opening_kernels import sorted_piece
 from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge
 from sheetsplat.bricks.partition import Nested, Partition, leaves
 from sheetsplat.bricks.resident import residents

@@ -23,6 +23,7 @@ from sheetsplat._checks import Bounds
 from sheetsplat.bricks.partition import Brick, Partition
 from sheetsplat.errors import Error, complain, option_ref
 from sheetsplat.fields import EllipsoidField
+from sheetsplat.fields.axes import frames
 from sheetsplat.io.kernels import logarithm
 
 Floats = NDArray[np.float64]
@@ -84,8 +85,6 @@ class Columns:
         axes = np.broadcast_to(scales.reshape(len(table), -1), (len(table), 3))
         if turns is None:
             return np.asarray(axes * _ROUNDING)
-        from sheetsplat.fit._kernels import frames
-
         return np.asarray(np.sqrt(((frames(turns) * axes[:, None, :]) ** 2).sum(axis=2)) * _ROUNDING)
 
 

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds
 from sheetsplat.bricks.kernel_pieces import Pieces
-from sheetsplat.bricks.kernel_source import Columns
+from sheetsplat.bricks.kernel_source import Columns, Segments, Store, sort_piece
+from sheetsplat.bricks.partition import Partition
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, joined_bounds
 
@@ -132,4 +133,11 @@ def survey_of(pieces: Pieces, number: int, stride: int) -> KernelSurvey:
     return survey_piece(field, first, stride)
 
 
-__all__ = ["KernelSurvey", "merge_kernel_surveys", "sample_of", "stride_of", "survey_of"]
+def sorted_piece(
+    pieces: Pieces, number: int, columns: Columns, partition: Partition, rows: int, store: Store
+) -> Segments:
+    """Read a piece, and return the segments of what `sort_piece` keeps of it."""
+    return sort_piece(columns.table(pieces.read(number)), number, columns, partition, rows, store)
+
+
+__all__ = ["KernelSurvey", "merge_kernel_surveys", "sample_of", "sorted_piece", "stride_of", "survey_of"]

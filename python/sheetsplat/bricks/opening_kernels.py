@@ -10,8 +10,15 @@ from typing import Any
 import numpy as np
 
 from sheetsplat.bricks.kernel_pieces import FieldPieces, Pieces
-from sheetsplat.bricks.kernel_source import Columns, FileStore, KernelSource, MemoryStore, Segments, Store, sort_piece
-from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys, sample_of, stride_of, survey_of
+from sheetsplat.bricks.kernel_source import FileStore, KernelSource, MemoryStore, Segments, Store
+from sheetsplat.bricks.kernel_survey import (
+    KernelSurvey,
+    merge_kernel_surveys,
+    sample_of,
+    sorted_piece,
+    stride_of,
+    survey_of,
+)
 from sheetsplat.bricks.partition import Partition, partition_points
 from sheetsplat.fields import BrickedKernels, KernelFacts
 from sheetsplat.io.kernels import log_base
@@ -94,10 +101,3 @@ def _sorted(
     from sheetsplat.bricks.cluster import sort_kernels
 
     return sort_kernels(client, pieces, found.columns, partition, rows, store), store
-
-
-def sorted_piece(
-    pieces: Pieces, number: int, columns: Columns, partition: Partition, rows: int, store: Store
-) -> Segments:
-    """Read a piece, and return the segments of what `sort_piece` keeps of it."""
-    return sort_piece(columns.table(pieces.read(number)), number, columns, partition, rows, store)

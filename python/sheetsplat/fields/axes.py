@@ -138,3 +138,12 @@ def axes_of_frames(frames: NDArray[Any], *, flat: bool) -> tuple[Floats, Floats]
     Columns are at right angles; `flat`: lengths may be 0. InvalidInput, with the index of the first one, for others.
     """
     return _by_blocks(_of_frames, "frames", frames, flat)
+
+
+def frames(rotations: Floats) -> Floats:
+    """Return the matrices, (N, 3, 3), of unit quaternions w, x, y, z."""
+    from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
+
+    if not len(rotations):
+        return np.empty((0, 3, 3))
+    return np.asarray(Rotation.from_quat(rotations[:, [1, 2, 3, 0]]).as_matrix(), dtype=np.float64)

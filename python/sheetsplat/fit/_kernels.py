@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
+from sheetsplat.fields.axes import frames
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int64]
@@ -38,15 +39,6 @@ def quaternions(frames: Floats) -> Floats:
     turned = frames.copy()
     turned[np.linalg.det(turned) < 0.0, :, 2] *= -1.0
     return np.asarray(Rotation.from_matrix(turned).as_quat()[:, [3, 0, 1, 2]], dtype=np.float64)
-
-
-def frames(rotations: Floats) -> Floats:
-    """Return the matrices, (N, 3, 3), of unit quaternions w, x, y, z."""
-    from scipy.spatial.transform import Rotation
-
-    if not len(rotations):
-        return np.empty((0, 3, 3))
-    return np.asarray(Rotation.from_quat(rotations[:, [1, 2, 3, 0]]).as_matrix(), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -372,6 +372,8 @@ def real(options: Options, costs: Costs) -> list[Row]:
     """Draw pictures with one, two and four worker processes, and simulate the same."""
     import distributed
 
+    start: Any = distributed.LocalCluster
+    connect: Any = distributed.Client
     edge, brick = options.edge(_EDGE), options.edge(_BRICK)
     pixels = max(60, round(_PIXELS * options.scale))
     values = ball(edge)
@@ -379,10 +381,10 @@ def real(options: Options, costs: Costs) -> list[Row]:
     for workers in _WORKERS:
         options.say(f"{workers} workers")
         with (
-            distributed.LocalCluster(
+            start(
                 n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
             ) as made,
-            distributed.Client(made) as client,
+            connect(made) as client,
         ):
             began = time.perf_counter()
             client.gather([client.submit(_nothing, number, pure=False) for number in range(_NULL_TASKS)])

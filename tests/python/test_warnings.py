@@ -101,7 +101,9 @@ def test_equal_samples_are_told_once(value, mode):
     if value == 0 and mode != "composite":
         assert one == "nothing can be seen in the picture: all values are 0"
     elif mode == "mip" and value < 0:
-        assert one == "nothing can be seen in the picture: mode mip shows nothing below 0, and the values -2.5 to -2.5 are"
+        assert (
+            one == "nothing can be seen in the picture: mode mip shows nothing below 0, and the values -2.5 to -2.5 are"
+        )
     else:
         assert f"all samples are {np.float32(value):g}: there is nothing in the volume to tell apart" in one
 

@@ -236,7 +236,8 @@ def test_a_crowd_at_one_spot_is_looked_at_from_fewer_places() -> None:
     low, high = automatic.choose([crowd]).clim
     assert 0.4 < low < 0.5 < high < 0.6
     sparse = field_of(12, 2_000, 8.0)
-    assert automatic._affordable(sparse) == automatic._PLACES > 10 * automatic._affordable(crowd)
+    (_, few), (_, many) = automatic._looked_at(crowd), automatic._looked_at(sparse)
+    assert many == automatic._PLACES > 10 * few
 
 
 def test_sph_weights_beyond_float64_are_an_error_without_warnings() -> None:

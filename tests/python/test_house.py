@@ -1,15 +1,19 @@
-"""The house rules of the package: no circles between its modules, and no private name of one read by another."""
+"""The house rules: what modules import, texts that nobody matches, and the tests that hold measured constants."""
 
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 import sheetsplat as ss
 
 ROOT = Path(ss.__file__).parent
+CLONE = Path(__file__).parents[2]
 FILES = {
     ".".join(("sheetsplat", *path.relative_to(ROOT).with_suffix("").parts)).removesuffix(".__init__"): path
     for path in sorted(ROOT.rglob("*.py"))
@@ -88,3 +92,143 @@ def test_no_private_name_of_another_module_is_imported():
             if foreign or private:
                 wrong.append(f"{name}: {other} {imported_name}")
     assert wrong == []
+
+
+# ---- messages are no interface
+
+
+def text_of_error(node: ast.AST) -> bool:
+    """Return whether an expression is the text of an error, or a part of one."""
+    parts: list[ast.AST] = []
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "str":
+        parts = list(node.args[:1])
+    elif isinstance(node, ast.Attribute) and node.attr in ("what", "found", "wanted", "advice"):
+        parts = [node.value]
+    return any(isinstance(part, ast.Name) and part.id in ("error", "problem", "reason") for part in parts)
+
+
+def matched_texts(tree: ast.AST) -> list[int]:
+    """Return the lines where something is decided by the text of an error."""
+    lines = []
+    for node in ast.walk(tree):
+        searched: list[ast.AST] = []
+        if isinstance(node, ast.Compare):
+            searched = [node.left, *node.comparators]
+            if not any(isinstance(one, ast.In | ast.NotIn | ast.Eq | ast.NotEq) for one in node.ops):
+                searched = []
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            if node.func.attr in ("startswith", "endswith", "removeprefix", "find", "index", "count"):
+                searched = [node.func.value]
+            elif node.func.attr in ("search", "match", "fullmatch", "findall", "sub"):
+                searched = list(node.args)
+        if any(text_of_error(one) for one in searched):
+            lines.append(node.lineno)
+    return lines
+
+
+def test_nothing_is_decided_by_the_text_of_an_error():
+    found = {name: matched_texts(ast.parse(path.read_text(encoding="utf-8"))) for name, path in FILES.items()}
+    assert {name: lines for name, lines in found.items() if lines} == {}
+    # The check can fail.
+    for wrong in ("'a' in str(error)", "error.advice.startswith('a')", "re.search('a', str(error))"):
+        assert matched_texts(ast.parse(wrong)) == [1]
+
+
+# ---- constants found by measurement
+
+
+TABLES = (
+    "cpp/src/plan/limits_cpu.hpp",
+    "cpp/src/plan/limits_errors.hpp",
+    "cpp/src/plan/include/plan/limits_common.hpp",
+    "cpp/src/plan/include/plan/limits_gl.hpp",
+    "cpp/src/backend_cpu/include/backend_cpu/measured.hpp",
+)
+CPP_TEST = re.compile(r"\b([A-Z]\w+\.[A-Za-z]\w+)(?:/(\w*)(<name>)?)?")
+PYTHON_TEST = re.compile(r"(?<![\w/])(?:tests/python/)?(test_\w+)(\.py)?")
+QUALIFIER = re.compile(r"^(?:largest|smallest|least|most|widest|longest)_|^(?:paper_)|_float64$")
+
+
+def constants(text: str) -> Iterator[tuple[str, str]]:
+    """Yield the name of each constant of a table, and the comment that names its tests: its own, else its section's."""
+    section = own = ""
+    in_own = in_section = False
+    for line in text.splitlines():
+        if line.startswith("///"):
+            own = (own if in_own else "") + line[3:]
+            in_own, in_section = True, False
+        elif line.startswith("//"):
+            section = (section if in_section else "") + line[2:]
+            in_own, in_section, own = False, True, ""
+        else:
+            in_own = in_section = False
+            if not line:
+                own = ""
+            if line.startswith(("constexpr ", "inline constexpr ")):
+                for name in re.findall(r"(\w+)(?: = |\{)", line):
+                    yield name, own if named_tests(own) else section
+
+
+def named_tests(comment: str) -> list[str]:
+    """Return the tests that a comment names."""
+    found = ["".join(parts) for parts in CPP_TEST.findall(comment)]
+    return found + ["".join(parts) for parts in PYTHON_TEST.findall(comment)]
+
+
+@cache
+def cases() -> dict[str, set[str]]:
+    """Return the C++ tests, and the names of the cases of those in test_limits.cpp."""
+    found: dict[str, set[str]] = {}
+    for path in (CLONE / "tests/cpp").rglob("*.cpp"):
+        text = path.read_text(encoding="utf-8")
+        for suite, name in re.findall(r"^TEST(?:_F|_P)?\((\w+), (\w+)\)", text, re.MULTILINE):
+            found.setdefault(f"{suite}.{name}", set())
+    text = (CLONE / "tests/cpp/plan/test_limits.cpp").read_text(encoding="utf-8")
+    for suite, table in re.findall(r"SUITE_P\(Limits, (\w+), testing::ValuesIn\((\w+)\)", text):
+        rows = text.split(f"std::vector<Limit> {table}{{")[1].split("\n};")[0]
+        for name in found:
+            if name.startswith(f"{suite}."):
+                found[name] |= set(re.findall(r'^    \{"(\w+)"', rows, re.MULTILINE))
+    return found
+
+
+@cache
+def python_tests() -> set[str]:
+    """Return the names of Python's tests and of their files."""
+    files = list(Path(__file__).parent.glob("test_*.py"))
+    names = {name for file in files for name in re.findall(r"^def (test_\w+)", file.read_text("utf-8"), re.MULTILINE)}
+    return names | {file.stem for file in files}
+
+
+def missing_tests(constant: str, comment: str) -> list[str]:
+    """Return the tests that a comment names and that do not exist; `<name>`: a case of the constant's name."""
+    missing = [name for name, _ in PYTHON_TEST.findall(comment) if name not in python_tests()]
+    for test, case, by_name in CPP_TEST.findall(comment):
+        if test not in cases():
+            missing.append(test)
+        elif by_name:
+            short = QUALIFIER.sub("", QUALIFIER.sub("", QUALIFIER.sub("", constant)))
+            wanted = (constant, f"{case}{short}")
+            if not any(one == name or one.startswith(f"{name}_") for one in cases()[test] for name in wanted):
+                missing.append(f"{test}/{case}{short}")
+        elif case and case not in cases()[test]:
+            missing.append(f"{test}/{case}")
+    return missing
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_measured_constants_name_tests_that_exist(table):
+    found = list(constants((CLONE / table).read_text(encoding="utf-8")))
+    assert len(found) > 5
+    # The rounding of a number is no measurement.
+    unheld = [name for name, comment in found if not named_tests(comment) and not name.endswith("_epsilon")]
+    assert unheld == []
+    assert {name: missing for name, comment in found if (missing := missing_tests(name, comment))} == {}
+
+
+def test_the_check_of_measured_constants_can_fail():
+    text = "/// Seen at 3. Test: Plan.NoSuchTest.\nconstexpr double largest_thing = 2.0;\n\nconstexpr int other = 1;\n"
+    (thing, comment), (_, none) = constants(text)
+    assert missing_tests(thing, comment) == ["Plan.NoSuchTest"] and named_tests(none) == []
+    assert missing_tests("largest_thing", "tests: GlRefuses.Beyond/<name>") == ["GlRefuses.Beyond/thing"]
+    assert missing_tests("", "Test: test_no_such_thing.") == ["test_no_such_thing"]

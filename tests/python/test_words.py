@@ -141,3 +141,4 @@ def test_the_command_line_knows_the_nearest_words(volume, tmp_path):
         "--mode=isosurfce": "isosurface",
     }.items():
         assert f"did you mean {near}" in run("render", volume, "-o", tmp_path / "a.png", given, code=2).stderr
+    assert "did you mean render?" in run("rendr", volume, code=2).stderr

@@ -3,7 +3,7 @@
 
 namespace sheetsplat::error_limits {
 
-// ---- sums and gradients (tests: PlanOfCpu.ErrorsExpected..., GlFloat16.EndsAt)
+// ---- sums and gradients (tests: PlanOfCpu.ErrorsExpectedFollowThePrecision, GlFloat16.EndsAt)
 
 /// Rounding of a sum that grows from 0 to its size: a third of the last step's in theory, seen at up to a half.
 constexpr double rounded_sum = 0.6;

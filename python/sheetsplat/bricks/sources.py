@@ -186,8 +186,6 @@ def placed_errors(what: str) -> Iterator[None]:
     try:
         yield
     except Error as error:
-        if error.what == what:
-            raise
         raise complain(what, error.found or error.what, error.wanted, error.advice, kind=type(error)) from error
     except MemoryError as error:
         raise complain(

@@ -91,6 +91,18 @@ class _Group(click.Group):
         command: click.Command = module.command
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that arguments name; a message about another name has the nearest."""
+        if args[0] not in _COMMANDS and not ctx.resilient_parsing:
+            # Only here: help needs no NumPy.
+            from sheetsplat._checks import nearest_names
+
+            if near := nearest_names(args[0], _COMMANDS):
+                ctx.fail(f"No such command {args[0]!r}; {near}")
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands without reading their modules."""
         with formatter.section("Commands"):

@@ -29,6 +29,8 @@ else:
 
 # Rows of a table made of colours at values.
 _TABLE = 1025
+# Characters of advice that a message about a value has room for.
+_LONGEST_ADVICE = 60
 
 
 class _Wanted(ValueError):
@@ -62,10 +64,9 @@ class Parsed(ParamType):
         except (ValueError, InvalidInput) as error:
             text = repr(value)
             wanted = error if isinstance(error, _Wanted) else self.wanted
-            # Of what the error advises only names are short enough.
-            advice = str(error.advice) if isinstance(error, InvalidInput) else ""
-            near = f"; {advice}" if advice.startswith("did you mean") else ""
-            self.fail(f"{text if len(text) <= 80 else text[:77] + '...'}: wanted {wanted}{near}", param, ctx)
+            advice = error.advice if isinstance(error, InvalidInput) and len(error.advice) <= _LONGEST_ADVICE else ""
+            more = f"; {advice}" if advice else ""
+            self.fail(f"{text if len(text) <= 80 else text[:77] + '...'}: wanted {wanted}{more}", param, ctx)
 
 
 class Word(Choice):

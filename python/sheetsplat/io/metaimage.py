@@ -1,4 +1,7 @@
-"""MetaImage files, .mhd with its data beside it and .mha with its data inside."""
+"""MetaImage files, .mhd with its data beside it and .mha with its data inside.
+
+Read here and not by a library, so that the sizes in a header are checked before memory is taken.
+"""
 
 from __future__ import annotations
 

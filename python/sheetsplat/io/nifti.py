@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat.errors import Error
 from sheetsplat.io.axes import nearest_the_world
 from sheetsplat.io.checks import beside, checked_shape, printable, sides, unreadable
 from sheetsplat.io.records import Volume
@@ -97,14 +96,6 @@ def _apart(source: Source, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
     """Return the samples of the .img file beside a .hdr file, which may be gzipped."""
     name = source.path.name.removesuffix(".gz")
     stem = name[: -len(".hdr")] if name.lower().endswith(".hdr") else name
-    missing: Error | None = None
-    for suffix in (".img", ".img.gz"):
-        try:
-            with Source(beside(source.path, stem + suffix)) as samples:
-                return samples.payload("raw").array(dtype, count)
-        except Error as error:
-            if error.found != "no such file":
-                raise
-            missing = missing or error
-    assert missing is not None
-    raise missing
+    plain, packed = (beside(source.path, stem + suffix) for suffix in (".img", ".img.gz"))
+    with Source(packed if packed.exists() and not plain.exists() else plain) as samples:
+        return samples.payload("raw").array(dtype, count)

@@ -4,7 +4,8 @@ A grid is a header of sizes, then per block x, y, z and perhaps IBLANK (int32); 
 block four numbers (free-stream Mach number, angle of attack, Reynolds number, time) and five arrays: density, three
 components of momentum, stagnation energy per volume. Each may be written as Fortran records, with the length of every
 record before and after it. A file does not declare its layout, which is found by the exact size of the file. Numbers
-are dimensionless as in PLOT3D's manual (Walatka et al., NASA RP-1243).
+are dimensionless as in PLOT3D's manual (Walatka et al., NASA RP-1243). Hand-written, because readers of libraries must
+be told the layout, and trust the sizes in a file.
 """
 
 from __future__ import annotations

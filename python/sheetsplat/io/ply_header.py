@@ -1,4 +1,7 @@
-"""Headers of PLY files: elements, and the types of their properties."""
+"""Headers of PLY files: elements, and the types of their properties.
+
+Read here and not by plyfile, so that a header can be checked against the size of its file before memory is taken.
+"""
 
 from __future__ import annotations
 

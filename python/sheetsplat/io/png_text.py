@@ -1,4 +1,7 @@
-"""The text in a PNG that says how it was made."""
+"""The text in a PNG that says how it was made.
+
+Read here and not by Pillow, so that nothing is decompressed and no chunk is read before its length is checked.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +28,8 @@ def is_png(path: Path) -> bool:
 def read_text(path: Path, most: int, keyword: str = KEYWORD) -> str | None:
     """Return the uncompressed text of a keyword, or None without one.
 
-    Nothing is decompressed, and no chunk is read before its length is checked. InvalidInput for files that are no PNG,
-    that are cut off or damaged before or in the text, for more than `most` characters, and for more than one text.
+    InvalidInput for files that are no PNG, that are cut off or damaged before or in the text, for more than `most`
+    characters, and for more than one text.
     """
     failed = f"{path} cannot be read as a picture with a description"
     found: str | None = None

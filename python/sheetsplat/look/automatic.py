@@ -166,10 +166,6 @@ def _looked_at(field: EllipsoidField) -> tuple[NDArray[np.float64], int]:
     return scalars, int(min(_PLACES, max(_FEW_PLACES, _SUMMANDS / max(crowd, 1.0))))
 
 
-def _affordable(field: EllipsoidField) -> int:
-    return _looked_at(field)[1]
-
-
 def scalars_in(field: EllipsoidField) -> NDArray[np.float64]:
     """Return the scalar at positions in a scattered field, (M,); where thousands of kernels overlap, at a few."""
     few, affordable = _looked_at(field)

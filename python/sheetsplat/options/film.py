@@ -1,6 +1,5 @@
 """The options of films: `sheetsplat.turntable`, `sheetsplat.animate`, and how a film is written."""
 
-from collections.abc import Sequence
 from typing import Annotated, Any, TypedDict
 
 from sheetsplat._checks import Vector, number, shown, whole
@@ -130,6 +129,3 @@ class AnimateOptions(FilmOptions, SharedOptions, total=False):
             cli=(),
         ),
     ]
-
-
-Cameras = Camera | Sequence[Camera]

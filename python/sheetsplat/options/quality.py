@@ -10,14 +10,14 @@ QUALITIES: tuple[str, ...] = get_args(QualityName)
 
 
 class QualityOptions(TypedDict, total=False):
-    """What a picture is worth."""
+    """The quality of a picture, which sets other options."""
 
     quality: Annotated[
         QualityName,
         Option(
-            "What a picture is worth. It sets what is not given of {radius}, {falloff}, {prefilter}, {slice_spacing}, "
-            '{opacity_stop} and {filter}; the plan says what, and why. "draft": the fastest; "good": through the '
-            'samples, without steps; "best": near the limit of all of these.',
+            "Quality of the picture. Sets those of {radius}, {falloff}, {prefilter}, {slice_spacing}, {opacity_stop} "
+            'and {filter} that are not given; the plan says what, and why. "draft": the fastest; "good": values '
+            'pass through the samples, without visible steps; "best": near the limit of finer settings.',
             default="good",
             check=one_of(QualityName),
         ),

@@ -16,15 +16,14 @@ from typing import Any
 from sheetsplat._checks import Triple
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error
-from sheetsplat.figure import color_bars
 from sheetsplat.image import Image
 from sheetsplat.notices import PictureWarning, muted, taken
-from sheetsplat.plan import RenderPlan
 from sheetsplat.recipe import Recipe
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.scene_file import SceneFile
 from sheetsplat.viewer import compose, frames
+from sheetsplat.viewer.about import about, picked
 from sheetsplat.viewer.client import Client, Deliver
 from sheetsplat.viewer.coarse import coarse_scene
 from sheetsplat.viewer.code import python_code
@@ -418,56 +417,12 @@ class Session:
         if last:
             self._image = image
             if not self._superseded(version):
-                self._tell(self._about(image))
+                self._tell(about(image, self._costs))
 
     def _behind(self, state: State) -> Triple:
         """Return the colour behind transparent pixels."""
         found: Triple = state.changes.get("backdrop", _BEHIND)
         return found
-
-    def _about(self, image: Image) -> dict[str, Any]:
-        """Return what the panels say of a complete picture: its plan, and its colour bars."""
-        plan = image.plan
-        bars = [
-            {
-                "label": bar.label,
-                "low": bar.low,
-                "high": bar.high,
-                "log": bar.log,
-                "marks": bar.marks,
-                "colors": [compose.hexadecimal(row) for row in bar.colors[::8]],
-            }
-            for bar in color_bars(image)
-        ]
-        return {"type": "about", "bars": bars, "plan": self._plan(plan), "notes": plan.notes}
-
-    def _plan(self, plan: RenderPlan) -> dict[str, Any]:
-        effects = [
-            {
-                "name": one.name,
-                "on": one.on,
-                "why": one.reason,
-                "forced": one.forced,
-                "error": one.error,
-                "milliseconds": self._costs.get(one.name),
-            }
-            for one in plan.effects
-        ]
-        quality = plan.quality
-        return {
-            "rows": [
-                ["backend", plan.backend + (f", {plan.device}" if plan.device else "")],
-                ["precision", plan.precision],
-                ["slices", f"{plan.slices}, {plan.slice_spacing:.4g} apart"],
-                ["memory", f"{plan.memory / 1e6:.1f} MB beside the data"],
-            ],
-            "quality": []
-            if quality is None
-            else [[one.option, _short(one.value), one.reason] for one in quality.settings],
-            "effects": effects,
-            "budget": plan.error_budget,
-            "expected": plan.expected_error,
-        }
 
     # What pages ask for, done by the thread that draws.
 
@@ -505,30 +460,7 @@ class Session:
             self._fail(error, self.state, self._version)
 
     def _do_pick(self, client: Client, x: float, y: float) -> None:
-        image, found = self._image, None
-        if image is not None and 0 <= x < 1 and 0 <= y < 1:
-            width, height = image.size
-            found = image.pick(x * width, y * height)
-        if found is None:
-            client.send({"type": "picked", "x": x, "y": y, "value": None})
-            return
-        assert image is not None
-        field = image.recipe.fields[found.field]
-        client.send(
-            {
-                "type": "picked",
-                "x": x,
-                "y": y,
-                "value": field.quantity.scalar(found.value),
-                "label": field.quantity.label,
-                "position": found.position,
-                "length_unit": field.quantity.length_unit,
-                "opacity": found.opacity,
-                "gradient": found.gradient,
-                "kernel": found.kernel,
-                "sample": found.sample,
-            }
-        )
+        client.send(picked(self._image, x, y))
 
     def _do_look(self, client: Client, **parts: Any) -> None:
         state = self.state
@@ -597,10 +529,6 @@ class Session:
             client.send({"type": "measured", "what": what, "stopped": True})
             return
         client.send({"type": "measured", "what": what, "stopped": False})
-
-
-def _short(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _text(error: Error) -> str:

@@ -161,8 +161,8 @@ const std::vector<Limit> of_float32{
          make_sparse(c);
          c.scene.transfer_function = ramp(x, 0.2);
      }},
-    {"largest_lattice", 0.99e6, 1.01e6, [](Case& c, double x) { c.view.screen_px.largest_lattice = x; }},
-    {"largest_ellipsoid", 0.99e6, 1.01e6, [](Case& c, double x) { c.view.screen_px.largest_ellipsoid = x; }},
+    {"largest_px_of_lattices", 0.99e6, 1.01e6, [](Case& c, double x) { c.view.screen_px.largest_lattice = x; }},
+    {"largest_px_of_ellipsoids", 0.99e6, 1.01e6, [](Case& c, double x) { c.view.screen_px.largest_ellipsoid = x; }},
     {"thickest_slab", 99, 101,
      [](Case& c, double x) {
          c.scene.sampling = Sampling::slab;
@@ -426,7 +426,7 @@ const std::vector<Limit> of_gl{
          c.view.screen_px.largest_ellipsoid_at_unit = x;
      }},
     {"alike_lit", 990, 1010, [](Case& c, double x) { c.view.overlap.alike = x; }},
-    {"fine_alike", 99, 101,
+    {"fine_alike_factor", 99, 101,
      [](Case& c, double x) {
          c.options.effects = {{"fine_gradient", true}};
          c.view.overlap.alike = x;
@@ -515,7 +515,7 @@ const std::vector<Limit> of_gl{
          set_weight_range(c, x);
      }},
     // 3e4 over the square of 250 reference lengths over 100.
-    {"isosurface_magnified", 4750, 4850,
+    {"magnified_isosurface", 4750, 4850,
      [](Case& c, double x) {
          make_surface(c);
          make_close(c, 1000.0);

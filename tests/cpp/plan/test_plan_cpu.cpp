@@ -68,6 +68,22 @@ TEST(PlanOfCpu, CountsItsMemory) {
     EXPECT_EQ(plan_of(lit_scene(), facts(), {}, {true, true}).summary.memory, 64U * 64U * 24U + 8U * 24U);
 }
 
+TEST(PlanOfCpu, CountsTheMemoryOfLight) {
+    // A thousand slices along each axis: every grid is as large as it may become.
+    ViewFacts view = facts();
+    view.frame.slice_spacing = view.frame.smallest_pixel = 1e-3;
+    const std::uint64_t others = plan_of(lit_scene(), view).summary.memory;
+    Scene scene = lit_scene();
+    scene.shadows = true;
+    const auto light = [&] { return plan_of(scene, view).summary.memory - others; };
+    EXPECT_EQ(light(), 96U << 20) << "one light";
+    scene.lights.resize(3);
+    EXPECT_EQ(light(), 256U << 20) << "all grids";
+    scene.shadows = false;
+    scene.ambient_occlusion = AmbientOcclusion{};
+    EXPECT_EQ(light(), 16U << 20) << "ambient occlusion";
+}
+
 TEST(PlanOfCpu, FollowsTheSceneAsOnGl) {
     Scene scene = lit_scene(Normalization::threshold);
     scene.fields.push_back(small_field());

@@ -21,7 +21,7 @@ constexpr std::int64_t enough_tiles = 48;
 /// Most pixels along an edge of a tile's sheets, rounded up to whole vectors.
 constexpr int most_edge = 160;
 
-// Slice loop. TileLoop.AsksAfterEverySliceAndEndsWhereItIsTold, Matrix
+// Slices. TileLoop.AsksAfterEverySliceAndEndsWhereItIsTold, Matrix.IsTheReferencesPictureWithoutAFloatingPointException
 
 /// Slices that one drawing of a kernel covers; a kernel that meets more is drawn again.
 constexpr int covered_slices = 8;
@@ -69,7 +69,7 @@ constexpr int most_factors = 256;
 /// Kernels that are summed before their sum is added to the picture.
 constexpr std::size_t summed_together = 8192;
 
-// Slab sampling. CpuRenderer.XRayOfOneKernelIsItsChordSum, Matrix
+// Slabs. CpuRenderer.XRayOfOneKernelIsItsChordSum, Matrix.IsTheReferencesPictureWithoutAFloatingPointException
 
 /// Below this many of the Gaussian's own lengths a slab is integrated by quadrature: six nodes are exact there to the
 /// rounding of T (the remainder of 6-point Gauss-Legendre at a length of 1.4 is 1e-8, at 0.25 4e-17).
@@ -81,7 +81,7 @@ constexpr T thin_slab = sizeof(T) == 4 ? T(1.4) : T(0.25);
 template <class T>
 constexpr T shortest_slab = sizeof(T) == 4 ? T(0.5) : T(1e-3);
 
-// Transfer functions. ShadeSlab (functions of few and of many stretches)
+// Transfer functions. ShadeSlab.is_the_formula_in_float32 (functions of few and of many stretches)
 
 /// Stretches of a pre-integrated transfer function that are gone through one after the other; of more each ramp looks
 /// for its first and last one.

@@ -22,8 +22,8 @@ constexpr double largest_lit_ratio = 40.0;
 /// Slices of a composite in plain float32: errors of 2e-6 were measured at 28,000 slices, 4e-5 at 280,000, 6e-4 at
 /// 1,750,000. Test: CpuFloat32.EndsAt/slices.
 constexpr std::int64_t most_plain_slices = 1 << 14;
-/// Kernels of weight 0 are drawn with this weight, so that points that they reach do not count as empty
-/// (glsl/section.vert has the same number).
+/// Kernels of weight 0 are drawn with this weight, so that points that they reach do not count as empty. Test:
+/// EllipsoidView.ScalesValuesAndWeights.
 constexpr double least_drawn_weight = 1e-30;
 /// What sums are divided by: far above least_drawn_weight. Test: CpuFloat64.EndsAt/divisor.
 constexpr double least_divisor = 1e-22;
@@ -35,7 +35,7 @@ constexpr double least_filtering = 1e-6;
 
 /// Elements (of 4 bytes) of one light volume: 96 MiB. Of ambient occlusion, a mean over directions and distances that
 /// hardly changes from one slice to the next: 16 MiB. Of all volumes together: 256 MiB, which a device must hold in one
-/// buffer texture.
+/// buffer texture. Tests: PlanOfCpu.CountsTheMemoryOfLight, GlRefuses.Beyond/light_elements.
 constexpr std::int64_t most_light_elements = 24 << 20;
 constexpr std::int64_t most_occlusion_elements = 4 << 20;
 constexpr std::int64_t most_light_elements_of_all = 64 << 20;

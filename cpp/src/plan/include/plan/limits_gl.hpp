@@ -27,7 +27,7 @@ constexpr double smallest_falloff = 0.05;
 /// falloff k.
 constexpr double largest_counted_falloff = 80.0;
 
-// ---- sheets of 16 bits (conventions, section 9; test: Plan.TakesSixteenBitsOnlyWhereTheyKeepTheirBound)
+// ---- sheets of 16 bits (conventions, section 9; tests: GlFloat16.EndsAt/bound, GlFloat16.EndsAt/worst)
 
 constexpr double float16_bound = 1.0 / 510.0; ///< root mean square error
 constexpr double float16_worst = 1.0 / 85.0;  ///< where colours are steepest
@@ -40,25 +40,25 @@ constexpr double largest_float32 = 1e36;
 // ---- where ellipsoids are placed
 
 /// Longest over shortest semi-axis from which on float64 places them: sections in float32 are known to 6e-8 of it; a
-/// picture of 1:100,000 was seen 1e-3 off at its worst pixels. Test: GlChooses.PreciseFrom/aspect.
+/// picture of 1:100,000 was seen 1e-3 off at its worst pixels. Test: GlChooses.PreciseFrom.
 constexpr double least_precise_aspect = 4096.0;
 /// ... and where there is no float64, beyond which they are refused. Test: GlRefuses.Beyond/plain_aspect.
 constexpr double largest_plain_aspect = 32768.0;
 /// Semi-axis, pixels, below which float64 places them: float32 resolves places to 6e-8 of a pixel. Test:
-/// GlChooses.PreciseFrom/px.
+/// GlChooses.PreciseFrom.
 constexpr double least_plain_px = 1e-2;
 /// ... and where there is no float64, below which they are refused: at 1e-5 seen at 1e-2 (P99.9). Test:
 /// GlRefuses.Beyond/plain_px.
 constexpr double smallest_plain_px = 1e-4;
 /// A record on the device serves all slices of a kernel, and resolves its sections to 6e-8 of the aspect. Test:
-/// GlChooses.ResidentUpTo/aspect.
+/// GlChooses.ResidentUpTo.
 constexpr double largest_resident_aspect = 1024.0;
-/// Kernels of one field whose sections stay on the device: 112 bytes each. Test: GlChooses.ResidentUpTo/kernels.
+/// Kernels of one field whose sections stay on the device: 112 bytes each. Test: GlChooses.ResidentUpTo.
 constexpr std::size_t most_resident_kernels = 1U << 20;
 
 // ---- paper_slicing, whose textures hold float32 (tests: GlRefuses.Beyond/paper_<name>)
 
-/// Bilinear mixing is off by at most falloff / 2 over the square of a texture's cells: 4e-6.
+/// Bilinear mixing is off by up to falloff / 2 / cells squared: 4e-6. Test: PaperSlicing.DrawsTheReferencesPicture.
 constexpr double largest_paper_falloff = 32.0;
 constexpr int paper_cells_at_8 = 1024;
 /// A quaternion in float32 turns a needle by 6e-8 of its length: at 1:1,000 seen at 1e-4 (P99.9).
@@ -136,7 +136,7 @@ constexpr double largest_separable_px = 1e6;
 constexpr double largest_place_error = 1e-3;
 
 /// On a rasteriser in software elimination pays where pixels can become opaque within so many slices: measured 0.65 to
-/// 0.76 of the time. Test: Plan.EliminatesOnHardwareWhereSomethingSaturates.
+/// 0.76 of the time. Test: GlChooses.EliminationInSoftwareWhereOpaqueWithinSixteenSlices.
 constexpr std::int64_t soon_opaque_slices = 16;
 
 } // namespace sheetsplat::gl_limits

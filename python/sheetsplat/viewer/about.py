@@ -1,0 +1,81 @@
+"""What a page is told of a picture: its plan and colour bars, and what lies under the pointer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sheetsplat.figure import color_bars
+from sheetsplat.image import Image
+from sheetsplat.plan import RenderPlan
+from sheetsplat.viewer.compose import hexadecimal
+
+
+def about(image: Image, costs: Mapping[str, float | None]) -> dict[str, Any]:
+    """Return the message with what the panels show of a complete picture; `costs`: milliseconds of effects."""
+    bars = [
+        {
+            "label": bar.label,
+            "low": bar.low,
+            "high": bar.high,
+            "log": bar.log,
+            "marks": bar.marks,
+            "colors": [hexadecimal(row) for row in bar.colors[::8]],
+        }
+        for bar in color_bars(image)
+    ]
+    return {"type": "about", "bars": bars, "plan": _plan(image.plan, costs), "notes": image.plan.notes}
+
+
+def _plan(plan: RenderPlan, costs: Mapping[str, float | None]) -> dict[str, Any]:
+    effects = [
+        {
+            "name": one.name,
+            "on": one.on,
+            "why": one.reason,
+            "forced": one.forced,
+            "error": one.error,
+            "milliseconds": costs.get(one.name),
+        }
+        for one in plan.effects
+    ]
+    settings = () if plan.quality is None else plan.quality.settings
+    return {
+        "rows": [
+            ["backend", plan.backend + (f", {plan.device}" if plan.device else "")],
+            ["precision", plan.precision],
+            ["slices", f"{plan.slices}, {plan.slice_spacing:.4g} apart"],
+            ["memory", f"{plan.memory / 1e6:.1f} MB beside the data"],
+        ],
+        "quality": [[one.option, _short(one.value), one.reason] for one in settings],
+        "effects": effects,
+        "budget": plan.error_budget,
+        "expected": plan.expected_error,
+    }
+
+
+def _short(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def picked(image: Image | None, x: float, y: float) -> dict[str, Any]:
+    """Return the message with what a picture shows at (x, y), shares of its width and height from the top left."""
+    told: dict[str, Any] = {"type": "picked", "x": x, "y": y, "value": None}
+    if image is None or not (0 <= x < 1 and 0 <= y < 1):
+        return told
+    width, height = image.size
+    found = image.pick(x * width, y * height)
+    if found is None:
+        return told
+    field = image.recipe.fields[found.field]
+    return {
+        **told,
+        "value": field.quantity.scalar(found.value),
+        "label": field.quantity.label,
+        "position": found.position,
+        "length_unit": field.quantity.length_unit,
+        "opacity": found.opacity,
+        "gradient": found.gradient,
+        "kernel": found.kernel,
+        "sample": found.sample,
+    }

@@ -213,7 +213,10 @@ def nearest_names(value: object, names: Iterable[str]) -> str:
     """Return the advice "did you mean …?" for a name that is nearly one of `names`, else ""."""
     import difflib
 
-    near = difflib.get_close_matches(value.lower(), list(names)) if isinstance(value, str) else []
+    known = list(names)
+    near = difflib.get_close_matches(value.lower(), known) if isinstance(value, str) else []
+    # A part of a longer name: "iso" of iso_value.
+    near = near or [one for one in known if isinstance(value, str) and value.lower() in one.split("_")]
     return f"did you mean {' or '.join(near)}?" if near else ""
 
 

@@ -33,9 +33,9 @@ def moved(camera: ss.Camera, pixels: float) -> ss.Camera:
     return ss.Camera.orthographic(eye + step, target + step, camera.up, height=camera.height)
 
 
-def largest_change(field: ss.EllipsoidField, **options: object) -> tuple[float, str]:
+def largest_change(field: ss.RegularField | ss.EllipsoidField, zoom: float = 1.0, **options: object) -> tuple[float, str]:
     """Return the largest change of the mean of a picture in steps of 0.1 pixels, over that mean, and its filter."""
-    camera = ss.render(field, size=SIZE, backend="cpu", **LOOK, **options).camera
+    camera = ss.render(field, size=SIZE, zoom=zoom, backend="cpu", **LOOK, **options).camera
     pictures = [
         ss.render(field, size=SIZE, backend="cpu", camera=moved(camera, 0.1 * n), **LOOK, **options) for n in range(6)
     ]
@@ -118,6 +118,16 @@ def test_when_the_filter_is_taken(rng, ball):
     far = ss.Camera.orthographic((8, 8, 40), (8, 8, 8), height=2000)
     assert filter_of(volume, camera=far).value == "off" and "overlap" in filter_of(volume).reason
     assert filter_of([volume, small]).value == "off"
+
+
+@pytest.mark.parametrize("zoom", [1.0, 0.4])
+def test_volumes_of_many_samples_a_pixel_do_not_flicker_without_a_filter(zoom):
+    """A thin rough shell of 96 samples across, 3 and 7 samples a pixel."""
+    k, j, i = np.mgrid[-1:1:96j, -1:1:96j, -1:1:96j]
+    noise = np.random.default_rng(3).normal(size=k.shape)
+    shell = np.exp(-300 * (np.sqrt(k**2 + j**2 + i**2) - 0.8) ** 2) * (1 + 0.1 * noise)
+    change, name = largest_change(ss.RegularField(shell.astype(np.float32)), zoom=zoom)
+    assert change <= 0.02 and name == "off"
 
 
 @pytest.mark.parametrize("kind", ["orthographic", "perspective"])

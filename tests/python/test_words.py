@@ -52,6 +52,8 @@ def test_names_that_are_nearly_right_are_proposed(tmp_path):
         ({"mode": "isosurfce"}, "isosurface"),
         ({"backend": "referense"}, "reference"),
         ({"transfer_function": "ct_bones"}, "ct_bone"),
+        ({"iso": 3}, "iso_value"),
+        ({"occlusion": True}, "ambient_occlusion"),
     ):
         with pytest.raises(ss.InvalidInput, match=f"did you mean .*{name}"):
             ss.render(values, **{**SMALL, **options})

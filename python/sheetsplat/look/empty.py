@@ -87,7 +87,8 @@ def why_empty(
         # Outside the supports the scalar is 0.
         outside = [iso for iso, _ in scene.surfaces if not min(low, 0.0) <= iso <= max(high, 0.0)]
         if len(outside) == len(scene.surfaces):
-            return f"the iso value {', '.join(f'{iso:g}' for iso in outside)} lies outside {values}"
+            told = ", ".join(f"{iso:g}" for iso in outside)
+            return f"the iso value{'s' * (len(outside) > 1)} {told} lie{'s' * (len(outside) == 1)} outside {values}"
     elif all(function.max_opacity == 0 for function in scene.transfer_functions):
         return "the opacity is 0 everywhere"
     elif len(scene.transfer_functions) == 1:

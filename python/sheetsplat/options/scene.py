@@ -72,11 +72,13 @@ def _occlusion(what: str, value: object) -> AmbientOcclusion | None:
     """Return ambient occlusion, also by its radius alone; None for False."""
     if value is False:
         return None
-    if value is True:
-        wanted = "AmbientOcclusion(radius), the radius, or None"
-        raise complain(unusable(what), shown(value), wanted, "give it to sheetsplat.render, which knows the data")
     if isinstance(value, AmbientOcclusion):
         return value
+    wanted = "a radius, AmbientOcclusion(radius, strength), or None"
+    if value is True:
+        raise complain(unusable(what), shown(value), wanted, "give it to sheetsplat.render, which knows the data")
+    if isinstance(value, str):
+        raise complain(unusable(what), shown(value), wanted, "of sheetsplat.render also True")
     return AmbientOcclusion(number(what, value))
 
 

@@ -33,7 +33,9 @@ def moved(camera: ss.Camera, pixels: float) -> ss.Camera:
     return ss.Camera.orthographic(eye + step, target + step, camera.up, height=camera.height)
 
 
-def largest_change(field: ss.RegularField | ss.EllipsoidField, zoom: float = 1.0, **options: object) -> tuple[float, str]:
+def largest_change(
+    field: ss.RegularField | ss.EllipsoidField, zoom: float = 1.0, **options: object
+) -> tuple[float, str]:
     """Return the largest change of the mean of a picture in steps of 0.1 pixels, over that mean, and its filter."""
     camera = ss.render(field, size=SIZE, zoom=zoom, backend="cpu", **LOOK, **options).camera
     pictures = [

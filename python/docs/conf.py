@@ -45,4 +45,9 @@ autodoc_default_options = {"members": True, "show-inheritance": True}
 html_theme = "pydata_sphinx_theme"
 html_title = "sheetsplat"
 html_show_sourcelink = False
+html_static_path = ["_static"]
+html_css_files = ["pages.css"]
+# Only these pages have others below them, which the sidebar would list.
+_PARENTS = ("api", "notebooks")
+html_sidebars = {page.stem: [] for page in Path(__file__).parent.glob("*.md") if page.stem not in _PARENTS}
 html_theme_options = {"navigation_with_keys": False, "secondary_sidebar_items": ["page-toc"]}

@@ -37,6 +37,7 @@ with atheris.instrument_imports(include=["sheetsplat"]):
     import sheetsplat.io.vtk_xml.blocks
     import sheetsplat.io.vtk_xml.images
     import sheetsplat.io.vtk_xml.meshes
+    import sheetsplat.io.vtk_xml.pieces
     import sheetsplat.io.zarr_folders
 
 import test_fuzz_readers as fuzz

@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from command_line import run
 
 import sheetsplat as ss
 from sheetsplat.viewer import protocol, server
@@ -224,3 +225,13 @@ def test_all_addresses_take_numbers_and_no_names():
         assert answer(link, link.path, host="evil.example")[:2] == (404, b"")
     assert server.is_loopback("127.0.0.1") and server.is_loopback("::1") and server.is_loopback("localhost")
     assert not server.is_loopback("0.0.0.0") and not server.is_loopback("example.org")
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_the_command_says_what_all_addresses_mean(tmp_path, monkeypatch, host):
+    np.save(tmp_path / "a.npy", VALUES)
+    monkeypatch.setattr(ss.Viewer, "wait", lambda self: None)
+    told = run("view", tmp_path / "a.npy", "--host", host, "--no-browser", "--backend", "cpu").output
+    assert "http://127.0.0.1:" in told
+    meant = "warning: the page is served at 0.0.0.0: everybody who can reach this machine and knows the link sees"
+    assert (meant in told) == (host == "0.0.0.0")

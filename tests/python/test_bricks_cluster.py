@@ -70,6 +70,17 @@ def stored(kind, samples, folder):
     if kind == "raw":
         (folder / "v.raw").write_bytes(b"head" + samples.astype(">i2").tobytes())
         return folder / "v.raw", {"shape": samples.shape, "dtype": ">i2", "offset": 4}
+    if kind == "nrrd":
+        header = f"NRRD0004\ntype: uchar\ndimension: 3\nsizes: {' '.join(map(str, samples.shape[::-1]))}\n"
+        header += "encoding: raw\nspace dimension: 3\nspace directions: (-2,0,0) (0,1.5,0) (0,0,-1)\n"
+        header += "space origin: (1,2,3)\ndata file: v.bin\n"
+        (folder / "v.nhdr").write_text(header)
+        (folder / "v.bin").write_bytes(samples.tobytes())
+        return folder / "v.nhdr", {}
+    if kind == "metaimage":
+        header = f"NDims = 3\nDimSize = {' '.join(map(str, samples.shape[::-1]))}\nElementType = MET_UCHAR\n"
+        (folder / "v.mha").write_bytes((header + "ElementDataFile = LOCAL\n").encode() + samples.tobytes())
+        return folder / "v.mha", {}
     if kind == "hdf5":
         h5py = pytest.importorskip("h5py")
         with h5py.File(folder / "v.h5", "w") as file:
@@ -105,7 +116,8 @@ def stored(kind, samples, folder):
 
 
 KINDS = (
-    "npy", "fortran", "raw", "hdf5", "zarr", "ome-zarr", "netcdf", "netcdf classic", "xarray", "dask",
+    "npy", "fortran", "raw", "nrrd", "metaimage", "hdf5", "zarr", "ome-zarr", "netcdf", "netcdf classic",
+    "xarray", "dask",
 )  # fmt: skip
 
 

@@ -10,7 +10,8 @@ import contextlib
 import hashlib
 import math
 import os
-from collections.abc import Iterator, Mapping
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -33,7 +34,12 @@ from sheetsplat.quantity import Quantity
 
 Shape = tuple[int, int, int]
 #: Formats of files of which a part can be read.
-FORMATS = "raw samples (with shape and dtype), .npy, HDF5, NetCDF, Zarr and OME-Zarr; particles in HDF5, and Parquet"
+FORMATS = (
+    "raw samples (with shape and dtype), .npy, raw NRRD and MetaImage, HDF5, NetCDF, Zarr and OME-Zarr; particles in "
+    "HDF5, and Parquet"
+)
+# Formats of files with several arrays.
+_NAMED = ("hdf5 volume", "zarr", "netcdf")
 # Axes with fewer samples than a box may be are no reason to read more than this many bytes of a remote file at once.
 _ROW_BYTES = 1 << 26
 
@@ -257,6 +263,25 @@ class _RawReader:
         mapped = np.memmap(self.stamp.path, self.stored, "r", self.offset, self.shape, order)
         # A copy: what is mapped would be read when a picture is drawn, and fail there.
         return np.array(mapped[_cuts(box)])
+
+
+@dataclass(frozen=True)
+class _MappedReader:
+    """Raw samples behind a header, or beside it.
+
+    `reader`: "module:function" that reads the header and maps the samples.
+    """
+
+    stamps: tuple[Stamp, ...]
+    reader: str
+
+    def read(self, box: Box) -> NDArray[Any]:
+        for stamp in self.stamps:
+            stamp.check()
+        with Source(self.stamps[0].path) as source:
+            mapped = pkgutil.resolve_name(self.reader)(source, mapped=True).values
+            # A copy: what is mapped would be read when a picture is drawn, and fail there.
+            return np.array(mapped[_cuts(box)])
 
 
 @dataclass(frozen=True)
@@ -501,12 +526,13 @@ def _file(text: str, options: Mapping[str, Any]) -> BrickSource:
                 f"{text} cannot be opened in bricks", "a gzipped file", "one that is not packed", "unpack it first"
             )
         timed = ("step",) if found.name in ("netcdf", "zarr") else ()
-        allowed = ("shape", "dtype", "offset") if found.name == "raw" else ("name", "scalar", *timed)
+        named = ("name", "scalar") if found.name in _NAMED else ()
+        allowed = ("shape", "dtype", "offset") if found.name == "raw" else (*named, *timed)
         if wrong := [name for name in options if name not in allowed]:
             raise complain(
                 f"{text} cannot be opened in bricks",
                 ", ".join(wrong) + f" for a file of format {found.name}",
-                "only " + ", ".join(allowed),
+                "only " + ", ".join(allowed) if allowed else "none",
                 option=wrong[0] if len(wrong) == 1 else None,
             )
         made: BrickSource = _LOCATED[found.name](source, text, options)
@@ -576,7 +602,28 @@ def _netcdf(source: Source, text: str, options: Mapping[str, Any]) -> BrickSourc
     return _source(text, f"{stamp}{source.inner}{name}{step}", volume, _NetcdfReader(stamp, source.inner, name, step))
 
 
-_LOCATED: Mapping[str, Any] = {"raw": _raw, "npy": _npy, "hdf5 volume": _hdf5, "zarr": _zarr, "netcdf": _netcdf}
+def _mapped(reader: str) -> Callable[..., BrickSource]:
+    def locate(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
+        volume: Volume = pkgutil.resolve_name(reader)(source, mapped=True)
+        stamps = {source.path: Stamp.of(source.path)}
+        data = getattr(volume.values, "filename", None)
+        if data is not None:
+            stamps.setdefault(Path(data), Stamp.of(Path(data)))
+        return _source(text, f"{list(stamps.values())}", volume, _MappedReader(tuple(stamps.values()), reader))
+
+    return locate
+
+
+_IO = "sheetsplat.io."
+_LOCATED: Mapping[str, Any] = {
+    "raw": _raw,
+    "npy": _npy,
+    "nrrd": _mapped(_IO + "nrrd_files:read"),
+    "metaimage": _mapped(_IO + "metaimage:read"),
+    "hdf5 volume": _hdf5,
+    "zarr": _zarr,
+    "netcdf": _netcdf,
+}
 
 
 def _remote(url: str, options: Mapping[str, Any]) -> BrickSource:

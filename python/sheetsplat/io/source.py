@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.errors import Error, OutOfMemory, Words, complain, missing_package
+from sheetsplat.errors import Error, OutOfMemory, Unsupported, Words, complain, missing_package
 
 # Largest compression ratio of deflate (RFC 1951: a match of 258 bytes in two bits), and a margin for short files.
 DEFLATE_RATIO = 1032
@@ -257,6 +257,19 @@ class Payload:
             self._wanted or f"{wanted} bytes, as the header says",
             self._advice,
         )
+
+    def mapped(self, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+        """Return `count` values that are read where they are used. Unsupported for packed ones, else as `array`."""
+        needed = count * dtype.itemsize
+        if not self._exact:
+            wanted = "samples that are not packed"
+            what = f"{self._source.path} cannot be read in parts"
+            raise complain(what, "packed samples", wanted, "unpack them first", kind=Unsupported)
+        if self._bound is not None and needed > self._bound:
+            raise self._short(needed, self._bound, "samples")
+        if not count:
+            return np.empty(0, dtype)
+        return np.memmap(self._source.path, dtype, "r", self._stream.tell(), (count,))
 
     def array(self, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
         """Return `count` values. InvalidInput where the file has fewer, OutOfMemory where they do not fit."""

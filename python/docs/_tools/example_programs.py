@@ -50,6 +50,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "mixed_scene",
         "own_transfer_functions",
         "decades",
+        "data_in_bricks",
     ),
     "Effects and modes": (
         "isosurface_shadows",

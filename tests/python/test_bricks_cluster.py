@@ -493,23 +493,37 @@ def test_a_killed_worker_is_survived(cluster, samples):
     cluster.wait_for_workers(2, timeout=30)
 
 
+def executing(dask_worker):
+    """Return the number of tasks that a worker has not left yet."""
+    return len(dask_worker.state.executing)
+
+
 @pytest.mark.slow
 @pytest.mark.alone
 def test_a_picture_that_is_given_up_leaves_the_workers_idle(cluster):
     large = np.tile(blob(), (3, 3, 3))
     bricked = ss.open_bricks(large, brick=64, client=cluster, quality="draft")
-    calls = []
 
-    def stop(share):
-        calls.append(share)
-        return len(calls) < 3
+    def busy():
+        return any(cluster.processing().values()) or any(cluster.run(executing).values())
 
-    with pytest.raises(ss.Cancelled):
-        ss.render(bricked, client=cluster, size=(1500, 1500), quality="best", progress=stop)
-    began = time.monotonic()
-    while any(cluster.processing().values()) and time.monotonic() - began < 10:
-        time.sleep(0.02)
-    assert not any(cluster.processing().values())
+    def seconds_until_idle():
+        calls = []
+
+        def stop(share):
+            calls.append(share)
+            return len(calls) < 3
+
+        with pytest.raises(ss.Cancelled):
+            ss.render(bricked, client=cluster, size=(1500, 1500), quality="best", progress=stop)
+        began = time.monotonic()
+        while busy() and time.monotonic() - began < 10:
+            time.sleep(0.02)
+        assert not busy()
+        return time.monotonic() - began
+
+    # Other programs may hold up one of them.
+    assert any(seconds_until_idle() < 1.0 for _ in range(3))
 
 
 def test_workers_of_another_version_are_refused(cluster, samples, monkeypatch):

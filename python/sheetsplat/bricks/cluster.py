@@ -114,7 +114,7 @@ class _Drawn:
 def _render_brick(view: BrickView, source: Any, number: int, *before: _Drawn) -> _Drawn:
     """Draw a brick behind others that cover some of its pixels."""
     with _naming(_brick_text(source, view.partition, number)):
-        in_front = None if view.is_scalar else _in_front(view, number, [one.part for one in before])
+        in_front = None if view.any_order else _in_front(view, number, [one.part for one in before])
         if in_front is not None and is_hidden(view, number, in_front):
             return _Drawn(_passed(view, number, in_front), (0, 0, 0))
         counts = residents().counts
@@ -506,7 +506,7 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
     """
     source: Any = field.source
     shown = [number for number in view.order() if may_show(field, view, number)]
-    behind = {} if view.is_scalar else covering(view, shown)
+    behind = {} if view.any_order else covering(view, shown)
     tree = _without(view.nested(), set(shown))
 
     def submit(cluster: _Cluster) -> list[Any]:

@@ -115,6 +115,12 @@ class BrickView:
         return self.mode in SCALAR
 
     @property
+    def any_order(self) -> bool:
+        """Whether bricks can be drawn alone, in any order: where no pixel is finished before its last brick."""
+        without_stop = self.mode == "composite" and self.opacity_stop >= 1.0 and "depth" not in self.outputs
+        return self.is_scalar or without_stop
+
+    @property
     def opacity_stop(self) -> float:
         """Opacity at which a pixel is finished; 1: never."""
         stop: float = self.options["opacity_stop"]

@@ -363,15 +363,18 @@ def test_a_cluster_draws_the_picture_of_one_process(cluster, samples, tmp_path, 
 
 
 @pytest.mark.slow
-def test_bits_do_not_depend_on_the_number_of_workers(cluster, samples):
+@pytest.mark.parametrize("stop", [0.98, 1.0])
+def test_bits_do_not_depend_on_the_number_of_workers(cluster, samples, stop):
     bricked = ss.open_bricks(samples, brick=24, client=cluster)
-    both = ss.render(bricked, client=cluster, size=SIZE)
+    both = ss.render(bricked, client=cluster, size=SIZE, opacity_stop=stop)
+    # Without a stop bricks are drawn in any order.
+    assert rmse(both, ss.render(bricked, size=SIZE, opacity_stop=stop)) <= ROUNDING
     from sheetsplat.bricks import cluster as module
 
     places = module._cluster(cluster)
     for number in range(64):
         places._places[(bricked.source.token, number)] = places.workers[0]
-    one = ss.render(bricked, client=cluster, size=SIZE)
+    one = ss.render(bricked, client=cluster, size=SIZE, opacity_stop=stop)
     np.testing.assert_array_equal(both.pixels, one.pixels)
 
 

@@ -211,47 +211,54 @@ def simulated(tasks: Sequence[Task], machine: Machine, costs: Costs) -> Run:
     return Run(end, moved, work, max(longest), costs.scheduler * len(tasks))
 
 
-def tasks_of(view: BrickView, shown: Sequence[int], seconds: Callable[[int], float], costs: Costs) -> list[Task]:
-    """Return the tasks of a picture in mode composite, as `sheetsplat.bricks.cluster` submits them.
+@dataclass(frozen=True)
+class Graph:
+    """The tasks of a picture in mode composite, as `sheetsplat.bricks.cluster` submits them.
 
-    Parameters
+    Attributes
     ----------
-    view
-        The picture.
-    shown
-        Bricks that may show, from front to back.
-    seconds
-        Of drawing a brick.
-    costs
-        Of merging.
+    bricks
+        Numbers of the bricks from front to back, each with its pixels and the tasks that it waits for.
+    merges
+        Pixels of each merged part, and the tasks whose results it takes; the last one is the picture.
     """
-    numbers = {brick: number for number, brick in enumerate(shown)}
-    behind = {} if view.any_order else covering(view, shown)
-    tasks = []
-    rects = {}
-    for brick in shown:
-        rect = view.footprint(brick)
-        assert rect is not None
-        rects[brick] = rect
-        before = tuple(numbers[one] for one in behind.get(brick, ()))
-        tasks.append(Task(seconds(brick), _area(rect) * _PIXEL_BYTES, before, brick))
 
-    def merged(nested: Nested) -> tuple[int, Any] | None:
-        if isinstance(nested, int):
-            return (numbers[nested], rects[nested]) if nested in numbers else None
-        parts = [one for one in map(merged, nested) if one is not None]
-        if len(parts) < 2:
-            return parts[0] if parts else None
-        (first, a), (second, b) = parts
-        rect = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
-        tasks.append(Task(costs.merge * _area(rect), _area(rect) * _PIXEL_BYTES, (first, second)))
-        return len(tasks) - 1, rect
+    bricks: tuple[tuple[int, int, tuple[int, ...]], ...]
+    merges: tuple[tuple[int, tuple[int, ...]], ...]
 
-    last = merged(view.nested())
-    assert last is not None
-    whole = view.size[0] * view.size[1]
-    tasks.append(Task(costs.merge * whole, whole * _PIXEL_BYTES, (last[0],)))
-    return tasks
+    @classmethod
+    def of(cls, view: BrickView, shown: Sequence[int]) -> Graph:
+        """Return the tasks of a picture of the bricks that may show, from front to back."""
+        numbers = {brick: number for number, brick in enumerate(shown)}
+        behind = {} if view.any_order else covering(view, shown)
+        rects = {brick: view.footprint(brick) or (0, 0, 0, 0) for brick in shown}
+        bricks = tuple(
+            (brick, _area(rects[brick]), tuple(numbers[one] for one in behind.get(brick, ()))) for brick in shown
+        )
+        merges: list[tuple[int, tuple[int, ...]]] = []
+
+        def merged(nested: Nested) -> tuple[int, Any] | None:
+            if isinstance(nested, int):
+                return (numbers[nested], rects[nested]) if nested in numbers else None
+            parts = [one for one in map(merged, nested) if one is not None]
+            if len(parts) < 2:
+                return parts[0] if parts else None
+            (first, a), (second, b) = parts
+            rect = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
+            merges.append((_area(rect), (first, second)))
+            return len(shown) + len(merges) - 1, rect
+
+        last = merged(view.nested())
+        assert last is not None
+        merges.append((view.size[0] * view.size[1], (last[0],)))
+        return cls(bricks, tuple(merges))
+
+    def tasks(self, seconds: Callable[[int, int], float], costs: Costs) -> list[Task]:
+        """Return the tasks; `seconds`: of drawing a brick, by its number and its pixels."""
+        drawn = [
+            Task(seconds(brick, pixels), pixels * _PIXEL_BYTES, before, brick) for brick, pixels, before in self.bricks
+        ]
+        return drawn + [Task(costs.merge * pixels, pixels * _PIXEL_BYTES, before) for pixels, before in self.merges]
 
 
 def _area(rect: tuple[int, int, int, int]) -> int:
@@ -398,7 +405,7 @@ def real(options: Options, costs: Costs) -> list[Row]:
                 times.append(time.perf_counter() - began)
             here = ss.open_bricks(values, brick=brick, quality="draft")
             view, shown = _view(here, pixels)
-            tasks = tasks_of(view, shown, _seconds_of(view, known), known)
+            tasks = Graph.of(view, shown).tasks(_seconds_of(view, known), known)
             machine = Machine(workers, 1.0, usable_processors(), 1e9, 1e-3)
             run = simulated(tasks, machine, known)
         took = min(times[1:])
@@ -416,8 +423,8 @@ def real(options: Options, costs: Costs) -> list[Row]:
     return rows
 
 
-def _seconds_of(view: BrickView, costs: Costs) -> Callable[[int], float]:
-    def seconds(number: int) -> float:
+def _seconds_of(view: BrickView, costs: Costs) -> Callable[[int, int], float]:
+    def seconds(number: int, pixels: int) -> float:
         box = view.samples(number)
         kernels = math.prod(last - first for first, last in box)
         return costs.drawing(kernels, _samples(view, number))
@@ -426,8 +433,8 @@ def _seconds_of(view: BrickView, costs: Costs) -> Callable[[int], float]:
 
 
 @cache
-def _grid(bricks: int, size: tuple[int, int], stop: float) -> tuple[BrickView, list[int]]:
-    """Return the view of a cube of so many bricks along each axis, one sample each, with an opacity stop."""
+def _grid(bricks: int, size: tuple[int, int], stop: float) -> Graph:
+    """Return the tasks of a cube of so many bricks along each axis, with an opacity stop."""
     lattice = LatticeSpec((bricks,) * 3, radius=1e-3)
     partition = partition_lattice(lattice, 1)
     whole = Whole.of_lattice(lattice, (0.0, 1.0))
@@ -439,7 +446,7 @@ def _grid(bricks: int, size: tuple[int, int], stop: float) -> tuple[BrickView, l
     view = BrickView.of(
         partition, whole, look, {"slice_spacing": 1e-3, "opacity_stop": stop}, camera, size, lattice=lattice
     )
-    return view, [number for number in view.order() if view.footprint(number) is not None]
+    return Graph.of(view, [number for number in view.order() if view.footprint(number) is not None])
 
 
 def large(
@@ -473,14 +480,11 @@ def large(
         options.say(f"{name}, {workers} workers")
         best: tuple[Run, int] | None = None
         for cut in cuts:
-            view, shown = _grid(cut, _FILM, stop)
 
-            def seconds(number: int, view: BrickView = view, cut: int = cut) -> float:
-                rect = view.footprint(number)
-                assert rect is not None
-                return costs.drawing(kernels / cut**3, _area(rect) * side / cut)
+            def seconds(_: int, pixels: int, cut: int = cut) -> float:
+                return costs.drawing(kernels / cut**3, pixels * side / cut)
 
-            run = simulated(tasks_of(view, shown, seconds, costs), Machine(workers), costs)
+            run = simulated(_grid(cut, _FILM, stop).tasks(seconds, costs), Machine(workers), costs)
             if best is None or run.seconds < best[0].seconds:
                 best = run, cut
         assert best is not None
@@ -557,4 +561,4 @@ def run(options: Options) -> Report:
     )
 
 
-__all__ = ["ROWS", "Costs", "Machine", "Run", "Task", "run", "simulated", "tasks_of"]
+__all__ = ["ROWS", "Costs", "Graph", "Machine", "Run", "Task", "run", "simulated"]

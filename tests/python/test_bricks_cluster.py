@@ -311,16 +311,31 @@ class Counted:
         return np.zeros([last - first for first, last in box], np.uint8)
 
 
-def test_the_least_used_brick_goes_first():
+class Picture:
+    """One picture."""
+
+
+def test_what_the_last_picture_used_stays():
     source, kept = Counted(), Residents(2500)
-    boxes = [((n * 10, n * 10 + 10), (0, 10), (0, 10)) for n in range(3)]
-    for box in (boxes[0], boxes[1], boxes[0], boxes[2], boxes[0]):
-        assert kept.samples(source, box, box).shape == (10, 10, 10)
-    assert source.boxes == [boxes[0], boxes[1], boxes[2]]
-    assert (kept.counts.reads, kept.counts.hits, kept.counts.dropped) == (3, 2, 1)
-    assert kept.size <= kept.budget
-    kept.samples(source, boxes[1], boxes[1])
-    assert source.boxes[-1] == boxes[1]
+    boxes = [((n * 10, n * 10 + 10), (0, 10), (0, 10)) for n in range(4)]
+
+    def asked(*numbers):
+        """Return the numbers of the boxes that a picture of some boxes reads."""
+        before, picture = len(source.boxes), Picture()
+        kept.begin(picture)
+        for number in numbers:
+            assert kept.samples(source, boxes[number], boxes[number]).shape == (10, 10, 10)
+        assert kept.size <= kept.budget
+        return [boxes.index(one) for one in source.boxes[before:]]
+
+    assert asked(0, 1, 2) == [0, 1, 2]
+    # Two fit: the third is read again, and not all three.
+    assert asked(0, 1, 2) == [2]
+    assert asked(2, 1, 0) == [2]
+    # Of what no picture used any more the least used goes first.
+    assert asked(3) == [3] and asked(3) == [3]
+    assert asked(3) == [] and asked(0) == [] and asked(1) == [1]
+    assert kept.counts.reads == len(source.boxes) and kept.counts.hits + kept.counts.reads == 15
 
 
 MODES = ("composite", "isosurface", "xray", "mip", "minimum", "average")

@@ -131,6 +131,7 @@ def may_show(field: BrickedField | BrickedKernels, view: BrickView, number: int)
 
 def field_of(source: BrickSource | KernelSource, view: BrickView, number: int) -> Field:
     """Return the field of a brick for a picture; what it is made of stays in this process while it fits."""
+    residents().begin(view)
     if isinstance(source, KernelSource):
         return residents().kernels(source, number, view.margin(number), view.whole.value_range)
     lattice, core = view.lattice, view.partition.bricks[number].samples

@@ -1,8 +1,13 @@
-"""The bricks that a process keeps: what was read once stays while it fits, the least used goes first."""
+"""The bricks that a process keeps: what was read once stays while it fits.
+
+Pictures use the same bricks one after the other. Where they do not all fit, dropping the one that was used longest ago
+would drop each just before it is used again; so what the last picture used stays, and what does not fit is read again.
+"""
 
 from __future__ import annotations
 
 import threading
+import weakref
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -54,6 +59,7 @@ class _Entry:
     values: NDArray[Any]
     made: RegularField | None = None
     key: Any = None
+    picture: int = 0
 
     @property
     def size(self) -> int:
@@ -69,6 +75,7 @@ class _Kernels:
     margin: float
     key: Any
     made: EllipsoidField
+    picture: int = 0
 
     @property
     def size(self) -> int:
@@ -89,8 +96,17 @@ class Residents:
     def __init__(self, budget: int) -> None:
         self.budget = budget
         self.counts = Counts()
+        # The least recently used first.
         self._entries: OrderedDict[Any, Any] = OrderedDict()
+        self._picture: weakref.ref[Any] = weakref.ref(self)
+        self._number = 0
         self._lock = threading.RLock()
+
+    def begin(self, picture: Any) -> None:
+        """Tell for which picture, an object of its own, bricks are asked from now on."""
+        with self._lock:
+            if self._picture() is not picture:
+                self._picture, self._number = weakref.ref(picture), self._number + 1
 
     @property
     def size(self) -> int:
@@ -148,8 +164,7 @@ class Residents:
             key = (source.key, number)
             entry: _Kernels | None = self._entries.get(key)
             if entry is not None and entry.margin >= margin and entry.key == value_range:
-                self._entries.move_to_end(key)
-                self.counts.hits += 1
+                self._use(key, entry)
                 return entry.made
             self._entries.pop(key, None)
             # Other views need a little more.
@@ -157,7 +172,7 @@ class Residents:
             made, count = source.read(number, wider, value_range)
             self.counts.reads += 1
             self.counts.bytes_read += count
-            self._entries[key] = _Kernels(wider, value_range, made)
+            self._entries[key] = _Kernels(wider, value_range, made, self._number)
             self._fit()
             return made
 
@@ -165,23 +180,32 @@ class Residents:
         key = (source.key, core)
         entry: _Entry | None = self._entries.get(key)
         if entry is not None and _holds(entry.outer, wanted):
-            self._entries.move_to_end(key)
-            self.counts.hits += 1
+            self._use(key, entry)
             return entry
         outer = wanted if entry is None else _around(entry.outer, wanted)
         self._entries.pop(key, None)
-        entry = _Entry(outer, source.read(outer))
+        entry = _Entry(outer, source.read(outer), picture=self._number)
         self.counts.reads += 1
         self.counts.bytes_read += entry.values.nbytes
         self._entries[key] = entry
         self._fit()
         return entry
 
+    def _use(self, key: Any, entry: Any) -> None:
+        self._entries.move_to_end(key)
+        entry.picture = self._number
+        self.counts.hits += 1
+
     def _fit(self) -> None:
-        """Drop the least used bricks until the others fit."""
+        """Drop bricks until the others fit.
+
+        First the least used of those that neither this picture nor the last one used, then what was used last.
+        """
         size = sum(one.size for one in self._entries.values())
         while self._entries and size > self.budget:
-            _, gone = self._entries.popitem(last=False)
+            # The least used is the first one.
+            oldest = next(iter(self._entries.values()))
+            _, gone = self._entries.popitem(last=oldest.picture >= self._number - 1)
             size -= gone.size
             self.counts.dropped += 1
 

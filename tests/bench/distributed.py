@@ -125,7 +125,7 @@ class Run:
     @property
     def limit(self) -> str:
         """The longest of what a picture cannot be shorter than."""
-        known = {"work": self.work, "order of depth": self.chain, "scheduler": self.scheduler}
+        known = {"work": self.work, "longest chain": self.chain, "scheduler": self.scheduler}
         return max(known, key=lambda name: known[name])
 
 
@@ -542,7 +542,7 @@ def run(options: Options) -> Report:
         f"Simulated workers have {_CORES} cores, of which a brick uses {_CORES * _SHARE:g}, and {8e-9 * _BANDWIDTH:g} "
         f"Gbit/s; the scheduler takes {1e3 * lattice.scheduler:g} ms a task. Pictures have {_FILM[0]}x{_FILM[1]} "
         "pixels; data are resident, nothing is empty or hidden, and no level of a pyramid is taken: the worst case.",
-        "work, depth, scheduler: seconds that the picture cannot be shorter than, by all drawing on all cores, by "
+        "work, chain, scheduler: seconds that the picture cannot be shorter than, by all drawing on all cores, by "
         "bricks that wait for those in front, and by tasks that the scheduler handles one by one.",
         f"Load of this machine: {os.getloadavg()[0]:.1f}.",
     ]
@@ -552,7 +552,7 @@ def run(options: Options) -> Report:
         name="distributed",
         title="Pictures in bricks on clusters",
         columns=columns(
-            "row=what, bricks, seconds=s, simulated=simulated s, off=off by, work=work s, chain=depth s, "
+            "row=what, bricks, seconds=s, simulated=simulated s, off=off by, work=work s, chain=chain s, "
             "scheduler=scheduler s, moved=GB moved, memory=GB a worker, read=bricks read, limit, remark"
         ),
         rows=rows,

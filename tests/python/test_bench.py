@@ -453,7 +453,7 @@ def test_simulated_clusters() -> None:
     row = [Task(1.0, 8e9, (number - 1,) if number else (), number) for number in range(4)]
     run = simulated(row, Machine(2, speed=1.0, bandwidth=8e9, latency=1e-6), costs)
     assert run.seconds == pytest.approx(7.0, rel=1e-3) and run.moved == 24e9
-    assert run.chain == pytest.approx(4.0) and run.limit == "order of depth"
+    assert run.chain == pytest.approx(4.0) and run.limit == "longest chain"
     busy = simulated(alone, Machine(8, speed=1e3), replace(costs, scheduler=1.0))
     assert busy.limit == "scheduler" and busy.seconds >= 8.0
 

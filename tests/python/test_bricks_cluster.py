@@ -335,7 +335,7 @@ def test_what_the_last_picture_used_stays():
     # Of what no picture used any more the least used goes first.
     assert asked(3) == [3] and asked(3) == [3]
     assert asked(3) == [] and asked(0) == [] and asked(1) == [1]
-    assert kept.counts.reads == len(source.boxes) and kept.counts.hits + kept.counts.reads == 15
+    assert kept.counts.reads == len(source.boxes) and kept.counts.hits + kept.counts.reads == 14
 
 
 MODES = ("composite", "isosurface", "xray", "mip", "minimum", "average")

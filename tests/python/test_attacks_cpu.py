@@ -36,14 +36,17 @@ def parts(field: Parts | list[Parts], camera: Parts | None = None, **options: An
 
 
 def assert_right(scene: Parts, *, precision: str | None = None, may_jump: bool = False, **options: Any) -> ss.Image:
-    """Compare a picture and its coverage with the reference, without ambiguous pixels where it may jump."""
+    """Compare a picture and its coverage with the reference.
+
+    Where it may jump, ambiguous pixels are looked for and left out if it is farther off with them.
+    """
     built, camera, size = scene_parts.build(ss, scene)
     image = ss.Renderer("cpu", **options).render(built, camera, size=size, outputs=("coverage", "depth"))
     expected = by_reference(scene, ("coverage", "depth"))
     pixels = np.array(image.pixels)
     assert np.isfinite(pixels).all()
     assert precision is None or image.plan.precision == precision
-    if may_jump:
+    if may_jump and not within(off_by(pixels, expected), FLOAT32_HARD):
         span = scene["transfer"][-1][0] - scene["transfer"][0][0]
         moves = [{"rho": 1e-5 * span}, {"rho": -1e-5 * span}, {"support": 1e-5}, {"support": -1e-5}]
         spacing, length = built.slice_spacing, built.reference_length
@@ -411,11 +414,10 @@ print("done")
 
 
 @pytest.mark.slow
-@pytest.mark.alone
 def test_memory_that_runs_out_is_an_error_and_no_end() -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
     result = subprocess.run(
-        [sys.executable, "-c", STARVED], env=environment, capture_output=True, text=True, timeout=100
+        [sys.executable, "-c", STARVED], env=environment, capture_output=True, text=True, timeout=300
     )
     assert result.returncode == 0 and result.stdout.strip() == "done", result.stdout + result.stderr
 

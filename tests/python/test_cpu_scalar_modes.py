@@ -106,26 +106,26 @@ def test_counted_slices_beside_everything_else(what, mode):
     assert_close(image.scalar, expected, FLOAT32_HARD, f"cpu {mode} beside {what}")
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("spacing", [0.15, 0.5, 1.0, 2.7], ids=lambda spacing: f"slices {spacing}")
 @pytest.mark.parametrize("zoom", [0.2, 1.0, 3.5, 30.0], ids=lambda zoom: f"zoom {zoom}")
-def test_sums_over_slices(zoom, spacing, precision):
+def test_sums_over_slices(zoom, spacing):
     """From kernels below a pixel to such as are larger than what is summed without sheets."""
     field = ss.RegularField(np.random.default_rng(3).random((9, 8, 10)).astype(np.float32) - 0.2)
     scene = ss.Scene(field, GRAY, mode="xray", slice_spacing=spacing)
     camera = view(scene, "orthographic", (0.4, 0.7, -1.0), zoom)
     _, expected = shots(scene, camera)
-    text = f"cpu x-ray zoom {zoom} slices {spacing} {precision}"
-    pictures = {
-        tile: ss.Renderer("cpu", precision=precision, tile_size=tile).render(scene, camera, size=SIZE)
-        for tile in (None, 8, 13)
-    }
-    for tile, image in pictures.items():
-        assert_close(image.scalar, expected, FLOAT32, f"{text} tiles {tile}")
-    # Where coverage is asked for, sheets are summed: another way to the same numbers, kernels and sections.
-    sheets = ss.Renderer("cpu", precision=precision).render(scene, camera, size=SIZE, outputs=("coverage",))
-    assert_close(pictures[None].scalar, sheets.scalar, (4e-6, 1e-5), text + " beside sheets")
-    assert pictures[None].stats["kernels_drawn"] == sheets.stats["kernels_drawn"]
+    for precision in ("float32", "float64"):
+        text = f"cpu x-ray zoom {zoom} slices {spacing} {precision}"
+        pictures = {
+            tile: ss.Renderer("cpu", precision=precision, tile_size=tile).render(scene, camera, size=SIZE)
+            for tile in (None, 8, 13)
+        }
+        for tile, image in pictures.items():
+            assert_close(image.scalar, expected, FLOAT32, f"{text} tiles {tile}")
+        # Where coverage is asked for, sheets are summed: another way to the same numbers, kernels and sections.
+        sheets = ss.Renderer("cpu", precision=precision).render(scene, camera, size=SIZE, outputs=("coverage",))
+        assert_close(pictures[None].scalar, sheets.scalar, (4e-6, 1e-5), text + " beside sheets")
+        assert pictures[None].stats["kernels_drawn"] == sheets.stats["kernels_drawn"]
     finer = ss.Renderer("cpu").render(scene.replace(slice_spacing=spacing * 0.98), camera, size=SIZE).scalar
     assert not distance(finer, expected).within((2e-7, 1e-6))
     assert not distance(expected * 1.0005, expected).within(FLOAT32)
@@ -218,10 +218,9 @@ def test_maxima(options, what, kind):
         assert not distance(maxima(moved, camera).scalar, expected).within(FLOAT32)
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("radius", [0.8, 1.7, 2.0, 2.6, 4.0])
 @pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "float32", "float64"])
-def test_maxima_of_all_samples_and_kernels(dtype, radius, precision):
+def test_maxima_of_all_samples_and_kernels(dtype, radius):
     values = hostile("noise", dtype) if dtype != "int16" else (50 * hostile("noise")).astype(dtype)
     field = ss.RegularField(values, radius=radius, falloff=1.3 * radius**2)
     scene = ss.Scene(field, GRAY, mode="mip", slice_spacing=0.45)
@@ -229,11 +228,12 @@ def test_maxima_of_all_samples_and_kernels(dtype, radius, precision):
     for kind, zoom, looks_up in (("orthographic", 1.0, True), ("perspective", 1.0, True), ("perspective", 3.0, False)):
         camera = view(scene, kind, (0.03, -0.2, -1.0), zoom)
         _, expected = shots(scene, camera)
-        image = maxima(scene, camera, precision)
-        assert ("points_looked_up" in image.stats) == looks_up
-        assert_close(image.scalar, expected, FLOAT32, f"cpu mip {dtype} radius {radius} {precision} {kind}")
-        if looks_up:
-            assert np.array_equal(maxima(scene, camera, precision, tile_size=9).scalar, image.scalar)
+        for precision in ("float32", "float64"):
+            image = maxima(scene, camera, precision)
+            assert ("points_looked_up" in image.stats) == looks_up
+            assert_close(image.scalar, expected, FLOAT32, f"cpu mip {dtype} radius {radius} {precision} {kind}")
+            if looks_up:
+                assert np.array_equal(maxima(scene, camera, precision, tile_size=9).scalar, image.scalar)
 
 
 def test_maxima_skip_what_cannot_exceed_them():

@@ -241,10 +241,19 @@ CHANGES = {
 }
 
 
+@pytest.fixture(scope="module")
+def drawn(ball, tmp_path_factory) -> bytes:
+    """Return a PNG of the file of the fixture `volume`."""
+    folder = tmp_path_factory.mktemp("drawn")
+    np.save(folder / "ball.npy", (ball * 200).astype(np.uint8))
+    ss.render(folder / "ball.npy", **SMALL).save(folder / "a.png")
+    return (folder / "a.png").read_bytes()
+
+
 @pytest.fixture
-def picture(tmp_path, volume) -> tuple[Path, dict]:
+def picture(tmp_path, drawn) -> tuple[Path, dict]:
     path = tmp_path / "a.png"
-    ss.render(volume, **SMALL).save(path)
+    path.write_bytes(drawn)
     text = read_text(path, LONGEST)
     assert text is not None
     return path, json.loads(text)

@@ -28,9 +28,9 @@ def shot(spacing, projection, pixel, **options):
     """A lattice seen askew, with pixels of `pixel` of its shortest sample distances where it is."""
     field = ss.RegularField(volume(), spacing=spacing)
     lit = ss.Light((0.3, 0.5, 1.0))
-    scene = ss.Scene(
-        field, COLORS, lights=[lit], slice_spacing=max(0.4 * min(spacing), 0.004 * max(spacing)), **options
-    )
+    # Of the longest kernels some hundred slices.
+    slices = max(0.4 * min(spacing), 0.0133 * max(spacing))
+    scene = ss.Scene(field, COLORS, lights=[lit], slice_spacing=slices, **options)
     middle = 0.5 * np.array([8.0, 7.0, 6.0]) * spacing
     to_eye = np.array([0.5, 0.35, 0.79])
     height = pixel * min(spacing) * SIZE[1]

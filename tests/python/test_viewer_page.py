@@ -20,10 +20,11 @@ pytestmark = [
 ]
 
 LAST = "window.sheetsplat.view.drawn.last"
-SIZE = (900, 620)
+# The panels stand beside the picture from 760 pixels on; the picture is small, so that it is drawn soon.
+SIZE = (780, 480)
 
 
-def values(n=24, shift=0.0):
+def values(n=16, shift=0.0):
     z, y, x = np.meshgrid(*3 * [np.linspace(-1, 1, n)], indexing="ij")
     return (100.0 * np.exp(-2.0 * ((x - shift) ** 2 + y**2 + (1.5 * z) ** 2))).astype(np.float32)
 
@@ -160,7 +161,7 @@ def test_two_fingers_enlarge(opened):
 
 
 def test_the_transfer_function_is_edited(opened):
-    viewer, page = opened(values())
+    viewer, page = opened(values(24))
     before = viewer.scene.transfer_function
     start = page.evaluate("window.sheetsplat.view.editor.point('opacity', 1)")
     number = shown(page)

@@ -35,10 +35,11 @@ def view(scene, kind, direction, zoom=1.0):
     return ss.Camera.fit(scene, direction=direction, kind=kind, margin=1.05 / zoom)
 
 
-def shots(scene, camera):
+def shots(scene, camera, **options):
     """The processor's picture, the same for any number of threads, and the reference's."""
-    image = ss.Renderer("cpu", threads=1).render(scene, camera, size=SIZE)
-    assert np.array_equal(ss.Renderer("cpu", threads=3).render(scene, camera, size=SIZE).scalar, image.scalar)
+    image = ss.Renderer("cpu", threads=1, **options).render(scene, camera, size=SIZE)
+    again = ss.Renderer("cpu", threads=3, **options).render(scene, camera, size=SIZE)
+    assert np.array_equal(again.scalar, image.scalar)
     return image, ss.Renderer("reference").render(scene, camera, size=SIZE).scalar
 
 
@@ -185,8 +186,11 @@ def hostile(kind, dtype=np.float32):
     return np.maximum(np.round(40 * values), 0).astype(dtype) if np.dtype(dtype).kind == "u" else values.astype(dtype)
 
 
+BY_RAYS = {"effects": {"ray_maxima": True}}
+
+
 def maxima(scene, camera, precision="float32", **options):
-    return ss.Renderer("cpu", precision=precision, **options).render(scene, camera, size=SIZE)
+    return ss.Renderer("cpu", precision=precision, **BY_RAYS, **options).render(scene, camera, size=SIZE)
 
 
 @pytest.mark.parametrize("kind", ["orthographic", "perspective"])
@@ -199,7 +203,7 @@ def test_maxima(options, what, kind):
     field = ss.RegularField(hostile(what), **options, **({"nan": "skip"} if what == "holes" else {}))
     scene = ss.Scene(field, GRAY, mode="mip", slice_spacing=0.6)
     camera = view(scene, kind, (0.4, 0.7, -1.0))
-    image, expected = shots(scene, camera)
+    image, expected = shots(scene, camera, **BY_RAYS)
     text = f"cpu mip {what} {kind} {options}"
     assert_close(image.scalar, expected, FLOAT32, text)
     # Where coverage is asked for, sheets are summed: another way to the same numbers.
@@ -224,16 +228,15 @@ def test_maxima_of_all_samples_and_kernels(dtype, radius):
     values = hostile("noise", dtype) if dtype != "int16" else (50 * hostile("noise")).astype(dtype)
     field = ss.RegularField(values, radius=radius, falloff=1.3 * radius**2)
     scene = ss.Scene(field, GRAY, mode="mip", slice_spacing=0.45)
-    # From near by, where samples lie several pixels apart, sheets are summed.
-    for kind, zoom, looks_up in (("orthographic", 1.0, True), ("perspective", 1.0, True), ("perspective", 3.0, False)):
+    for kind, zoom in (("orthographic", 1.0), ("perspective", 1.0), ("perspective", 3.0)):
         camera = view(scene, kind, (0.03, -0.2, -1.0), zoom)
+        # What the plan chooses, and rays whatever it says.
         _, expected = shots(scene, camera)
         for precision in ("float32", "float64"):
             image = maxima(scene, camera, precision)
-            assert ("points_looked_up" in image.stats) == looks_up
+            assert "points_looked_up" in image.stats
             assert_close(image.scalar, expected, FLOAT32, f"cpu mip {dtype} radius {radius} {precision} {kind}")
-            if looks_up:
-                assert np.array_equal(maxima(scene, camera, precision, tile_size=9).scalar, image.scalar)
+            assert np.array_equal(maxima(scene, camera, precision, tile_size=9).scalar, image.scalar)
 
 
 def test_maxima_skip_what_cannot_exceed_them():
@@ -248,9 +251,37 @@ def test_maxima_skip_what_cannot_exceed_them():
     assert 0 < image.stats["points_looked_up"] < 0.4 * points
 
 
+@pytest.mark.parametrize("kind", ["orthographic", "perspective"])
+def test_the_plan_says_whether_rays_look_up_maxima(kind):
+    """Where bounds tell hardly any point apart sheets are summed, and the plan says why."""
+    noise = ss.RegularField(np.random.default_rng(2).integers(0, 256, (14, 17, 19)).astype(np.uint8))
+    k, j, i = np.mgrid[-1:1:40j, -1:1:44j, -1:1:48j]
+    ball = ss.RegularField(np.exp(-6 * (k * k + j * j + i * i)).astype(np.float32))
+    shares = {}
+    for field, by_rays in ((noise, False), (ball, True)):
+        scene = ss.Scene(field, GRAY, mode="mip")
+        camera = view(scene, kind, (0.4, 0.7, -1.0))
+        pictures = {}
+        for effects in ({}, {"ray_maxima": by_rays}, {"ray_maxima": not by_rays}):
+            renderer = ss.Renderer("cpu", effects=effects)
+            (effect,) = (one for one in renderer.plan(scene, camera, size=SIZE).effects if one.name == "ray_maxima")
+            image = renderer.render(scene, camera, size=SIZE)
+            rays = effects.get("ray_maxima", by_rays)
+            assert effect.on == rays == ("points_looked_up" in image.stats)
+            assert ("summing sheets" in effect.reason) != by_rays
+            shares[by_rays] = float(effect.reason.split("leave ")[1].split(" %")[0])
+            pictures[rays] = image.scalar
+        assert_close(pictures[True], pictures[False], (2e-6, 2e-5), f"cpu mip by rays and by sheets {kind}")
+    assert shares[False] > 90 and shares[True] < 70
+    # Nothing else is looked up.
+    for options in ({"clip": ss.Clip(planes=[((0, 0, 1), 3)])}, {"mode": "xray"}):
+        image = ss.Renderer("cpu", effects={"ray_maxima": True}).render(scene.replace(**options), camera, size=SIZE)
+        assert "points_looked_up" not in image.stats
+
+
 def test_maxima_follow_the_field():
     """One renderer, several fields: bounds are those of the field that is drawn."""
-    renderer = ss.Renderer("cpu")
+    renderer = ss.Renderer("cpu", **BY_RAYS)
     fields = [ss.RegularField(hostile(what)) for what in ("noise", "bright voxels", "noise", "plateaus")]
     for field in fields:
         scene = ss.Scene(field, GRAY, mode="mip")

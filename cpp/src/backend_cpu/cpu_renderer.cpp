@@ -8,8 +8,6 @@
 #include <memory>
 #include <new>
 
-#include <glm/geometric.hpp>
-
 #include "backend_cpu/lattice_maxima.hpp"
 #include "backend_cpu/loop_setup.hpp"
 #include "backend_cpu/shading.hpp"
@@ -224,23 +222,6 @@ struct Strides {
 };
 Strides strides_of(const LightVolume& volume) { return {volume.index(0, 1, 0), volume.index(0, 0, 1)}; }
 
-/// Pixels from sample to sample of a lattice, at most, for rays to look up its maxima: where kernels are larger, adding
-/// them to sheets takes less for each point, and as much as looking all points up where no bound tells them apart.
-constexpr double most_px_apart = 4.0;
-
-/// Whether rays look up the maxima of the one lattice that there is (LatticeMaxima); else sheets are summed.
-bool looks_up_maxima(const Job& job) {
-    const DrawPlan& plan = *job.plan;
-    const auto small = [&job] {
-        const FieldView& view = *job.regular.front().view;
-        const double longest = std::max({glm::length(view.step_i), glm::length(view.step_j), glm::length(view.step_k)});
-        return longest <= most_px_apart * job.frame->smallest_pixel();
-    };
-    return plan.mode == Mode::mip && plan.sampling == Sampling::point && !plan.cuts() && !plan.owned && !plan.filter &&
-           !plan.coverage && !plan.weight && job.regular.size() == 1 && job.ellipsoids.empty() &&
-           job.frame->slices > 0 && small() && LatticeMaxima::fit(*job.regular.front().view->field);
-}
-
 /// Ends a task of a picture that has failed in another task, whose error is the one that is thrown.
 struct Ended {};
 
@@ -326,7 +307,7 @@ struct CpuRenderer::State {
             report);
     }
 
-    /// Mode mip of a lattice.
+    /// The plan's effect ray_maxima.
     template <class T>
     void draw_maxima(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, Report& tell,
                      Image& image) {
@@ -475,7 +456,7 @@ struct CpuRenderer::State {
             const TileLayout layout(job.frame->size, edge,
                                     job.drawn_tiles != nullptr ? *job.drawn_tiles : std::vector<std::uint8_t>{});
             const InstructionSet set = chosen_instruction_set();
-            if (record == nullptr && looks_up_maxima(job)) {
+            if (record == nullptr && job.plan->ray_maxima) {
                 if (precision == Precision::float64) {
                     draw_maxima<double>(job, layout, *tile_functions<double>(set), tell, image);
                 } else {

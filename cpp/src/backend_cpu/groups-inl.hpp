@@ -162,87 +162,143 @@ HWY_NOINLINE void mix_groups(const Slab<T>& first) {
 
 // Isosurfaces ---------------------------------------------------------------------------------------------------------
 
-/// Where a row's rays cross surfaces between two slices. Surfaces are numbered group by group, as they are listed.
+/// Of a row's rays, a group's crossings between two slices that are left: the nearest is that of the surface `rank`,
+/// the others follow in the order of ranks, upwards where rho rises.
+template <class T>
+struct GroupCrossings {
+    HWY_ALIGN T rank[EffectRow<T>::room];
+    HWY_ALIGN T left[EffectRow<T>::room]; ///< how many
+};
+
+/// Where a row's rays cross surfaces between two slices.
 template <class T>
 struct CrossedRow {
-    HWY_ALIGN T open[EffectRow<T>::room];   ///< 1: there may be a crossing behind `share`; else 0
-    HWY_ALIGN T share[EffectRow<T>::room];  ///< the last crossing, in slice distances behind slice n
-    HWY_ALIGN T number[EffectRow<T>::room]; ///< its surface; -1: none
+    HWY_ALIGN T open[EffectRow<T>::room];  ///< 1: there may be a crossing behind `share`; else 0
+    HWY_ALIGN T share[EffectRow<T>::room]; ///< the crossing that is drawn, in slice distances behind slice n
+    HWY_ALIGN T group[EffectRow<T>::room]; ///< and its group; -1: none
+    HWY_ALIGN T rank[EffectRow<T>::room];  ///< and its surface in the group's table
+    std::vector<GroupCrossings<T>> groups;
 };
+
+/// Elements of an array at whole numbers.
+template <class D, class V = hn::Vec<D>, class T = hn::TFromD<D>>
+HWY_INLINE V elements(D d, const std::vector<T>& from, V places) {
+    return hn::GatherIndex(d, from.data(), hn::ConvertTo(hn::RebindToSigned<D>(), places));
+}
+
+/// How many of the surfaces' values are at most a value.
+template <class D, class V = hn::Vec<D>, class T = hn::TFromD<D>>
+HWY_INLINE V values_up_to(D d, const SurfaceTable<T>& table, V value) {
+    const V one = hn::Set(d, T(1)), half = hn::Set(d, T(0.5)), first = hn::Set(d, table.first);
+    const V most = hn::Set(d, static_cast<T>(table.size() - 1));
+    const V inside = hn::Min(hn::Max(value, first), hn::Set(d, table.last));
+    const V cell =
+        hn::Min(hn::Floor(hn::Mul(hn::Sub(inside, first), hn::Set(d, table.per_unit))), hn::Set(d, table.last_cell));
+    V low = elements(d, table.before, cell), high = elements(d, table.before, hn::Add(cell, one));
+    for (int halving = 0; halving < table.halvings; ++halving) {
+        const V middle = hn::Min(hn::Floor(hn::Mul(hn::Add(low, high), half)), most);
+        const auto open = hn::Lt(low, high);
+        const auto up_to = hn::Le(elements(d, table.values, middle), value);
+        low = hn::IfThenElse(hn::And(open, up_to), hn::Add(middle, one), low);
+        high = hn::IfThenElse(hn::AndNot(up_to, open), middle, high);
+    }
+    return low;
+}
 
 /// Finds the rays that cross anything.
 template <class T>
 HWY_NOINLINE bool see_crossings(const std::vector<GroupSlab<T>>& slabs, EffectRow<T>& row, CrossedRow<T>& crossed,
                                 const Columns& here, const Columns& after) {
+    using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
     const Slab<T>& first = slabs.front().slab;
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1));
     const bool any = row.see_if(first, T(0), [&](int x) {
         auto some = hn::FirstN(d, 0);
-        for (const GroupSlab<T>& of : slabs) {
-            const auto front = of.slab.rho(d, 1, row.y, x), back = of.slab.rho(d, 2, row.y, x);
-            for (const ShadingSurface<T>& surface : of.slab.group.surfaces) {
-                const auto iso = hn::Set(d, surface.value);
-                some = hn::Or(some, hn::Xor(hn::Lt(front, iso), hn::Lt(back, iso)));
+        for (std::size_t number = 0; number < slabs.size(); ++number) {
+            const Slab<T>& slab = slabs[number].slab;
+            const SurfaceTable<T>& table = slab.group.surface_table;
+            const V front = slab.rho(d, 1, row.y, x), back = slab.rho(d, 2, row.y, x);
+            const V least = hn::Min(front, back), greatest = hn::Max(front, back);
+            // Crossed are values above the least and at most the greatest of both ends.
+            V rank = zero, left = zero;
+            const auto may = hn::And(hn::Ge(greatest, hn::Set(d, table.first)), hn::Lt(least, hn::Set(d, table.last)));
+            if (table.size() > 0 && !hn::AllFalse(d, may)) {
+                const V from = values_up_to(d, table, least), to = values_up_to(d, table, greatest);
+                left = hn::Sub(to, from);
+                rank =
+                    hn::IfThenElseZero(hn::Gt(left, zero), hn::IfThenElse(hn::Lt(front, back), from, hn::Sub(to, one)));
+                some = hn::Or(some, hn::Gt(left, zero));
             }
+            hn::Store(rank, d, crossed.groups[number].rank + (x - row.begin));
+            hn::Store(left, d, crossed.groups[number].left + (x - row.begin));
         }
         return first.kept(d, first.kept(d, some, 0, row.y, x, here), 1, row.y, x, after);
     });
     if (any) {
         std::copy(row.seen, row.seen + EffectRow<T>::room, crossed.open);
-        row.fill(crossed.share, T(-1));
-        row.fill(crossed.number, T(-1));
     }
     return any;
 }
 
-/// Goes on to the next crossing of each ray that still changes: the nearest behind the last one, of those at one place
-/// the first in the order of numbers. Rays without one are closed. Returns whether there is any.
+/// Goes on to the next crossing of each ray that still changes: the nearest that is left, of those at one place that of
+/// the first group. Rays without one are closed. Returns whether there is any.
 template <class T>
 HWY_NOINLINE bool find_next(const std::vector<GroupSlab<T>>& slabs, const EffectRow<T>& row, CrossedRow<T>& crossed) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
     const Slab<T>& first = slabs.front().slab;
-    const V stop = hn::Set(d, first.shading.stop), one = hn::Set(d, T(1));
+    const V stop = hn::Set(d, first.shading.stop), one = hn::Set(d, T(1)), zero = hn::Zero(d);
     bool any = false;
     row.for_each(crossed.open, [&](int x, int number, auto open) {
         open = hn::And(open, hn::Lt(hn::LoadU(d, first.picture.alpha + first.in_plane(row.y) + x), stop));
-        const V last_share = hn::Load(d, crossed.share + number), last_number = hn::Load(d, crossed.number + number);
-        V share = hn::Set(d, T(2)), next = hn::Set(d, T(-1));
-        T count = T(0);
-        for (const GroupSlab<T>& of : slabs) {
-            const V front = of.slab.rho(d, 1, row.y, x), back = of.slab.rho(d, 2, row.y, x);
-            for (const ShadingSurface<T>& surface : of.slab.group.surfaces) {
-                const V iso = hn::Set(d, surface.value), own = hn::Set(d, count);
-                const auto found = hn::And(open, hn::Xor(hn::Lt(front, iso), hn::Lt(back, iso)));
-                const V place = crossing(d, front, back, iso, found);
-                const auto later =
-                    hn::Or(hn::Gt(place, last_share), hn::And(hn::Eq(place, last_share), hn::Gt(own, last_number)));
-                const auto nearer = hn::And(hn::And(found, later), hn::Lt(place, share));
-                share = hn::IfThenElse(nearer, place, share);
-                next = hn::IfThenElse(nearer, own, next);
-                count += T(1);
+        V share = hn::Set(d, T(2)), group = hn::Set(d, T(-1)), rank = zero;
+        for (std::size_t of = 0; of < slabs.size(); ++of) {
+            const GroupCrossings<T>& own = crossed.groups[of];
+            const auto found = hn::And(open, hn::Gt(hn::Load(d, own.left + number), zero));
+            if (hn::AllFalse(d, found)) {
+                continue;
             }
+            const Slab<T>& slab = slabs[of].slab;
+            const V own_rank = hn::Load(d, own.rank + number);
+            const V place = crossing(d, slab.rho(d, 1, row.y, x), slab.rho(d, 2, row.y, x),
+                                     elements(d, slab.group.surface_table.values, own_rank), found);
+            const auto nearer = hn::And(found, hn::Lt(place, share));
+            share = hn::IfThenElse(nearer, place, share);
+            group = hn::IfThenElse(nearer, hn::Set(d, static_cast<T>(of)), group);
+            rank = hn::IfThenElse(nearer, own_rank, rank);
         }
-        const auto found = hn::Ge(next, hn::Zero(d));
+        for (std::size_t of = 0; of < slabs.size(); ++of) {
+            GroupCrossings<T>& own = crossed.groups[of];
+            const Slab<T>& slab = slabs[of].slab;
+            const auto taken = hn::Eq(group, hn::Set(d, static_cast<T>(of)));
+            const auto rises = hn::Lt(slab.rho(d, 1, row.y, x), slab.rho(d, 2, row.y, x));
+            const V left = hn::Sub(hn::Load(d, own.left + number), hn::IfThenElseZero(taken, one));
+            const V step = hn::IfThenElse(rises, one, hn::Neg(one));
+            // (Of the last one there is no next rank.)
+            const auto on = hn::And(taken, hn::Gt(left, zero));
+            hn::Store(left, d, own.left + number);
+            hn::Store(hn::Add(hn::Load(d, own.rank + number), hn::IfThenElseZero(on, step)), d, own.rank + number);
+        }
+        const auto found = hn::Ge(group, zero);
         hn::Store(hn::IfThenElseZero(found, one), d, crossed.open + number);
         hn::Store(hn::IfThenElse(found, share, one), d, crossed.share + number);
-        hn::Store(next, d, crossed.number + number);
+        hn::Store(group, d, crossed.group + number);
+        hn::Store(rank, d, crossed.rank + number);
         any = any || !hn::AllFalse(d, found);
     });
     return any;
 }
 
-/// The rays whose next crossing is one of a group's surfaces, the first of which has a number.
+/// The rays whose crossing is one of a group's surfaces.
 template <class T>
-HWY_NOINLINE bool see_group(const GroupSlab<T>& of, T first_number, const CrossedRow<T>& crossed, EffectRow<T>& row) {
+HWY_NOINLINE bool see_group(std::size_t group, const CrossedRow<T>& crossed, EffectRow<T>& row) {
     const typename Slab<T>::D d;
-    const auto low = hn::Set(d, first_number);
-    const auto high = hn::Set(d, first_number + static_cast<T>(of.slab.group.surfaces.size()));
+    const auto own = hn::Set(d, static_cast<T>(group));
     bool any = false;
     row.fill(row.seen, T(0));
     row.for_each(crossed.open, [&](int, int number, auto open) {
-        const auto own = hn::Load(d, crossed.number + number);
-        const auto seen = hn::And(open, hn::And(hn::Ge(own, low), hn::Lt(own, high)));
+        const auto seen = hn::And(open, hn::Eq(hn::Load(d, crossed.group + number), own));
         hn::Store(hn::IfThenElseZero(seen, hn::Set(d, T(1))), d, row.seen + number);
         hn::Store(hn::Load(d, crossed.share + number), d, row.share + number);
         any = any || !hn::AllFalse(d, seen);
@@ -258,25 +314,21 @@ HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
     const std::vector<GroupSlab<T>> slabs = group_slabs(first);
     EffectRow<T> row;
     CrossedRow<T> crossed;
-    const auto put_crossings = [&](const GroupSlab<T>& of, T first_number) {
-        if (!see_group(of, first_number, crossed, row)) {
+    crossed.groups.resize(slabs.size());
+    const auto put_crossings = [&](std::size_t group) {
+        if (!see_group(group, crossed, row)) {
             return;
         }
+        const GroupSlab<T>& of = slabs[group];
+        const SurfaceTable<T>& table = of.slab.group.surface_table;
         find_gradients_of<perspective, true>(of.slab, row, of.scale);
-        row.classify_by([&](int, int number, auto seen, auto& color) {
-            const V which = hn::Load(d, crossed.number + number);
-            V opacity = hn::Zero(d);
-            T own = first_number;
-            for (const ShadingSurface<T>& surface : of.slab.group.surfaces) {
-                const auto this_one = hn::And(seen, hn::Eq(which, hn::Set(d, own)));
-                opacity = hn::IfThenElse(this_one, hn::Set(d, surface.opacity), opacity);
-                const auto colors = iso_color(d, surface);
-                color = {hn::IfThenElse(this_one, colors.red, color.red),
-                         hn::IfThenElse(this_one, colors.green, color.green),
-                         hn::IfThenElse(this_one, colors.blue, color.blue)};
-                own += T(1);
-            }
-            return opacity;
+        row.classify_by([&](int x, int number, auto seen, auto& color) {
+            const V rank = hn::IfThenElseZero(seen, hn::Load(d, crossed.rank + number));
+            color = {elements(d, table.red, rank), elements(d, table.green, rank), elements(d, table.blue, rank)};
+            const auto rises = hn::Lt(of.slab.rho(d, 1, row.y, x), of.slab.rho(d, 2, row.y, x));
+            const V opacity = hn::IfThenElse(rises, elements(d, table.rising_opacities, rank),
+                                             elements(d, table.falling_opacities, rank));
+            return hn::IfThenElseZero(seen, opacity);
         });
         shade_colors<perspective>(of.slab, row, of.scale);
         row.for_each(row.alpha, [&](int x, int number, auto visible) {
@@ -291,10 +343,8 @@ HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
             return;
         }
         while (find_next(slabs, row, crossed)) {
-            T first_number = T(0);
-            for (const GroupSlab<T>& of : slabs) {
-                put_crossings(of, first_number);
-                first_number += static_cast<T>(of.slab.group.surfaces.size());
+            for (std::size_t group = 0; group < slabs.size(); ++group) {
+                put_crossings(group);
             }
         }
     });

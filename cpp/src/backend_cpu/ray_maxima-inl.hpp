@@ -234,8 +234,7 @@ class RayMaxima {
             auto block = hn::Zero(d);
             for (int axis = 2; axis >= 0; --axis) {
                 const auto place = hn::MulAdd(slice, hn::Set(d, step[axis]), hn::Set(d, start[axis]));
-                const auto along =
-                    hn::Floor(hn::MulAdd(place, hn::Set(d, 1.0 / LatticeMaxima::block_edge), hn::Set(d, 1.0)));
+                const auto along = hn::Floor(hn::MulAdd(place, hn::Set(d, 1.0 / MaximaBlocks::edge), hn::Set(d, 1.0)));
                 const auto last = hn::Set(d, static_cast<double>(blocks[static_cast<std::size_t>(axis)] - 1));
                 block = hn::MulAdd(block, hn::Add(last, hn::Set(d, 1.0)), hn::Min(hn::Max(along, hn::Zero(d)), last));
             }

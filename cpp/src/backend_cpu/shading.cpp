@@ -37,6 +37,7 @@ GroupShading<T> group_of(const TransferFunction& function, const ShadingInputs::
             group.surfaces.push_back(made);
         }
     }
+    group.surface_table = make_surface_table(group.surfaces);
     group.weakest_gradient = inputs.weakest_gradient;
     group.full_gradient = inputs.full_gradient;
     return group;

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "facts/lattice_section.hpp"
+#include "facts/maxima_blocks.hpp"
 
 namespace sheetsplat {
 
@@ -106,6 +107,12 @@ ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& fram
         if (survey.lattice_peak) {
             facts.lattice_peaks.emplace(field.get(), *survey.lattice_peak);
         }
+    }
+    const RegularField* lattice = scene.fields.size() == 1 ? as_regular(scene.fields.front().get()) : nullptr;
+    if (scene.mode == Mode::mip && lattice != nullptr && MaximaBlocks::fit(*lattice)) {
+        const auto peak = facts.lattice_peaks.find(lattice);
+        facts.above_maxima =
+            share_above_maxima(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0, camera, frame);
     }
     return facts;
 }

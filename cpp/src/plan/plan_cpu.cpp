@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "facts/maxima_blocks.hpp"
 #include "limits_cpu.hpp"
 #include "parts.hpp"
 #include "scene/mode_rules.hpp"
@@ -231,6 +232,54 @@ std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPla
     return pixels * channels * sizeof(float) + view.kernels.all * limits::kernel_bytes + light;
 }
 
+/// Seconds for each slice point of a lattice, on one thread, by rays that look up a share of them and by sheets.
+struct SecondsOfMaxima {
+    double by_rays, by_sheets;
+};
+SecondsOfMaxima seconds_of_maxima(const RegularField& field, const ViewFacts& view, bool general, double share) {
+    const double radius = field.options().radius;
+    const double window = 2.0 * std::max(2.0, std::ceil(radius));
+    const Vec3 spacing = field.options().spacing;
+    const double kernels = view.frame.smallest_pixel * view.frame.largest_pixel * view.frame.slice_spacing /
+                           (spacing.x * spacing.y * spacing.z);
+    const double sections =
+        1.0 + 2.0 * radius * std::cbrt(spacing.x * spacing.y * spacing.z) / view.frame.slice_spacing;
+    const double overlaps = 4.0 / 3.0 * 3.14159265358979323846 * radius * radius * radius;
+    return {share * (limits::looked_up_seconds + limits::looked_up_sample_seconds * window * window * window),
+            (general ? limits::general_price : 1.0) *
+                (kernels * (limits::kernel_seconds + sections * limits::section_seconds) +
+                 limits::splat_seconds * overlaps)};
+}
+
+/// Mode mip by rays in place of sheets.
+void plan_maxima(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
+    const std::string why_not = plan.mode != Mode::mip    ? "the mode is not mip"
+                                : scene.fields.size() > 1 ? "there are several fields"
+                                : !view.above_maxima      ? "rho has no bounds by blocks: they are those of "
+                                                            "Cartesian lattices without a division by weights"
+                                                            ", of a radius of at most " +
+                                                           number(MaximaBlocks::largest_radius)
+                                : plan.sampling != Sampling::point ? "slices are means over slabs"
+                                : plan.cuts()                      ? "points of slices are cut off"
+                                : plan.owned                       ? "a part of a whole is drawn"
+                                : plan.filter                      ? "the filter widens kernels"
+                                : plan.coverage || plan.weight     ? "weights are summed"
+                                : view.frame.slices == 0           ? "there are no slices"
+                                                                   : "";
+    if (!why_not.empty()) {
+        plan.ray_maxima = effects.decide_given(EffectId::ray_maxima, false, false, why_not);
+        return;
+    }
+    const SecondsOfMaxima seconds =
+        seconds_of_maxima(*as_regular(scene.fields.front().get()), view, plan.general, *view.above_maxima);
+    const bool less = seconds.by_rays <= seconds.by_sheets;
+    plan.ray_maxima =
+        effects.decide(EffectId::ray_maxima, less,
+                       "bounds of blocks leave " + number(std::round(100.0 * *view.above_maxima)) +
+                           " % of the slice points of a few rays: " + (less ? "looking these up" : "summing sheets") +
+                           " takes less time");
+}
+
 } // namespace
 
 void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
@@ -249,6 +298,8 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
                   "no pixel can become opaque enough to stop");
     effects.state(EffectId::opacity_buffer, false, "opaque blocks and tiles are skipped without a buffer");
     effects.state(EffectId::tagging, true, "tiles: pixels that no kernel of a tile touches are skipped");
+
+    plan_maxima(scene, view, effects, plan);
 
     const SumFacts sums = sum_facts(scene, view, plan);
     const std::string why = why_float64(scene, view, plan, sums);

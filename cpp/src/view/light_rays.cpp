@@ -84,12 +84,15 @@ Stretches::Stretches(const LightVolume& grid, std::size_t along, bool all) {
         around[column] = std::uint64_t{1} << stretch(column - std::min<std::size_t>(column, margin)) |
                          std::uint64_t{1} << stretch(std::min(column + margin, columns - 1));
     }
+    // Of a layer, for each element along x, which is a plane then.
+    std::vector<std::uint64_t> layer(along == 0 ? counts[0] : 0);
     const float* from = grid.values.data();
     for (std::size_t z = 0; z < counts[2]; ++z) {
         for (std::size_t y = 0; y < counts[1]; ++y, from += counts[0]) {
             if (along == 0) {
+                const std::uint64_t own = around[y];
                 for (std::size_t x = 0; x < counts[0]; ++x) {
-                    bits_[x * rows + z] |= from[x] != 0.0F ? around[y] : 0;
+                    layer[x] |= from[x] != 0.0F ? own : 0;
                 }
                 continue;
             }
@@ -107,6 +110,10 @@ Stretches::Stretches(const LightVolume& grid, std::size_t along, bool all) {
                 found |= static_cast<std::uint64_t>(any != 0 ? 1 : 0) << number;
             }
             bits_[along == 1 ? y * rows + z : z * rows + y] = found;
+        }
+        for (std::size_t x = 0; x < layer.size(); ++x) {
+            bits_[x * rows + z] = layer[x];
+            layer[x] = 0;
         }
     }
     widen(bits_, 1, rows);

@@ -130,6 +130,43 @@ TEST(PlanOfCpu, WhereKernelsEndShowsWhereSlicesCountByTheirWeights) {
     EXPECT_EQ(refusal(scene, facts()), "");
 }
 
+const Effect& ray_maxima(const DrawPlan& plan) {
+    return *std::find_if(plan.summary.effects.begin(), plan.summary.effects.end(),
+                         [](const Effect& effect) { return effect.name == "ray_maxima"; });
+}
+
+TEST(PlanOfCpu, MaximaAreLookedUpWhereThatTakesLess) {
+    Scene scene = lit_scene();
+    scene.mode = Mode::mip;
+    ViewFacts view = facts();
+    view.frame.smallest_pixel = view.frame.largest_pixel = 0.3;
+    view.above_maxima = 0.02;
+    DrawPlan plan = plan_of(scene, view);
+    EXPECT_TRUE(plan.ray_maxima);
+    EXPECT_NE(ray_maxima(plan).reason.find("leave 2 % of"), std::string::npos) << ray_maxima(plan).reason;
+    view.above_maxima = 0.97;
+    plan = plan_of(scene, view);
+    EXPECT_FALSE(plan.ray_maxima);
+    EXPECT_NE(ray_maxima(plan).reason.find("summing sheets takes less"), std::string::npos) << ray_maxima(plan).reason;
+    // More samples a pixel: more to be splatted for each point.
+    view.frame.smallest_pixel = view.frame.largest_pixel = 8.0;
+    EXPECT_TRUE(plan_of(scene, view).ray_maxima);
+    RendererOptions options;
+    options.effects = {{"ray_maxima", false}};
+    plan = plan_of(scene, view, options);
+    EXPECT_FALSE(plan.ray_maxima);
+    EXPECT_TRUE(ray_maxima(plan).forced);
+    // Whatever is forced, not where sheets hold what is asked for.
+    options.effects = {{"ray_maxima", true}};
+    EXPECT_TRUE(plan_of(scene, view, options).ray_maxima);
+    EXPECT_FALSE(plan_of(scene, view, options, {true, false}).ray_maxima) << "coverage";
+    scene.sampling = Sampling::slab;
+    EXPECT_FALSE(plan_of(scene, view, options).ray_maxima);
+    scene.sampling = Sampling::point;
+    scene.mode = Mode::xray;
+    EXPECT_FALSE(plan_of(scene, view, options).ray_maxima);
+}
+
 TEST(PlanOfCpu, RefusesWaysOfDrawingOnGl) {
     for (const Tagging tagging : {Tagging::depth_bounds, Tagging::depth_equal, Tagging::off}) {
         RendererOptions options;

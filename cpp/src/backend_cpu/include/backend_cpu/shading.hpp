@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "backend_cpu/surface_table.hpp"
 #include "backend_cpu/transfer_table.hpp"
 #include "facts/frame.hpp"
 #include "sheetsplat/camera.hpp"
@@ -24,20 +25,13 @@ struct ShadingLight {
     T specular[3] = {};  ///< colour times specular coefficient
 };
 
-/// A surface of mode isosurface.
-template <class T>
-struct ShadingSurface {
-    T value = T(0);
-    T color[3] = {};
-    T opacity = T(1); ///< above 0
-};
-
 /// By what a group of fields is classified.
 template <class T>
 struct GroupShading {
     TransferTable<T> transfer;
     RampTable<T> ramps;                      ///< preintegration only
     std::vector<ShadingSurface<T>> surfaces; ///< mode isosurface only: those that show
+    SurfaceTable<T> surface_table;           ///< of these
     double weakest_gradient = 0.0;           ///< g0
     double full_gradient = 1.0;              ///< g1
 };

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <optional>
 
 #include "facts/field_survey.hpp"
 #include "facts/frame.hpp"
@@ -84,6 +85,8 @@ struct ViewFacts {
     OverlapFacts overlap;
     std::map<const Field*, WeightFacts> weights;    ///< of weighted fields
     std::map<const Field*, double> lattice_peaks{}; ///< of lattices: largest W / C
+    /// Mode mip of one lattice whose blocks bound rho: share_above_maxima.
+    std::optional<double> above_maxima{};
 };
 
 /// Linear in the number of scattered kernels where bounds do not tell.

@@ -1,0 +1,225 @@
+#include "facts/maxima_blocks.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <type_traits>
+#include <variant>
+#include <vector>
+
+namespace sheetsplat {
+
+namespace {
+
+/// Rays that meet a lattice, and candidates for them, spread over the picture by the additive recurrence of
+/// M. Roberts, "The unreasonable effectiveness of quasirandom sequences" (2018), section on R2.
+constexpr int wanted_rays = 16, most_rays = 64;
+constexpr std::array<double, 2> recurrence{0.7548776662466927, 0.5698402909980532};
+/// Points of a ray, at most: of more, every few are looked at.
+constexpr std::int64_t most_points = 512;
+constexpr std::size_t most_along = static_cast<std::size_t>(2.0 * MaximaBlocks::largest_radius);
+
+template <class Value>
+bool is_number(Value value) {
+    return value == value;
+}
+
+/// Bounds and sums of one lattice, in units of max(0, exp(-k r^2) - exp(-k)).
+template <class Value>
+class LatticeSums {
+  public:
+    LatticeSums(const RegularField& field, const std::vector<Value>& samples, double peak)
+        : samples_(samples), shape_(field.shape()), radius_(field.options().radius),
+          half_(static_cast<std::int64_t>(std::ceil(std::max(radius_, 1.0)))),
+          falloff_(field.kernel().falloff / (radius_ * radius_)), edge_(field.kernel().edge()),
+          weight_bound_(MaximaBlocks::weight_bound(field, peak)) {}
+
+    /// Of the points in the block of a place (index coordinates).
+    [[nodiscard]] double bound(const std::array<int, 3>& block) const {
+        std::array<MaximaBlocks::Samples, 3> reaching{};
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            reaching[axis] = MaximaBlocks::reaching_into(block[axis], shape_[2 - axis], radius_);
+        }
+        Value greatest{0};
+        for (std::size_t k = reaching[2].begin; k < reaching[2].end; ++k) {
+            for (std::size_t j = reaching[1].begin; j < reaching[1].end; ++j) {
+                const Value* row = samples_.data() + (k * shape_[1] + j) * shape_[2];
+                for (std::size_t i = reaching[0].begin; i < reaching[0].end; ++i) {
+                    greatest = row[i] > greatest ? row[i] : greatest;
+                }
+            }
+        }
+        return static_cast<double>(greatest) * weight_bound_;
+    }
+
+    [[nodiscard]] double rho(const Vec3& place) const {
+        std::array<std::array<double, most_along>, 3> factors{};
+        std::array<std::int64_t, 3> first{}, begin{}, end{};
+        for (int axis = 0; axis < 3; ++axis) {
+            const auto at = static_cast<std::size_t>(axis);
+            const double floor = std::floor(place[axis]);
+            first[at] = static_cast<std::int64_t>(floor) - (half_ - 1);
+            begin[at] = std::max<std::int64_t>(0, -first[at]);
+            end[at] = std::min<std::int64_t>(2 * half_, static_cast<std::int64_t>(shape_[2 - at]) - first[at]);
+            for (std::int64_t n = begin[at]; n < end[at]; ++n) {
+                const double off = place[axis] - static_cast<double>(first[at] + n);
+                factors[at][static_cast<std::size_t>(n)] = std::exp(-falloff_ * off * off);
+            }
+        }
+        double sum = 0.0;
+        for (std::int64_t z = begin[2]; z < end[2]; ++z) {
+            for (std::int64_t y = begin[1]; y < end[1]; ++y) {
+                const double across = factors[2][static_cast<std::size_t>(z)] * factors[1][static_cast<std::size_t>(y)];
+                const Value* row = samples_.data() + (static_cast<std::size_t>(first[2] + z) * shape_[1] +
+                                                      static_cast<std::size_t>(first[1] + y)) *
+                                                         shape_[2];
+                for (std::int64_t x = begin[0]; x < end[0]; ++x) {
+                    const Value value = row[first[0] + x];
+                    const double weight = across * factors[0][static_cast<std::size_t>(x)] - edge_;
+                    sum += weight > 0.0 && is_number(value) ? weight * static_cast<double>(value) : 0.0;
+                }
+            }
+        }
+        return sum;
+    }
+
+  private:
+    const std::vector<Value>& samples_;
+    const std::array<std::size_t, 3> shape_;
+    const double radius_;
+    const std::int64_t half_; ///< samples on either side that may reach a point
+    const double falloff_, edge_;
+    const double weight_bound_;
+};
+
+/// The points of a ray where kernels may reach: start + n step, begin <= n < end, index coordinates.
+struct Points {
+    Vec3 start{0.0}, step{0.0};
+    std::int64_t begin = 0, end = 0;
+};
+
+/// x, y: pixels.
+Points points_of(const RegularField& field, const Camera& camera, const Frame& frame, double x, double y) {
+    const Vec3 spacing = field.options().spacing;
+    const auto place = [&](std::int64_t n) {
+        const double depth = frame.depth_of(n);
+        const double pixel = frame.pixel * (frame.projection == Projection::perspective ? depth : 1.0);
+        const Vec3 world = camera.eye() + (x + 0.5 - 0.5 * frame.size.width) * pixel * camera.right_world() +
+                           (0.5 * frame.size.height - y - 0.5) * pixel * camera.up_world() -
+                           depth * camera.back_world();
+        return (world - field.options().origin) / spacing;
+    };
+    Points points;
+    points.start = place(0);
+    const auto most = static_cast<double>(frame.slices - 1);
+    points.step = (place(frame.slices - 1) - points.start) / std::max(1.0, most);
+    double low = 0.0, high = most;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double before = -field.options().radius;
+        const double past =
+            static_cast<double>(field.shape()[static_cast<std::size_t>(2 - axis)]) - 1.0 + field.options().radius;
+        const double start = points.start[axis], step = points.step[axis];
+        if (std::abs(step) * most < 1e-9) {
+            high = start > before && start < past ? high : -1.0;
+            continue;
+        }
+        low = std::max(low, std::min((before - start) / step, (past - start) / step));
+        high = std::min(high, std::max((before - start) / step, (past - start) / step));
+    }
+    if (low <= high) {
+        points.begin = static_cast<std::int64_t>(std::ceil(low));
+        points.end = std::max(points.begin, static_cast<std::int64_t>(high) + 1);
+    }
+    return points;
+}
+
+} // namespace
+
+bool MaximaBlocks::fit(const RegularField& field) {
+    const double radius = field.options().radius;
+    if (field.lattice() != Lattice::cartesian || field.normalization() == Normalization::threshold ||
+        radius > largest_radius) {
+        return false;
+    }
+    // Sums of samples stay within float32.
+    const auto [least, greatest] = field.value_range();
+    const double largest = std::max(std::abs(least), std::abs(greatest));
+    if (largest > 0.0 && (largest < 1e-25 || largest > 1e30)) {
+        return false;
+    }
+    // Blocks are numbered in 32 bits.
+    double blocks = 1.0;
+    for (const std::size_t samples : field.shape()) {
+        blocks *= count_along(samples, radius);
+    }
+    return blocks < static_cast<double>(std::numeric_limits<std::int32_t>::max());
+}
+
+int MaximaBlocks::count_along(std::size_t samples, double radius) {
+    return static_cast<int>(std::floor((static_cast<double>(samples) - 1.0 + radius) / edge)) + 2;
+}
+
+MaximaBlocks::Samples MaximaBlocks::reaching_into(int b, std::size_t samples, double radius) {
+    const double low = edge * (b - 1.0) - radius, high = edge * b + radius;
+    const double most = static_cast<double>(samples);
+    const double begin = std::clamp(std::floor(low) + 1.0, 0.0, most), end = std::clamp(std::ceil(high), 0.0, most);
+    return {static_cast<std::size_t>(begin), static_cast<std::size_t>(std::max(begin, end))};
+}
+
+double MaximaBlocks::weight_bound(const RegularField& field, double peak) {
+    return peak * field.lattice_constant() / field.kernel().gain();
+}
+
+double share_above_maxima(const RegularField& field, double peak, const Camera& camera, const Frame& frame) {
+    if (frame.slices == 0 || field.size() == 0 || field.value_range()[1] <= 0.0) {
+        return 0.0;
+    }
+    return std::visit(
+        [&](const auto& samples) {
+            using Value = typename std::decay_t<decltype(samples)>::value_type;
+            const LatticeSums<Value> lattice(field, samples, peak);
+            std::vector<double> bounds;
+            std::int64_t looked = 0, above = 0;
+            int rays = 0;
+            for (int candidate = 1; candidate <= most_rays && rays < wanted_rays; ++candidate) {
+                const auto along = [&](std::size_t axis, int pixels) {
+                    const double at = 0.5 + candidate * recurrence[axis];
+                    return (at - std::floor(at)) * pixels - 0.5;
+                };
+                const Points points =
+                    points_of(field, camera, frame, along(0, frame.size.width), along(1, frame.size.height));
+                if (points.begin == points.end) {
+                    continue;
+                }
+                ++rays;
+                const std::int64_t every = (points.end - points.begin + most_points - 1) / most_points;
+                bounds.clear();
+                std::array<int, 3> last{-1, -1, -1};
+                double bound = 0.0, largest = 0.0;
+                for (std::int64_t n = points.begin; n < points.end; n += every) {
+                    const Vec3 place = points.start + static_cast<double>(n) * points.step;
+                    std::array<int, 3> block{};
+                    for (int axis = 0; axis < 3; ++axis) {
+                        block[static_cast<std::size_t>(axis)] =
+                            std::max(0, static_cast<int>(std::floor(place[axis] / MaximaBlocks::edge)) + 1);
+                    }
+                    if (block != last) {
+                        bound = lattice.bound(block);
+                        last = block;
+                    }
+                    bounds.push_back(bound);
+                    if (bound > largest) {
+                        largest = std::max(largest, lattice.rho(place));
+                    }
+                }
+                looked += static_cast<std::int64_t>(bounds.size());
+                above += std::count_if(bounds.begin(), bounds.end(), [&](double of) { return of > largest; });
+            }
+            return looked > 0 ? static_cast<double>(above) / static_cast<double>(looked) : 0.0;
+        },
+        field.samples());
+}
+
+} // namespace sheetsplat

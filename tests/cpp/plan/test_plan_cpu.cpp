@@ -148,6 +148,13 @@ TEST(PlanOfCpu, MaximaAreLookedUpWhereThatTakesLess) {
     plan = plan_of(scene, view);
     EXPECT_FALSE(plan.ray_maxima);
     EXPECT_NE(ray_maxima(plan).reason.find("summing sheets takes less"), std::string::npos) << ray_maxima(plan).reason;
+    // Sections that lean take longer.
+    view.above_maxima = 0.35;
+    EXPECT_FALSE(plan_of(scene, view).ray_maxima);
+    view.shapes.sheared = true;
+    EXPECT_TRUE(plan_of(scene, view).ray_maxima);
+    view.shapes.sheared = false;
+    view.above_maxima = 0.97;
     // More samples a pixel: more to be splatted for each point.
     view.frame.smallest_pixel = view.frame.largest_pixel = 8.0;
     EXPECT_TRUE(plan_of(scene, view).ray_maxima);

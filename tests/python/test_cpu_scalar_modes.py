@@ -260,7 +260,7 @@ def test_the_plan_says_whether_rays_look_up_maxima(kind):
     shares = {}
     for field, by_rays in ((noise, False), (ball, True)):
         scene = ss.Scene(field, GRAY, mode="mip")
-        camera = view(scene, kind, (0.4, 0.7, -1.0))
+        camera = view(scene, kind, (0.4, 0.7, -1.0), 1.0 if by_rays else 2.0)
         pictures = {}
         for effects in ({}, {"ray_maxima": by_rays}, {"ray_maxima": not by_rays}):
             renderer = ss.Renderer("cpu", effects=effects)

@@ -12,6 +12,7 @@ uniform double first_depth; // of slice 0
 uniform double last_slice;
 uniform double value_scale;
 uniform double weight_scale;
+uniform double least_weight; // of kernels of weight 0, so that points that they reach do not count as empty
 
 layout(location = ATTRIBUTE_KERNEL_CENTER) in dvec3 center; // from the field's centre, world
 layout(location = ATTRIBUTE_KERNEL_AXIS_A) in dvec3 axis_a; // semi-axes
@@ -83,5 +84,5 @@ void main() {
     // A weight of 0 still reaches: what it leaves in the sheets tells a point that is 0 from one that is empty.
     record_heights = vec4(float(anchor), float(s), float(step_s), float(amount.x * amount.y * value_scale));
     record_axes = vec4(vec2(on_screen(a)), vec2(on_screen(b)));
-    record_step = vec4(vec2(step), max(float(amount.y * weight_scale), 1e-30), 0.0);
+    record_step = vec4(vec2(step), max(float(amount.y * weight_scale), float(least_weight)), 0.0);
 }

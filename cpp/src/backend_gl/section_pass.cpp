@@ -5,6 +5,7 @@
 #include "backend_gl/embedded_glsl.hpp"
 #include "base/memory.hpp"
 #include "interop.h"
+#include "plan/limits_common.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -106,6 +107,7 @@ void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, co
     pass.set("last_slice", static_cast<double>(frame.slices - 1));
     pass.set("value_scale", view.value_scale());
     pass.set("weight_scale", view.weight_scale());
+    pass.set("least_weight", least_drawn_weight);
     nowhere_.bind();
     entry.array.bind();
     gl_->BindBufferBase(GL_TRANSFORM_FEEDBACK_BUFFER, 0, entry.output.name());

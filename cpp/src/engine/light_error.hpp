@@ -2,7 +2,6 @@
 // float64 from the kernels, at points that pixels of the picture show. Source: conventions, section 10.
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -31,8 +30,6 @@ class LightErrorProbe {
     /// absorption: what the volumes were made from, where it is still there.
     LightErrors errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
                        const std::shared_ptr<const LightVolume>& absorption);
-    /// The blocks of one of these volumes.
-    using BlocksOf = std::function<const LightBlocks&(const LightVolume&)>;
 
   private:
     struct Known {

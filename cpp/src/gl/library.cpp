@@ -4,6 +4,8 @@
 
 #include <dlfcn.h>
 
+#include "needed_libraries.hpp"
+
 namespace sheetsplat::gl {
 
 namespace {
@@ -18,26 +20,33 @@ std::string last_reason(const std::string& name) {
 }
 
 // A library from a Python wheel lies in one folder with its dependencies but has no search path to them, because the
-// wheel loads them itself. Dependencies that the linker does not find are opened from that folder; at most `left`.
-// Which one it misses the linker says in its message alone: where that is worded otherwise, nothing is opened.
+// wheel loads them itself. Those that the linker does not find are opened from that folder first; at most `left`.
 void* open_with_neighbours(const std::string& path, int& left, std::string& reason) {
+    void* handle = open_quietly(path);
+    if (handle != nullptr) {
+        return handle;
+    }
+    reason = last_reason(path);
     const std::size_t slash = path.rfind('/');
-    while (true) {
-        void* handle = open_quietly(path);
-        if (handle != nullptr) {
-            return handle;
+    if (slash == std::string::npos) {
+        return nullptr;
+    }
+    bool opened = false;
+    for (const std::string& name : needed_libraries(path)) {
+        if (name.find('/') != std::string::npos || open_quietly(name) != nullptr) {
+            continue;
         }
-        reason = last_reason(path);
-        const std::string missed = reason.substr(0, reason.find(':'));
-        const bool neighbour = slash != std::string::npos && !missed.empty() && missed.find('/') == std::string::npos;
-        if (!neighbour || --left < 0) {
+        if (--left < 0) {
             return nullptr;
         }
         std::string of_neighbour;
-        if (open_with_neighbours(path.substr(0, slash + 1) + missed, left, of_neighbour) == nullptr) {
-            return nullptr;
-        }
+        opened = open_with_neighbours(path.substr(0, slash + 1) + name, left, of_neighbour) != nullptr || opened;
     }
+    if (opened) {
+        handle = open_quietly(path);
+        reason = handle == nullptr ? last_reason(path) : "";
+    }
+    return handle;
 }
 
 } // namespace

@@ -1,0 +1,95 @@
+// How far light at points of a picture is from its definition: what the picture's light volumes, or lines through its
+// grid of rho, leave of light, less the exact products along lines, in float64 from the kernels. Source: conventions,
+// section 10.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "draw.hpp"
+#include "light_volumes.hpp"
+#include "point_values.hpp"
+#include "reference/clip.hpp"
+#include "view/light_blocks.hpp"
+#include "view/light_volume.hpp"
+#include "view/surface_lines.hpp"
+
+namespace sheetsplat {
+
+/// The blocks of one of a picture's volumes.
+using BlocksOf = std::function<const LightBlocks&(const LightVolume&)>;
+
+/// Of one picture, whose scene, camera, plan and volumes must stay while it is used. Points are in world units.
+class LightAtPoints {
+  public:
+    /// absorption: what the volumes were made from; null where it is not there any more. values: of each field.
+    LightAtPoints(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+                  const LightVolume* absorption, const BlocksOf& blocks,
+                  std::vector<std::shared_ptr<const PointValues>> values);
+
+    /// Whether light is followed along lines, from surfaces.
+    [[nodiscard]] bool surfaces() const { return surfaces_; }
+    [[nodiscard]] const std::vector<Group>& groups() const { return groups_; }
+    /// Of all supports, with what a filter adds.
+    [[nodiscard]] const Box& box() const { return box_; }
+    [[nodiscard]] const Vec3& to_light(std::size_t number) const { return to_lights_[number]; }
+    /// Length of a slice distance in reference lengths.
+    [[nodiscard]] double lengths() const { return lengths_; }
+
+    /// rho of a group of fields, and whether no kernel reaches the point.
+    [[nodiscard]] PointValues::Value value_at(std::size_t group, const Vec3& world) const;
+    /// The same where it decides on which side of each surface the point is; else any value of that side.
+    [[nodiscard]] PointValues::Value side_of(std::size_t group, const Vec3& world) const;
+    /// What surfaces between -infinity and rho absorb.
+    [[nodiscard]] double absorbed_below(double rho) const;
+    /// Whether two points lie in blocks on the same side of all surfaces.
+    [[nodiscard]] bool on_one_side(const Vec3& front, const Vec3& back) const;
+    /// Whether a point lies where the grid of absorption shows nothing around.
+    [[nodiscard]] bool clear_at(const Vec3& world) const;
+    [[nodiscard]] bool clip_keeps(const Vec3& world) const;
+
+    /// By how much more of a light the picture shows than there is.
+    [[nodiscard]] double light_off(std::size_t number, const Vec3& world) const;
+    /// The same of what is open around a point.
+    [[nodiscard]] double open_off(const Vec3& world) const;
+
+  private:
+    /// Blocks of a grid of rho that lie on one side of every surface: absorbed_below there; of others `mixed`.
+    static constexpr double mixed = -1.0;
+    struct Sides {
+        const LightBlocks* blocks;
+        std::vector<double> below;
+    };
+
+    [[nodiscard]] Sides sides_of(const LightBlocks& blocks) const;
+    [[nodiscard]] double side_at(std::size_t group, const Vec3& place) const;
+    [[nodiscard]] PointValues::Value side_in_cell(std::size_t group, const Vec3& world,
+                                                  const LightVolume::Around& around) const;
+    [[nodiscard]] double line_off(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const;
+    [[nodiscard]] double left_along(const Vec3& world, const Vec3& direction, double steps) const;
+
+    const Scene& scene_;
+    const Camera& camera_;
+    const Frame& frame_;
+    const DrawPlan& plan_;
+    const LightVolumes& volumes_;
+    std::vector<std::shared_ptr<const PointValues>> values_; ///< of each field
+    bool surfaces_;
+    std::vector<Group> groups_;
+    reference::Clipping clipping_;
+    Box box_;
+    double lengths_;
+    std::vector<Vec3> to_lights_;
+    std::array<Vec3, directions_around> around_ = around_world();
+    SurfaceLines lines_;
+    bool resolved_ = false;                   ///< the grid of rho shows every kernel
+    std::vector<Sides> sides_;                ///< of each group, mode isosurface
+    const LightVolume* absorption_ = nullptr; ///< null: not used
+    const LightBlocks* absorbing_ = nullptr;
+    double occlusion_steps_ = 0.0;
+};
+
+} // namespace sheetsplat

@@ -17,7 +17,7 @@ import numpy as np
 
 from sheetsplat._checks import shown
 from sheetsplat._objects import kind_of_object
-from sheetsplat.bricks.sources import Stamp, placed_errors
+from sheetsplat.bricks.readers import Stamp, placed_errors
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.io.records import Scattered

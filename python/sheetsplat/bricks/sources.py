@@ -6,15 +6,14 @@ file, sizes, codecs that run code) is checked here by the same functions.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import math
 import os
 import pkgutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +22,30 @@ from sheetsplat import _memory
 from sheetsplat._checks import Triple, shown
 from sheetsplat._objects import kind_of_object
 from sheetsplat.bricks.lattice import Box
-from sheetsplat.errors import Error, OutOfMemory, Unsupported, complain, missing_package, option_ref
+from sheetsplat.bricks.readers import (
+    ArrayReader,
+    DataArrayReader,
+    Hdf5Reader,
+    LazyReader,
+    MappedReader,
+    NetcdfReader,
+    RawReader,
+    Reader,
+    RemoteRawReader,
+    Shape,
+    Stamp,
+    ZarrReader,
+    placed_errors,
+)
+from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.fields.regular import as_samples, kept_type
 from sheetsplat.io.kernels import logarithm
 from sheetsplat.io.lazy_arrays import check_volume
 from sheetsplat.io.records import Volume
-from sheetsplat.io.source import Folder, Source, guarded, opened
+from sheetsplat.io.source import Folder, Source, opened
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
-Shape = tuple[int, int, int]
 #: Formats of files of which a part can be read.
 FORMATS = (
     "raw samples (with shape and dtype), .npy, raw NRRD and MetaImage, HDF5, NetCDF, Zarr and OME-Zarr; particles in "
@@ -40,20 +53,11 @@ FORMATS = (
 )
 # Formats of files with several arrays.
 _NAMED = ("hdf5 volume", "zarr", "netcdf")
-# Axes with fewer samples than a box may be are no reason to read more than this many bytes of a remote file at once.
-_ROW_BYTES = 1 << 26
 
 
 def box_text(box: Box) -> str:
     """Return a box for messages: "[0:64, 0:64, 64:128]", the indices of the array [k, j, i]."""
     return "[" + ", ".join(f"{first}:{last}" for first, last in box) + "]"
-
-
-class Reader(Protocol):
-    """Reads boxes of samples. It can be pickled, and any process with the same files can use it."""
-
-    def read(self, box: Box) -> Any:
-        """Return the samples of a box, an array [k, j, i]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,216 +190,6 @@ class BrickSource:
         return replace(self, **changes)
 
 
-@contextlib.contextmanager
-def placed_errors(what: str) -> Iterator[None]:
-    """Turn errors of reading into errors that say which samples could not be read."""
-    try:
-        yield
-    except Error as error:
-        raise complain(what, error.found or error.what, error.wanted, error.advice, kind=type(error)) from error
-    except MemoryError as error:
-        raise complain(
-            what, "too little memory", "memory for a brick", "use smaller bricks", kind=OutOfMemory
-        ) from error
-    except ImportError as error:
-        raise missing_package(what, error) from error
-    except OSError as error:
-        if error.errno is not None:
-            raise complain(what, error.strerror or str(error), "the file as it was opened", kind=Error) from error
-        raise _damaged(what, error) from error
-    except Exception as error:
-        raise _damaged(what, error) from error
-
-
-def _damaged(what: str, error: Exception) -> Error:
-    reason = (str(error).strip().splitlines() or [""])[0] or type(error).__name__
-    return complain(what, f"damaged or cut-off data ({reason})", "whole data", "fetch them again")
-
-
-@dataclass(frozen=True)
-class Stamp:
-    """A file, and its size and time of change when it was opened."""
-
-    path: Path
-    size: int
-    changed: int
-
-    @classmethod
-    def of(cls, path: Path) -> Stamp:
-        """Return the stamp of a file."""
-        found = os.stat(path)
-        return cls(Path(os.path.abspath(path)), found.st_size, found.st_mtime_ns)
-
-    def check(self) -> None:
-        """Raise an error where the file was changed or is gone."""
-        try:
-            now = Stamp.of(self.path)
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise complain(f"{self.path} cannot be read", reason, "the file as it was opened", kind=Error) from None
-        if now != self:
-            raise complain(f"{self.path} cannot be read", "a file that was changed", "the file as it was opened")
-
-
-@dataclass(frozen=True, eq=False)
-class _ArrayReader:
-    """Samples in memory."""
-
-    values: NDArray[Any]
-
-    def read(self, box: Box) -> NDArray[Any]:
-        return self.values[_cuts(box)]
-
-
-@dataclass(frozen=True)
-class _RawReader:
-    """Samples in a file, one after the other."""
-
-    stamp: Stamp
-    shape: Shape
-    stored: np.dtype[Any]
-    offset: int
-    fortran: bool = False
-
-    def read(self, box: Box) -> NDArray[Any]:
-        self.stamp.check()
-        order: Any = "F" if self.fortran else "C"
-        mapped = np.memmap(self.stamp.path, self.stored, "r", self.offset, self.shape, order)
-        # A copy: what is mapped would be read when a picture is drawn, and fail there.
-        return np.array(mapped[_cuts(box)])
-
-
-@dataclass(frozen=True)
-class _MappedReader:
-    """Raw samples behind a header, or beside it.
-
-    `reader`: "module:function" that reads the header and maps the samples.
-    """
-
-    stamps: tuple[Stamp, ...]
-    reader: str
-
-    def read(self, box: Box) -> NDArray[Any]:
-        for stamp in self.stamps:
-            stamp.check()
-        with Source(self.stamps[0].path) as source:
-            mapped = pkgutil.resolve_name(self.reader)(source, mapped=True).values
-            # A copy: what is mapped would be read when a picture is drawn, and fail there.
-            return np.array(mapped[_cuts(box)])
-
-
-@dataclass(frozen=True)
-class _RemoteRawReader:
-    """Samples in a file that fsspec reads."""
-
-    url: str
-    length: int
-    shape: Shape
-    stored: np.dtype[Any]
-    offset: int
-
-    def read(self, box: Box) -> NDArray[Any]:
-        import fsspec  # type: ignore[import-not-found, import-untyped, unused-ignore]
-
-        (k0, k1), (j0, j1), (i0, i1) = box
-        _, nj, ni = self.shape
-        found = np.empty((k1 - k0, j1 - j0, i1 - i0), self.stored)
-        # Whole rows of a layer lie together.
-        rows = max(1, _ROW_BYTES // (ni * self.stored.itemsize))
-        with fsspec.open(self.url, "rb") as file:
-            for k in range(k0, k1):
-                for j in range(j0, j1, rows):
-                    count = min(rows, j1 - j)
-                    file.seek(self.offset + ((k * nj + j) * ni) * self.stored.itemsize)
-                    piece = file.read(count * ni * self.stored.itemsize)
-                    part = np.frombuffer(piece, self.stored)
-                    if part.size < count * ni:
-                        raise EOFError(f"the file ends within layer {k}")
-                    found[k - k0, j - j0 : j - j0 + count] = part.reshape(count, ni)[:, i0:i1]
-        return found
-
-
-@dataclass(frozen=True)
-class _Hdf5Reader:
-    """A dataset of an HDF5 file."""
-
-    stamp: Stamp
-    dataset: str
-
-    def read(self, box: Box) -> NDArray[Any]:
-        from sheetsplat.io.hdf5_volumes import read_part
-
-        self.stamp.check()
-        with Source(self.stamp.path, self.dataset) as source:
-            return read_part(source, self.dataset, box)
-
-
-@dataclass(frozen=True)
-class _ZarrReader:
-    """An array of a Zarr folder."""
-
-    located: Any
-
-    def read(self, box: Box) -> Any:
-        with guarded(self.located.path):
-            return self.located.part(box)
-
-
-@dataclass(frozen=True)
-class _NetcdfReader:
-    """A variable of a NetCDF file."""
-
-    stamp: Stamp
-    inner: str
-    name: str | None
-    step: int | None
-
-    def read(self, box: Box) -> Any:
-        from sheetsplat.io.netcdf import opened as opened_variable
-        from sheetsplat.io.xarray_data import one_step, placed
-
-        self.stamp.check()
-        with Source(self.stamp.path, self.inner) as source, opened_variable(source, self.name, mapped=True) as array:
-            return _part_of(placed(one_step(array, source.path, self.step), source.path), box)
-
-
-@dataclass(frozen=True)
-class _LazyReader:
-    """An array of another library that reads parts of itself: dask, Zarr."""
-
-    array: Any
-
-    def read(self, box: Box) -> Any:
-        part = self.array[_cuts(box)]
-        # Tasks of a worker draw bricks; further tasks of its scheduler would wait for them.
-        return part.compute(scheduler="synchronous") if hasattr(part, "compute") else part
-
-
-@dataclass(frozen=True)
-class _DataArrayReader:
-    """A DataArray of xarray."""
-
-    placed: Any
-
-    def read(self, box: Box) -> Any:
-        return _part_of(self.placed, box)
-
-
-def _cuts(box: Box) -> tuple[slice, ...]:
-    return tuple(slice(first, last) for first, last in box)
-
-
-def _part_of(found: Any, box: Box) -> Any:
-    """Return a box of a placed DataArray; coordinates that fall turn an axis round."""
-    cuts = []
-    turned = found.falling
-    for (first, last), size, falls in zip(box, found.array.shape, turned, strict=True):
-        cuts.append(slice(size - last, size - first) if falls else slice(first, last))
-    part = found.array[tuple(cuts)].data
-    values = np.asarray(part.compute(scheduler="synchronous") if hasattr(part, "compute") else part)
-    return np.flip(values, tuple(axis for axis in range(3) if turned[axis]))
-
-
 def open_source(data: Any, options: Mapping[str, Any]) -> BrickSource:
     """Return the source of a file, a URL, or an array; nothing but headers is read.
 
@@ -466,7 +260,7 @@ def _of_numpy(data: Any) -> BrickSource:
     values = as_samples(data)
     digest = hashlib.blake2b(values.data if values.size else b"", digest_size=12).hexdigest()
     volume = Volume(_stand_in(values.shape, values.dtype))
-    return _source("the array", f"{digest}{values.dtype.str}{values.shape}", volume, _ArrayReader(values))
+    return _source("the array", f"{digest}{values.dtype.str}{values.shape}", volume, ArrayReader(values))
 
 
 def _of_object(data: Any, name: str) -> BrickSource:
@@ -476,7 +270,7 @@ def _of_object(data: Any, name: str) -> BrickSource:
 
         found = placed(data, name)
         volume = found.volume(name, _stand_in(found.array.shape, found.array.dtype))
-        return _source(name, _dask_token(data), volume, _DataArrayReader(found))
+        return _source(name, _dask_token(data), volume, DataArrayReader(found))
     if module == "h5py":
         if not Path(str(data.file.filename)).is_file():
             raise complain(f"{name} cannot be opened in bricks", "a file in memory", "a file that all workers can read")
@@ -486,10 +280,10 @@ def _of_object(data: Any, name: str) -> BrickSource:
         if root is not None:
             return _file(str(Path(root) / data.path), {})
         volume = Volume(_stand_in(data.shape, data.dtype))
-        return _source(name, f"{data.store}/{data.path}", volume, _LazyReader(data))
+        return _source(name, f"{data.store}/{data.path}", volume, LazyReader(data))
     if module == "dask":
         check_volume(name, data.shape, data.dtype)
-        return _source(name, str(data.name), Volume(_stand_in(data.shape, data.dtype)), _LazyReader(data))
+        return _source(name, str(data.name), Volume(_stand_in(data.shape, data.dtype)), LazyReader(data))
     raise complain(
         f"{name} cannot be opened in bricks",
         f"{type(data).__name__}, which is read as a whole",
@@ -550,7 +344,7 @@ def _raw(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
     shape, kind = raw.locate(source, **options)
     nk, nj, ni = shape
     stamp = Stamp.of(source.path)
-    reader = _RawReader(stamp, (nk, nj, ni), kind, int(options.get("offset", 0)))
+    reader = RawReader(stamp, (nk, nj, ni), kind, int(options.get("offset", 0)))
     return _source(text, f"{stamp}{reader}", Volume(_stand_in(shape, kind)), reader)
 
 
@@ -561,7 +355,7 @@ def _npy(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
     check_volume(text, shape, kind)
     nk, nj, ni = shape
     stamp = Stamp.of(source.path)
-    reader = _RawReader(stamp, (nk, nj, ni), kind, offset, fortran)
+    reader = RawReader(stamp, (nk, nj, ni), kind, offset, fortran)
     return _source(text, f"{stamp}{reader}", Volume(_stand_in(shape, kind)), reader)
 
 
@@ -571,7 +365,7 @@ def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
     volume = locate(source, _chosen_name(options))
     stamp = Stamp.of(source.path)
     dataset = volume.details["content"]
-    return _source(text, f"{stamp}{dataset}", volume, _Hdf5Reader(stamp, dataset))
+    return _source(text, f"{stamp}{dataset}", volume, Hdf5Reader(stamp, dataset))
 
 
 def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
@@ -588,7 +382,7 @@ def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
         located.quantity,
     )
     changed = os.stat(located.path).st_mtime_ns
-    return _source(text, f"{located.path}{located.index}{changed}", volume, _ZarrReader(located))
+    return _source(text, f"{located.path}{located.index}{changed}", volume, ZarrReader(located))
 
 
 def _netcdf(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
@@ -599,7 +393,7 @@ def _netcdf(source: Source, text: str, options: Mapping[str, Any]) -> BrickSourc
     with opened_variable(source, name, mapped=True) as array:
         found = placed(one_step(array, source.path, step), source.path)
         volume = found.volume(source.path, _stand_in(found.array.shape, found.array.dtype))
-    return _source(text, f"{stamp}{source.inner}{name}{step}", volume, _NetcdfReader(stamp, source.inner, name, step))
+    return _source(text, f"{stamp}{source.inner}{name}{step}", volume, NetcdfReader(stamp, source.inner, name, step))
 
 
 def _mapped(reader: str) -> Callable[..., BrickSource]:
@@ -609,7 +403,7 @@ def _mapped(reader: str) -> Callable[..., BrickSource]:
         data = getattr(volume.values, "filename", None)
         if data is not None:
             stamps.setdefault(Path(data), Stamp.of(Path(data)))
-        return _source(text, f"{list(stamps.values())}", volume, _MappedReader(tuple(stamps.values()), reader))
+        return _source(text, f"{list(stamps.values())}", volume, MappedReader(tuple(stamps.values()), reader))
 
     return locate
 
@@ -647,5 +441,5 @@ def _remote(url: str, options: Mapping[str, Any]) -> BrickSource:
             found = f"{length} bytes, {offset} of them before the samples"
             raise complain(what, found, f"{needed} bytes of samples, {shown(shape)} of {kind}")
     nk, nj, ni = shape
-    reader = _RemoteRawReader(url, length, (nk, nj, ni), kind, offset)
+    reader = RemoteRawReader(url, length, (nk, nj, ni), kind, offset)
     return _source(url, f"{reader}", Volume(_stand_in(shape, kind)), reader)

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from sheetsplat.bricks.lattice import Box
 from sheetsplat.bricks.partition import Partition
+from sheetsplat.bricks.readers import Shape
 from sheetsplat.bricks.resident import residents
-from sheetsplat.bricks.sources import BrickSource, Shape, box_text
+from sheetsplat.bricks.sources import BrickSource, box_text
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields.samples import mixed_differences
 from sheetsplat.look import decades, histogram

@@ -46,9 +46,11 @@ class Around:
         count = math.floor(far / spacing) + 2
         left = np.ones(len(points))
         if self.scene.mode == "isosurface":
-            pairs = range(1, int(min(most, count)))
-            for step in pairs:
-                left *= self.through(points + step * spacing * direction, points + (step + 1) * spacing * direction)
+            front = self.look_at(points + spacing * direction)
+            for step in range(2, int(min(most, count)) + 1):
+                back = self.look_at(points + step * spacing * direction)
+                left *= self.between(front, back)
+                front = back
             return left
         for step in range(1, int(min(most, count)) + 1):
             left *= self.clear(points + step * spacing * direction)
@@ -64,17 +66,22 @@ class Around:
         scene = self.scene
         rho, empty = density(scene, self.placed, points, self.nudge)
         left = np.ones(len(points))
+        if empty.all():
+            return left
         for group, (_, tf) in enumerate(scene.groups()):
             alpha = slice_opacity(tf(rho[group])[:, 3], np.array(scene.spacing() / scene.length()))
             left *= np.where(empty[group], 1.0, 1 - alpha)
         return np.where(self.kept(points), left, 1.0)
 
-    def through(self, front: Array, back: Array) -> Array:
-        """Return the product of 1 - o over the surfaces between points."""
-        before, _ = density(self.scene, self.placed, front, self.nudge)
-        after, _ = density(self.scene, self.placed, back, self.nudge)
-        both = self.kept(front) & self.kept(back)
-        left = np.ones(len(front))
+    def look_at(self, points: Array) -> tuple[Array, Mask]:
+        """Return rho of each group at points, and which of them clipping keeps."""
+        return density(self.scene, self.placed, points, self.nudge)[0], self.kept(points)
+
+    def between(self, front: tuple[Array, Mask], back: tuple[Array, Mask]) -> Array:
+        """Return the product of 1 - o over the surfaces between points that were looked at."""
+        (before, kept_before), (after, kept_after) = front, back
+        both = kept_before & kept_after
+        left = np.ones(len(both))
         for value, opacity in self.scene.surfaces():
             for one, other in zip(before, after, strict=True):
                 left *= np.where(both & ((one < value) != (other < value)), 1 - opacity, 1.0)

@@ -187,9 +187,13 @@ def density(scene: Scene, placed: Placed, points: Array, nudge: Nudge) -> tuple[
     groups = scene.groups()
     rho, empty = np.zeros((len(groups), len(points))), np.ones((len(groups), len(points)), bool)
     for group, f, kernels in placed.fields:
+        # No support reaches out of this box.
+        longest = 1.001 * np.linalg.norm(kernels.factor, axis=(1, 2))[:, None]
+        low, high = (kernels.centres - longest).min(0), (kernels.centres + longest).max(0)
+        inside = np.flatnonzero(((points >= low) & (points <= high)).all(-1))
         step = max(1, CHUNK // len(kernels.centres))
-        for p in range(0, len(points), step):
-            part = slice(p, p + step)
+        for p in range(0, len(inside), step):
+            part = inside[p : p + step]
             r2 = (kernels.turned(points[part][:, None, :] - kernels.centres) ** 2).sum(-1)
             g = kernel(r2, f.falloff)
             if kernels.weights is not None:

@@ -58,7 +58,8 @@ def field(ball):
         {"clip": ((0, 0, 1), 0)},
         {"depth_cue": (0, 1)},
         {"shadows": "yes"},
-        {"ambient_occlusion": 3},
+        {"ambient_occlusion": -3},
+        {"ambient_occlusion": "near"},
     ],
 )
 def test_scene_options_without_meaning_are_refused(field, options):

@@ -7,22 +7,32 @@ namespace sheetsplat {
 
 namespace {
 
+// Structured bindings name every member: one that is added does not compile until it is compared here.
+
 bool same(const Light& a, const Light& b) {
-    return a.direction == b.direction && a.color == b.color && a.space == b.space;
+    const auto& [direction, color, space] = a;
+    return direction == b.direction && color == b.color && space == b.space;
 }
 
 bool same(const Material& a, const Material& b) {
-    return a.ambient == b.ambient && a.diffuse == b.diffuse && a.specular == b.specular && a.shininess == b.shininess &&
-           a.two_sided == b.two_sided;
+    const auto& [ambient, diffuse, specular, shininess, two_sided] = a;
+    return ambient == b.ambient && diffuse == b.diffuse && specular == b.specular && shininess == b.shininess &&
+           two_sided == b.two_sided;
 }
 
-bool same(const std::optional<DepthCue>& a, const std::optional<DepthCue>& b) {
-    return a.has_value() == b.has_value() &&
-           (!a || (a->start == b->start && a->end == b->end && a->color == b->color && a->strength == b->strength));
+bool same(const DepthCue& a, const DepthCue& b) {
+    const auto& [start, end, color, strength] = a;
+    return start == b.start && end == b.end && color == b.color && strength == b.strength;
 }
 
-bool same(const std::optional<AmbientOcclusion>& a, const std::optional<AmbientOcclusion>& b) {
-    return a.has_value() == b.has_value() && (!a || (a->radius == b->radius && a->strength == b->strength));
+bool same(const AmbientOcclusion& a, const AmbientOcclusion& b) {
+    const auto& [radius, strength] = a;
+    return radius == b.radius && strength == b.strength;
+}
+
+template <class Option>
+bool same(const std::optional<Option>& a, const std::optional<Option>& b) {
+    return a.has_value() == b.has_value() && (!a || same(*a, *b));
 }
 
 } // namespace
@@ -41,26 +51,29 @@ bool same(const Clip& a, const Clip& b) {
                       });
 }
 
-/// Fields, their groups and these groups' transfer functions.
-static bool same_groups(const Scene& a, const Scene& b) {
-    return a.fields == b.fields && same(a.transfer_function.points(), b.transfer_function.points()) &&
-           std::equal(a.later_groups.begin(), a.later_groups.end(), b.later_groups.begin(), b.later_groups.end(),
+static bool same_groups(const std::vector<Scene::LaterGroup>& a, const std::vector<Scene::LaterGroup>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(),
                       [](const Scene::LaterGroup& one, const Scene::LaterGroup& other) {
-                          return one.first_field == other.first_field &&
-                                 same(one.transfer_function.points(), other.transfer_function.points());
+                          const auto& [first_field, transfer_function] = one;
+                          return first_field == other.first_field &&
+                                 same(transfer_function.points(), other.transfer_function.points());
                       });
 }
 
 bool same(const Scene& a, const Scene& b) {
-    return same_groups(a, b) && a.slice_spacing == b.slice_spacing && a.sampling == b.sampling &&
-           a.reference_length == b.reference_length && a.mode == b.mode && a.iso_values == b.iso_values &&
-           std::equal(a.lights.begin(), a.lights.end(), b.lights.begin(), b.lights.end(),
+    const auto& [fields, transfer_function, later_groups, slice_spacing, sampling, reference_length, mode, iso_values,
+                 lights, material, opacity_stop, preintegration, second_order, filter, gradient, clip, depth_limit,
+                 gradient_opacity, depth_cue, shadows, ambient_occlusion, background, part] = a;
+    return fields == b.fields && same(transfer_function.points(), b.transfer_function.points()) &&
+           same_groups(later_groups, b.later_groups) && slice_spacing == b.slice_spacing && sampling == b.sampling &&
+           reference_length == b.reference_length && mode == b.mode && iso_values == b.iso_values &&
+           std::equal(lights.begin(), lights.end(), b.lights.begin(), b.lights.end(),
                       [](const Light& one, const Light& other) { return same(one, other); }) &&
-           same(a.material, b.material) && a.opacity_stop == b.opacity_stop && a.preintegration == b.preintegration &&
-           a.second_order == b.second_order && a.filter == b.filter && a.gradient == b.gradient &&
-           same(a.clip, b.clip) && a.gradient_opacity == b.gradient_opacity && same(a.depth_cue, b.depth_cue) &&
-           a.depth_limit.has_value() == b.depth_limit.has_value() && a.shadows == b.shadows &&
-           same(a.ambient_occlusion, b.ambient_occlusion) && a.background == b.background && !a.part && !b.part;
+           same(material, b.material) && opacity_stop == b.opacity_stop && preintegration == b.preintegration &&
+           second_order == b.second_order && filter == b.filter && gradient == b.gradient && same(clip, b.clip) &&
+           depth_limit.has_value() == b.depth_limit.has_value() && gradient_opacity == b.gradient_opacity &&
+           same(depth_cue, b.depth_cue) && shadows == b.shadows && same(ambient_occlusion, b.ambient_occlusion) &&
+           background == b.background && !part && !b.part;
 }
 
 } // namespace sheetsplat

@@ -426,7 +426,7 @@ def _remote(url: str, options: Mapping[str, Any]) -> BrickSource:
 
     what = f"{url} cannot be opened in bricks"
     with placed_errors(what):
-        import fsspec
+        import fsspec  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
         if "shape" not in options or "dtype" not in options:
             advice = "pass " + option_ref("shape", "...") + " and " + option_ref("dtype", "...")

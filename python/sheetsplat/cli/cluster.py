@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from sheetsplat.cli.help import GroupedOption
 from sheetsplat.cli.options import apply, options_of
 from sheetsplat.options.bricks import BrickOptions
 from sheetsplat.options.core import definitions
@@ -19,13 +20,18 @@ from sheetsplat.options.film import MOST_WORKERS
 if TYPE_CHECKING:
     from sheetsplat.fields import BrickedField, BrickedKernels
 
+_GROUP = "Data in bricks"
 _WORKERS = click.option(
     "--workers",
+    cls=GroupedOption,
+    group=_GROUP,
     type=click.IntRange(1, MOST_WORKERS),
     help="Draw FILE in bricks by so many processes of this machine, which share its memory.",
 )
 _SCHEDULER = click.option(
     "--scheduler",
+    cls=GroupedOption,
+    group=_GROUP,
     metavar="ADDRESS",
     help="Draw FILE in bricks by the workers of a dask scheduler, tcp://host:8786, all of which can read it.",
 )

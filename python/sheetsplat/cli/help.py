@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import cache
+from typing import Any
 
 import click
 
@@ -65,6 +66,20 @@ help_all = click.option(
 )
 
 
+class GroupedOption(click.Option):
+    """An option of the command line alone, whose help stands with a group of options of pictures.
+
+    Parameters
+    ----------
+    group
+        Title of the group, one of `GROUPS`.
+    """
+
+    def __init__(self, *arguments: Any, group: str, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        self.group = group
+
+
 class GroupedCommand(click.Command):
     """A command whose help has groups, and whose options may have values that can be left out."""
 
@@ -82,7 +97,7 @@ class GroupedCommand(click.Command):
             # Arguments stand in the usage, and in the text before.
             if record is None or not isinstance(parameter, click.Option):
                 continue
-            title = titles().get(parameter.name or "")
+            title = parameter.group if isinstance(parameter, GroupedOption) else titles().get(parameter.name or "")
             (own if title is None else groups[title]).append(record)
             if parameter.name in FIRST and title is not None:
                 # What it does, without the details.

@@ -64,7 +64,7 @@ def test_what_each_quality_sets(smooth):
             "prefilter": True,
             "radius": 2.5,
             "falloff": 7,
-            "slice_spacing": 0.25,
+            "slice_spacing": 1 / 3,
             "opacity_stop": 0.999,
             **common,
         },
@@ -164,7 +164,7 @@ def test_fields_with_a_given_prefilter_keep_their_kernels(smooth):
         assert told(image)["prefilter"] == ss.QualitySetting("prefilter", field.prefilter, "as the field has it", True)
         assert image.recipe.fields[0].options["radius"] == field.radius
         # Plain sums have smaller kernels, and more slices take the same time.
-        assert image.plan.slice_spacing == (0.25 if field.prefilter else 1 / 6)
+        assert image.plan.slice_spacing == (1 / 3 if field.prefilter else 1 / 6)
 
 
 def block(noise: float) -> np.ndarray:

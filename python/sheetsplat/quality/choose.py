@@ -41,8 +41,9 @@ class _Level:
     kernel
         Radius and falloff of volumes whose values pass through their samples; None: plain sums.
     volumes, plain_volumes, scattered
-        How many slices there are to one of the default distance, by the mode; 1 in modes that are not named. Volumes of
-        plain sums alone have smaller kernels, or fewer that show, so that more slices take the same time.
+        How many slices there are to one of the default distance, by the mode; 1 in modes that are not named. "unlit" is
+        mode composite without lights, where named. Volumes of plain sums alone have smaller kernels, or fewer that
+        show, so that more slices take the same time.
     lit
         Error that the slices of lit volumes in mode composite may have, and the least and the most of them to one of
         the default distance; None: `volumes` holds.
@@ -68,7 +69,7 @@ _LEVELS = {
     "good": _Level((2.0, 5.0), _TWICE, _TWICE, {"composite": 2}, (5e-3, 2, 3), 0.995, True),
     "best": _Level(
         (2.5, 7.0),
-        {**dict.fromkeys(_TWICE, 4), "average": 2},
+        {**dict.fromkeys(_TWICE, 4), "unlit": 3, "average": 2},
         {**dict.fromkeys(_TWICE, 6), "average": 2},
         {"composite": 4, "isosurface": 2, "mip": 2, "minimum": 2},
         (1.7e-3, 4, 8),
@@ -273,7 +274,9 @@ def _slices_more(level: _Level, scene: Scene) -> int:
     """Return how many slices a quality takes in place of one of the default distance."""
     volumes = [one for one in scene.fields if isinstance(one, RegularField)]
     plain = not any(one.prefilter for one in volumes)
-    return (level.scattered if not volumes else level.plain_volumes if plain else level.volumes).get(scene.mode, 1)
+    counts = level.scattered if not volumes else level.plain_volumes if plain else level.volumes
+    kind = "unlit" if scene.mode == "composite" and not scene.lights else scene.mode
+    return counts.get(kind, counts.get(scene.mode, 1))
 
 
 def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tuple[bool, str]:

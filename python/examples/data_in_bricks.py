@@ -50,10 +50,8 @@ spiral = ss.render(
 )
 
 figure, panels = plt.subplots(1, 2, figsize=(SIZE[0] / 50, SIZE[1] / 100), layout="constrained")
-for panel, image, title in zip(
-    panels, (volume, spiral), ("27 bricks of a volume", "8 bricks of particles"), strict=True
-):
+for panel, image, title in zip(panels, (volume, spiral), ("volume, 27 bricks", "particles, 8 bricks"), strict=True):
     panel.imshow(image)
-    panel.set_title(title)
+    panel.set_title(title, fontsize="small")
     panel.axis("off")
 figure.savefig("data_in_bricks.png")

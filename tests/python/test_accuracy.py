@@ -57,6 +57,7 @@ def cloud(count: int = 60) -> ss.EllipsoidField:
     )
 
 
+@pytest.mark.slow
 def test_every_knob_has_rows_and_the_package_exports_it(report: AccuracyReport) -> None:
     assert ss.accuracy is accuracy
     assert [row.knob for row in report.rows] == sorted(

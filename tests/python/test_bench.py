@@ -255,6 +255,7 @@ def test_the_frame_is_opengls_unless_told(tmp_path: Path, monkeypatch: pytest.Mo
     assert train["fragments"] > 0 and train["rmse"] < 1e-4
 
 
+@pytest.mark.slow
 def test_what_only_opengl_has_is_not_run_elsewhere(tmp_path: Path) -> None:
     rows = BENCHES["ablation"].run(_options(tmp_path, backend="cpu", rows=("points", "packing", "lattice"))).rows
     for row in rows:
@@ -458,6 +459,7 @@ def test_simulated_clusters() -> None:
     assert busy.limit == "scheduler" and busy.seconds >= 8.0
 
 
+@pytest.mark.slow
 def test_pictures_on_clusters(tmp_path: Path) -> None:
     report = BENCHES["distributed"].run(_options(tmp_path, rows=("4096",), scale=0.15))
     assert [row["row"].rsplit(",")[-1] for row in report.rows][0] == " 10 workers"

@@ -219,6 +219,7 @@ def test_tiles_are_parts_of_the_picture(rng: np.random.Generator) -> None:
     assert np.abs(found - whole[10:20, 21:31]).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_qualities_are_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Missing:
         def __init__(self) -> None:

@@ -158,6 +158,7 @@ def test_snapshots_of_several_files_are_one(tmp_path):
     np.testing.assert_array_equal(found.centers, field.centers)
 
 
+@pytest.mark.slow
 def test_a_sample_stands_for_many_kernels(monkeypatch):
     monkeypatch.setattr(kernel_survey, "_SAMPLE", 2000)
     random = np.random.default_rng(3)

@@ -343,6 +343,7 @@ def test_other_films_and_foreign_files_are_not_touched(ball, tmp_path):
         assert sorted(foreign.iterdir()) == there
 
 
+@pytest.mark.slow
 def test_processes_and_executors_draw_the_same_frames(ball, tmp_path):
     film = ss.turntable(ball, frames=3, **SMALL)
     film.save(tmp_path / "here")

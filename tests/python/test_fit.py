@@ -178,6 +178,7 @@ def test_more_overlap_is_smoother() -> None:
 # Delaunay: covering
 
 
+@pytest.mark.slow
 def test_random_points_are_covered_without_gaps() -> None:
     rng = np.random.default_rng(5)
     points = rng.random((1500, 3))
@@ -220,6 +221,7 @@ def test_gaps_that_only_the_hull_spans_stay_empty() -> None:
     assert fit.delaunay(points, angle, trim=False).sums(np.array([[0.0, 0.0, 0.5]]))[1][0] > 0.5
 
 
+@pytest.mark.slow
 def test_walls_of_flat_cells_are_covered() -> None:
     # A curved wall: cells of 1:1000 at it, each layer a quarter thicker than the one before.
     r = 1 + np.cumsum(np.concatenate([[0], 1e-4 * 1.25 ** np.arange(31)]))

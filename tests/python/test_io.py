@@ -366,6 +366,7 @@ def peak_memory(function) -> int:
 BOMB = 64 * 1024 * 1024
 
 
+@pytest.mark.slow
 def test_bombs_end_where_the_header_says(tmp_path):
     """Files that unpack to much more than their header says take no more memory than that."""
     nothing = b"\0" * BOMB
@@ -558,6 +559,7 @@ def test_metaimage_says_what_its_samples_and_lengths_are(tmp_path):
         assert opened(Modality="MET_MOD_CT", **fields)[1].quantity.unit == ""
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_readers_at_once(tmp_path, rng):
     """What is read in one piece is small, whatever the file promises."""
     noise = bz2.compress(rng.integers(0, 256, 1_500_000, dtype=np.uint8).tobytes())

@@ -213,6 +213,7 @@ def share_seen(scenes: Iterable[dict[str, Any]], renderer: ss.Renderer) -> float
     return float(np.mean([np.abs(picture).max() > 1e-3 for picture in pictures]))
 
 
+@pytest.mark.slow
 def test_random_scenes_of_ellipsoids_show_something(reference_renderer: ss.Renderer) -> None:
     assert share_seen(map(random_ellipsoid_scene, SCATTERED), reference_renderer) > 0.8
 

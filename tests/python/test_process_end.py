@@ -84,11 +84,13 @@ def test_a_picture_drawn_by_the_interpreter_as_it_ends(backend: str) -> None:
     assert run(DEL, backend, 0.5) == "drawn"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wait", [0.05, 0.3])
 @pytest.mark.parametrize("backend", BACKENDS[:2])
 def test_daemon_threads_end_quietly(backend: str, wait: float) -> None:
     run(DAEMONS.replace("TIME", str(wait)), backend, 0.5)
 
 
+@pytest.mark.slow
 def test_a_fork_in_the_middle_of_a_picture_is_refused_in_the_child() -> None:
     run(FORK, "cpu", 0.02)

@@ -332,6 +332,7 @@ def test_memory_that_is_short(smooth, monkeypatch):
     assert "more memory than there is" in through_samples(field, 2.0, 5.0).reason
 
 
+@pytest.mark.slow
 def test_the_command_has_it(smooth, tmp_path):
     path = tmp_path / "a.npy"
     np.save(path, smooth)

@@ -378,6 +378,7 @@ def test_pick_save_view_code_and_measures(opened, tmp_path):
     assert found["rmse"] == pytest.approx(session.picture().error.rmse) and payload[:4] == b"\x89PNG"
 
 
+@pytest.mark.slow
 def test_films_are_made_beside_the_pictures(opened):
     pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
     session = opened(times=[volume(), 0.5 * volume(0.3), 0.2 * volume()])
@@ -430,6 +431,7 @@ def test_films_are_given_up_and_refused(opened):
     assert protocol.parse(json.dumps(order)) is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["scipy", "h5netcdf"])
 def test_steps_of_a_file_are_times(opened, tmp_path, engine):
     xarray = pytest.importorskip("xarray", reason="xarray is not installed")

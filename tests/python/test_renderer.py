@@ -377,8 +377,10 @@ def longest_pause(function) -> tuple[float, float]:
     done = threading.Event()
 
     def work() -> None:
-        function()
-        done.set()
+        try:
+            function()
+        finally:
+            done.set()
 
     thread = threading.Thread(target=work)
     pauses, began = [], time.perf_counter()

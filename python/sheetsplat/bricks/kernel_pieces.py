@@ -82,14 +82,10 @@ class FieldPieces:
 
 
 @dataclass(frozen=True)
-class _Hdf5Pieces:
-    """Particles of HDF5 files with the layout of Gadget."""
+class _FilePieces:
+    """Pieces of files, which are named by them."""
 
     stamps: tuple[Stamp, ...]
-    # File, first row, and the row behind the last.
-    spans: tuple[tuple[int, int, int], ...]
-    options: Mapping[str, Any]
-    kernels: Mapping[str, Any]
 
     @property
     def name(self) -> str:
@@ -98,6 +94,16 @@ class _Hdf5Pieces:
     @property
     def token(self) -> str:
         return repr(self)
+
+
+@dataclass(frozen=True)
+class _Hdf5Pieces(_FilePieces):
+    """Particles of HDF5 files with the layout of Gadget."""
+
+    # File, first row, and the row behind the last.
+    spans: tuple[tuple[int, int, int], ...]
+    options: Mapping[str, Any]
+    kernels: Mapping[str, Any]
 
     @property
     def counts(self) -> Sequence[int]:
@@ -115,22 +121,13 @@ class _Hdf5Pieces:
 
 
 @dataclass(frozen=True)
-class _ParquetPieces:
+class _ParquetPieces(_FilePieces):
     """Row groups of Parquet files."""
 
-    stamps: tuple[Stamp, ...]
     # File, row group, and its rows.
     groups: tuple[tuple[int, int, int], ...]
     scalar: str | None
     kernels: Mapping[str, Any]
-
-    @property
-    def name(self) -> str:
-        return _listed(self.stamps)
-
-    @property
-    def token(self) -> str:
-        return repr(self)
 
     @property
     def counts(self) -> Sequence[int]:

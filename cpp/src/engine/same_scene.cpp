@@ -71,6 +71,7 @@ bool same(const Scene& a, const Scene& b) {
                       [](const Light& one, const Light& other) { return same(one, other); }) &&
            same(material, b.material) && opacity_stop == b.opacity_stop && preintegration == b.preintegration &&
            second_order == b.second_order && filter == b.filter && gradient == b.gradient && same(clip, b.clip) &&
+           // Not its depths: they belong to one camera, and settings chosen for one view serve others near it.
            depth_limit.has_value() == b.depth_limit.has_value() && gradient_opacity == b.gradient_opacity &&
            same(depth_cue, b.depth_cue) && shadows == b.shadows && same(ambient_occlusion, b.ambient_occlusion) &&
            background == b.background && !part && !b.part;

@@ -33,12 +33,12 @@ def all_invisible() -> Parts:
     return parts([cloud(chance("invisible"), 60)], transfer=[(1.5, 1, 0.5, 0.2, 0.0), (2, 1, 1, 1, 0.5)], size=SIZE)
 
 
-@case("field", "all of it beside the picture", outcome=TRANSPARENT)
+@case("field", "all kernels outside the picture", outcome=TRANSPARENT)
 def all_outside() -> Parts:
     return parts([cloud(chance("outside"), 60)], parallel(at=(50, 60, 70)), size=SIZE)
 
 
-@case("field", "all of it behind the eye", outcome=TRANSPARENT)
+@case("field", "all kernels behind the eye", outcome=TRANSPARENT)
 def all_behind() -> Parts:
     camera = central()
     eye, target = np.asarray(camera["eye"]), np.asarray(camera["target"])
@@ -55,7 +55,7 @@ def nan_not_skipped() -> Parts:
     return parts([{"values": np.full((4, 5, 6), np.nan)}], size=SIZE)
 
 
-@case("field", "half of a lattice's samples NaN, skipped, divided by what is left")
+@case("field", "half of a lattice's samples NaN, skipped, divided by the weights of the others")
 def half_nan() -> Parts:
     one = lattice("nan", nan="skip", normalization="threshold", w0=0.1)
     one["values"][chance("half").random(one["values"].shape) < 0.5] = np.nan

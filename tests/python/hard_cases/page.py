@@ -55,7 +55,7 @@ def table() -> str:
             lines.append(_row(f"`{name}`", one.words, _outcome_text(one), *figures))
         lines.append("")
     lines += [
-        "## Beside single pictures\n",
+        "## Several pictures\n",
         _row("case", "what it is", "outcome", "gl", "cpu"),
         "|---|---|---|---|---|",
     ]
@@ -67,7 +67,7 @@ def table() -> str:
                 print(f"{name} on {backend}: {wrong}", file=sys.stderr)
             figures.append(f"**{text}**" if wrong else text)
         lines.append(_row(f"`{name}`", promise.words, promise.outcome, *figures))
-    lines += ["", PROMISE, _row("field", "way", *BACKENDS), "|---|---|---|---|"]
+    lines += ["", PROMISE, _row("field", "option", *BACKENDS), "|---|---|---|---|"]
     import test_frame_to_frame as turning
 
     for kind, way in turning.SCENES:
@@ -91,56 +91,61 @@ TITLES = {
 
 INTRODUCTION = """# Hard cases
 
-Every case has its outcome written down beside its scene, in `tests/python/hard_cases/`, and
-`tests/python/test_hard_cases.py` holds each backend to it. `python -m hard_cases.page --table` in `tests/python`
-makes this page.
+Scenes that are hard to render accurately, and the errors that each backend was measured to have. The scenes and their
+expected outcomes are in `tests/python/hard_cases/`; `tests/python/test_hard_cases.py` tests each backend against them.
+`python -m hard_cases.page --table` in `tests/python` makes this page.
 
-Figures are RMSE / largest difference from the float64 reference, premultiplied RGBA, over all pixels that are not
-ambiguous ([conventions](conventions.md), section 9; where pixels were left out, their number stands beside). "within
-section 9": RMSE at most 2·10⁻⁵ and P99.9 at most 2·10⁻⁴ for gentle scenes, 10⁻⁴ and 10⁻³ for all others. An outcome
-that names an error is a clear refusal, which says what was found, what was wanted and what to do. float64: the plan
-chose it by itself, as float32 would not keep the bound. `auto` takes the first backend that draws the case. 0: nothing
-can be seen, and every number is exactly 0. A figure in bold would be a fault: the bound missed without an
-error.
+Figures are RMSE / largest difference from the float64 reference, in premultiplied RGBA, over all pixels that are not
+ambiguous ([conventions](conventions.md), section 9); the number of ambiguous pixels is given where there are any. The
+outcomes:
+
+- *within section 9*: RMSE at most 2·10⁻⁵ and P99.9 at most 2·10⁻⁴ for scenes that meet the condition in the first row
+  of the bounds in that section, 10⁻⁴ and 10⁻³ for all others;
+- *transparent, exactly*: nothing can be seen, and every number of the picture is exactly 0; its figure is 0;
+- the name of an error: the scene is refused with that error, which says what was found, what was wanted and what to do.
+
+*float64* marks figures of scenes for which the plan chose float64, because float32 would not keep the bound. `auto`
+takes the first backend that draws the case. A figure in bold would be a fault of the program: the outcome was missed.
 """
 
 PROMISE = """## From frame to frame
 
-With A_stop = 1, a transfer function without steps whose opacity at 0 is 0, and no near plane among kernels, the picture
-of the definition is a continuous function of the view: slices, sections and supports end at 0. So it has a derivative
-by the angle (but for kinks), and this is promised of every backend:
+With A_stop = 1, a transfer function without steps whose opacity at 0 is 0, and no kernels cut by the near plane, the
+picture that conventions.md defines is a continuous function of the view, because the contributions of slices, sections
+and kernels fall to 0 at their ends. It therefore has a derivative with respect to the angle (except at kinks), and
+every backend keeps this bound:
 
-> When the view is turned by δ = 0.01°, no pixel changes by more than δ times the largest analytic derivative on the
-> way, once, plus 2·10⁻⁴.
+> When the view is rotated by δ = 0.01°, no pixel changes by more than δ times the largest analytic derivative between
+> the two views, plus 2·10⁻⁴.
 
-What is kept is sharper: the change of every pixel is the reference's change between the same two views, within
-2·10⁻⁴ (section 9's P99.9 for gentle scenes; here it holds for all pixels). So nothing pops where samples change their
-buckets or their order, where slices begin and end, where kernels are culled or the plan changes.
-`tests/python/test_frame_to_frame.py` turns seven fields through views along an axis, along the diagonals of a face and
-of the body, half a step off an axis, and others; a second test makes the angle twenty times smaller and sees the
-reference's own change shrink along, which a jump would not. Largest difference of the two changes:
+The tests check a stricter bound: the change of every pixel is equal to the reference's change between the same two
+views within 2·10⁻⁴ (the smaller P99.9 of section 9, here for all pixels). So no pixel jumps where samples change their
+buckets or their order, where slices begin and end, where kernels are culled or where the plan changes.
+`tests/python/test_frame_to_frame.py` rotates seven fields through views along an axis, along the diagonals of a face
+and of the cube, half a step off an axis, and others. A second test makes the angle twenty times smaller and checks that
+the reference's own change becomes smaller too, which a jump would not. The largest difference of the two changes:
 """
 
 CLOSING = """
-Pictures jump, and so may be off at single pixels, where the transfer function has steps, in mode isosurface, where
-opacity at 0 is above 0, and where A_stop is below 1.
+A picture may jump, so that single pixels differ from the reference by more, where the transfer function has steps, in
+mode isosurface, where opacity at 0 is above 0, and where A_stop is below 1.
 
 ## A picture of 20,000 × 20,000
 
 `sheetsplat.tiles.render_tiles` draws a picture of an orthographic camera tile by tile into an .npy file; every tile has
-the slices of the whole picture. `./run bench huge` draws 20,000 × 20,000 pixels (6.4 GB) and
-compares 64 windows with the reference, 32 of them across borders of tiles and 16 of these at their corners. On two
-shared cores: 67 s, a peak of 195 MB, RMSE at most 7.0·10⁻⁷, largest difference 3.0·10⁻⁶. A perspective picture cannot
-be drawn in parts, because its parts would need an off-axis projection: that is an error.
+the slices of the whole picture. `./run bench huge` draws 20,000 × 20,000 pixels (6.4 GB) and compares 64 windows of it
+with the reference; 32 of them lie across borders of tiles, and 16 of these at corners of tiles. On two shared cores
+this took 67 s and at most 195 MB of memory; RMSE was at most 7.0·10⁻⁷, the largest difference 3.0·10⁻⁶. A perspective
+camera is refused, because the parts of its picture would need an off-axis projection.
 
 ## Random tests
 
-`tests/python/test_fuzz_scenes.py` draws scenes by hypothesis (fields, cameras, transfer functions, effects, settings)
-and compares each backend with the reference: as they are, with kernels reordered or split into two that share the
-weight, in another unit of length, at another place and in tiles of any size. `tests/python/test_fuzz_readers.py`
-damages valid files of 33 kinds: a reader must answer with a field or an error of the package, within 256 MB and 20 s.
-`SHEETSPLAT_FUZZ=2000` draws more, anew each time. `tests/python/fuzz_readers.py` follows the readers' branches
-(atheris).
+`tests/python/test_fuzz_scenes.py` generates scenes with the library Hypothesis (fields, cameras, transfer functions,
+effects, settings) and compares each backend with the reference: the scene as it is, with its kernels reordered or each
+split into two that share the weight, in another unit of length, translated, and in tiles of any size.
+`tests/python/test_fuzz_readers.py` damages valid files of 33 kinds: a reader must return a field or raise an error of
+the package, within 256 MB and 20 s. `SHEETSPLAT_FUZZ=2000` generates more examples, other ones in each run.
+`tests/python/fuzz_readers.py` is guided by the coverage of the readers' code (atheris).
 """
 
 

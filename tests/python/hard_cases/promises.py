@@ -65,7 +65,7 @@ def picture(name: str, renderer: ss.Renderer) -> NDArray[np.float32]:
 
 
 @promised(
-    "the same picture again, by the same renderer between other pictures, and by another one", "every bit the same"
+    "the same picture again, by the same renderer after other pictures, and by another renderer", "identical to the bit"
 )
 def repeated_frames(backend: str) -> tuple[str, str]:
     one, other = ss.Renderer(backend), ss.Renderer(backend)  # type: ignore[arg-type]
@@ -103,7 +103,7 @@ def of_each_kernel(one: Parts, change: Callable[[NDArray[Any]], NDArray[Any]]) -
     }
 
 
-@promised("kernels in any order", WITHIN)
+@promised("the kernels in another order", WITHIN)
 def any_order(backend: str) -> tuple[str, str]:
     def turned(one: Parts, turn: int) -> Parts:
         count = len(one["centers"])
@@ -113,7 +113,7 @@ def any_order(backend: str) -> tuple[str, str]:
     return worst_of(backend, turned, 2)
 
 
-@promised("one kernel split into two of half its weight", WITHIN)
+@promised("each kernel split into two of half its weight", WITHIN)
 def halves(backend: str) -> tuple[str, str]:
     def halved(one: Parts, _: int) -> Parts:
         weights = 0.5 * np.asarray(one.get("weights", np.ones(len(one["centers"]))))
@@ -138,19 +138,19 @@ def made_and_dropped(backend: str, count: int) -> tuple[str, str]:
         for _ in range(count)
     )
     more = open_files() - files
-    text = f"{changed} pictures changed, {more} files left"
+    text = f"{changed} pictures changed, {more} files left open"
     return text, "" if changed == 0 and more <= 0 else text
 
 
 @promised(
-    "40 renderers made and dropped, each with a context of its own (1,000 in `test_lifetime`)",
-    "nothing is left of them",
+    "40 renderers made and destroyed, each with its own context (1,000 in `test_lifetime`)",
+    "the same pictures, and no file stays open",
 )
 def contexts(backend: str) -> tuple[str, str]:
     return made_and_dropped(backend, 40)
 
 
-@promised("8 threads, with one renderer for all and with one for each", "every bit the same")
+@promised("8 threads, with one shared renderer and with one renderer each", "identical to the bit")
 def eight_threads(backend: str) -> tuple[str, str]:
     names = ("needles_10_crossing", "half_nan", "thin_slab")
     shared = ss.Renderer(backend)  # type: ignore[arg-type]

@@ -74,13 +74,13 @@ for _aspect in (1, 10, 1_000, 100_000):
         add(
             f"{_shape}_{_aspect}_apart",
             "shape",
-            f"1,000 {_what} of random orientations, each in a place of its own",
+            f"1,000 {_what} of random orientations that do not overlap",
             partial(side_by_side, _aspect, _shape),
         )
         add(
             f"{_shape}_{_aspect}_crossing",
             "shape",
-            f"1,000 {_what} of random orientations, a pixel thin, through one another",
+            f"1,000 {_what} of random orientations, one pixel thin, that intersect",
             partial(crossing, _aspect, _shape),
             but={"gl": MAGNIFIED} if _aspect == 100_000 else {},
         )
@@ -97,7 +97,7 @@ for _shape in ("needles", "disks"):
 
 @case(
     "shape",
-    "1,000 disks of 1:100,000, a pixel thin, lit, askew to the view: 2,880 pixels are a reference length",
+    "1,000 disks of 1:100,000 of random orientations, one pixel thin, lit: a reference length is 2,880 pixels",
     but={"gl": MAGNIFIED},
 )
 def disks_100000_askew() -> Parts:
@@ -168,7 +168,7 @@ for _perspective in (False, True):
     add(
         f"far_{_kind}",
         "place",
-        f"centres around 1e9, {_kind}: the picture of the same about 0",
+        f"centres around 1e9, {_kind}: same picture as around the origin",
         partial(place, "far", (1e9, -1e9, 1e9), perspective=_perspective),
         like=partial(place, "far", perspective=_perspective),
     )
@@ -178,7 +178,7 @@ for _perspective in (False, True):
                 f"world_{_scale:g}_{'lattice' if _regular else 'ellipsoids'}_{_kind}",
                 "place",
                 f"{'a lattice' if _regular else 'ellipsoids'} in a world {_scale:g} times as large, {_kind}: "
-                "an unchanged picture",
+                "same picture as in the original world",
                 partial(place, "scaled", unit_of_length=_scale, perspective=_perspective, regular=_regular),
                 like=partial(place, "scaled", perspective=_perspective, regular=_regular),
             )

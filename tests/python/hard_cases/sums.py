@@ -49,7 +49,7 @@ for _count in (1, 100, 10_000, 100_000):
         add(
             f"spot_{_count}_{_look}",
             "sums",
-            f"{_count:,} kernels on one spot, {_look}",
+            f"{_count:,} kernel{'s' if _count > 1 else ''} at one point, {_look}",
             partial(spot, _count, _lit),
             but={"gl": CROWDED} if (_lit and _count >= 10_000) or _count >= 100_000 else {},
         )
@@ -57,14 +57,14 @@ for _count in (1, 100, 10_000, 100_000):
         add(
             f"signs_{_count}",
             "sums",
-            f"{_count:,} kernels of alternating signs on one spot, which add up to one",
+            f"{_count:,} kernels of alternating signs at one point, whose values add up to 1",
             partial(signs, _count),
             but={"gl": CROWDED} if _count > 10_000 else {},
         )
         add(
             f"cancelled_{_count}",
             "sums",
-            f"{_count:,} kernels in pairs that cancel: nothing",
+            f"{_count:,} kernels in pairs whose sums are 0",
             partial(cancelled, _count),
         )
 
@@ -82,7 +82,7 @@ for _offset in (300.0, 1e9):
         add(
             f"window_{_offset:g}_{_look}",
             "sums",
-            f"a transfer function over {_offset:g} … {_offset:g} + 1, {_look}",
+            f"values and transfer function from {_offset:g} to {_offset:g} + 1, {_look}",
             partial(window, _offset, _lit),
             but={"gl": Refused(ss.Unsupported, "values up to")} if _offset > 1e3 else {},
         )
@@ -95,7 +95,7 @@ def lit_from_behind(one: Parts) -> Parts:
     return made | {"lights": [{"direction": (0.0, 0.0, -1.0)}], "material": MATERIAL | {"two_sided": False}}
 
 
-@case("sums", "the same value everywhere, a light from behind: no gradient but rounding")
+@case("sums", "the same value everywhere, a light from behind: gradients are rounding errors alone")
 def equal_values_lit_from_behind() -> Parts:
     return lit_from_behind(cloud(chance("equal"), 600, 12.0, 1.5, w0=1e-3))
 
@@ -107,7 +107,7 @@ def equal_lattice_lit_from_behind() -> Parts:
 
 @case(
     "sums",
-    "one value and one weight on one spot, two-sided: gradient zero everywhere",
+    "one kernel, two-sided light: the gradient is 0 everywhere",
     but={"gl": Refused(ss.Unsupported, r"weights of up to 1e\+06 times w0")},
 )
 def gradient_zero() -> Parts:
@@ -127,7 +127,7 @@ for _size in (1e-30, 1e30):
         add(
             f"values_{_size:g}_{_what}",
             "sums",
-            f"values of {_size:g}, {_what}: the picture of values of 1",
+            f"values of {_size:g}, {_what}: same picture as with values of 1",
             partial(magnitude, _size, _what),
             like=partial(magnitude, 1.0, _what),
         )
@@ -140,7 +140,7 @@ def denormal_values() -> Parts:
     return parts([one], transfer=shifted(GENTLE, 0, 1e-310), size=SIZE)
 
 
-@case("sums", "some values and weights denormal, beside ordinary ones")
+@case("sums", "some values and weights denormal, the others of ordinary size")
 def denormals_among_others() -> Parts:
     one = cloud(chance("denormals"), 60, 2.0, w0=0.5)
     one["values"][::2] = 5e-324
@@ -164,7 +164,7 @@ def weights_of_12_orders(w0: float, lit: bool) -> Parts:
 
 _words = "weights over 12 orders of magnitude"
 add("weights_12_orders", "sums", _words, partial(weights_of_12_orders, 0.3, True))
-_words += ", a threshold below all of them"
+_words += ", w₀ below all of them"
 add("weights_12_orders_divided", "sums", _words, partial(weights_of_12_orders, 1e-9, False))
 add("weights_12_orders_divided_lit", "sums", f"{_words}, lit", partial(weights_of_12_orders, 1e-9, True))
 
@@ -184,6 +184,6 @@ for _w0 in (1e-3, 1e-9, 1e-30):
         add(
             f"border_{_w0:g}_{_what}",
             "sums",
-            f"divided by weights that fall to 0 at borders, w₀ = {_w0:g}, {_what}",
+            f"divided by sums of weights that fall to 0 at borders, w₀ = {_w0:g}, {_what}",
             partial(border, _w0, _what),
         )

@@ -87,10 +87,10 @@ for _regular in (False, True):
         add(
             f"outside_{_fov:g}_{_what}",
             "camera",
-            f"{_fov:g} degrees from outside, {_what}",
+            f"{_fov:g} degrees, the eye outside the field, {_what}",
             partial(outside, _regular, _fov),
         )
-    add(f"near_plane_{_what}", "camera", f"a near plane through kernels, {_what}", partial(cut, _regular))
+    add(f"near_plane_{_what}", "camera", f"a near plane that cuts kernels, {_what}", partial(cut, _regular))
 
 
 @case("camera", "kernels larger than the picture, orthographic")
@@ -98,7 +98,7 @@ def larger_than_the_picture() -> Parts:
     return parts([around_the_target(False)], parallel(height=0.01), size=SIZE)
 
 
-@case("camera", "kernels 1e5 times as large as the picture that contain the eye")
+@case("camera", "kernels 1e5 times as large as the picture, which contain the eye")
 def around_the_eye() -> Parts:
     rng = chance("around")
     one = cloud(rng, 20, w0=0.5)
@@ -153,7 +153,7 @@ LOOKS = [
     ("spike_preintegrated", "the same spike, pre-integrated", SPIKE, {"lit": False, "preintegration": True}),
     (
         "constant",
-        "a constant transfer function: emptiness alone is transparent",
+        "a constant transfer function: only empty points are transparent",
         [(0.0, 0.7, 0.5, 0.3, 0.1), (1.0, 0.7, 0.5, 0.3, 0.1)],
         {},
     ),

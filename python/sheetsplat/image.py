@@ -23,6 +23,7 @@ from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
 from sheetsplat.recipe import LONGEST, Recipe
 from sheetsplat.scalar_colors import ScalarColors
+from sheetsplat.supersampling import averaged, mean
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
@@ -50,6 +51,8 @@ class ErrorEstimate:
         Estimate of each pixel, root mean square over its channels, float32 (h, w); the mean of the squares is the
         square of `rmse`.
 
+    Of a picture of several samples a pixel all of them are those of the samples, which their mean does not exceed.
+
     Examples
     --------
     >>> estimate = ss.render(values, size=(32, 32)).error
@@ -62,12 +65,16 @@ class ErrorEstimate:
     map: NDArray[np.float32]
 
     @classmethod
-    def of_native(cls, native: _sheetsplat.ErrorEstimate) -> ErrorEstimate:
-        """Return the estimate of the native module."""
+    def of_native(cls, native: _sheetsplat.ErrorEstimate, samples: int = 1) -> ErrorEstimate:
+        """Return the estimate of the native module, of a picture of samples x samples a pixel.
+
+        The square of a mean is at most the mean of the squares.
+        """
         budget: dict[str, float] = {}
         for cause, rmse in native.budget:
             budget[cause] = float(np.hypot(budget.get(cause, 0.0), rmse))
-        return cls(rmse=native.rmse, budget=budget, map=native.map)
+        squares = None if samples == 1 else mean(np.square(native.map), samples)
+        return cls(rmse=native.rmse, budget=budget, map=native.map if squares is None else np.sqrt(squares))
 
     def __eq__(self, other: object) -> bool:
         """Return whether all numbers are the same."""
@@ -117,11 +124,13 @@ class Image:
         depth_limit: Depths | None = None,
     ) -> None:
         self._depth_limit = depth_limit
-        self._rgba: NDArray[np.float32] | None = native.rgba
-        self._scalar: NDArray[np.float32] | None = native.scalar
-        self._coverage: NDArray[np.float32] | None = native.coverage
-        self._depth: NDArray[np.float32] | None = native.depth
-        self._plan = RenderPlan.of_native(native.plan, recipe.notes, None if scene is None else scene.quality)
+        samples = recipe.options["supersampling"]
+        arrays = averaged(native, samples)
+        self._rgba: NDArray[np.float32] | None = arrays.rgba
+        self._scalar: NDArray[np.float32] | None = arrays.scalar
+        self._coverage: NDArray[np.float32] | None = arrays.coverage
+        self._depth: NDArray[np.float32] | None = arrays.depth
+        self._plan = RenderPlan.of_native(native.plan, recipe.notes, None if scene is None else scene.quality, samples)
         self._settings: dict[str, Any] | None = native.settings
         self._stats: dict[str, float] = native.stats
         self._recipe = recipe
@@ -186,6 +195,8 @@ class Image:
     @property
     def depth(self) -> NDArray[np.float32]:
         """Depth at which opacity first reaches one half, float32 (h, w), infinite where none.
+
+        Of several samples a pixel the nearest.
 
         InvalidInput unless asked for.
         """

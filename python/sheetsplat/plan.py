@@ -123,6 +123,8 @@ class RenderPlan:
         Description of the device.
     size
         (width, height) in pixels.
+    supersampling
+        Samples a pixel along each axis.
     slice_spacing
         Distance of slices in world units.
     first_slice, slices
@@ -170,17 +172,28 @@ class RenderPlan:
     picture_ms: float | None = None
     notes: tuple[str, ...] = ()
     quality: PictureQuality | None = None
+    supersampling: int = 1
 
     @classmethod
     def of_native(
-        cls, native: _sheetsplat.RenderPlan, notes: tuple[str, ...] = (), quality: PictureQuality | None = None
+        cls,
+        native: _sheetsplat.RenderPlan,
+        notes: tuple[str, ...] = (),
+        quality: PictureQuality | None = None,
+        samples: int = 1,
     ) -> RenderPlan:
-        """Return the plan of the native module, with notes on what is shown, and what a quality set."""
+        """Return the plan of the native module, with notes on what is shown, and what a quality set.
+
+        The native module draws samples x samples pixels for each one.
+        """
         same = {one.name: getattr(native, one.name) for one in fields(cls) if hasattr(native, one.name)}
         effects = tuple(Effect(*parts) for parts in native.effects)
+        width, height = native.size
         return cls(
             **{
                 **same,
+                "size": (width // samples, height // samples),
+                "supersampling": samples,
                 "effects": effects,
                 "error_budget": dict(native.error_budget),
                 "notes": notes,
@@ -212,7 +225,7 @@ class RenderPlan:
             ("precision", self.precision),
             ("packing", self.packing),
             ("tagging", self.tagging),
-            ("size", f"{self.size[0]} x {self.size[1]} pixels"),
+            ("size", f"{self.size[0]} x {self.size[1]} pixels{self._samples()}"),
             ("slices", f"{self.slices}, {self.slice_spacing:g} apart, the first is n = {self.first_slice}"),
             ("memory", f"{self.memory / 1e6:.1f} MB beside the fields"),
         ]
@@ -230,6 +243,10 @@ class RenderPlan:
             lines += ["", f"error expected {away}, root mean square: an estimate, no bound"]
             lines += [f"{cause:<{width}}  {rmse:.2g}" for cause, rmse in budget.items()]
         return "\n".join(lines)
+
+    def _samples(self) -> str:
+        """Return how many samples a pixel has, where there are several."""
+        return "" if self.supersampling == 1 else f", {self.supersampling} x {self.supersampling} samples each"
 
     def _table(self) -> list[str]:
         """Return the lines of the effects: name, on or off, expected error, cost where measured, reason."""

@@ -34,6 +34,7 @@ from sheetsplat.plan import RenderPlan
 from sheetsplat.quality.thin import may_be_flat, unmet_kernels
 from sheetsplat.recipe import Recipe
 from sheetsplat.scene import Scene
+from sheetsplat.supersampling import counting_samples, fine_depths, fine_size
 
 _log = logging.getLogger("sheetsplat")
 
@@ -82,15 +83,22 @@ class _View(NamedTuple):
         return cls(scene, camera, pixels, _names(outputs), checked_depths(depth_limit, camera, pixels))
 
     @property
+    def samples(self) -> int:
+        """Samples a pixel along each axis."""
+        return self.scene.supersampling
+
+    @property
     def native_scene(self) -> _sheetsplat.Scene:
         """The scene of the native renderer, to which depth limits belong."""
         native = self.scene.native
-        return native if self.depth_limit is None else native.with_depth_limit(self.depth_limit)
+        limit = fine_depths(self.depth_limit, self.samples)
+        return native if limit is None else native.with_depth_limit(limit)
 
     def native(self) -> dict[str, Any]:
-        """Return the arguments of the native renderer."""
+        """Return the arguments of the native renderer, which draws a pixel for each sample."""
+        size = fine_size(self.size, self.samples)
         also = {name: name in self.outputs for name in OUTPUTS}
-        return {"scene": self.native_scene, "camera": self.camera.native, "size": self.size, **also}
+        return {"scene": self.native_scene, "camera": self.camera.native, "size": size, **also}
 
 
 def _check_progress(progress: object) -> None:
@@ -227,7 +235,9 @@ class Renderer:
             As `render` would.
         """
         view = _View.of(scene, camera, size, outputs, depth_limit)
-        plan = RenderPlan.of_native(self.native.plan(**view.native()), scene.notes, scene.quality)
+        with counting_samples(view.samples):
+            native = self.native.plan(**view.native())
+        plan = RenderPlan.of_native(native, scene.notes, scene.quality, view.samples)
         self._warn_of_unused(plan)
         return plan
 
@@ -332,7 +342,9 @@ class Renderer:
         view = _View.of(scene, camera, size, outputs, depth_limit)
         _check_progress(progress)
         began = time.perf_counter()
-        return self._finished(self.native.render(**view.native(), progress=progress), view, began)
+        with counting_samples(view.samples):
+            native = self.native.render(**view.native(), progress=progress)
+        return self._finished(native, view, began)
 
     def progressive(
         self,
@@ -371,23 +383,31 @@ class Renderer:
         view = _View.of(scene, camera, size, outputs, depth_limit)
         _check_progress(progress)
         seconds = number("Renderer: first_seconds", first_seconds)
-        stages = self.native.begin_stages(**view.native(), first_seconds=seconds)
+        with counting_samples(view.samples):
+            stages = self.native.begin_stages(**view.native(), first_seconds=seconds)
         return self._stages(stages, view, progress)
 
     def _stages(self, stages: _sheetsplat.Stages, view: _View, progress: Progress | None) -> Iterator[Image]:
         while not stages.done:
             began = time.perf_counter()
-            native = self.native.next_stage(stages, progress=progress)
+            with counting_samples(view.samples):
+                native = self.native.next_stage(stages, progress=progress)
             yield self._finished(native, view, began)
 
     def _finished(self, native: _sheetsplat.Image, view: _View, began: float) -> Image:
         scene, camera = view.scene, view.camera
 
-        def estimate(progress: Progress | None) -> ErrorEstimate:
-            found = self.native.estimate_error(native, view.native_scene, camera.native, progress=progress)
-            return ErrorEstimate.of_native(found)
+        # The picture of many samples a pixel is drawn again for its error, in place of being kept. Settings that a goal
+        # chose may differ at the next time.
+        goals = [goal for goal in ("max_error", "max_seconds") if self._settings[goal] is not None]
+        kept = native if view.samples == 1 or goals else None
 
-        image = Image(native, self._recipe(native, scene, camera), estimate, scene, view.depth_limit)
+        def estimate(progress: Progress | None) -> ErrorEstimate:
+            drawn = self.native.render(**view.native(), progress=progress) if kept is None else kept
+            found = self.native.estimate_error(drawn, view.native_scene, camera.native, progress=progress)
+            return ErrorEstimate.of_native(found, view.samples)
+
+        image = Image(native, self._recipe(native, view), estimate, scene, view.depth_limit)
         width, height = image.size
         plan = image.plan
         self._warn_of_unused(plan)
@@ -396,7 +416,6 @@ class Renderer:
             stage = f"stage {image.stats['stage']:.0f} of {image.stats['stages']:.0f}, "
         seconds = time.perf_counter() - began
         _log.info("rendered %s%d x %d on %s in %.3f s", stage, width, height, plan.backend, seconds)
-        goals = [goal for goal in ("max_error", "max_seconds") if self._settings[goal] is not None]
         settings = "settings for " + " and ".join(goals)
         for goal in goals:
             if image.stats.get(f"{goal}_kept") == 0:
@@ -412,7 +431,7 @@ class Renderer:
             _log.debug("stats %s", image.stats)
         return image
 
-    def _recipe(self, native: _sheetsplat.Image, scene: Scene, camera: Camera) -> Recipe:
+    def _recipe(self, native: _sheetsplat.Image, view: _View) -> Recipe:
         """Return how a picture was made, with what a goal chose in place of what was given."""
         chosen = dict(native.settings or {})
         settings = {**self._settings, "backend": native.plan.backend}
@@ -420,7 +439,7 @@ class Renderer:
             settings["precision"] = chosen.pop("precision")
             second_order = chosen.pop("second_order")
             chosen["preintegration"] = "second_order" if second_order else chosen["preintegration"]
-        return Recipe.of(scene, camera, native.size, settings, **chosen)
+        return Recipe.of(view.scene, view.camera, view.size, settings, **chosen)
 
     @staticmethod
     def _warn_of_unmet(image: Image, scene: Scene) -> None:

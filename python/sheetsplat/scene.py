@@ -109,8 +109,8 @@ class Scene:
         self._groups, self._quality = _groups(field, transfer_function), None
         self._options = checked("Scene", options, SceneOptions)
         native = {name: _native(value) for name, value in self._options.items()}
-        # The engine makes the numbers of a scalar picture; the image makes their colours.
-        del native["scalar_colors"]
+        # The engine makes the numbers of a scalar picture; the image makes their colours, and the mean of samples.
+        del native["scalar_colors"], native["supersampling"]
         native["filter"] = native["filter"] or "none"
         native["second_order"] = native["preintegration"] == "second_order"
         native["preintegration"] = bool(native["preintegration"])
@@ -223,6 +223,12 @@ class Scene:
     def filter(self) -> str | None:
         """Filter of kernels before slicing: None or "ewa"."""
         found: str | None = self._options["filter"]
+        return found
+
+    @property
+    def supersampling(self) -> int:
+        """Samples a pixel along each axis."""
+        found: int = self._options["supersampling"]
         return found
 
     @property

@@ -121,7 +121,7 @@ def render_tiles(
     renderer
         The renderer; a new one unless given.
     tile
-        Largest edge of a tile in pixels.
+        Largest edge of a tile in pixels; with several samples a pixel in samples.
     progress
         Called with the finished share, 0 to 1, as often as `Renderer.render` calls it; False stops the rendering.
     depth_limit
@@ -169,7 +169,8 @@ def render_tiles(
     window(camera, (width, height), (0, 0), (1, 1))
     depths = checked_depths(depth_limit, camera, (width, height))
     drawing = Renderer() if renderer is None else renderer
-    all_pieces = list(pieces((width, height), edge))
+    # Tiles with as many samples as they would have pixels.
+    all_pieces = list(pieces((width, height), max(1, edge // scene.supersampling)))
     with whole_file(target) as made:
         open_memmap(made, mode="w+", dtype=np.float32, shape=shape).flush()
         for number, (column, row, across, down) in enumerate(all_pieces):

@@ -22,6 +22,7 @@ from sheetsplat.limits import Depths
 from sheetsplat.plan import RenderPlan
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
+from sheetsplat.supersampling import fine_depths, fine_size
 
 # Coefficients of a prefilter exceed the samples at most so many times more than its condition says.
 _LARGER = 1.05
@@ -63,7 +64,7 @@ def view_of(
     depth_limit: Depths | None,
     settings: Mapping[str, Any],
 ) -> BrickView:
-    """Return what a picture needs of each brick of the field of a scene.
+    """Return what a picture needs of each brick of the field of a scene: a pixel for each of its samples.
 
     Raises
     ------
@@ -77,9 +78,9 @@ def view_of(
         scene.transfer_function,
         scene.options,
         camera,
-        size,
+        fine_size(size, scene.supersampling),
         outputs,
-        depth_limit,
+        fine_depths(depth_limit, scene.supersampling),
         one_backend(settings),
         lattice,
     )
@@ -161,4 +162,4 @@ def planned(scene: Scene, view: BrickView) -> tuple[BrickView, RenderPlan]:
     plan = renderer.native.plan(scene=native, camera=view.camera.native, size=view.size, **also)
     if plan.precision == "float64":
         view = view.replace(settings={**view.settings, "precision": "float64"})
-    return view, RenderPlan.of_native(plan, scene.notes, scene.quality)
+    return view, RenderPlan.of_native(plan, scene.notes, scene.quality, scene.supersampling)

@@ -24,6 +24,7 @@ from sheetsplat.plan import RenderPlan
 from sheetsplat.recipe import Recipe
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
+from sheetsplat.supersampling import averaged
 
 _log = logging.getLogger("sheetsplat")
 
@@ -145,20 +146,23 @@ def finished_image(
     stats: dict[str, float],
 ) -> Image:
     """Return a picture that was drawn in bricks, with how it was made."""
-    width, height = view.size
+    samples = scene.supersampling
+    width, height = view.size[0] // samples, view.size[1] // samples
+    limit = None if view.depth_limit is None else view.depth_limit[::samples, ::samples]
+    arrays = averaged(finished, samples)
     _log.info(
         "rendered %d x %d in %.0f of %.0f bricks, %.0f read", width, height, stats["bricks_drawn"], stats["bricks"],
         stats["bricks_read"],
     )  # fmt: skip
-    recipe = Recipe.of(scene, view.camera, view.size, view.settings)
+    recipe = Recipe.of(scene, view.camera, (width, height), view.settings)
     return image_of(
         recipe,
         plan,
         stats,
-        rgba=finished.rgba,
-        scalar=finished.scalar,
-        coverage=finished.coverage,
-        depth=finished.depth,
-        depth_limit=view.depth_limit,
+        rgba=arrays.rgba,
+        scalar=arrays.scalar,
+        coverage=arrays.coverage,
+        depth=arrays.depth,
+        depth_limit=limit,
         scene=scene,
     )

@@ -5,13 +5,13 @@ from typing import Annotated, Any, Literal, TypedDict, get_args
 
 import numpy as np
 
-from sheetsplat._checks import Vector, choice, color, instance, number, optional_number, parts, shown, truth
+from sheetsplat._checks import Vector, choice, color, instance, number, optional_number, parts, shown, truth, whole
 from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
 from sheetsplat.errors import complain, unusable
 from sheetsplat.light import Light, Material
 from sheetsplat.options.checks import instance_of, one_of, optional, or_default
 from sheetsplat.options.core import COLORED, COMPOSITE, SCALAR, CommandLine, Mode, Option
-from sheetsplat.options.values import POSITIVE, Numbers, Real, Special
+from sheetsplat.options.values import POSITIVE, Numbers, Real, Special, Whole
 from sheetsplat.scalar_colors import ScalarColors
 
 Sampling = Literal["point", "slab"]
@@ -25,6 +25,8 @@ IsoValue = float | Sequence[tuple[float, float]]
 # An iterator of lights may have no end.
 _MOST_LIGHTS = 4096
 _MOST_SURFACES = 256
+#: Most samples a pixel along each axis.
+MOST_SAMPLES = 4
 
 
 def _lights(what: str, lights: object) -> tuple[Light, ...]:
@@ -80,6 +82,16 @@ def _occlusion(what: str, value: object) -> AmbientOcclusion | None:
     if isinstance(value, str):
         raise complain(unusable(what), shown(value), wanted, "of sheetsplat.render also True")
     return AmbientOcclusion(number(what, value))
+
+
+def _samples(what: str, value: object) -> int:
+    """Return the number of samples a pixel along each axis."""
+    wanted = f"a whole number from 1 to {MOST_SAMPLES}"
+    result = whole(what, value, wanted)
+    if not 1 <= result <= MOST_SAMPLES:
+        advice = "4 stands for 4 x 4 samples a pixel" if result > MOST_SAMPLES else ""
+        raise complain(unusable(what), str(result), wanted, advice)
+    return result
 
 
 def _filter(what: str, value: object) -> str | None:
@@ -239,6 +251,17 @@ class SamplingOptions(TypedDict, total=False):
                     switch=True,
                 ),
             ),
+        ),
+    ]
+    supersampling: Annotated[
+        int,
+        Option(
+            "Samples a pixel along each axis, 1 to 4. The picture is the mean of n x n samples a pixel, those of the "
+            "picture of n times the width and height, and takes up to n² times as long. 1: one sample at the centre.",
+            default=1,
+            chosen="1, or more where {quality} says so",
+            check=_samples,
+            value=Whole(1, MOST_SAMPLES),
         ),
     ]
     filter: Annotated[

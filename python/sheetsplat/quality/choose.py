@@ -19,6 +19,7 @@ from sheetsplat.quality.samples import through_samples
 from sheetsplat.quality.slicing import SLICES, can_be_estimated, slicing_error
 from sheetsplat.quality.thin import may_be_thin, small_kernels
 from sheetsplat.scene import Scene
+from sheetsplat.supersampling import fine_size
 
 Made = TypeVar("Made", bound=Field)
 _AS_GIVEN = "as given"
@@ -232,7 +233,8 @@ class Choice:
         if given is None and not self._level.filters:
             self._set("filter", "off", "kernels as they are")
             return scene
-        on, reason = _calls_for_filter(scene, camera, size)
+        # The filter's pixels are those of the samples.
+        on, reason = _calls_for_filter(scene, camera, fine_size(size, scene.supersampling))
         self._set("filter", "ewa" if on else "off", reason)
         return scene.replace(filter="ewa") if on else scene
 

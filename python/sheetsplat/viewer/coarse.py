@@ -70,6 +70,7 @@ def coarse_scene(scene: Scene, fields: Sequence[Field], *, plain_light: bool) ->
     return scene.replace(
         field=groups if len(groups) > 1 else groups[0],
         slice_spacing=None,
+        supersampling=1,
         reference_length=scene.reference_length,
         **changes,
     )

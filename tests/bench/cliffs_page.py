@@ -18,13 +18,14 @@ from bench.effect_costs import EFFECTS
 _STEEP = 1.5
 _HEAD = """# What effects cost
 
-Times of frames on backend `cpu` with an effect, over those of the plain lit composite of the same field with the same
-slices. `./run bench cliffs interactive --output FOLDER` measures them, and `python -m bench.cliffs_page FOLDER` (with
-`tests` on the path) writes this page. [effects.md](effects.md) says what the effects are."""
+Times of frames on backend `cpu` with an effect, divided by those of the plain frame: the lit composite of the same
+field with the same slices. `./run bench cliffs interactive --output FOLDER` measures them, and
+`python -m bench.cliffs_page FOLDER` (with `tests` on the path) writes this page.
+[effects.md](effects.md) says what the effects are."""
 _READING = """A figure is the least processor time of up to five frames, each from another direction, over that of the
-plain frame; both take turns, so that other load on the machine meets both. In brackets: the first frame with the effect
-by a renderer that has drawn the plain scene, where it takes over 1.5 times as long as later ones. Lights of the default
-look move with the camera, so that their shadows are made for every view."""
+plain frame; the two are drawn in turn, so that other load on the machine slows both. In brackets: the first frame with
+the effect by a renderer that has drawn the plain scene, where it takes over 1.5 times as long as later ones. The
+default lights move with the camera, so that their shadows are computed for every view."""
 
 
 def _cell(row: dict[str, Any] | None) -> str:

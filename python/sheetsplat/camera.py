@@ -281,7 +281,7 @@ class Camera:
 
     @property
     def target(self) -> Triple:
-        """World position that is looked at."""
+        """World position at which the camera looks."""
         return self.native.target
 
     @property

@@ -133,7 +133,7 @@ class Complaint:
 
 
 class Error(Exception):
-    """Base of all errors that sheetsplat raises on purpose.
+    """Base class of all errors that sheetsplat raises itself.
 
     Attributes
     ----------

@@ -97,8 +97,8 @@ class Image:
     ``plt.imshow`` takes it; with ``dtype=np.uint8`` from 0 to 255. Scalars go through their colormap (`Scene`,
     ``scalar_colors``). The arrays stay valid after the image is gone.
 
-    Pictures are equal where their pixels and further outputs are, bit for bit, and what they show of what: plan and
-    times do not count.
+    Pictures are equal where their pixels and further outputs are identical to the bit, and their recipes are equal;
+    plan and times are not compared.
 
     Examples
     --------
@@ -394,7 +394,7 @@ class Image:
         ax
             The axes; those of a new figure of pyplot unless given.
         colorbar
-            Whether a colour bar stands beside it: logarithmic where the range is.
+            Whether to draw a colour bar beside it; its scale is logarithmic where the colours are.
         title
             Text above.
 
@@ -439,7 +439,7 @@ class Image:
         return annotated(self, colorbar=colorbar, axes=axes, scale_bar=scale_bar, title=title)
 
     def pick(self, x: float, y: float) -> Pick | None:
-        """Return what is seen at a pixel: its place in the world, and the field there; None where nothing is.
+        """Return what is seen at a pixel: its position in the world, and the field there; None where nothing is seen.
 
         The field is evaluated in float64 on the slices of the picture, by the kernels themselves: sampling by slabs,
         pre-integration and filters do not count. The image keeps its scene for this.
@@ -452,7 +452,7 @@ class Image:
         Raises
         ------
         InvalidInput
-            For a place outside of the picture, and for a picture without its scene, as one from a pickle.
+            For a pixel outside the picture, and for a picture without its scene, as one from a pickle.
         Unsupported
             For pictures of data in bricks.
         """

@@ -18,10 +18,10 @@ _TAKER: ContextVar[list[PictureWarning] | None] = ContextVar("sheetsplat_taker",
 
 
 class PictureWarning(UserWarning):
-    """A picture may not show what was meant.
+    """A picture may not show what was intended.
 
-    Nothing can be seen in it, its range leaves out all values, some data are shown at others' cost, an option has no
-    effect on it, or an error or a time is not kept.
+    Nothing can be seen in it, its range contains no value, some data are hidden by others, an option has no effect on
+    it, or a requested error or time is not kept.
 
     Attributes
     ----------

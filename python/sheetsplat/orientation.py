@@ -31,15 +31,15 @@ def _parallel(first: Triple, second: Triple) -> bool:
 
 @dataclass(frozen=True)
 class Orientation:
-    """Which way up a thing is, and which side of it is its front. It changes the view that is chosen, never the data.
+    """Which world direction is up in the data, and which side is the front; for the default view alone.
 
     Parameters
     ----------
     up
         World direction from its bottom to its top: three numbers, or an axis such as "z" or "-y".
     front
-        World direction from its middle to whoever sees its front; only its part at right angles to `up` counts. None:
-        no side is the front, and the first view is the isometric one.
+        World direction from its middle to a viewer who sees its front; only its part at right angles to `up` counts.
+        None: no side is the front, and the first view is the isometric one.
 
     Raises
     ------

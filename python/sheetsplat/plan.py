@@ -48,7 +48,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class QualitySetting:
-    """What became of one option that a quality may set.
+    """One option that a quality may set, and its value.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class QualitySetting:
     reason
         Why, and what it costs.
     given
-        True where the caller gave it, or the data have it already: then the quality left it as it is.
+        True where the caller gave it, or the data have it already: the quality then did not change it.
 
     Examples
     --------
@@ -100,7 +100,7 @@ class PictureQuality:
     settings: tuple[QualitySetting, ...] = ()
 
     def of(self, option: str) -> QualitySetting:
-        """Return what became of an option. KeyError for one that no quality sets in this picture."""
+        """Return the setting of an option. KeyError for one that no quality sets in this picture."""
         for setting in self.settings:
             if setting.option == option:
                 return setting

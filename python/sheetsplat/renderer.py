@@ -130,10 +130,11 @@ def _unused(settings: Mapping[str, Any], plan: RenderPlan) -> list[str]:
 
 @documented(RendererClassOptions)
 class Renderer:
-    """Makes plans and pictures; keeps the device, and what was prepared on it, between pictures.
+    """Makes plans and pictures; keeps the device, and data prepared on it, from one picture to the next.
 
-    Threads may share a renderer: they take turns. Several renderers may be used side by side. The device is opened at
-    the first plan or picture; a warning in the log then names the settings that the chosen backend does not use.
+    Threads may share a renderer, which draws for one at a time. Several renderers may be used at once. The device is
+    opened at the first plan or picture; a warning in the log then names the settings that the chosen backend does not
+    use.
 
     With `max_error` or `max_seconds` the renderer tries settings on a few pixels before the first picture of a scene.
     It changes only options of the scene that have their default values, and float64. Where these do not allow the

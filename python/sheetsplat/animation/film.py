@@ -318,7 +318,7 @@ class Animation(Sequence[Image]):
         workers, client
             What draws the frames, as for `turntable`.
         progress
-            Called with the finished share, from 0 to 1; where it returns False, the film is given up.
+            Called with the finished share, from 0 to 1; where it returns False, the film is cancelled.
         overwrite
             Replace frames of another film in a folder.
         metadata

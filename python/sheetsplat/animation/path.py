@@ -22,7 +22,7 @@ _BEYOND = 3
 
 
 class CameraPath:
-    """A smooth way through key frames. Immutable.
+    """A smooth path through key frames. Immutable.
 
     Positions follow a cubic spline and directions a spline of rotations with continuous angular acceleration (SciPy's
     CubicSpline and RotationSpline). Where all keys look at one target, the eye stays around it: distance and direction
@@ -39,8 +39,8 @@ class CameraPath:
     keys
         Cameras, two or more, all orthographic or all perspective.
     times
-        When each is reached, rising; evenly spaced unless given. For a closed path one more, when it is at the first
-        key again.
+        When each is reached, in increasing order; evenly spaced unless given. For a closed path one more, when it is
+        at the first key again.
     closed
         Whether it leads back to the first key.
 
@@ -116,7 +116,7 @@ class CameraPath:
         return self._closed
 
     def at(self, share: float) -> Camera:
-        """Return the camera at a share of the way, 0 to 1. InvalidInput for other numbers."""
+        """Return the camera at a fraction of the path, 0 to 1. InvalidInput for other numbers."""
         at = number("CameraPath: share", share)
         if not 0.0 <= at <= 1.0:
             raise complain(unusable("CameraPath: share"), f"{at:g}", "a number from 0 to 1")
@@ -138,7 +138,7 @@ class CameraPath:
         return Camera.perspective(eye, target, up, fov_y=2 * math.degrees(math.atan(ends[0])), near=ends[1])
 
     def cameras(self, count: int) -> list[Camera]:
-        """Return cameras at even distances in time, the first and the last key among them; of a closed path not both.
+        """Return cameras at equal steps of time, from the first key to the last; a closed path leaves out the last.
 
         Raises InvalidInput unless `count` is a whole number from 1 on.
         """

@@ -38,8 +38,9 @@ _REFUSED = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "re
 def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> BrickedField | BrickedKernels:
     """Return data that are drawn brick by brick: by this process, or by all workers of a cluster.
 
-    Each brick is read once now, by the process that draws it, for the range and the histogram of all samples, and
-    stays there while it fits. `sheetsplat.render` then makes the picture that it makes of the same volume in memory.
+    Each brick is read once when the data are opened, by the process that draws it, for the range and the histogram of
+    all samples, and is kept where it fits into memory. `sheetsplat.render` then makes the picture that it makes of the
+    same volume in memory.
     Scattered kernels are sorted into bricks first; those of files in a folder for temporary files (`scratch`).
 
     Parameters

@@ -21,7 +21,7 @@ def marschner_lobb_value(
     Parameters
     ----------
     x, y, z
-        Coordinates; the signal is looked at in [-1, 1]^3.
+        Coordinates; the signal is defined on [-1, 1]^3.
     f_m
         Its frequency.
     alpha

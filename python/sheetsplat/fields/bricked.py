@@ -181,7 +181,7 @@ class BrickedField(RegularField):
         return self._shown(floor=floor)
 
     def clipped(self, limits: tuple[float, float]) -> BrickedField:
-        """Return a field whose samples beyond the limits are moved to them."""
+        """Return a field whose samples are clamped to the limits."""
         return self._shown(limits=limits)
 
     def _refuse(self, what: str) -> NoReturn:
@@ -208,7 +208,7 @@ class BrickedField(RegularField):
 
     @property
     def samples(self) -> Samples:
-        """What looks ask of the samples."""
+        """Statistics of the samples from which colours and opacity are chosen."""
         return self.survey
 
     @property

@@ -150,7 +150,7 @@ class BrickedKernels(EllipsoidField):
         return self._shown(floor=floor)
 
     def clipped(self, limits: tuple[float, float]) -> BrickedKernels:
-        """Return a field whose values beyond the limits are moved to them."""
+        """Return a field whose values are clamped to the limits."""
         return self._shown(limits=limits)
 
     def nearest_kernel(self, points: ArrayLike) -> NDArray[np.int64]:

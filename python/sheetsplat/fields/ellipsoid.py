@@ -68,7 +68,7 @@ class KernelOptions(TypedDict, total=False):
 
 
 class EllipsoidField(Field):
-    """Scattered Gaussians of any place, size and direction ([NM06]). Immutable.
+    """Scattered Gaussians of any position, size and orientation ([NM06]). Immutable.
 
     Kernel i is the ellipsoid around ``centers[i]`` whose semi-axes are ``scales[i]`` long and turned by
     ``rotations[i]``; within it lies the profile (exp(−k r²) − exp(−k)) / (1 − exp(−k)), r the distance from the centre
@@ -77,7 +77,7 @@ class EllipsoidField(Field):
 
     All arrays are copied, anything that NumPy can read, and kept as float64: 40 bytes a kernel for spheres, 56 for
     ellipsoids, 32 more where they are turned, 8 more with weights. A field may have no kernels at all; its picture is
-    empty. Two kernels may be at the same place.
+    empty. Two kernels may be at the same position.
 
     Parameters
     ----------
@@ -99,13 +99,13 @@ class EllipsoidField(Field):
         How sums become the scalar: "threshold" (D / max(w0, W), [NM06] eq. 20), "none" (D), or "lattice" (D/C) for
         kernels of equal volume.
     w0
-        Threshold of "threshold", > 0. Where less weight than this adds up, the scalar falls to 0.
+        Threshold of "threshold", > 0. Where the sum of weights is smaller, the scalar falls to 0.
     falloff
         k of the profile, > 0.
     min_scale
-        World units; shorter semi-axes, 0 too, are raised to it.
+        World units; shorter semi-axes, also those of 0, are set to it.
     cell_volume
-        For "lattice": the volume that one kernel stands for.
+        For "lattice": the volume that belongs to one kernel.
 
     Raises
     ------
@@ -355,9 +355,9 @@ class EllipsoidField(Field):
         return found
 
     def with_ghost_points(self, *, distance: float = 1.0, weight: float = 1.0) -> EllipsoidField:
-        """Return the field with ghost points around it: kernels of value 0 that end the data softly ([NM06] §4.1).
+        """Return the field with ghost points: kernels of value 0 around the data, for a smooth border ([NM06] §4.1).
 
-        At the border of scattered data the weights thin out, and D / W, which stays as high as the outermost values,
+        At the border of scattered data the weights fall to 0, and D / W, which stays as high as the outermost values,
         ends abruptly. (With the threshold w0 = 1 it falls as soon as W does, and ghost points change little; they are
         for small w0.) Ghost points carry the weights on, so that the scalar falls to 0 within one support.
 

@@ -130,13 +130,13 @@ class RegularField(Field):
         Threshold of "threshold", > 0.
     prefilter
         Give the kernels coefficients in place of the samples, so that their sum passes through every sample;
-        `normalization` becomes "none" then. There are no kernels beyond the volume. The field keeps the coefficients
+        `normalization` is then "none". There are no kernels outside the volume. The field keeps the coefficients
         beside the samples, in float32 or float64; 4 bytes a sample more are needed while they are computed. The kernel
         must be narrow enough to resolve the samples: (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is
         the best. None: the field has plain sums, and `sheetsplat.render` shows it with the kernels of its quality, as
         it shows an array; False: the field is shown with plain sums at every quality.
     nan
-        What a NaN sample is: "error", or "skip" for "no sample there".
+        What a NaN sample is: "error", or "skip" for a missing sample, which has no kernel.
 
     Raises
     ------
@@ -285,7 +285,7 @@ class RegularField(Field):
 
     @property
     def samples(self) -> Samples:
-        """What looks ask of the samples."""
+        """Statistics of the samples from which colours and opacity are chosen."""
         return ArraySamples(self.values)
 
     @property

@@ -172,7 +172,7 @@ class SceneFile:
 
     @classmethod
     def of_options(cls, data: Paths = (), **options: Unpack[RenderOptions]) -> SceneFile:
-        """Return the scene file that says what `sheetsplat.render` is told.
+        """Return the scene file of a call of `sheetsplat.render`.
 
         Parameters
         ----------
@@ -326,7 +326,7 @@ class SceneFile:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What it says beside its data, as keyword arguments of `sheetsplat.render`, with objects for tables."""
+        """What it says apart from its data, as keyword arguments of `sheetsplat.render`, with objects for tables."""
         found: dict[str, Any] = {}
         for section in ("picture", "look", "light"):
             found |= self._values(section)

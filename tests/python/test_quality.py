@@ -29,6 +29,7 @@ OWN = {
     "slice_spacing": 0.7,
     "opacity_stop": 0.9,
     "filter": "ewa",
+    "supersampling": 3,
 }
 
 
@@ -56,7 +57,7 @@ def test_what_each_quality_sets(smooth):
     # Unlit: how many slices light calls for depends on the data.
     found = {name: ss.render(smooth, quality=name, shading=False, **SMALL) for name in QUALITIES}
     values = {name: {option: one.value for option, one in told(image).items()} for name, image in found.items()}
-    common = {"filter": "off"}
+    common = {"filter": "off", "supersampling": 1}
     assert values == {
         "draft": {"prefilter": False, "radius": 2, "falloff": 5, "slice_spacing": 1, "opacity_stop": 0.98, **common},
         "good": {"prefilter": True, "radius": 2, "falloff": 5, "slice_spacing": 0.5, "opacity_stop": 0.995, **common},
@@ -192,7 +193,10 @@ def test_light_that_is_rough_calls_for_more_slices(smooth):
             image = ss.render(ss.RegularField(values, prefilter=False), quality=name, **SMALL)
             spacings[name, what] = image.plan.slice_spacing
             assert "an estimated error of" in told(image)["slice_spacing"].reason
-    assert spacings["good", "ball"] == 0.5 and spacings["best", "ball"] == 0.25
+    # Few slices leave time for more samples a pixel.
+    assert spacings["good", "ball"] == 0.5 and spacings["best", "ball"] == 1 / 3
+    plain = ss.render(ss.RegularField(ball, prefilter=False), quality="best", supersampling=1, **SMALL)
+    assert plain.plan.slice_spacing == 0.25
     assert 1 / 3 <= spacings["good", "shell"] <= 0.5 and 1 / 8 <= spacings["best", "shell"] < 0.25
     assert ss.render(shell, slice_spacing=0.7, **SMALL).plan.slice_spacing == 0.7
 
@@ -355,6 +359,7 @@ def test_the_command_has_it(smooth, tmp_path):
         "slice_spacing": False,
         "opacity_stop": True,
         "filter": True,
+        "supersampling": False,
     }
 
 

@@ -220,3 +220,28 @@ def test_the_error_is_that_of_the_mean(seed: int) -> None:
     assert true <= 1.1 * found.rmse
     fine = ss.Renderer("cpu").render(case.drawn(), case.camera, (48, 48))
     assert found.rmse <= 1.0001 * fine.error.rmse and rmse(fine, exact) > 0
+
+
+def test_best_takes_it_where_light_calls_for_few_slices() -> None:
+    # Noise: sums are plain.
+    values = volume().values
+    options: dict[str, Any] = {"size": SIZE, "backend": "cpu", "clim": (0, 1)}
+    translucent = {"opacity": [(0.3, 0.0), (1.0, 0.05)]}
+    best = ss.render(values, quality="best", **options, **translucent)
+    told = best.plan.quality.of("supersampling")
+    assert told.value == best.plan.supersampling == 2 and not told.given
+    assert "2 x 2 samples a pixel" in told.reason and "as long" in told.reason
+    assert best.plan.slice_spacing == pytest.approx(1 / 3)
+    steep = ss.render(values, quality="best", opacity=[(0.5, 0.0), (0.51, 1.0)], **options)
+    told = steep.plan.quality.of("supersampling")
+    assert told.value == steep.plan.supersampling == 1 and "too long" in told.reason
+    for more in ({"shading": False}, {"mode": "mip"}, {"quality": "good"}, {"quality": "draft"}, {"prefilter": True}):
+        image = ss.render(values, **{"quality": "best", **options, **({} if "mode" in more else translucent), **more})
+        assert image.plan.supersampling == 1 and image.plan.quality.of("supersampling").value == 1
+    for n in (1, 3):
+        image = ss.render(values, quality="best", supersampling=n, **options, **translucent)
+        told = image.plan.quality.of("supersampling")
+        assert image.plan.supersampling == n and told.given and told.value == n
+        assert image.plan.slice_spacing <= 1 / 4
+    assert ss.render(values, quality="best", max_error=5e-3, **options, **translucent).plan.supersampling == 1
+    assert "supersampling=2" in str(best.plan)

@@ -194,11 +194,17 @@ class _Session:
             self._renderers[key] = Renderer(**options)
         return self._renderers[key]
 
-    def _truth(self, name: str) -> measure.Truth:
+    def _truth(self, name: str, setting: Setting | None = None) -> measure.Truth:
+        """Return the picture from which errors are measured, with as many samples a pixel as a setting of a quality."""
         if name in self._refused:
             raise complain(self._refused[name], kind=Error)
-        if name not in self._truths:
-            base = self._base
+        base = self._base
+        samples = base.scene.supersampling
+        if setting is not None and name == BEST:
+            samples = setting.scene(base).supersampling
+        is_own = samples == base.scene.supersampling
+        key = name if is_own else f"{name}, {samples} x {samples} samples a pixel"
+        if key not in self._truths:
             try:
                 watch = self._watch(_WEIGHT[name])
                 if name == INTERPOLATED:
@@ -211,14 +217,17 @@ class _Session:
                         scene = base.scene.replace(gradient="sheets")
                     elif name == BEST:
                         best = scene_of_quality(base.scene, "best", base.camera, base.size)
-                        scene, what = base.scene.replace(field=_fields_of(best)), "the field of quality best"
+                        scene = base.scene.replace(field=_fields_of(best), supersampling=samples)
+                        what = "the field of quality best"
                     found = measure.limit(scene, base.camera, base.size, base.settings, watch, analytic=name != SLICES)
             except Error as error:
                 self._refused[name] = f"nothing to measure against: {_reason(error)}"
                 raise complain(self._refused[name], kind=Error) from None
-            self._truths[name] = replace(found, text=f"{what}, {found.text}")
-            self._step(_WEIGHT[name])
-        return self._truths[name]
+            is_first = not any(known.startswith(name) for known in self._truths)
+            self._truths[key] = replace(found, text=f"{what}, {found.text}")
+            if is_first:
+                self._step(_WEIGHT[name])
+        return self._truths[key]
 
     def _time_again(self) -> None:
         """Time the unchanged scene once more, so that its frames are spread over the whole measurement."""
@@ -248,7 +257,7 @@ class _Session:
         if setting.reason:
             return AccuracyRow(**named, reason=setting.reason)
         try:
-            truth = self._truth(setting.truth)
+            truth = self._truth(setting.truth, setting)
             drawn, arithmetic = self._drawn(setting)
         except Error as error:
             return AccuracyRow(**named, reason=_reason(error))

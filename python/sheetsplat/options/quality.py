@@ -15,9 +15,9 @@ class QualityOptions(TypedDict, total=False):
     quality: Annotated[
         QualityName,
         Option(
-            "Quality of the picture. Sets those of {radius}, {falloff}, {prefilter}, {slice_spacing}, {opacity_stop} "
-            'and {filter} that are not given; the plan says what, and why. "draft": the fastest; "good": values '
-            'pass through the samples, without visible steps; "best": near the limit of finer settings.',
+            "Quality of the picture. Sets those of {radius}, {falloff}, {prefilter}, {slice_spacing}, {opacity_stop}, "
+            '{supersampling} and {filter} that are not given; the plan says what, and why. "draft": the fastest; '
+            '"good": values pass through the samples, without visible steps; "best": near the limit of finer settings.',
             default="good",
             check=one_of(QualityName),
         ),

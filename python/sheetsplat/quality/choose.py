@@ -23,6 +23,7 @@ from sheetsplat.supersampling import fine_size
 
 Made = TypeVar("Made", bound=Field)
 _AS_GIVEN = "as given"
+_ONE_SAMPLE = "one sample a pixel, at its centre"
 _DEFAULT_STOP: Any = definitions(SceneOptions)["opacity_stop"].default
 # Options that say how a lattice's sums become values: with one of them nothing is left to a prefilter.
 _OWN_SUMS = ("normalization", "w0")
@@ -31,6 +32,22 @@ _OWN_SUMS = ("normalization", "w0")
 _LEAST_SHARE = 0.2
 # The filter keeps the mass of kernels and so lowers their values: of the small ones this share may vanish by it.
 _MOST_HIDDEN = 0.5
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Several samples a pixel, where light calls for few slices: more of both would take too long.
+
+    Attributes
+    ----------
+    count
+        Samples along each axis.
+    slices
+        Slices to one of the default distance. Where light calls for more, a pixel has one sample.
+    """
+
+    count: int
+    slices: int
 
 
 @dataclass(frozen=True)
@@ -52,6 +69,9 @@ class _Level:
         Opacity at which a pixel is finished; None: the default.
     filters
         Whether small scattered kernels call for the filter.
+    samples
+        Of lit volumes of plain sums in mode composite; None: one sample a pixel. Wider kernels leave little that is
+        finer than a pixel, and take as long as they are wide.
     """
 
     kernel: tuple[float, float] | None
@@ -61,6 +81,7 @@ class _Level:
     lit: tuple[float, int, int] | None
     stop: float | None
     filters: bool
+    samples: _Samples | None = None
 
 
 _TWICE = dict.fromkeys(("composite", "isosurface", "mip", "minimum"), 2)
@@ -76,6 +97,7 @@ _LEVELS = {
         (1.7e-3, 4, 8),
         0.999,
         True,
+        _Samples(2, 3),
     ),
 }
 
@@ -112,6 +134,10 @@ class Choice:
     def _set(self, option: str, value: float | bool | str | None, reason: str, *, given: bool = False) -> None:
         self._settings.append(QualitySetting(option, value, reason, given))
 
+    def _set_again(self, option: str, value: float, reason: str) -> None:
+        self._settings = [one for one in self._settings if one.option != option]
+        self._set(option, value, reason)
+
     def kept(self, scene: Scene) -> Scene:
         """Return a scene that the caller made: all of it was given."""
         volumes = [one for one in scene.fields if isinstance(one, RegularField)]
@@ -120,6 +146,7 @@ class Choice:
             values["prefilter"] = any(one.prefilter for one in volumes)
         if scene.mode == "composite":
             values["opacity_stop"] = scene.options["opacity_stop"]
+        values["supersampling"] = scene.supersampling
         for option, value in values.items():
             self._set(option, value, "as the scene has it", given=True)
         self._kept = True
@@ -186,6 +213,10 @@ class Choice:
                 self._set(option, value, reason)
                 if value != now:
                     changes[option] = value
+        if "supersampling" in self._given:
+            self._set("supersampling", scene.supersampling, _AS_GIVEN, given=True)
+        else:
+            self._set("supersampling", 1, _ONE_SAMPLE)
         return scene.replace(**changes) if changes else scene
 
     def _spacing(self, scene: Scene) -> tuple[float, str]:
@@ -218,12 +249,31 @@ class Choice:
         most, least_slices, most_slices = self._level.lit
         error = slicing_error(scene, camera, size)
         # Errors fall at first order at least.
-        slices = min(max(math.ceil(error * SLICES / most), least_slices), most_slices)
-        spacing = _finest(scene) / slices
+        called_for = math.ceil(error * SLICES / most)
+        samples, reason = self._samples(scene, called_for)
+        if samples is not None:
+            least_slices = samples.slices
+        slices = min(max(called_for, least_slices), most_slices)
+        changes: dict[str, float] = {}
+        if "supersampling" not in self._given:
+            changes["supersampling"] = 1 if samples is None else samples.count
+            self._set_again("supersampling", changes["supersampling"], reason)
+        changes["slice_spacing"] = _finest(scene) / slices
         reason = f"1/{slices} of the default: an estimated error of {error * SLICES / slices:.1e} by slices"
-        self._settings = [one for one in self._settings if one.option != "slice_spacing"]
-        self._set("slice_spacing", spacing, reason)
-        return scene if spacing == scene.slice_spacing else scene.replace(slice_spacing=spacing)
+        self._set_again("slice_spacing", changes["slice_spacing"], reason)
+        return scene.replace(**changes)
+
+    def _samples(self, scene: Scene, slices: int) -> tuple[_Samples | None, str]:
+        """Return how many samples a pixel has where light calls for so many slices, and why; None: one, or as given."""
+        samples = self._level.samples
+        if samples is None or "supersampling" in self._given:
+            return None, _ONE_SAMPLE
+        if any(isinstance(one, RegularField) and one.prefilter for one in scene.fields):
+            return None, _ONE_SAMPLE
+        several = f"{samples.count} x {samples.count} samples"
+        if slices > samples.slices:
+            return None, f"one sample a pixel: {several}, with the slices that light calls for, would take too long"
+        return samples, f"{several} a pixel, for light that changes within a pixel; frames take twice as long"
 
     def _filtered(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
         given = self._given.get("filter")
@@ -245,6 +295,7 @@ def scene_of_quality(scene: Scene, name: str, camera: Camera, size: tuple[int, i
     groups = [chosen.kernels([_plain(one) for one in fields], made=False) for fields in scene.groups]
     changes: dict[str, Any] = {"slice_spacing": _draft_spacing(scene), "reference_length": scene.reference_length}
     changes |= {"field": groups if len(groups) > 1 else groups[0], "opacity_stop": _DEFAULT_STOP, "filter": None}
+    changes["supersampling"] = 1
     return chosen.finished(chosen.slices(scene.replace(**changes), free=False), camera, size)
 
 

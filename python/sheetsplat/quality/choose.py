@@ -85,7 +85,7 @@ class _Level:
 
 
 _TWICE = dict.fromkeys(("composite", "isosurface", "mip", "minimum"), 2)
-# Found by measurement: docs/quality.md, "What a picture is worth", and ./run bench quality.
+# Found by measurement: docs/quality.md, "Accuracy and time of each quality", and ./run bench quality.
 _LEVELS = {
     "draft": _Level(None, {}, {}, {}, None, None, False),
     "good": _Level((2.0, 5.0), _TWICE, _TWICE, {"composite": 2}, (5e-3, 2, 3), 0.995, True),

@@ -15,6 +15,8 @@ class Forwarded(property, Generic[T]):
     def __init__(self, path: str, doc: str, convert: Callable[[Any], T] | None = None) -> None:
         get = attrgetter(path)
         super().__init__(get if convert is None else lambda owner: convert(get(owner)), doc=doc)
+        # In Python 3.11 the docstring of a subclass of property hides the one that was passed.
+        self.__doc__ = doc
 
     if TYPE_CHECKING:
 

@@ -61,6 +61,18 @@ def test_examples_of_docstrings(name, tmp_path, monkeypatch):
     check_examples(NAMES[name], name)
 
 
+def test_properties_have_docstrings_of_their_own():
+    without = [
+        f"{name}.{attribute}"
+        for name, target in NAMES.items()
+        if isinstance(target, type)
+        for attribute, member in vars(target).items()
+        if isinstance(member, property) and not attribute.startswith("_")
+        if not member.__doc__ or member.__doc__ == type(member).__doc__
+    ]
+    assert without == []
+
+
 @pytest.mark.parametrize("name", OF_PYVISTA)
 def test_examples_with_pyvista(name):
     pytest.importorskip("pyvista", reason="pyvista is not installed")

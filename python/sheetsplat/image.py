@@ -282,8 +282,8 @@ class Image:
             if self._estimate is None:
                 raise complain(
                     "the error of this picture cannot be estimated",
-                    "a picture without its renderer and scene, or in bricks",
-                    "one that Renderer.render returned, of a volume in memory",
+                    "a picture without its renderer and scene",
+                    "one that Renderer.render returned",
                     "render it",
                 )
             self._error = self._estimate(progress)
@@ -508,11 +508,12 @@ def image_of(
     depth: NDArray[np.float32] | None = None,
     depth_limit: Depths | None = None,
     scene: Scene | None = None,
+    estimate: Callable[[Progress | None], ErrorEstimate] | None = None,
 ) -> Image:
-    """Return the image of arrays that were drawn in parts; its error cannot be estimated."""
+    """Return the image of arrays that were drawn in parts; `estimate` finds its error."""
     parts: dict[str, Any] = dict.fromkeys(Image.__slots__)
     own = {"rgba": rgba, "scalar": scalar, "coverage": coverage, "depth": depth, "depth_limit": depth_limit}
-    told = {"recipe": recipe, "plan": plan, "stats": stats, "scene": scene}
+    told = {"recipe": recipe, "plan": plan, "stats": stats, "scene": scene, "estimate": estimate}
     return _of_parts(parts | {f"_{name}": part for name, part in (own | told).items()})
 
 

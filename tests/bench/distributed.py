@@ -305,9 +305,10 @@ def measured(field: Any, pixels: Sequence[int]) -> tuple[np.ndarray[Any, Any], n
     renderer = ss.Renderer("cpu", threads=1)
     for size in pixels:
         view, shown = _view(field, size)
-        in_front = np.zeros((size, size), np.float32)
         for number in shown[:: max(1, len(shown) // 6)]:
             part = field_of(field.source, view, number)
+            x0, y0, x1, y1 = view.footprint(number)
+            in_front = np.zeros((y1 - y0, x1 - x0), np.float32)
             draw_brick(view, number, part, renderer, in_front)
             times = []
             for _ in range(3):

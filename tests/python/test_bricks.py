@@ -359,7 +359,7 @@ def test_bricks_that_stop_pixels_are_drawn_again(name: str) -> None:
         part = parts[number].behind(in_front[y0:y1, x0:x1], view.opacity_stop)
         if part is None:
             again += 1
-            part = draw_brick(view, number, field_of(number), renderer, in_front)
+            part = draw_brick(view, number, field_of(number), renderer, in_front[y0:y1, x0:x1])
         so_far = merge(so_far, part)
         in_front[y0:y1, x0:x1] = part.opacity(part.rect)
     exact = finish(view, so_far)

@@ -355,6 +355,27 @@ def test_one_process_draws_the_picture_of_the_whole(samples, tmp_path, mode):
     assert other.recipe.fields[0].kind == "RegularField"
 
 
+@pytest.mark.parametrize("mode", ["composite", "isosurface", "xray"])
+def test_the_error_of_a_picture_in_bricks_is_that_of_one_process(samples, mode):
+    options = {"size": (36, 30), "mode": mode, "quality": "draft", "backend": "cpu", "background": (0.2, 0.4, 0.9)}
+    one = ss.render(ss.RegularField(samples), **options).error
+    image = ss.render(ss.open_bricks(samples, brick=24, quality="draft"), **options)
+    other = image.error
+    assert other.rmse == pytest.approx(one.rmse, rel=1e-3)
+    assert other.budget["slice distance"] == pytest.approx(one.budget["slice distance"], rel=1e-3)
+    np.testing.assert_allclose(other.map, one.map, rtol=0.01, atol=2e-6 * max(1.0, float(np.abs(image.pixels).max())))
+    assert np.sqrt(sum(part**2 for part in other.budget.values())) == pytest.approx(other.rmse, rel=1e-6)
+    if mode == "xray":
+        # Sums of so smooth a volume are right at any distance of slices.
+        assert other.rmse < 1e-4
+        return
+    # Halved slices: the estimate follows them, whatever the stop leaves out.
+    finer = ss.render(
+        ss.open_bricks(samples, brick=24, quality="draft"), **options, slice_spacing=0.5 * image.plan.slice_spacing
+    )
+    assert finer.error.budget["slice distance"] < 0.8 * other.budget["slice distance"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["composite", "isosurface", "average"])
 def test_a_cluster_draws_the_picture_of_one_process(cluster, samples, tmp_path, mode):

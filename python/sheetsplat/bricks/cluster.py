@@ -125,14 +125,13 @@ def _render_brick(view: BrickView, source: Any, number: int, *before: _Drawn) ->
 
 
 def _in_front(view: BrickView, number: int, parts: Sequence[Partial]) -> NDArray[np.float32]:
-    """Return the opacity in front of a brick, (h, w): where several parts cover a pixel the last one has the most."""
-    width, height = view.size
-    found = np.zeros((height, width), np.float32)
+    """Return the opacity in front of a footprint, (h, w): where several parts cover a pixel the last has the most."""
     rect = view.footprint(number)
     assert rect is not None
     x0, y0, x1, y1 = rect
+    found = np.zeros((y1 - y0, x1 - x0), np.float32)
     for part in parts:
-        found[y0:y1, x0:x1] = np.maximum(found[y0:y1, x0:x1], part.opacity(rect))
+        found = np.maximum(found, part.opacity(rect))
     return found
 
 
@@ -140,10 +139,9 @@ def _passed(view: BrickView, number: int, in_front: NDArray[np.float32]) -> Part
     """Return what a hidden brick adds: nothing but the opacity in front of it."""
     rect = view.footprint(number)
     assert rect is not None
-    x0, y0, x1, y1 = rect
-    rgba = np.zeros((y1 - y0, x1 - x0, 4), np.float32)
-    rgba[..., 3] = in_front[y0:y1, x0:x1]
-    depth = np.full(rgba.shape[:2], np.inf, np.float32) if "depth" in view.outputs else None
+    rgba = np.zeros((*in_front.shape, 4), np.float32)
+    rgba[..., 3] = in_front
+    depth = np.full(in_front.shape, np.inf, np.float32) if "depth" in view.outputs else None
     return Partial(view.mode, rect, rgba=rgba, depth=depth, is_behind=True)
 
 

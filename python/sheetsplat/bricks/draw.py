@@ -20,23 +20,20 @@ from sheetsplat.scene import Scene
 FieldOf = Callable[[int], Field | None]
 
 
-def _native(view: BrickView, number: int, field: Field, in_front: NDArray[np.float32] | None) -> dict[str, Any]:
-    """Return the arguments of the native renderer for one brick."""
+def _scene(
+    view: BrickView, number: int, field: Field, depths: tuple[float, float], in_front: NDArray[np.float32] | None
+) -> Any:
+    """Return the native scene of one brick, sliced between two depths, without its depth limit."""
     options = dict(view.options)
     options["background"] = None
     if in_front is None:
         options["opacity_stop"] = 1.0
     native = Scene(field, view.transfer_function, **options).native
-    if view.depth_limit is not None:
-        native = native.with_depth_limit(view.depth_limit)
-    scene = native.with_part(
-        cell=view.partition.bricks[number].cell,
-        centres=view.whole.centres,
-        depths=view.depths(),
-        in_front=in_front,
-    )
-    also = {name: name in view.outputs for name in OUTPUTS}
-    return {"scene": scene, "camera": view.camera.native, "size": view.size, **also}
+    return native.with_part(cell=view.cell(number), centres=view.whole.centres, depths=depths, in_front=in_front)
+
+
+def _also(view: BrickView) -> dict[str, bool]:
+    return {name: name in view.outputs for name in OUTPUTS}
 
 
 def way_of_drawing(view: BrickView, number: int, field: Field, renderer: Renderer) -> tuple[str, str]:
@@ -45,7 +42,10 @@ def way_of_drawing(view: BrickView, number: int, field: Field, renderer: Rendere
     Any brick of a lattice says what the whole calls for. Of scattered kernels each looks at its own: the whole needs
     float64 where one of them does (`agreed`).
     """
-    plan = renderer.native.plan(**_native(view, number, field, None))
+    scene = _scene(view, number, field, view.depths(), None)
+    if view.depth_limit is not None:
+        scene = scene.with_depth_limit(view.depth_limit)
+    plan = renderer.native.plan(scene=scene, camera=view.camera.native, size=view.size, **_also(view))
     return plan.backend, plan.precision
 
 
@@ -79,8 +79,8 @@ def draw_brick(
     renderer
         Draws it; made from ``view.settings``. It keeps what it found of a field for the next picture of the same one.
     in_front
-        Opacity in front of it, float32 (h, w) of the whole picture: then it is drawn behind that, and stop and depth
-        are exact. Alone unless given: then no stop ends a pixel.
+        Opacity in front of it, float32 (h, w) of its footprint: then it is drawn behind that, and stop and depth are
+        exact. Alone unless given: then no stop ends a pixel.
     progress
         As for `Renderer.render`.
 
@@ -89,12 +89,22 @@ def draw_brick(
     InvalidInput, Unsupported, OutOfMemory, Cancelled
         As `Renderer.render`.
     """
-    rect = view.footprint(number)
-    if rect is None:
+    rect, drawn = view.footprint(number), view.window(number)
+    if rect is None or drawn is None:
         return empty(view)
-    image = renderer.native.render(**_native(view, number, field, in_front), progress=progress)
+    (left, top, right, bottom), camera = drawn
     x0, y0, x1, y1 = rect
-    cut = (slice(y0, y1), slice(x0, x1))
+    cut = (slice(y0 - top, y1 - top), slice(x0 - left, x1 - left))
+    if in_front is not None and drawn[0] != rect:
+        # Pixels outside of the footprint are finished.
+        around = np.ones((bottom - top, right - left), np.float32)
+        around[cut] = in_front
+        in_front = around
+    scene = _scene(view, number, field, view.depths_of(number), in_front)
+    if view.depth_limit is not None:
+        scene = scene.with_depth_limit(np.ascontiguousarray(view.depth_limit[top:bottom, left:right]))
+    size = (right - left, bottom - top)
+    image = renderer.native.render(scene=scene, camera=camera.native, size=size, **_also(view), progress=progress)
 
     def of(array: NDArray[np.float32] | None, dtype: type = np.float32) -> NDArray[np.floating] | None:
         return None if array is None else np.array(array[cut], dtype)
@@ -116,14 +126,10 @@ def draw_brick(
 
 
 def is_hidden(view: BrickView, number: int, in_front: NDArray[np.float32]) -> bool:
-    """Return whether all pixels that a brick can change are finished by what is in front: (h, w) of the picture."""
-    rect = view.footprint(number)
-    if rect is None:
-        return True
+    """Return whether all pixels that a brick can change are finished by what is in front: (h, w) of its footprint."""
     if view.is_scalar or "coverage" in view.outputs:
         return False
-    x0, y0, x1, y1 = rect
-    return bool((in_front[y0:y1, x0:x1][view.outline(number)] >= view.opacity_stop).all())
+    return bool((in_front[view.outline(number)] >= view.opacity_stop).all())
 
 
 def render_bricks(
@@ -159,7 +165,11 @@ def render_bricks(
     order = view.order()
     for place, number in enumerate(order):
         rect = view.footprint(number)
-        if rect is None or (in_front is not None and is_hidden(view, number, in_front)):
+        if rect is None:
+            continue
+        x0, y0, x1, y1 = rect
+        before = None if in_front is None else in_front[y0:y1, x0:x1]
+        if before is not None and is_hidden(view, number, before):
             continue
         field = field_of(number)
         if field is None:
@@ -168,10 +178,9 @@ def render_bricks(
         def told(share: float, place: int = place) -> object:
             return progress is None or progress((place + share) / len(order))
 
-        part = draw_brick(view, number, field, drawing, in_front, told)
-        if in_front is not None and part.rgba is not None:
-            x0, y0, x1, y1 = rect
-            in_front[y0:y1, x0:x1] = part.rgba[..., 3]
+        part = draw_brick(view, number, field, drawing, before, told)
+        if before is not None and part.rgba is not None:
+            before[:] = part.rgba[..., 3]
         so_far = merge(so_far, part)
     return finish(view, so_far)
 

@@ -246,11 +246,7 @@ def finish(view: BrickView, part: Partial) -> Finished:
     wide = _spread(_blank(view, whole) if _is_empty(part) else part, whole)
     rgba = wide.get("rgba")
     if rgba is not None:
-        rgba = rgba.astype(np.float32)
-        if view.options["background"] is not None:
-            behind = (1.0 - rgba[..., 3:].astype(np.float64)) * np.asarray(view.options["background"])
-            rgba[..., :3] = (rgba[..., :3] + behind).astype(np.float32)
-            rgba[..., 3] = 1.0
+        rgba = over_background(view, rgba.astype(np.float32))
     scalar = wide.get("scalar")
     if scalar is not None:
         if view.mode == "average":
@@ -260,6 +256,16 @@ def finish(view: BrickView, part: Partial) -> Finished:
         scalar = scalar.astype(np.float32)
     coverage = wide.get("coverage")
     return Finished(rgba, scalar, None if coverage is None else coverage.astype(np.float32), wide.get("depth"))
+
+
+def over_background(view: BrickView, rgba: Numbers) -> Numbers:
+    """Return colours of a picture over the background that its options name, (h, w, 4); without one as they are."""
+    if view.options["background"] is None:
+        return rgba
+    behind = (1.0 - rgba[..., 3:].astype(np.float64)) * np.asarray(view.options["background"])
+    found = np.ones_like(rgba)
+    found[..., :3] = (rgba[..., :3] + behind).astype(np.float32)
+    return found
 
 
 def stop_difference(view: BrickView, part: Partial) -> float:
@@ -286,4 +292,4 @@ def _brightest_light(view: BrickView) -> float:
     return float(abs(material.ambient) + brightness * (abs(material.diffuse) + abs(material.specular)))
 
 
-__all__ = ["Finished", "Partial", "empty", "finish", "merge", "stop_difference"]
+__all__ = ["Finished", "Partial", "empty", "finish", "merge", "over_background", "stop_difference"]

@@ -10,6 +10,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from sheetsplat.bricks.draw import render_bricks
+from sheetsplat.bricks.error import Draw, estimate_error
 from sheetsplat.bricks.needs import bricked_field, field_of, may_show, planned, view_of
 from sheetsplat.bricks.partial import Finished
 from sheetsplat.bricks.resident import residents
@@ -56,12 +57,13 @@ class Begun:
         view = view_of(field, scene, camera, size, outputs, depth_limit, settings)
         self._view, self._plan = planned(scene, view)
         self._pending = begin(client, field, self._view)
+        self._draw: Draw = lambda other, progress: begin(client, field, other).result(progress)[0]
 
     def result(self, progress: Progress | None = None) -> Image:
         """Return the picture; raises what reading and drawing a brick raises."""
         finished, stats = self._pending.result(progress)
         stats |= {"total": time.perf_counter() - self._began}
-        return finished_image(self._scene, self._view, self._plan, finished, stats)
+        return finished_image(self._scene, self._view, self._plan, finished, stats, self._draw)
 
     def cancel(self) -> None:
         """Give it up."""
@@ -109,7 +111,10 @@ def draw(
         view = view_of(field, scene, camera, size, tuple(outputs), limit, settings)
         view, plan = planned(scene, view)
         finished, stats = _draw_here(field, view, progress)
-        image = finished_image(scene, view, plan, finished, stats | {"total": time.perf_counter() - began})
+        stats |= {"total": time.perf_counter() - began}
+        image = finished_image(
+            scene, view, plan, finished, stats, lambda other, progress: _draw_here(field, other, progress)[0]
+        )
     warn_of_unseen(image, scene)
     return image
 
@@ -144,8 +149,9 @@ def finished_image(
     plan: RenderPlan,
     finished: Finished,
     stats: dict[str, float],
+    draw: Draw,
 ) -> Image:
-    """Return a picture that was drawn in bricks, with how it was made."""
+    """Return a picture that was drawn in bricks, with how it was made; `draw` makes further ones for its error."""
     samples = scene.supersampling
     width, height = view.size[0] // samples, view.size[1] // samples
     limit = None if view.depth_limit is None else view.depth_limit[::samples, ::samples]
@@ -165,4 +171,7 @@ def finished_image(
         depth=arrays.depth,
         depth_limit=limit,
         scene=scene,
+        estimate=lambda progress: estimate_error(
+            view, plan, arrays, lambda other, told: averaged(draw(other, told), samples), progress
+        ),
     )

@@ -21,6 +21,7 @@ from sheetsplat.options.core import SCALAR, checked
 from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions, surfaces_of
 from sheetsplat.ripple import lattice_constant, lattice_ripple
+from sheetsplat.tiles import window as window_of
 from sheetsplat.transfer import TransferFunction
 
 Floats = NDArray[np.float64]
@@ -33,6 +34,11 @@ _ROUNDING = 1.001
 _NEAR = 1e-6
 # Standard deviation of the EWA filter in pixels and slice distances.
 _FILTER = 0.5
+# Slices around a brick that are there for gradients, intervals and slabs at its border; more than these look at.
+_AROUND = 4.0
+# Slice distances by which all faces between bricks are moved. Faces lie midway between samples, where slices of views
+# along an axis lie too: whether a slice is before such a face would depend on rounding, which cameras differ in.
+_MOVED = 1e-4
 
 
 @dataclass(frozen=True)
@@ -162,7 +168,7 @@ class BrickView:
 
     def _region(self, number: int) -> Bounds | None:
         """Return the box of the points of a brick that can be seen, or None."""
-        lower, upper = np.asarray(self.partition.bricks[number].cell)
+        lower, upper = np.asarray(self.cell(number))
         supports = np.asarray(self.whole.supports)
         # An interval begins one slice before what is in it.
         beyond = self._slant() * self.slice_spacing * 1.5 + self._widening(self._farthest())
@@ -178,6 +184,22 @@ class BrickView:
         if self.options["filter"] is not None:
             longer = _FILTER * math.sqrt(2.0 * self.whole.falloff) * self.slice_spacing
         return self.whole.depths(self.camera, longer)
+
+    def cell(self, number: int) -> Bounds:
+        """Return the points that are drawn of a brick, lower <= x < upper."""
+        by = _MOVED * self.slice_spacing
+        lower, upper = ((x + by, y + by, z + by) for x, y, z in self.partition.bricks[number].cell)
+        return lower, upper
+
+    def depths_of(self, number: int) -> tuple[float, float]:
+        """Return the nearest and the farthest depth at which a brick is sliced, within those of the whole."""
+        near, far = self.depths()
+        region = self._region(number)
+        if region is None:
+            return near, far
+        found = -((corners(region) - np.asarray(self.camera.eye)) @ np.asarray(self.camera.world_axes()[2]))
+        more = _AROUND * self.slice_spacing
+        return max(near, float(found.min()) - more), min(far, float(found.max()) + more)
 
     def _farthest(self) -> float:
         return max(self.depths()[1], 0.0)
@@ -215,7 +237,7 @@ class BrickView:
         if self.options["sampling"] == "slab":
             steps += 0.5
         sideways = self._pixel(depth) if self._gradients else 0.0
-        along = steps * self.slice_spacing * self._slant()
+        along = (steps + _MOVED) * self.slice_spacing * self._slant()
         return _ROUNDING * (along + sideways + self._widening(depth)) + 1e-9 * self.whole.largest_reach
 
     def samples(self, number: int) -> Box:
@@ -258,6 +280,25 @@ class BrickView:
         x0, y0 = max(math.floor(columns.min()) - 1, 0), max(math.floor(rows.min()) - 1, 0)
         x1, y1 = min(math.ceil(columns.max()) + 1, width), min(math.ceil(rows.max()) + 1, height)
         return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
+
+    def window(self, number: int) -> tuple[Rect, Camera] | None:
+        """Return the pixels that are drawn for a brick, and their camera; None where it changes none.
+
+        They are its footprint; in perspective the smallest rectangle around it with the picture's middle in its own.
+        """
+        rect = self.footprint(number)
+        if rect is None:
+            return None
+        x0, y0, x1, y1 = rect
+        width, height = self.size
+        if self.camera.kind == "orthographic":
+            return rect, window_of(self.camera, self.size, (x0, y0), (x1 - x0, y1 - y0))
+        across, down = min(x0, width - x1), min(y0, height - y1)
+        seen = self.camera
+        half = math.tan(0.5 * math.radians(seen.fov_y)) * (1.0 - 2.0 * down / height)
+        fov_y = math.degrees(2.0 * math.atan(half)) if down else seen.fov_y
+        camera = Camera.perspective(seen.eye, seen.target, seen.up, fov_y=fov_y, near=seen.near)
+        return (across, down, width - across, height - down), camera
 
     def outline(self, number: int) -> NDArray[np.bool_]:
         """Return which pixels of its footprint a brick can change, (h, w): those whose rays meet its cell."""

@@ -1,0 +1,115 @@
+"""How far a picture in bricks is from the converged one, by further pictures of its view in bricks.
+
+The same estimate as that of one process (``cpp/src/engine/error_estimate.cpp``): what is in front of a brick, sums and
+extrema count in these pictures as they do in any other, so that no error of a brick has to be carried through others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat.bricks.partial import Finished, over_background
+from sheetsplat.bricks.view import BrickView
+from sheetsplat.image import ErrorEstimate
+from sheetsplat.options.core import checked
+from sheetsplat.options.renderer import Progress, RendererClassOptions
+from sheetsplat.plan import RenderPlan
+
+#: Draws a picture without its further outputs.
+Draw = Callable[[BrickView, "Progress | None"], Finished]
+
+# Of the error of slices, the share that the picture at half their distance shows: errors of first order leave a half
+# of themselves in both, those of second order a quarter.
+_PLAIN, _SMOOTH = 1.0, 0.75
+# Of all that is done, what the picture at half the slice distance is.
+_HALVED_WORK = 0.5
+
+
+def estimate_error(
+    view: BrickView, plan: RenderPlan, drawn: Finished, draw: Draw, progress: Progress | None = None
+) -> ErrorEstimate:
+    """Return the estimated distance of a picture from the converged one.
+
+    Parameters
+    ----------
+    view, plan, drawn
+        The picture.
+    draw
+        Draws further pictures: at half the slice distance without a stop, at the same slices, and without a stop where
+        a pixel was finished by it; all in float64.
+    progress
+        As for `Renderer.render`.
+
+    Raises
+    ------
+    Cancelled
+        Where `progress` returned False.
+    Error
+        What drawing raises.
+    """
+    given = {"backend": "cpu", "precision": "float64", "allow_inexact": True, "threads": view.settings["threads"]}
+    settings = checked("Renderer", given, RendererClassOptions)
+    plain = view.replace(settings=settings, outputs=(), options={**view.options, "background": None})
+    unstopped = _with(plain, opacity_stop=1.0)
+    done = 0.0
+
+    def of(one: BrickView, share: float) -> Finished:
+        nonlocal done
+        start = done
+        found = draw(one, None if progress is None else lambda part: progress(start + share * part))
+        done += share
+        return found if found.rgba is None else replace(found, rgba=over_background(view, found.rgba))
+
+    finer = of(_with(unstopped, slice_spacing=0.5 * view.slice_spacing), _HALVED_WORK)
+    stops = not view.is_scalar and float(view.options["opacity_stop"]) < 1.0
+    rest = (1.0 - done) / (1.0 + stops)
+    exact = of(plain, rest)
+    whole = of(unstopped, rest) if stops else exact
+    return _of_pictures(view, plan, drawn, (finer, exact, whole))
+
+
+def _with(view: BrickView, **options: float) -> BrickView:
+    return view.replace(options={**view.options, **options})
+
+
+def _of_pictures(
+    view: BrickView, plan: RenderPlan, drawn: Finished, others: tuple[Finished, Finished, Finished]
+) -> ErrorEstimate:
+    """Return the estimate: `others` are at half the slice distance, in float64, and without a stop."""
+    finer, exact, whole = others
+    largest = 1.0 if finer.scalar is None else max(1.0, float(finer.scalar.max(initial=0.0)))
+    smooth = view.mode in ("mip", "minimum", "isosurface") or (
+        view.mode == "composite" and bool(view.options["preintegration"])
+    )
+    sliced = _squares(whole, finer, largest) / (_SMOOTH if smooth else _PLAIN) ** 2
+    rounded = _squares(drawn, exact, largest)
+    total = sliced + rounded
+    budget = {"slice distance": _root(sliced)}
+    if whole is not exact:
+        stopped = _squares(exact, whole, largest)
+        budget["opacity stop"] = _root(stopped)
+        total = total + stopped
+    arithmetic, foreseen = _root(rounded), plan.expected_error
+    if foreseen > 0.0:
+        budget |= {cause: arithmetic * part / foreseen for cause, part in plan.error_budget.items()}
+    elif arithmetic > 0.0:
+        budget["arithmetic"] = arithmetic
+    return ErrorEstimate(_root(total), budget, np.sqrt(total).astype(np.float32))
+
+
+def _squares(one: Finished, other: Finished, scale: float) -> NDArray[np.float64]:
+    """Return mean squared differences over the channels, (h, w)."""
+    first, second = (picture.scalar if picture.rgba is None else picture.rgba for picture in (one, other))
+    assert first is not None and second is not None
+    found = np.square((first.astype(np.float64) - second) / scale)
+    result: NDArray[np.float64] = found if found.ndim == 2 else found.mean(axis=2)
+    return result
+
+
+def _root(squares: NDArray[np.float64]) -> float:
+    return math.sqrt(float(squares.mean())) if squares.size else 0.0

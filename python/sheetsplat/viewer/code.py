@@ -92,6 +92,9 @@ def _arguments(shown: Shown, state: State, scene: Scene) -> Mapping[str, Any]:
         if len(floors) == 1 and "log" not in options and not made:
             options["log"] = floors.pop()
         options |= {"slice_spacing": scene.slice_spacing, "reference_length": scene.reference_length}
+        if scene.supersampling > 1:
+            # With slices that are given a quality leaves one.
+            options["supersampling"] = scene.supersampling
     if not all(isinstance(one, RegularField) for one in scene.fields):
         options["filter"] = scene.filter or "off"
     return {**options, **changes}

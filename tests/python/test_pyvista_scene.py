@@ -289,3 +289,18 @@ def test_unusable_arguments_are_refused(ball_field: ss.RegularField) -> None:
         composite(ball_field, plotter)
     with pytest.raises(ss.InvalidInput, match="opacitty"):
         composite(plotter, ball_field, opacitty=1)  # type: ignore[call-arg]
+
+
+@pytest.mark.gl
+def test_opengl_draws_beside_windows_that_open_and_close(ball_field: ss.RegularField) -> None:
+    # VTK ends the EGL display, which belongs to the process, when it looks for devices and when it closes a window.
+    renderer = ss.Renderer("gl")
+    scene = ss.Scene(ball_field, ss.TransferFunction.from_colormap("gray", "linear", (0, 1)))
+    camera = ss.Camera.fit(ball_field)
+    expected = renderer.render(scene, camera, size=(20, 20)).rgba
+    plotter = plotter_of()
+    plotter.add_mesh(plane())
+    plotter.screenshot(return_img=True)
+    assert np.array_equal(renderer.render(scene, camera, size=(20, 20)).rgba, expected)
+    plotter.close()
+    assert np.array_equal(renderer.render(scene, camera, size=(20, 20)).rgba, expected)

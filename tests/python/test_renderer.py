@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import logging
 import math
@@ -417,6 +418,43 @@ def test_threads_share_a_renderer(renderer, scene, camera):
     for thread in threads:
         thread.join()
     assert len(found) == 6 and all(np.array_equal(picture, expected) for picture in found)
+
+
+def end_displays() -> None:
+    """End the EGL displays of all devices, and with them all contexts on them, as VTK does when it closes a window."""
+    egl = ctypes.CDLL("libEGL.so.1")
+    egl.eglGetProcAddress.restype = ctypes.c_void_p
+    address = egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
+    display_of = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p)(address)
+    address = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
+    devices = (ctypes.c_void_p * 16)()
+    count = ctypes.c_int()
+    ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(address)(
+        len(devices), devices, ctypes.byref(count)
+    )
+    device_platform, surfaceless = 0x313F, 0x31DD
+    for display in [display_of(surfaceless, None, None)] + [
+        display_of(device_platform, device, None) for device in devices[: count.value]
+    ]:
+        egl.eglTerminate(ctypes.c_void_p(display))
+
+
+@pytest.mark.gl
+def test_a_renderer_outlives_its_context(scene, camera):
+    # Light volumes and tables stay on the device from picture to picture: they must be made anew too.
+    scene = scene.replace(shadows=True)
+    renderer = ss.Renderer("gl", effects={"shadows": True}, allow_inexact=True)
+    platform = next(one.platform for one in ss.devices() if one.backend == "gl" and one.available)
+    if platform == "osmesa":
+        pytest.skip("OSMesa has no display that others could end")
+    expected = renderer.render(scene, camera, size=(30, 20))
+    assert expected.rgba.any()
+    for _ in range(2):
+        end_displays()
+        again = renderer.render(scene, camera, size=(30, 20))
+        assert np.array_equal(again.rgba, expected.rgba) and again.plan == expected.plan
+    end_displays()
+    del renderer
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -5,6 +5,7 @@
 #include "picture.hpp"
 #include "resources.hpp"
 #include "shader_variants.hpp"
+#include "sheetsplat/error.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -18,14 +19,44 @@ Setup set_up(const DrawPlan& plan, const Scene& scene, const Capabilities& capab
 }
 
 struct GlRenderer::State {
+    gl::ContextOptions options;
     std::unique_ptr<gl::Context> context;
     std::unique_ptr<Resources> resources;
+    Capabilities capabilities; // plans hold references to them, also while the context is made anew
+
+    void drop_context() {
+        context->forget_objects();
+        resources.reset();
+        context.reset();
+    }
+
+    /// Makes the context current, and makes another of the same kind where other code has ended the first.
+    gl::Current enter() {
+        if (context) {
+            try {
+                return gl::Current(*context);
+            } catch (const gl::ContextLost&) {
+                drop_context();
+            }
+        }
+        options.platform = capabilities.platform;
+        context = gl::Context::create(options);
+        const Capabilities& now = context->capabilities();
+        if (now.renderer != capabilities.renderer || now.version != capabilities.version) {
+            const std::string found = now.renderer + ", OpenGL " + now.version;
+            context.reset();
+            throw DeviceUnavailable(Complaint{"the OpenGL context was lost, and no other is like it", found,
+                                              capabilities.renderer + ", OpenGL " + capabilities.version,
+                                              "make a new renderer"});
+        }
+        return gl::Current(*context);
+    }
 };
 
 GlRenderer::GlRenderer(std::optional<int> egl_device) : state_(std::make_unique<State>()) {
-    gl::ContextOptions options;
-    options.egl_device = egl_device;
-    state_->context = gl::Context::create(options);
+    state_->options.egl_device = egl_device;
+    state_->context = gl::Context::create(state_->options);
+    state_->capabilities = state_->context->capabilities();
 }
 
 GlRenderer::~GlRenderer() {
@@ -34,16 +65,15 @@ GlRenderer::~GlRenderer() {
             const gl::Current current(*state_->context);
             state_->resources.reset();
         } catch (const std::exception&) {
-            // A context that cannot be made current any more takes its objects with it.
-            static_cast<void>(state_->resources.release());
+            state_->drop_context();
         }
     }
 }
 
-const Capabilities& GlRenderer::capabilities() const { return state_->context->capabilities(); }
+const Capabilities& GlRenderer::capabilities() const { return state_->capabilities; }
 
 void GlRenderer::render(const Job& job, Image& image) {
-    const gl::Current current(*state_->context);
+    const gl::Current current = state_->enter();
     if (!state_->resources) {
         state_->resources = std::make_unique<Resources>(state_->context->api(), capabilities());
     }

@@ -214,6 +214,14 @@ std::vector<Attempt> Context::survey() {
 
 std::vector<std::string> Context::take_debug_errors() { return std::exchange(debug_errors_, {}); }
 
+void Context::forget_objects() noexcept {
+    const auto nothing = [](GLsizei, const GLuint*) {};
+    api_.DeleteBuffers = api_.DeleteFramebuffers = api_.DeleteQueries = api_.DeleteTextures = api_.DeleteVertexArrays =
+        nothing;
+    api_.DeleteProgram = api_.DeleteShader = [](GLuint) {};
+    api_.DeleteSync = [](GLsync) {};
+}
+
 void NativeContext::set_up(const std::string& platform, bool debug) {
     const Current current(*this);
     const int version = gladLoadGLContextUserPtr(&api_, address_of, this);
@@ -235,6 +243,7 @@ void NativeContext::set_up(const std::string& platform, bool debug) {
         api_.Enable(GL_DEBUG_OUTPUT_SYNCHRONOUS);
         api_.Enable(GL_DEBUG_OUTPUT);
     }
+    mark();
     check_errors(api_, "setting up an OpenGL context");
 }
 

@@ -7,8 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <map>
-#include <mutex>
+#include <random>
 #include <sstream>
 #include <utility>
 
@@ -28,6 +27,11 @@ using Device = void*;
 
 constexpr EglInt none = 0x3038;
 constexpr EglInt success = 0x3000;
+constexpr EglInt not_initialized = 0x3001;
+constexpr EglInt bad_context = 0x3006;
+constexpr EglInt bad_display = 0x3008;
+constexpr EglInt bad_surface = 0x300D;
+constexpr EglInt context_lost = 0x300E;
 constexpr EglInt extensions_string = 0x3055;
 constexpr EglInt vendor_string = 0x3053;
 constexpr EglInt version_string = 0x3054;
@@ -144,36 +148,27 @@ const Egl& egl_library() {
     return egl;
 }
 
-struct InitialisedDisplay {
-    std::string extensions;
-    std::string description; // "EGL 1.5, Mesa Project"
-};
-
 // eglGetPlatformDisplay returns the same EGLDisplay to all code in the process that asks for a device, and
-// eglInitialize does not count references: one eglTerminate would destroy the contexts of other code as well. So
-// displays stay initialised until the process ends.
-const InitialisedDisplay* initialise(const Egl& egl, Display display, std::string& story) {
-    static std::mutex& mutex = *new std::mutex;
-    static std::map<Display, InitialisedDisplay>& displays = *new std::map<Display, InitialisedDisplay>;
-    const std::lock_guard<std::mutex> lock(mutex);
-    auto known = displays.find(display);
-    if (known == displays.end()) {
-        EglInt major = 0, minor = 0;
-        if (egl.initialize(display, &major, &minor) == 0) {
-            tell(story, std::string("eglInitialize failed with ") + error_name(egl.get_error()) +
-                            " (is there a driver for this device, and may this user open /dev/dri/renderD* or "
-                            "/dev/nvidia*?)");
-            return nullptr;
-        }
-        known = displays
-                    .emplace(display,
-                             InitialisedDisplay{text_or_empty(egl.query_string(display, extensions_string)),
-                                                "EGL " + text_or_empty(egl.query_string(display, version_string)) +
-                                                    ", " + text_or_empty(egl.query_string(display, vendor_string))})
-                    .first;
+// eglInitialize does not count references: one eglTerminate destroys the contexts of all. So this library never calls
+// it, and initialises a display before each context, because other code may have ended it; on a display that is ready
+// eglInitialize does nothing.
+bool initialise(const Egl& egl, Display display, std::string& story) {
+    EglInt major = 0, minor = 0;
+    if (egl.initialize(display, &major, &minor) == 0) {
+        tell(story, std::string("eglInitialize failed with ") + error_name(egl.get_error()) +
+                        " (is there a driver for this device, and may this user open /dev/dri/renderD* or "
+                        "/dev/nvidia*?)");
+        return false;
     }
-    tell(story, known->second.description);
-    return &known->second;
+    tell(story, "EGL " + text_or_empty(egl.query_string(display, version_string)) + ", " +
+                    text_or_empty(egl.query_string(display, vendor_string)));
+    return true;
+}
+
+// What eglMakeCurrent says of a context whose display was ended; EGL_CONTEXT_LOST: the device was reset.
+bool says_lost(EglInt error) {
+    return error == not_initialized || error == bad_context || error == bad_display || error == bad_surface ||
+           error == context_lost;
 }
 
 class EglContext final : public NativeContext {
@@ -183,6 +178,9 @@ class EglContext final : public NativeContext {
 
     ~EglContext() override {
         leave_current();
+        if (is_lost()) {
+            return;
+        }
         if (surface_ != nullptr) {
             egl_.destroy_surface(display_, surface_);
         }
@@ -216,12 +214,24 @@ class EglContext final : public NativeContext {
         }
         // The bound API belongs to the thread, not to the context.
         if (egl_.bind_api(opengl_api) == 0 || egl_.make_current(display_, surface_, surface_, context_) == 0) {
-            const char* name = error_name(egl_.get_error());
+            const EglInt error = egl_.get_error();
             egl_.bind_api(foreign.api);
-            throw Error(Complaint{"an EGL context could not be made current", name, "eglMakeCurrent to succeed",
-                                  "use a context on one thread at a time"});
+            refuse(error_name(error), says_lost(error));
         }
         foreign_ = foreign;
+        if (!is_marked()) {
+            release();
+            refuse("another context in its place", true);
+        }
+    }
+
+    void mark() override {
+        std::random_device device;
+        for (GLfloat& part : mark_) {
+            part = static_cast<GLfloat>(device() >> 8U);
+        }
+        api_.GenSamplers(1, &marked_);
+        api_.SamplerParameterfv(marked_, GL_TEXTURE_BORDER_COLOR, mark_.data());
     }
 
     void release() noexcept override {
@@ -235,6 +245,41 @@ class EglContext final : public NativeContext {
     }
 
   private:
+    [[noreturn]] static void refuse(const char* found, bool lost) {
+        Complaint complaint{"an EGL context could not be made current", found, "eglMakeCurrent to succeed",
+                            "use a context on one thread at a time"};
+        if (lost) {
+            complaint.advice = "make another one: code in this process has ended the EGL display (eglTerminate)";
+            throw ContextLost(std::move(complaint));
+        }
+        throw Error(std::move(complaint));
+    }
+
+    // A handle is an address, which a context of other code may have after the display was ended. A sampler's colour
+    // tells them apart without waiting for the device.
+    [[nodiscard]] bool is_marked() const {
+        if (marked_ == 0) {
+            return true;
+        }
+        std::array<GLfloat, 4> found{};
+        if (api_.IsSampler(marked_) != GL_FALSE) {
+            api_.GetSamplerParameterfv(marked_, GL_TEXTURE_BORDER_COLOR, found.data());
+        }
+        return found == mark_;
+    }
+
+    [[nodiscard]] bool is_lost() noexcept {
+        try {
+            make_current();
+        } catch (const ContextLost&) {
+            return true;
+        } catch (const std::exception&) {
+            return false;
+        }
+        release();
+        return false;
+    }
+
     struct Foreign {
         EglEnum api = opengl_api;
         Display display = nullptr;
@@ -248,6 +293,8 @@ class EglContext final : public NativeContext {
     NativeEglContext context_;
     Surface surface_ = nullptr;
     Foreign foreign_;
+    GLuint marked_ = 0; // a sampler; 0: not set up
+    std::array<GLfloat, 4> mark_{};
 };
 
 // Binds desktop OpenGL to this thread, and at the end what was bound before.
@@ -265,18 +312,18 @@ struct BoundApi {
 
 Made make_on_display(const Egl& egl, Display display, const std::string& platform, bool debug) {
     Made made;
-    const InitialisedDisplay* initialised = initialise(egl, display, made.story);
-    if (initialised == nullptr) {
+    if (!initialise(egl, display, made.story)) {
         return made;
     }
+    const std::string extensions = text_or_empty(egl.query_string(display, extensions_string));
     const BoundApi api(egl);
     if (!api.bound) {
         tell(made.story, "this EGL has no desktop OpenGL (eglBindAPI(EGL_OPENGL_API) failed)");
         return made;
     }
-    const bool without_surface = has_word(initialised->extensions, "EGL_KHR_surfaceless_context");
-    const bool without_config = without_surface && (has_word(initialised->extensions, "EGL_KHR_no_config_context") ||
-                                                    has_word(initialised->extensions, "EGL_MESA_configless_context"));
+    const bool without_surface = has_word(extensions, "EGL_KHR_surfaceless_context");
+    const bool without_config = without_surface && (has_word(extensions, "EGL_KHR_no_config_context") ||
+                                                    has_word(extensions, "EGL_MESA_configless_context"));
     Config config = nullptr;
     if (!without_config) {
         const std::array<EglInt, 5> wanted = {surface_type, without_surface ? 0 : pbuffer_bit, renderable_type,
@@ -289,7 +336,7 @@ Made make_on_display(const Egl& egl, Display display, const std::string& platfor
     }
 
     NativeEglContext native = nullptr;
-    const bool flags_by_extension = has_word(initialised->extensions, "EGL_KHR_create_context");
+    const bool flags_by_extension = has_word(extensions, "EGL_KHR_create_context");
     for (const auto& version : wanted_versions) {
         std::vector<EglInt> attributes = {context_major_version, version[0],      context_minor_version, version[1],
                                           context_profile_mask,  core_profile_bit};

@@ -22,6 +22,8 @@ class NativeContext : public Context {
 
   protected:
     NativeContext() = default;
+    /// At the end of the set-up, with the context current: leaves in it what tells it from other contexts.
+    virtual void mark() {}
     /// For destructors: releases the context if it is current on this thread.
     void leave_current() noexcept;
 };

@@ -177,53 +177,125 @@ TEST(Current, nothing_is_current_after_creation_or_afterwards) {
     }
 }
 
-// An EGL context that was made by other code of this process, by EGL's own functions.
+// EGL as other code of this process uses it.
+struct ForeignEgl {
+    void* library = dlopen("libEGL.so.1", RTLD_NOW | RTLD_LOCAL);
+
+    template <class Signature>
+    [[nodiscard]] Signature* function(const char* name) const {
+        return reinterpret_cast<Signature*>(dlsym(library, name));
+    }
+    unsigned (*initialize)(void*, int*, int*) = function<unsigned(void*, int*, int*)>("eglInitialize");
+    unsigned (*terminate)(void*) = function<unsigned(void*)>("eglTerminate");
+    unsigned (*bind_api)(unsigned) = function<unsigned(unsigned)>("eglBindAPI");
+    unsigned (*query_api)() = function<unsigned()>("eglQueryAPI");
+    void* (*create)(void*, void*, void*,
+                    const int*) = function<void*(void*, void*, void*, const int*)>("eglCreateContext");
+    unsigned (*destroy)(void*, void*) = function<unsigned(void*, void*)>("eglDestroyContext");
+    unsigned (*make_current)(void*, void*, void*,
+                             void*) = function<unsigned(void*, void*, void*, void*)>("eglMakeCurrent");
+    void* (*current_context)() = function<void*()>("eglGetCurrentContext");
+    void* (*current_display)() = function<void*()>("eglGetCurrentDisplay");
+
+    [[nodiscard]] void* surfaceless_display() const {
+        constexpr unsigned surfaceless = 0x31DD;
+        const auto get_proc_address = function<void*(const char*)>("eglGetProcAddress");
+        const auto get_platform_display =
+            reinterpret_cast<void* (*)(unsigned, void*, const int*)>(get_proc_address("eglGetPlatformDisplayEXT"));
+        return get_platform_display(surfaceless, nullptr, nullptr);
+    }
+    [[nodiscard]] void* make(void* display, int major) const {
+        const std::array<int, 3> attributes = {0x3098, major, 0x3038};
+        return create(display, nullptr, nullptr, attributes.data());
+    }
+};
+constexpr unsigned opengl = 0x30A2;
+constexpr unsigned opengl_es = 0x30A0;
+
 TEST(Current, gives_back_the_egl_contexts_of_others) {
     const Tried ours = try_context(on("surfaceless"));
     if (!ours.context) {
         GTEST_SKIP() << ours.reason;
     }
-    void* egl = dlopen("libEGL.so.1", RTLD_NOW | RTLD_LOCAL);
-    ASSERT_NE(egl, nullptr);
-    const auto function = [&](const char* name) { return dlsym(egl, name); };
-    const auto get_proc_address = reinterpret_cast<void* (*)(const char*)>(function("eglGetProcAddress"));
-    const auto get_platform_display =
-        reinterpret_cast<void* (*)(unsigned, void*, const int*)>(get_proc_address("eglGetPlatformDisplayEXT"));
-    const auto initialize = reinterpret_cast<unsigned (*)(void*, int*, int*)>(function("eglInitialize"));
-    const auto bind_api = reinterpret_cast<unsigned (*)(unsigned)>(function("eglBindAPI"));
-    const auto query_api = reinterpret_cast<unsigned (*)()>(function("eglQueryAPI"));
-    const auto create = reinterpret_cast<void* (*)(void*, void*, void*, const int*)>(function("eglCreateContext"));
-    const auto destroy = reinterpret_cast<unsigned (*)(void*, void*)>(function("eglDestroyContext"));
-    const auto make_current = reinterpret_cast<unsigned (*)(void*, void*, void*, void*)>(function("eglMakeCurrent"));
-    const auto get_current = reinterpret_cast<void* (*)()>(function("eglGetCurrentContext"));
-    constexpr unsigned surfaceless = 0x31DD;
-    constexpr unsigned opengl = 0x30A2;
-    constexpr unsigned opengl_es = 0x30A0;
-    void* display = get_platform_display(surfaceless, nullptr, nullptr);
-    ASSERT_NE(initialize(display, nullptr, nullptr), 0U);
+    const ForeignEgl egl;
+    ASSERT_NE(egl.library, nullptr);
+    void* display = egl.surfaceless_display();
+    ASSERT_NE(egl.initialize(display, nullptr, nullptr), 0U);
 
-    const unsigned api_before = query_api();
+    const unsigned api_before = egl.query_api();
     for (const unsigned api : {opengl, opengl_es}) {
-        ASSERT_NE(bind_api(api), 0U);
-        const std::array<int, 3> attributes = {0x3098, api == opengl ? 3 : 2, 0x3038}; // major version
-        void* foreign = create(display, nullptr, nullptr, attributes.data());
+        ASSERT_NE(egl.bind_api(api), 0U);
+        void* foreign = egl.make(display, api == opengl ? 3 : 2);
         ASSERT_NE(foreign, nullptr);
-        ASSERT_NE(make_current(display, nullptr, nullptr, foreign), 0U);
+        ASSERT_NE(egl.make_current(display, nullptr, nullptr, foreign), 0U);
         {
             const Current current(*ours.context);
-            EXPECT_NE(get_current(), foreign);
+            EXPECT_NE(egl.current_context(), foreign);
             EXPECT_TRUE(clears_and_reads_back(ours.context->api(), {1.0F, 2.0F, 3.0F, 4.0F}));
             const Tried inner = try_context(on("egl"));
             ASSERT_NE(inner.context, nullptr);
             const Current nested(*inner.context);
             EXPECT_TRUE(clears_and_reads_back(inner.context->api(), {4.0F, 2.0F, 3.0F, 4.0F}));
         }
-        EXPECT_EQ(get_current(), foreign);
-        EXPECT_EQ(query_api(), api);
-        make_current(display, nullptr, nullptr, nullptr);
-        destroy(display, foreign);
+        EXPECT_EQ(egl.current_context(), foreign);
+        EXPECT_EQ(egl.query_api(), api);
+        egl.make_current(display, nullptr, nullptr, nullptr);
+        egl.destroy(display, foreign);
     }
-    bind_api(api_before);
+    egl.bind_api(api_before);
+}
+
+// Other code ends the display, as VTK does.
+class EndedDisplay : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Platforms, EndedDisplay, ::testing::Values("egl", "surfaceless"),
+                         [](const auto& info) { return std::string(info.param); });
+
+TEST_P(EndedDisplay, is_told_and_leaves_others_alone) {
+    Tried ours = try_context(on(GetParam()));
+    if (!ours.context) {
+        GTEST_SKIP() << ours.reason;
+    }
+    const ForeignEgl egl;
+    ASSERT_NE(egl.library, nullptr);
+    void* display = nullptr;
+    void* handle = nullptr;
+    std::optional<Buffer> buffer;
+    {
+        const Current current(*ours.context);
+        display = egl.current_display();
+        handle = egl.current_context();
+        buffer.emplace(ours.context->api(), GL_ARRAY_BUFFER);
+    }
+    ASSERT_NE(egl.terminate(display), 0U);
+    EXPECT_THROW(const Current current(*ours.context), ContextLost);
+
+    // A context of other code often has the same address then: it must be neither drawn on nor destroyed.
+    ASSERT_NE(egl.initialize(display, nullptr, nullptr), 0U);
+    const unsigned api_before = egl.query_api();
+    ASSERT_NE(egl.bind_api(opengl), 0U);
+    std::vector<void*> foreign;
+    do {
+        foreign.push_back(egl.make(display, 3));
+        ASSERT_NE(foreign.back(), nullptr);
+    } while (foreign.back() != handle && foreign.size() < 20);
+    EXPECT_THROW(const Current current(*ours.context), ContextLost);
+    EXPECT_EQ(egl.current_context(), nullptr);
+    ours.context->forget_objects();
+    buffer.reset();
+    ours.context.reset();
+    for (void* each : foreign) {
+        EXPECT_NE(egl.make_current(display, nullptr, nullptr, each), 0U);
+        egl.make_current(display, nullptr, nullptr, nullptr);
+        EXPECT_NE(egl.destroy(display, each), 0U);
+    }
+    egl.bind_api(api_before);
+
+    ASSERT_NE(egl.terminate(display), 0U);
+    const Tried again = try_context(on(GetParam()));
+    ASSERT_NE(again.context, nullptr) << again.reason;
+    const Current current(*again.context);
+    EXPECT_TRUE(clears_and_reads_back(again.context->api(), {1.0F, 2.0F, 3.0F, 4.0F}));
+    RecordProperty("same_address", foreign.back() == handle ? "yes" : "no");
 }
 
 TEST(ContextChoice, names_that_are_none) {

@@ -10,6 +10,7 @@
 #include <glad/gl.h>
 
 #include "base/capabilities.hpp"
+#include "sheetsplat/error.hpp"
 
 namespace sheetsplat::gl {
 
@@ -31,6 +32,13 @@ struct Attempt {
     Capabilities capabilities; ///< where it succeeded
 };
 
+/// A context does not exist any more: other code in the process ended the EGL display that it was made on, as VTK does
+/// when it looks for devices and when it closes a window. Nothing was drawn; another context can be made.
+class ContextLost : public Error {
+  public:
+    using Error::Error;
+};
+
 /// An OpenGL core context of version 3.3 or later. One thread at a time.
 class Context {
   public:
@@ -48,11 +56,13 @@ class Context {
     [[nodiscard]] const Capabilities& capabilities() const { return capabilities_; }
     /// Debug messages of type error (or high severity) since the last call; empty without `debug`.
     [[nodiscard]] std::vector<std::string> take_debug_errors();
+    /// After ContextLost: the objects went with their context, and their destructors leave OpenGL alone from now on.
+    void forget_objects() noexcept;
 
   protected:
     Context() = default;
     friend class Current;
-    virtual void make_current() = 0; ///< throws Error where the driver refuses
+    virtual void make_current() = 0; ///< throws ContextLost, and Error where the driver refuses
     virtual void release() noexcept = 0;
 
     Api api_{};
@@ -64,6 +74,7 @@ class Context {
 /// of this layer, and EGL contexts of others). The context must outlive it.
 class Current {
   public:
+    /// Throws ContextLost, and Error where the driver refuses.
     explicit Current(Context& context);
     ~Current();
     Current(const Current&) = delete;

@@ -229,10 +229,10 @@ bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bo
             Image image;
             const Indexed indexed = find_drawn(request, prepared, prepared.frame);
             const LightVolumes volumes = light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
+            // Before the aggregate: where an element of one throws, GCC 12 destroys nested aggregates before it twice.
+            LightErrors errors = light_probe_.errors(request, prepared, volumes, light_.absorption());
             measured_ = std::make_unique<MeasuredLight>(
-                MeasuredLight{{request.scene, request.camera, request.size},
-                              plan.backend,
-                              light_probe_.errors(request, prepared, volumes, light_.absorption())});
+                MeasuredLight{{request.scene, request.camera, request.size}, plan.backend, std::move(errors)});
         } catch (const OutOfMemory&) {
             // The estimate stands.
             return false;

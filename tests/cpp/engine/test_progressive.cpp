@@ -173,6 +173,31 @@ TEST(Stages, AreOneWherePicturesAreFast) {
     EXPECT_THROW(Stages(renderer, scene, camera, {0, 16}), InvalidInput);
 }
 
+// Also while errors of light are measured, which is after the picture is drawn.
+TEST(Reuse, ARendererIsWholeAfterACancelAnywhere) {
+    Scene scene = scene_of(waves(16));
+    scene.shadows = true;
+    const Camera camera = askew(*scene.fields[0]);
+    const Size size{40, 40};
+    const Image plain = Renderer(on(Backend::cpu)).render(scene, camera, size);
+    int cancelled = 0;
+    for (int last = 1;; last += 1 + last / 16) {
+        Renderer renderer(on(Backend::cpu));
+        int calls = 0;
+        try {
+            static_cast<void>(renderer.render(scene, camera, size, {}, [&](double) { return ++calls < last; }));
+            EXPECT_LT(calls, last);
+            break;
+        } catch (const Cancelled&) {
+            ++cancelled;
+        }
+        const Image again = renderer.render(scene, camera, size);
+        ASSERT_EQ(again.rgba, plain.rgba) << "cancelled at call " << last;
+        ASSERT_EQ(again.plan->expected_error(), plain.plan->expected_error()) << "cancelled at call " << last;
+    }
+    EXPECT_GT(cancelled, 10);
+}
+
 TEST(Stages, CanBeEndedBetweenAndWithin) {
     const Scene scene = scene_of(waves(48));
     const Camera camera = askew(*scene.fields[0]);

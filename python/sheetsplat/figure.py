@@ -1,4 +1,4 @@
-"""Figures of pictures: axes in world units, colour bars in units of the data. Needs matplotlib."""
+"""Figures of pictures: axes and colour bars in units of the data. Needs matplotlib."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sheetsplat._checks import shown
 from sheetsplat._matplotlib import module_of, require_matplotlib
 from sheetsplat.errors import complain, unusable
 from sheetsplat.options.scene import surfaces_of
-from sheetsplat.quantity import Quantity
+from sheetsplat.quantity import Axis, Quantity
 from sheetsplat.recipe import FieldRecipe
 from sheetsplat.transfer import TransferFunction
 
@@ -37,6 +37,8 @@ _ALONG = 1e-6
 _BAR_SHARE = 0.3
 # Letters in the picture: at most so much of its shorter side, and pixels that can still be read.
 _INSIDE, _LEAST_LETTER = 1.0 / 15.0, 7.0
+# Letters of an axis's name beside its direction.
+_LONGEST_NAME = 12
 # Characters in the height of two letters, the usual ratio; lines of a label have at least so many.
 _WIDTH_OF_LETTER = 0.55
 _SHORTEST_LINE = 12
@@ -61,7 +63,7 @@ class PicturePlane:
     Attributes
     ----------
     extent
-        World positions of the left, right, bottom and top edge along the labelled axes.
+        Coordinates of the left, right, bottom and top edge along the labelled axes.
     labels
         What lies to the right and upwards, with units.
     oblique
@@ -129,6 +131,14 @@ def _length_unit(image: Image) -> str:
     return units.pop() if len(units) == 1 else ""
 
 
+def _axes_of(image: Image) -> tuple[Axis, ...]:
+    """Return the coordinates along x, y and z: those of the data where all fields agree, else those of the world."""
+    own = {one.quantity.axes for one in image.recipe.fields}
+    axes = own.pop() if len(own) == 1 else ()
+    world = (Axis(name, _length_unit(image) or "world units") for name, _ in _AXES)
+    return tuple(one if one.name else other for one, other in zip(axes or [Axis()] * 3, world, strict=True))
+
+
 def _integral_label(quantity: Quantity) -> str:
     length = quantity.length_unit or "world units"
     if quantity.floor is not None:
@@ -142,19 +152,19 @@ def picture_plane(image: Image) -> PicturePlane:
     camera, (width, height) = image.camera, image.size
     high = world_height(image)
     wide = high * width / height
-    unit = _length_unit(image)
+    axes = _axes_of(image)
     right, up, _ = camera.world_axes()
     edges: list[float] = []
     labels = []
     for direction, length, word in ((right, wide, "across"), (up, high, "up")):
-        axis = int(np.argmax(np.abs(direction)))
-        if 1.0 - abs(direction[axis]) < _ALONG:
-            middle, sign = camera.target[axis], math.copysign(1.0, direction[axis])
-            label = "xyz"[axis]
+        along = int(np.argmax(np.abs(direction)))
+        if 1.0 - abs(direction[along]) < _ALONG:
+            axis, middle, sign = axes[along], camera.target[along], math.copysign(1.0, direction[along])
         else:
-            middle, sign, label = 0.0, 1.0, f"distance {word} from the middle"
-        edges += [middle - 0.5 * sign * length, middle + 0.5 * sign * length]
-        labels.append(f"{label} [{unit or 'world units'}]")
+            axis = Axis(f"distance {word} from the middle", _length_unit(image) or "world units")
+            middle, sign = 0.0, 1.0
+        edges += [axis.coordinate(middle - 0.5 * sign * length), axis.coordinate(middle + 0.5 * sign * length)]
+        labels.append(axis.label)
     if camera.kind == "perspective":
         labels[0] += ", at the depth of the target"
     left, to_right, bottom, top = edges
@@ -209,7 +219,11 @@ def to_axes(image: Image, ax: Any, *, colorbar: bool, title: str | None) -> Any:
     if ax is None:
         _, ax = module_of("pyplot").subplots()
     plane = picture_plane(image)
-    ax.imshow(np.asarray(image), extent=plane.extent)
+    left, right, bottom, top = plane.extent
+    width, height = image.size
+    # Pixels are squares, also where a step along one axis is as long as another one along the other.
+    square = "equal" if plane.oblique else abs((right - left) / width / ((top - bottom) / height))
+    ax.imshow(np.asarray(image), extent=plane.extent, aspect=square)
     ax.set_xlabel(_label(plane.labels[0]))
     ax.set_ylabel(_label(plane.labels[1]))
     if title is not None:
@@ -341,19 +355,25 @@ def _draw_scale_bar(axes: Any, image: Image, pixel: float) -> None:
 def _draw_directions(axes: Any, image: Image, pixel: float) -> None:
     """Draw the directions of x, y and z into the lower left corner, those that point away first; axes in pixels."""
     reach = 2.6 * pixel
-    middle = 4.2 * pixel
     right, up, back = image.camera.world_axes()
+    names = [name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}…"
+             for name in (one.name for one in _axes_of(image))]  # fmt: skip
+    halves = [0.5 * _WIDTH_OF_LETTER * pixel * len(name) for name in names]
+    start = 4.2 * pixel
+    # Where names are centred, to the right of the common beginning: longer ones farther away.
+    places = [right[n] * (1.35 * reach + halves[n] - min(halves[n], 0.3 * pixel)) for n in range(3)]
+    middle = max(start, *(half - place + 0.5 * pixel for half, place in zip(halves, places, strict=True)))
     for n in sorted(range(3), key=lambda axis: back[axis]):
-        name, color = _AXES[n]
+        color = _AXES[n][1]
         x, y = right[n] * reach, up[n] * reach
         for edge, thick in (("white", 0.5), (color, 0.22)):
             axes.plot(
                 [middle, middle + x],
-                [middle, middle + y],
+                [start, start + y],
                 color=edge,
                 linewidth=thick * pixel * 72.0 / _DPI,
                 solid_capstyle="round",
             )
-        label = axes.text(middle + 1.35 * x, middle + 1.35 * y, name, ha="center", va="center", color=color)
+        label = axes.text(middle + places[n], start + 1.35 * y, _label(names[n]), ha="center", va="center", color=color)
         label.set(fontweight="bold", fontsize=pixel * 72.0 / _DPI)
         _outlined(label, pixel)

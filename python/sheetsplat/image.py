@@ -387,7 +387,7 @@ class Image:
         return Pillow.fromarray(self._levels(255))
 
     def to_axes(self, ax: Any = None, *, colorbar: bool = True, title: str | None = None) -> Any:
-        """Show the picture in axes of matplotlib, in world units, with a colour bar in units of the data.
+        """Show the picture in axes of matplotlib, with a colour bar in units of the data.
 
         Parameters
         ----------
@@ -401,7 +401,8 @@ class Image:
         Returns
         -------
         matplotlib.axes.Axes
-            The axes of the picture. Its units are those of the world, in the plane through the camera's target.
+            The axes of the picture, in the plane through the camera's target: in coordinates of the data where these
+            have some and the view is along one of their axes, else in world units.
 
         Raises
         ------
@@ -422,8 +423,8 @@ class Image:
         colorbar
             A colour bar in units of the data, with a line at each iso value.
         axes
-            Axes in world units, in the plane through the camera's target, and the directions of x, y and z where the
-            view is not along one of them.
+            Axes in the plane through the camera's target, in coordinates of the data where these have some, else in
+            world units, and the directions of x, y and z where the view is not along one of them.
         scale_bar
             A bar of a round length in the picture.
         title

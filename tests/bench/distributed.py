@@ -307,7 +307,9 @@ def measured(field: Any, pixels: Sequence[int]) -> tuple[np.ndarray[Any, Any], n
         view, shown = _view(field, size)
         for number in shown[:: max(1, len(shown) // 6)]:
             part = field_of(field.source, view, number)
-            x0, y0, x1, y1 = view.footprint(number)
+            if (footprint := view.footprint(number)) is None:
+                continue
+            x0, y0, x1, y1 = footprint
             in_front = np.zeros((y1 - y0, x1 - x0), np.float32)
             draw_brick(view, number, part, renderer, in_front)
             times = []

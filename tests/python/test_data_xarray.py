@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
+from sheetsplat.figure import picture_plane
 
 xr = pytest.importorskip("xarray", reason="xarray is not installed")
 
@@ -106,6 +107,67 @@ def test_names_and_units_reach_the_colour_bar():
     pytest.importorskip("matplotlib")
     bar = ss.render(plain, size=(20, 20), backend="reference").to_axes().figure.axes[1]
     assert "air temperature [K]" in (bar.get_ylabel(), bar.get_xlabel())
+
+
+def earth(**options):
+    """Return an array on the globe, half a kilometre and two degrees a step, with the units of its coordinates."""
+    made = array(dims=("height", "lat", "lon"), **options)
+    made = made.assign_coords(height=2 + 0.5 * np.arange(5), lat=60 - 2.0 * np.arange(6), lon=10 + 2.0 * np.arange(7))
+    for name, unit in (("height", "km"), ("lat", "degrees_north")):
+        made.coords[name].attrs["units"] = unit
+    return made
+
+
+def test_figures_have_the_coordinates_of_the_data():
+    field = ss.open(earth())
+    assert [one.label for one in field.quantity.axes] == ["lon", "lat [degrees_north]", "height [km]"]
+    along = {"size": (50, 50), "backend": "reference", "quality": "draft", "direction": "-y", "up": "z"}
+    world = picture_plane(ss.render(field, **along))
+    assert world.labels == ("lon", "height [km]")
+    # Drawn thrice as high: the picture has other shapes, and the axes the same coordinates at the same samples.
+    image = ss.render(earth(), spacing=(1, 1, 3), origin=(-4, 0, 100), **along)
+    plane = picture_plane(image)
+    assert plane.labels == world.labels
+    left, right, bottom, top = plane.extent
+    middle = image.camera.target
+    assert (left + right) / 2 == pytest.approx(10 + 2 * (middle[0] + 4))
+    assert (bottom + top) / 2 == pytest.approx(2 + 0.5 * (middle[2] - 100) / 3)
+    assert abs((right - left) / (top - bottom)) == pytest.approx(2 / (0.5 / 3))
+    # Lengths of both axes together have no unit, and data without coordinates have those of the world.
+    assert "[world units]" in picture_plane(ss.render(earth(), **{**along, "direction": (1, 1, 1)})).labels[0]
+    assert picture_plane(ss.render(earth().drop_vars(["lon", "height"]), **along)).labels[0] == "x [world units]"
+    assert not ss.open(xr.DataArray(VALUES, dims=("height", "lat", "lon"))).quantity.axes
+    # Of another lattice the planes do not lie where the coordinates say.
+    assert not ss.open(earth(), lattice="bcc").quantity.axes
+
+
+def test_lengths_have_the_unit_that_all_coordinates_have():
+    plain = array()
+    for name in "xyz":
+        plain.coords[name].attrs["units"] = "km"
+    assert ss.open(plain).quantity.length_unit == "km"
+    assert ss.open(plain, spacing=(1, 1, 2)).quantity.length_unit == ""
+    assert ss.open(plain).replace(spacing=(1, 1, 2)).quantity == ss.open(plain, spacing=(1, 1, 2)).quantity
+
+
+def test_the_same_coordinates_in_bricks_logarithms_and_files():
+    whole = ss.open(earth(), spacing=(1, 1, 3))
+    assert ss.open_bricks(earth(), spacing=(1, 1, 3), brick=4).quantity == whole.quantity
+    assert ss.open(earth(), spacing=(1, 1, 3), log=0.01).quantity.axes == whole.quantity.axes
+    picture = ss.render(whole, size=(20, 20), backend="reference")
+    assert ss.Recipe.from_json(picture.recipe.to_json()).fields[0].quantity == whole.quantity
+
+
+def test_pixels_of_figures_are_squares():
+    pytest.importorskip("matplotlib")
+    picture = ss.render(earth(), spacing=(1, 1, 3), size=(60, 40), backend="reference", direction="-y", up="z")
+    axes = picture.to_axes(colorbar=False)
+    axes.figure.canvas.draw()
+    box = axes.get_window_extent()
+    assert box.width / box.height == pytest.approx(60 / 40, rel=0.02)
+    # The arrows of another view bear the names.
+    oblique = ss.render(earth(), spacing=(1, 1, 3), size=(200, 160), backend="reference", quality="draft")
+    assert oblique.annotated().width > 200
 
 
 def test_depths_count_downwards():

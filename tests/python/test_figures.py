@@ -343,7 +343,12 @@ def test_without_matplotlib_the_package_says_what_to_install(image, monkeypatch)
 
 
 @pytest.mark.parametrize(
-    "given", [{"name": 3}, {"unit": "m\n"}, {"name": "x" * 201}, {"floor": 0}, {"floor": "1"}, {"length_unit": None}]
+    "given",
+    [
+        *({"name": 3}, {"unit": "m\n"}, {"name": "x" * 201}, {"floor": 0}, {"floor": "1"}, {"length_unit": None}),
+        *({"axes": 3}, {"axes": [("x", "m")]}, {"axes": ["xm"] * 3}, {"axes": [("x",)] * 3}, {"axes": [("x", 1)] * 3}),
+        *({"axes": [("x", "m", 0)] * 3}, {"axes": [("x", "m", 1, float("inf"))] * 3}),
+    ],
 )
 def test_unusable_quantities(given):
     with pytest.raises(ss.InvalidInput, match=next(iter(given))):

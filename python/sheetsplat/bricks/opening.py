@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Unpack
 
 import numpy as np
@@ -148,10 +149,8 @@ def _field(source: BrickSource, brick: int, client: Any, given: Mapping[str, Any
     if "log" in given:
         low = known.value_range[0]
         floor = log_base(np.asarray([low]), source.name, given["log"])
-        told = source.quantity
-        shown_source = shown_source.replace(
-            floor=floor, quantity=type(told)(told.name, told.unit, told.length_unit, floor)
-        )
+        shown_source = shown_source.replace(floor=floor, quantity=replace(source.quantity, floor=floor))
     if shown_source is not source:
         known = known.shown_by(shown_source)
-    return BrickedField(shown_source, known, brick, **placed)
+    field = BrickedField(shown_source, known, brick, **placed)
+    return field.with_quantity_of_samples(shown_source.quantity, source.spacing, source.origin, "cartesian")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Literal, Self
@@ -125,12 +125,13 @@ class Field(ABC):
         unit: str | None = None,
         length_unit: str | None = None,
         floor: float | None = None,
+        axes: Sequence[tuple[Any, ...]] | None = None,
     ) -> Self:
         """Return the same field, without a copy of its arrays, with names and units for figures; see `Quantity`.
 
         What is not given stays.
         """
-        given = {"name": name, "unit": unit, "length_unit": length_unit, "floor": floor}
+        given = {"name": name, "unit": unit, "length_unit": length_unit, "floor": floor, "axes": axes}
         changes: dict[str, Any] = {key: one for key, one in given.items() if one is not None}
         return self._with(_quantity=replace(self._quantity, **changes))
 

@@ -164,12 +164,7 @@ class BrickedField(RegularField):
             # The one that it set itself.
             del options["normalization"]
         made = BrickedField(self.source, self.survey, self.brick, **{**options, **changes})
-        return self._told(made)
-
-    def _told(self, made: BrickedField) -> BrickedField:
-        made._quantity, made._opened, made._orientation = self._quantity, self._opened, self._orientation
-        made._trim = self._trim
-        return made
+        return made._told_by(self)
 
     def _shown(self, **changes: Any) -> BrickedField:
         source = self.source.replace(**changes)

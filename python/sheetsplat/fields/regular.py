@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+import dataclasses
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -245,9 +246,21 @@ class RegularField(Field):
             # The one that it set itself.
             del options["normalization"]
         made = RegularField(self.values if values is None else values, **{**options, **changes})
-        made._quantity, made._opened, made._orientation = self._quantity, self._opened, self._orientation
-        made._trim = self._trim
-        return made
+        return made._told_by(self)
+
+    def _told_by(self, other: RegularField) -> Self:
+        """Return the same field with what another one of its samples says about them."""
+        told = self._with(_opened=other._opened, _orientation=other._orientation, _trim=other._trim)
+        return told.with_quantity_of_samples(other._quantity, other.spacing, other.origin, other.lattice)
+
+    def with_quantity_of_samples(self, quantity: Quantity, spacing: Triple, origin: Triple, lattice: str) -> Self:
+        """Return the same field with what its samples are where they lie at another spacing and origin.
+
+        Their axes keep the coordinates of the samples; those of another lattice have none.
+        """
+        if self.lattice != lattice:
+            quantity = dataclasses.replace(quantity, axes=())
+        return self._with(_quantity=quantity.placed((spacing, self.spacing), (origin, self.origin)))
 
     @classmethod
     def part(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import pkgutil
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -255,7 +255,8 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     placed = {"spacing": volume.spacing, "origin": volume.origin}
     chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
-    field = RegularField(volume.values, **chosen).with_quantity(**asdict(volume.quantity))
+    field = RegularField(volume.values, **chosen)
+    field = field.with_quantity_of_samples(volume.quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)
 
 

@@ -16,7 +16,7 @@ from sheetsplat.io.checks import Where, chosen_step, listed, printable, unreadab
 from sheetsplat.io.lazy_arrays import check_volume, require_volume
 from sheetsplat.io.records import Floats, Volume
 from sheetsplat.orientation import Orientation
-from sheetsplat.quantity import Quantity
+from sheetsplat.quantity import Axis, Quantity
 
 # Names of dimensions along x, y and z of the world: those of the CF conventions and of common use.
 _NAMES = (
@@ -85,7 +85,7 @@ def read_array(array: Any, where: Where, resample: bool = False) -> Volume:
 
     Dimensions that are named x, y, z, as longitude, latitude and height, or by an attribute ``axis`` are those of the
     world; any others are [k, j, i], as in arrays. One-dimensional coordinates give spacing and origin. The long name
-    and the units of the array, and the units of its coordinates, become the quantity.
+    and the units of the array, and the names and the units of its coordinates, become the quantity.
 
     Parameters
     ----------
@@ -138,6 +138,10 @@ class PlacedArray:
         units = [_text(one, "units") for one in attributes]
         _tell_units(where, names, units, placed.values.shape[::-1], placed.spacing)
         same = units[0] if len(set(units)) == 1 else ""
+        axes = tuple(
+            Axis() if places is None else Axis(printable(str(one)), unit)
+            for one, unit, places in zip(names, units, self.positions, strict=True)
+        )
         name = _text(self.array.attrs, "long_name", "standard_name") or printable(self.array.name)
         details = {"content": name, "dimensions": ", ".join(map(str, names)), **placed.details}
         return Volume(
@@ -146,7 +150,7 @@ class PlacedArray:
             placed.origin,
             "xarray",
             {key: text for key, text in details.items() if text},
-            Quantity(name, _text(self.array.attrs, "units"), same),
+            Quantity(name, _text(self.array.attrs, "units"), same, axes=axes if any(one.name for one in axes) else ()),
             Orientation((0.0, 0.0, -1.0)) if _upside_down(attributes[2]) else None,
         )
 

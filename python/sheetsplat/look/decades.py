@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -133,6 +134,5 @@ def logarithmic(field: Field, floor: float) -> Field:
         assert isinstance(field, EllipsoidField)
         values = logarithm(field.values, field.quantity.name or "the values", floor)
         shown = with_values(field, values)
-    told = field.quantity
-    shown = shown.with_quantity(told.name, told.unit, told.length_unit, floor).with_orientation(field.orientation)
+    shown = shown.with_quantity(**asdict(replace(field.quantity, floor=floor))).with_orientation(field.orientation)
     return shown.opened_with({**field.opened, "log": floor})

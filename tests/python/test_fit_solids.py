@@ -212,6 +212,36 @@ def test_solids_are_dense_inside_and_empty_outside(name: str) -> None:
     assert replace(kernels, scales=0.8 * kernels.scales).sums(at[deep])[1].min() < 0.8
 
 
+def test_shares_of_cells_place_a_surface_between_them() -> None:
+    # A slope across the axes: without shares it is a staircase.
+    mesh = rotated(box((-1, -1, -1), (1, 1, 1)), 11)
+    axes = rotated((np.eye(3), np.empty((0, 3), int)), 11)[0]
+    rng = np.random.default_rng(8)
+    face = np.column_stack([rng.uniform(-0.6, 0.6, (2000, 2)), np.ones(2000)]) @ axes
+    spread = {}
+    for shares in (False, True):
+        kernels = fit.solid(*mesh, spacing=0.1, overlap=2.5, shares=shares)
+        weight = kernels.sums(face)[1]
+        spread[shares] = weight.std() / weight.mean()
+        assert (kernels.weights is None) != shares
+    assert spread[True] < 0.25 * spread[False]
+    assert kernels.weights is not None and 0.0 < kernels.weights.min() < 0.1 and kernels.weights.max() == 1.0
+    # The cells that are inside in part make up what cells by their centres miss or add.
+    assert kernels.report["cell_volume"] == pytest.approx(8.0, rel=0.003)
+    kernels = fit.solid(*box((0, 0, 0), (0.93, 0.4, 0.5)), spacing=0.1, shares=True)
+    assert kernels.report["cell_volume"] == pytest.approx(0.93 * 0.4 * 0.5, rel=0.05)
+
+
+def test_shares_do_not_depend_on_how_many_samples_are_held_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = rotated(ball(8), 3)
+    expected = fit.solid(*mesh, spacing=0.15, shares=True)
+    monkeypatch.setattr(_solid, "_MOST_SAMPLES", 5000)
+    found = fit.solid(*mesh, spacing=0.15, shares=True)
+    assert np.array_equal(found.centers, expected.centers)
+    assert found.weights is not None and expected.weights is not None
+    assert np.abs(found.weights - expected.weights).max() < 1e-12 or (found.weights != expected.weights).mean() < 0.01
+
+
 @pytest.mark.parametrize("wanted", [500, 5000, 40_000])
 def test_the_count_is_about_that_wanted(wanted: int) -> None:
     mesh = joined(rotated(ball(), 1), rotated(box((1.5, 0, 0), (3, 1, 0.4)), 7))

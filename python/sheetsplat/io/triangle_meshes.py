@@ -21,6 +21,11 @@ Numbers = NDArray[np.int64]
 # Kernels, as many as `fit.solid` makes unless asked, and the least number of them across the thinnest side of a mesh.
 _KERNELS = 20_000
 _ACROSS = 4.0
+# Of spheres: their radii in edges of their cells, and the weight from which on the inside has its full value: two
+# thirds of what it is there. Rounder than the default of `fit.solid`, whose spheres show as beads; rods and plates are
+# too thin for it.
+_OVERLAP = 2.5
+_FULL_WEIGHT = 2.5
 # Logarithm of the volume of a box in a mesh's own axes over that of one in the world's, from which on it is taken.
 _SMALLER = math.log(0.5)
 # As nearly all programs write .obj.
@@ -45,7 +50,10 @@ def read(source: Source) -> Scattered:
     vertices, triangles, holes = without_holes(vertices, triangles)
     axes, lengths = _stretching(vertices)
     stretched = bool((lengths != lengths[0]).any())
-    kernels = fit.solid((vertices @ axes) / lengths if stretched else vertices, triangles)
+    if stretched:
+        kernels = fit.solid((vertices @ axes) / lengths, triangles)
+    else:
+        kernels = fit.solid(vertices, triangles, overlap=_OVERLAP, shares=True)
     shape = f"ellipsoids, at most {lengths.max() / lengths.min():.3g} times as long as thin" if stretched else "spheres"
     details = {"mesh": f"{len(vertices) - holes} vertices, {len(triangles)} triangles, filled with {shape}"}
     if holes:
@@ -59,6 +67,8 @@ def read(source: Source) -> Scattered:
         ("inside",),
         scales=kernels.scales[:, None] * lengths if stretched else kernels.scales,
         rotations=_turns(kernels, axes) if stretched and (axes != np.eye(3)).any() else None,
+        weights=kernels.weights,
+        w0=None if stretched else _FULL_WEIGHT,
         falloff=kernels.falloff,
         details=details,
         orientation=_Y_UP if source.suffix == ".obj" else None,

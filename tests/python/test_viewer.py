@@ -651,6 +651,14 @@ def test_the_widget_carries_messages(monkeypatch):
         assert viewer._session._clients == []
 
 
+@pytest.mark.parametrize("way", ["data", "choices", "times"])
+def test_fields_in_bricks_are_refused(way: str) -> None:
+    bricked = ss.open_bricks(np.random.default_rng(1).random((8, 8, 8), dtype=np.float32), brick=4)
+    given = {"data": bricked, "choices": {"one": bricked}, "times": [bricked]}[way]
+    with pytest.raises(ss.Unsupported, match="found a field in bricks.*open a part or a coarser version"):
+        ss.view(browser=False, **{way: given})
+
+
 def test_packages_that_are_missing_are_named(monkeypatch):
     import sys
 

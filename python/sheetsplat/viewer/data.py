@@ -15,8 +15,8 @@ import numpy as np
 from sheetsplat._checks import shown
 from sheetsplat.api import Opened, Prepared, prepare
 from sheetsplat.camera import Camera
-from sheetsplat.errors import complain, unusable
-from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.errors import Unsupported, complain, unusable
+from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera
 from sheetsplat.io.opening import time_steps
 from sheetsplat.options.camera import CameraOptions
@@ -133,6 +133,15 @@ class Shown:
         self._choices = _named("choices", choices) if choices is not None else ()
         self._times = _named("times", times) if times is not None else ()
         self._data, self._scene_file = data, _scene_file_of(data)
+        for _, one in (("", data), *self._choices, *self._times):
+            if isinstance(one, BrickedField | BrickedKernels):
+                raise complain(
+                    "view: the data cannot be shown",
+                    "a field in bricks",
+                    "a field that is in memory",
+                    "draw pictures with sheetsplat.render, or open a part or a coarser version with sheetsplat.open",
+                    kind=Unsupported,
+                )
         # Options that choose a time of a file.
         self._steps: list[dict[str, Any]] = []
         if isinstance(data, str | os.PathLike) and self._scene_file is None:

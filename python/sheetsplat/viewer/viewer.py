@@ -207,7 +207,7 @@ def view(
     ------
     Unsupported
         Where the page or the widget needs a package that is not installed: ``pip install "sheetsplat[view]"`` for
-        pages, ``pip install "sheetsplat[jupyter]"`` for notebooks.
+        pages, ``pip install "sheetsplat[jupyter]"`` for notebooks. For fields in bricks.
     Error
         What `render` raises before it draws.
 

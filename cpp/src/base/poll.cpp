@@ -13,8 +13,7 @@ thread_local PollScope* innermost = nullptr;
 
 } // namespace
 
-PollScope::PollScope(std::function<void()> ask)
-    : ask_(std::move(ask)), asked_(std::chrono::steady_clock::now()), outer_(std::exchange(innermost, this)) {}
+PollScope::PollScope(std::function<void()> ask) : ask_(std::move(ask)), outer_(std::exchange(innermost, this)) {}
 
 PollScope::~PollScope() { innermost = outer_; }
 

@@ -7,8 +7,8 @@
 
 namespace sheetsplat {
 
-/// While it lives, poll() of this thread asks `ask`, at most every few milliseconds. ask may throw, which ends the
-/// work. Scopes nest; the innermost one counts.
+/// While it lives, poll() of this thread asks `ask`: at its first call, then at most every few milliseconds. ask may
+/// throw, which ends the work. Scopes nest; the innermost one counts.
 class PollScope {
   public:
     explicit PollScope(std::function<void()> ask);
@@ -20,7 +20,7 @@ class PollScope {
 
   private:
     std::function<void()> ask_;
-    std::chrono::steady_clock::time_point asked_;
+    std::chrono::steady_clock::time_point asked_{};
     PollScope* outer_;
 };
 

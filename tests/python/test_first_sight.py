@@ -121,6 +121,19 @@ def test_limits_of_scalar_pictures_leave_out_hot_pixels(rng):
 # Gases and solids ----------------------------------------------------------------------------------------------------
 
 
+def test_slices_do_not_show_on_solids(rng):
+    """Where all kernels have one value, opacity rises within a fraction of a kernel: usual slices leave contours."""
+    places = rng.uniform(-1, 1, (3000, 3))
+    ball = places[np.linalg.norm(places, axis=1) < 1]
+    solid = ss.EllipsoidField(ball, 0.3, values=np.full(len(ball), 5.0), w0=0.5)
+    images = {
+        more: ss.render(solid, slice_spacing=more and 0.15 / more, size=96, backend="cpu") for more in (2, None, 64)
+    }
+    assert images[None].plan.slice_spacing == pytest.approx(0.15 / 8)
+    off = {more: np.sqrt(np.mean((image.rgba - images[64].rgba) ** 2)) for more, image in images.items()}
+    assert off[None] < 0.35 * off[2]
+
+
 def plume_in_a_layer(rng, scale=1.0):
     """Return a thick hot layer under a ceiling, and a hotter plume that ends in it."""
     room = rng.uniform((0, 0, 0), (6, 6, 4), (9000, 3))

@@ -93,7 +93,9 @@ def _of_solid(field: EllipsoidField) -> Look | None:
         return None
     ends = sorted((0.0, low / SURFACE_SHARE))
     opacity = sorted((share * low, part) for share, part in _SOLID)
-    return Look((ends[0], ends[1]), tuple(opacity), 0.5 * low, _SOLID[-1][1])
+    # Opacity rises across a fraction of a kernel: coarser slices show as contour lines on the surface.
+    spacing = _BORDER_SPACING * field.default_slice_spacing
+    return Look((ends[0], ends[1]), tuple(opacity), 0.5 * low, _SOLID[-1][1], slice_spacing=spacing)
 
 
 def _warn_of_extremes(values: NDArray[Any] | Samples) -> None:

@@ -79,15 +79,17 @@ void set_prices(Work& work, const Scene& scene, Projection projection, bool floa
     work.number_price = float64 ? float64_price : 1.0;
 }
 
-double expected_seconds(const Work& work, double larger_pixels, double larger_spacing, int threads) {
+double expected_seconds(const Work& work, double larger_pixels, double larger_spacing, int threads,
+                        double fewer_kernels) {
     const double fewer = larger_pixels * larger_pixels * larger_spacing;
-    const double sections = std::max(1.0, work.slices_each / larger_spacing);
+    const double wider = std::cbrt(fewer_kernels);
+    const double sections = std::max(1.0, wider * work.slices_each / larger_spacing);
     // Some kernels smaller than a pixel fall between pixels: with a radius of 3/8 pixel, 70 % do.
-    const double radius = work.radius_px / larger_pixels;
+    const double radius = wider * work.radius_px / larger_pixels;
     const double met = std::min(1.0, 2.2 * radius * radius);
-    const double seconds = work.kernels * (look_seconds + met * (place_seconds + section_seconds * sections)) +
-                           work.splats * work.splat_price * splat_seconds / fewer +
-                           work.pixels * work.shade_price * shade_seconds / fewer;
+    const double seconds =
+        work.kernels / fewer_kernels * (look_seconds + met * (place_seconds + section_seconds * sections)) +
+        work.splats * work.splat_price * splat_seconds / fewer + work.pixels * work.shade_price * shade_seconds / fewer;
     return least_seconds + work.number_price * seconds / threads;
 }
 

@@ -29,7 +29,9 @@ Work work_of(const Scene& scene, const ViewFacts& view);
 void set_prices(Work& work, const Scene& scene, Projection projection, bool float64);
 
 /// Seconds of the same view with pixels and slice distances so many times larger, on one of today's processors.
-double expected_seconds(const Work& work, double larger_pixels, double larger_spacing, int threads);
+/// fewer_kernels: how many kernels stand one for, as wide as all of them.
+double expected_seconds(const Work& work, double larger_pixels, double larger_spacing, int threads,
+                        double fewer_kernels = 1.0);
 
 /// Times of pictures over expected_seconds, for each backend: of whole pictures, and of coarse ones.
 class Paces {

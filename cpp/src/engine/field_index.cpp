@@ -277,9 +277,9 @@ std::array<double, 2> FieldIndex::reach_along(const Field& field, const Vec3& fr
     return reach;
 }
 
-void FieldIndex::forget_others(const Scene& scene) {
-    keep_fields(runs_, scene);
-    keep_fields(grids_, scene);
+void FieldIndex::forget_others(const std::vector<std::shared_ptr<const Field>>& fields) {
+    keep_fields(runs_, fields);
+    keep_fields(grids_, fields);
 }
 
 } // namespace sheetsplat

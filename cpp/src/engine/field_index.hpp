@@ -60,8 +60,8 @@ class FieldIndex {
     const GridEntry& grid_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame);
     /// Field::reach_along, by way of the field's grid where there is one.
     [[nodiscard]] std::array<double, 2> reach_along(const Field& field, const Vec3& from, const Vec3& direction) const;
-    /// Drops what belongs to fields that the scene does not hold.
-    void forget_others(const Scene& scene);
+    /// Drops what belongs to other fields.
+    void forget_others(const std::vector<std::shared_ptr<const Field>>& fields);
 
   private:
     [[nodiscard]] GridEntry* find_grid(const Field* field, std::size_t copy) const;

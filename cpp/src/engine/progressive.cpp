@@ -20,6 +20,8 @@ constexpr int coarsest = 32;
 constexpr double largest_spacing = 2.0;
 /// Slice distances grow with pixels beyond this factor: below it, slices are as close as in the last picture.
 constexpr double pixels_before_slices = 4.0;
+/// Distances of samples that a pixel spans before a kernel stands for two samples along an axis.
+constexpr double samples_a_pixel = 1.0;
 /// A stage that takes a larger share of the last one's time is left out: where many small kernels take the time, fewer
 /// pixels save little of it.
 constexpr double worth_a_stage = 0.5;
@@ -33,10 +35,14 @@ constexpr double smooth_order = 1.8;
 constexpr double usual_order = 1.0;
 constexpr double lowest_order = 0.8;
 
-/// Pixels and slices of a stage, in those of the last picture.
+/// Pixels and slices of a stage, in those of the last picture, and what stands for its fields.
 struct Step {
     int pixels = 1;
     double spacing = 1.0;
+    Level level{};
+
+    /// What errors grow with. Kernels of blocks blur about as much as the pixels do.
+    [[nodiscard]] double blur() const { return level.fewer > 1.0 ? std::sqrt(2.0) * pixels : pixels; }
 };
 
 /// A picture on the grid of a step.
@@ -115,7 +121,7 @@ double distance(const Coarse& coarse, const Coarse& fine, Size full) {
 
 /// Where differences between stages shrink by the order p, what is left of them between `fine` and the last picture.
 double left_over(double difference, const Step& coarse, const Step& fine, double order) {
-    const auto power = [&](const Step& step) { return std::pow(static_cast<double>(step.pixels), order); };
+    const auto power = [&](const Step& step) { return std::pow(step.blur(), order); };
     return difference * (power(fine) - 1.0) / (power(coarse) - power(fine));
 }
 
@@ -144,9 +150,17 @@ struct Stages::State {
         frame = prepared.frame;
         const Backend backend = prepared.plan.summary.backend;
         const int threads = thread_count(renderer->options().threads);
-        const double most_spacing = largest_spacing * scene.default_slice_spacing() / frame.slice_spacing;
+        // Light volumes and maxima of lattices belong to the fields themselves, and are kept for every stage.
+        const bool whole = prepared.plan.shadows || prepared.plan.ambient_occlusion || prepared.plan.ray_maxima;
+        const double pixel = std::sqrt(frame.smallest_pixel() * frame.largest_pixel());
+        const auto step_of = [&](int pixels) {
+            Level level = level_of(scene, pixels == 1 ? 0.0 : samples_a_pixel * pixels * pixel, whole);
+            const double most = largest_spacing * level.slice_spacing / frame.slice_spacing;
+            return Step{pixels, spacing_of(pixels, most), std::move(level)};
+        };
         const auto expected = [&](int pixels) {
-            return expected_seconds(prepared.work, pixels, spacing_of(pixels, most_spacing), threads);
+            const Step step = step_of(pixels);
+            return expected_seconds(prepared.work, pixels, step.spacing, threads, step.level.fewer);
         };
         const auto seconds = [&](int pixels) { return renderer->paces().last(backend, pixels > 1) * expected(pixels); };
         const int largest = std::max(size.width, size.height);
@@ -157,19 +171,19 @@ struct Stages::State {
                    seconds(first) + seconds(2 * first) > kept_share * first_seconds) {
                 first *= 2;
             }
-            ahead = Step{2 * first, spacing_of(2 * first, most_spacing)};
+            ahead = step_of(2 * first);
         }
         for (int pixels = first; pixels > 1; pixels /= 2) {
             if (pixels == first || expected(pixels) <= worth_a_stage * expected(1)) {
-                steps.push_back({pixels, spacing_of(pixels, most_spacing)});
+                steps.push_back(step_of(pixels));
             }
         }
-        steps.push_back({1, 1.0});
+        steps.push_back(Step{});
     }
 
     Coarse draw(const Step& step, const Progress& progress) {
         const Camera through = coarse_camera(camera, size, step.pixels);
-        Scene seen = coarse_scene(scene, size, step.pixels);
+        Scene seen = renderer->at_level(coarse_scene(scene, size, step.pixels), step.level, progress);
         seen.reference_length = frame.reference_length;
         seen.slice_spacing = frame.slice_spacing * step.spacing;
         return {step,

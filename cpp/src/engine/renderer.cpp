@@ -133,7 +133,7 @@ Prepared Renderer::State::prepare(const Request& request) {
     Prepared prepared;
     prepared.frame = make_frame(scene, request.camera, request.size, reach());
     check_picture_memory(request.size, request.outputs);
-    surveys_.forget_others(scene);
+    surveys_.forget_others(levels_.keep(scene));
     const ViewFacts facts = view_facts(scene, request.camera, prepared.frame, surveys_);
     prepared.plan = backends_.choose_plan(request, facts);
     prepared.work = work_of(scene, facts);
@@ -151,18 +151,25 @@ Prepared Renderer::State::prepare(const Request& request) {
     return prepared;
 }
 
-Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prepared, const Frame& frame) {
+Scene Renderer::State::at_level(Scene scene, const Level& level, const Progress& progress) {
+    scene.fields = levels_.of(scene.fields, level, [&progress] { report_progress(progress, 0.0); });
+    return scene;
+}
+
+Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prepared, const Frame& drawn_like) {
     const Scene& scene = request.scene;
-    index_.forget_others(scene);
+    index_.forget_others(levels_.keep(scene));
     Indexed indexed;
     for (const std::size_t field : prepared.view_fields) {
+        // Nothing has looked at the samples of a level yet, and what the stage's own frame calls for is found soon.
+        const Frame& frame = levels_.made(scene.fields[field]) ? prepared.frame : drawn_like;
         const RunsEntry& entry = index_.runs_of(field, scene, prepared.plan, frame);
         indexed.runs.push_back(&entry);
         indexed.visible += entry.runs.samples();
         indexed.bytes += entry.runs.bytes();
     }
     for (const std::size_t field : prepared.ellipsoid_fields) {
-        const GridEntry& entry = index_.grid_of(field, scene, prepared.plan, frame);
+        const GridEntry& entry = index_.grid_of(field, scene, prepared.plan, drawn_like);
         indexed.grids.push_back(&entry);
         indexed.grid_fields.push_back(field);
         indexed.visible += entry.visible_count;

@@ -8,6 +8,7 @@
 #include "draw.hpp"
 #include "facts/field_survey.hpp"
 #include "field_index.hpp"
+#include "field_levels.hpp"
 #include "light_error.hpp"
 #include "light_volumes.hpp"
 #include "settings_choice.hpp"
@@ -40,19 +41,23 @@ struct Renderer::State {
     ErrorEstimate estimate_error(const Image& image, const Scene& shown, const Camera& camera,
                                  const Progress& progress);
 
+    /// The scene with the fields of a level in the place of its own.
+    Scene at_level(Scene scene, const Level& level, const Progress& progress);
+
     [[nodiscard]] const RendererOptions& options() const { return options_; }
     [[nodiscard]] const Paces& paces() const { return paces_; }
 
   private:
     class Pilots;
     [[nodiscard]] Reach reach() const;
-    Indexed find_drawn(const Request& request, const Prepared& prepared, const Frame& frame);
+    Indexed find_drawn(const Request& request, const Prepared& prepared, const Frame& drawn_like);
     void draw(const Request& request, const Prepared& prepared, const Frame& drawn_like, Image& image);
 
     const RendererOptions options_;
     BackendChoice backends_;
     FieldSurveys surveys_;
     FieldIndex index_;
+    FieldLevels levels_;
     LightVolumeCache light_;
     LightErrorProbe light_probe_;
     struct MeasuredLight {

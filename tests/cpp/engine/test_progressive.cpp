@@ -123,6 +123,8 @@ TEST(Stages, EstimatesAreWithinAFactorOfThree) {
         {"waves in perspective", [] { return scene_of(waves()); }, Projection::perspective},
         {"waves, isosurface", [&] { return change(scene_of(waves()), [](Scene& s) { s.mode = Mode::isosurface; }); }},
         {"waves, x-ray", [&] { return change(scene_of(waves()), [](Scene& s) { s.mode = Mode::xray; }); }},
+        {"waves of blocks", [] { return scene_of(waves(160)); }},
+        {"waves of blocks, unlit", [] { return scene_of(waves(160), false); }, Projection::perspective},
         {"waves, closer slices", [&] { return change(scene_of(waves()), [](Scene& s) { s.slice_spacing = 0.5; }); }},
         {"spheres", [] { return scene_of(cloud(600, 0.1, true)); }},
         {"spheres unlit", [] { return scene_of(cloud(600, 0.1, true), false); }, Projection::perspective},
@@ -158,6 +160,27 @@ TEST(Stages, EstimatesAreWithinAFactorOfThree) {
         std::printf("\n");
     }
     EXPECT_GT(largest, 12.0 * smallest) << "one number for all would be as good";
+}
+
+// Where pixels of a stage are wider than the distance of samples, it draws kernels of blocks.
+TEST(Stages, CoarseOnesDrawFewerKernels) {
+    const Scene scene = scene_of(waves(96));
+    const Camera camera = askew(*scene.fields[0]);
+    Renderer renderer(on(Backend::cpu));
+    Stages stages(renderer, scene, camera, {96, 96}, {}, at_once);
+    std::vector<double> kernels;
+    Image image;
+    while (!stages.done()) {
+        image = stages.next();
+        kernels.push_back(image.stats.at("kernels_visible"));
+    }
+    ASSERT_GT(kernels.size(), 2U);
+    EXPECT_LT(kernels.front(), kernels.back() / 32.0);
+    EXPECT_TRUE(std::is_sorted(kernels.begin(), kernels.end()));
+    EXPECT_EQ(image.rgba, Renderer(on(Backend::cpu)).render(scene, camera, {96, 96}).rgba);
+    // Another picture of the same renderer finds all levels as they were.
+    Stages again(renderer, scene, camera, {96, 96}, {}, at_once);
+    EXPECT_EQ(again.next().stats.at("kernels_visible"), kernels.front());
 }
 
 TEST(Stages, AreOneWherePicturesAreFast) {

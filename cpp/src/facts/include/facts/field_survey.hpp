@@ -33,11 +33,12 @@ struct FieldSurvey {
     std::optional<double> lattice_peak; ///< lattices: largest W / C anywhere
 };
 
-/// Drops entries of fields that the scene does not hold.
+/// Drops entries of other fields.
 template <class Entry>
-void keep_fields(std::vector<std::unique_ptr<Entry>>& entries, const Scene& scene) {
+void keep_fields(std::vector<std::unique_ptr<Entry>>& entries,
+                 const std::vector<std::shared_ptr<const Field>>& fields) {
     const auto unused = [&](const std::unique_ptr<Entry>& entry) {
-        return std::find(scene.fields.begin(), scene.fields.end(), entry->field) == scene.fields.end();
+        return std::find(fields.begin(), fields.end(), entry->field) == fields.end();
     };
     entries.erase(std::remove_if(entries.begin(), entries.end(), unused), entries.end());
 }
@@ -46,8 +47,8 @@ void keep_fields(std::vector<std::unique_ptr<Entry>>& entries, const Scene& scen
 class FieldSurveys {
   public:
     const FieldSurvey& of(const std::shared_ptr<const Field>& field);
-    /// Drops what belongs to fields that the scene does not hold.
-    void forget_others(const Scene& scene) { keep_fields(surveys_, scene); }
+    /// Drops what belongs to other fields.
+    void forget_others(const std::vector<std::shared_ptr<const Field>>& fields) { keep_fields(surveys_, fields); }
 
   private:
     std::vector<std::unique_ptr<FieldSurvey>> surveys_;

@@ -18,8 +18,16 @@ import sysconfig
 import tempfile
 from pathlib import Path
 
-# What manylinux lets wheels expect of a system, beside the C library.
-_OF_MANYLINUX = ("libstdc++.so.6", "libgcc_s.so.1", "libz.so.1")
+# What manylinux lets wheels expect of a system.
+_OF_MANYLINUX = (
+    "libdl.so.2",
+    "libgcc_s.so.1",
+    "libpthread.so.0",
+    "librt.so.1",
+    "libstdc++.so.6",
+    "libutil.so.1",
+    "libz.so.1",
+)
 _TRIES = {
     "volume": "ss.render(values, size=(64, 48), backend='cpu').save('a.png')",
     "reference": "ss.render(values, size=(16, 12), backend='reference').save('b.exr')",
@@ -53,10 +61,11 @@ def make_root(root: Path, requirements: list[str]) -> list[str]:
     for name in ("tmp", "proc", "site"):
         (root / name).mkdir()
     python, library = Path(sys.executable).resolve(), Path(sysconfig.get_path("stdlib"))
-    left_out = shutil.ignore_patterns("__pycache__", "*-packages", "test", "tests", "idlelib", "config-*", "ensurepip")
+    # Tk would bring the libraries of a desktop, libpng among them.
+    left_out = shutil.ignore_patterns("__pycache__", "*-packages", "test", "tests", "idlelib", "config-*", "_tkinter*")
     shutil.copytree(library, root / library.relative_to("/"), ignore=left_out, symlinks=True)
     copy(python, root)
-    needed = libraries_of([python, *(library / "lib-dynload").glob("*.so")])
+    needed = libraries_of([python, *(root / library.relative_to("/") / "lib-dynload").glob("*.so")])
     known = subprocess.run(["/sbin/ldconfig", "-p"], capture_output=True, text=True, check=True).stdout
     places = dict(re.findall(r"^\s*(\S+) \([^)]*x86-64[^)]*\) => (\S+)", known, re.M))
     needed |= {Path(places[name]) for name in _OF_MANYLINUX if name in places}
@@ -75,7 +84,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         print("libraries:", *make_root(root, [str(wheel), *packages]), flush=True)
-        here = ["unshare", "--map-root-user", "--mount", "--pid", "--fork", f"--mount-proc={root}/proc"]
+        here = [
+            shutil.which("unshare") or "unshare",
+            "--map-root-user",
+            "--mount",
+            "--pid",
+            "--fork",
+            "--mount-proc",
+        ]
         here += [f"--root={root}", "--wd=/tmp", str(Path(sys.executable).resolve())]
         environment = {"PYTHONPATH": "/site", "HOME": "/tmp", "PATH": "/"}
         commands = {name: ["-c", _HEAD + code] for name, code in tries.items()}

@@ -66,8 +66,9 @@ zarr.create_array("a.zarr", data=values)
 tifffile.imwrite("a.tif", values)
 with mrcfile.new("a.mrc") as file:
     file.set_data(values)
-meshio.write("a.msh", meshio.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)], [("tetra", [[0, 1, 2, 3]])],
-             point_data={"a": np.arange(4.0)}), file_format="gmsh")
+points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0), (1, 1, 1.0)]
+meshio.write("a.msh", meshio.Mesh(points, [("tetra", [[0, 1, 2, 3], [1, 2, 3, 4]])], point_data={"a": np.arange(5.0)}),
+             file_format="gmsh")
 for one in (data, dask.array.from_array(values), "a.nc", "a.zarr", "a.tif", "a.mrc"):
     picture(one)
 ss.open("a.msh")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -186,6 +187,12 @@ def test_axes_of_different_units_are_told():
         earth.coords[name].attrs["units"] = unit
     with pytest.warns(ss.PictureWarning, match="different units .*height 5000 m|different units .*height 4000 m"):
         ss.open(earth)
+    with pytest.warns(ss.PictureWarning, match="different units"):
+        ss.open_bricks(earth, brick=4)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ss.open(earth, spacing=(1, 1, 1))
+        ss.open_bricks(earth, brick=4, spacing=(1, 1, 1))
     assert ss.open(array()).quantity.length_unit == ""
 
 

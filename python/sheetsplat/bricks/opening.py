@@ -19,6 +19,7 @@ from sheetsplat.bricks.statistics import Survey, SurveyPlan, merge_surveys, surv
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.fields.regular import narrowest
+from sheetsplat.io.axes import tell_units
 from sheetsplat.io.kernels import log_base
 from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of, folder_of, kernels_of
 from sheetsplat.options.core import check_names, definitions, documented
@@ -114,6 +115,8 @@ def _refuse(given: Mapping[str, Any], names: Sequence[str], what: str) -> None:
 
 def _field(source: BrickSource, brick: int, client: Any, given: Mapping[str, Any]) -> BrickedField:
     """Return the field with the kernels that were given, or plain ones."""
+    if "spacing" not in given:
+        tell_units(source.quantity.axes, source.shape, source.spacing)
     names = (*definitions(PlacementOptions), *definitions(KernelOptions))
     placed: dict[str, Any] = {"spacing": source.spacing, "origin": source.origin}
     placed |= {name: given[name] for name in names if name in given}

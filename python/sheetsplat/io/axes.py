@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat import _memory
+from sheetsplat import _memory, notices
 from sheetsplat._checks import Triple, shown, triple
 from sheetsplat.errors import option_ref
 from sheetsplat.io.checks import Where, unreadable
 from sheetsplat.io.records import Floats
 from sheetsplat.orientation import Orientation
+from sheetsplat.quantity import Axis
 
 _ADVICE = "resample the volume to such axes"
 # Largest distance of an even coordinate from its place, in steps: that of float32 degrees to a tenth.
@@ -25,6 +26,8 @@ _UNEVEN = 2e-3
 # Largest cosine between axes at right angles, and entry by which axes differ from those of the world (0.06 degrees).
 _SKEWED = 1e-3
 _TURNED = 1e-3
+# Axes of different units are told where one is this many times as long as another.
+_FLAT = 20.0
 # Resampled axes have at most this many times as many samples.
 _FINER = 4
 
@@ -219,3 +222,12 @@ def nearest_the_world(
         front = None if orientation.front is None else triple("front", frame @ np.asarray(orientation.front))
         orientation = Orientation(up, front)
     return Turned(*placed, details, orientation)
+
+
+def tell_units(axes: Sequence[Axis], shape: Sequence[int], spacing: Triple) -> None:
+    """Warn of axes x, y, z of different units whose lengths in the picture nobody has chosen; shape is (nk, nj, ni)."""
+    lengths = [max(count - 1, 1) * step for count, step in zip(reversed(shape), spacing, strict=True)]
+    if len({one.unit for one in axes if one.unit}) > 1 and max(lengths) > _FLAT * min(lengths):
+        sides = ", ".join(f"{one.name} {side:g} {one.unit}" for one, side in zip(axes, lengths, strict=True))
+        notices.warn(f"the axes have different units ({sides}); pass " + option_ref("spacing", "...")
+                     + " to choose their lengths in the picture")  # fmt: skip

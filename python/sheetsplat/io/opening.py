@@ -16,6 +16,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
+from sheetsplat.io.axes import tell_units
 from sheetsplat.io.checks import Where, unreadable
 from sheetsplat.io.formats import SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
@@ -253,6 +254,8 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
 
 
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
+    if "spacing" not in options:
+        tell_units(volume.quantity.axes, volume.values.shape, volume.spacing)
     placed = {"spacing": volume.spacing, "origin": volume.origin}
     chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
     field = RegularField(volume.values, **chosen)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from sheetsplat import notices
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.io.axes import on_even_axes
 from sheetsplat.io.checks import Where, chosen_step, listed, printable, unreadable
@@ -26,8 +25,6 @@ _NAMES = (
 )
 # Units in which a vertical coordinate counts downwards (CF conventions, section 4.3).
 _PRESSURES = ("Pa", "hPa", "kPa", "mbar", "millibar", "bar", "dbar", "decibar")
-# Axes of different units are told where one is this many times as long as another.
-_FLAT = 20.0
 
 _TIMES = ("time", "t", "step", "frame", "timestep", "date", "member")
 
@@ -136,7 +133,6 @@ class PlacedArray:
         names, attributes = self.names, self.attributes
         placed = on_even_axes(where, list(map(str, names)), self.positions, values, resample=resample)
         units = [_text(one, "units") for one in attributes]
-        _tell_units(where, names, units, placed.values.shape[::-1], placed.spacing)
         same = units[0] if len(set(units)) == 1 else ""
         axes = tuple(
             Axis() if places is None else Axis(printable(str(one)), unit)
@@ -173,14 +169,6 @@ def placed(array: Any, where: Where) -> PlacedArray:
     names = tuple(array.dims[at] for at in order)
     positions = tuple(_positions(where, array, name, array.sizes[name]) for name in names)
     return PlacedArray(array.transpose(*reversed(names)), names, tuple(told[at] for at in order), positions)
-
-
-def _tell_units(where: Where, names: Sequence[Hashable], units: Sequence[str], counts: Any, spacing: Any) -> None:
-    lengths = [max(count - 1, 1) * step for count, step in zip(counts, spacing, strict=True)]
-    if len({unit for unit in units if unit}) > 1 and max(lengths) > _FLAT * min(lengths):
-        sides = ", ".join(f"{name} {length:g} {unit}" for name, length, unit in zip(names, lengths, units, strict=True))
-        notices.warn(f"{where} has axes of different units ({sides}); pass " + option_ref("spacing", "...")
-                     + " to choose their lengths in the picture")  # fmt: skip
 
 
 def time_axis(array: Any) -> Hashable | None:

@@ -281,11 +281,15 @@ function clipPanel(set, cameraOf) {
   function showPlanes() {
     if (planes.matches(":focus-within, :active")) return;
     planes.replaceChildren(...state.clip.planes.map(([normal, offset], n) => {
-      const middle = dot(normal, middleOf(data.bounds));
-      const reach = 0.5 * data.diagonal * length(normal);
       const changed = (plane) => send({ ...state.clip, planes: state.clip.planes.map((one, k) => (k === n ? plane : one)) });
-      const place = slider(`Plane ${n + 1}`, { low: middle - reach, high: middle + reach, change: (value) => changed([normal, value]) });
-      place.show(offset);
+      // A plane across an axis tells where it cuts the axis; any other one its distance along its normal.
+      const axes = [0, 1, 2].filter((axis) => normal[axis] !== 0);
+      const [unit, name] = axes.length === 1 ? [normal[axes[0]], `: ${AXES[axes[0]][0]}`] : [1, ""];
+      const middle = dot(normal, middleOf(data.bounds)) / unit;
+      const reach = 0.5 * data.diagonal * length(normal) / Math.abs(unit);
+      const [low, high] = name ? data.bounds.map((corner) => corner[axes[0]]) : [middle - reach, middle + reach];
+      const place = slider(`Plane ${n + 1}${name}`, { low, high, change: (value) => changed([normal, value * unit]) });
+      place.show(offset / unit);
       return h("div", { className: "group" }, place, h("div", { className: "buttons" },
         button("Other side", () => changed([scaled(normal, -1), -offset])),
         button("Remove", () => { send({ ...state.clip, planes: state.clip.planes.filter((_, k) => k !== n) }); show(state, data); })));

@@ -207,7 +207,7 @@ function mount(root, connect) {
       state = message.state;
       data = message.data;
       if (!camera) camera = state.camera;
-      title.textContent = data.title;
+      title.textContent = title.title = data.title;
       modes.show(state.mode);
       qualities.show(state.quality);
       qualities.hidden = data.fixed_quality;

@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import hashlib
 import io
+import logging
 import os
 import tempfile
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,6 +19,7 @@ import numpy as np
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import shown, truth
+from sheetsplat._time_left import time_left
 from sheetsplat.animation.drawing import Drawn, Form, Task, content_of, draw_elsewhere, rgb_of, settings_of
 from sheetsplat.animation.encoding import SUFFIXES, encoder, find_ffmpeg
 from sheetsplat.animation.folder import frames_there, make_folder, name_of
@@ -34,6 +37,8 @@ from sheetsplat.options.film import client_of, rate_of, workers_of
 from sheetsplat.options.renderer import Progress
 from sheetsplat.recipe import Recipe
 from sheetsplat.renderer import Renderer
+
+_log = logging.getLogger("sheetsplat")
 
 # How many frames are drawn ahead of the one that is written, in frames for each process.
 _AHEAD = 2
@@ -363,8 +368,9 @@ class Animation(Sequence[Image]):
     def _save_video(self, path: Path, fps: float, workers: int, client: Any, progress: Progress) -> None:
         check_folder(path)
         find_ffmpeg(path)
+        numbers = range(len(self))
         with encoder(path, self._size, fps) as film:
-            for _, frame in self._drawn(range(len(self)), "rgb", workers, client, progress, metadata=False):
+            for _, frame in _counted(self._drawn(numbers, "rgb", workers, client, progress, metadata=False), len(self)):
                 film.write(frame)
 
     def _save_folder(
@@ -373,7 +379,8 @@ class Animation(Sequence[Image]):
         make_folder(folder)
         there = frames_there(folder, len(self), lambda number: self._mark(self._frames[number]), overwrite=overwrite)
         rest = [number for number in range(len(self)) if number not in there]
-        for number, content in self._drawn(rest, "png", workers, client, progress, metadata=metadata):
+        drawn = self._drawn(rest, "png", workers, client, progress, metadata=metadata)
+        for number, content in _counted(drawn, len(rest)):
             with whole_file(folder / name_of(number)) as made:
                 made.write_bytes(content)
 
@@ -411,6 +418,14 @@ def _in_bricks(frame: Frame) -> bool:
     if isinstance(frame, PictureFrame) or not isinstance(frame.source, OneScene):
         return False
     return any(map(is_in_bricks, frame.source.template.fields))
+
+
+def _counted(frames: Iterator[tuple[int, bytes]], count: int) -> Iterator[tuple[int, bytes]]:
+    """Yield frames, and log how many of them are done, and when all will be."""
+    began = time.monotonic()
+    for done, frame in enumerate(frames, 1):
+        yield frame
+        _log.info("%d of %d frames, %s", done, count, time_left(time.monotonic() - began, done / count))
 
 
 def _tell(progress: Progress, share: float) -> None:

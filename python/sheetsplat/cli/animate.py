@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sheetsplat.cli.films import film_options, write
+from sheetsplat.cli.films import Film, film_options
 from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.output import check_outputs
-from sheetsplat.cli.scene import given_keywords
 from sheetsplat.errors import InvalidInput
 from sheetsplat.options.film import MOST_FRAMES
 
@@ -72,13 +71,9 @@ def command(
     from sheetsplat.animation import animate
 
     check_outputs([output], [*dict.fromkeys([*files, *keys])])
-    of_film = {"scheduler": options.pop("scheduler"), "workers": options.pop("workers")}
-    of_film["overwrite"] = options.pop("overwrite")
-    keywords = given_keywords(options)
 
-    def film() -> Animation:
+    def made(data: Any, **keywords: Any) -> Animation:
         camera = [_camera_of(path) for path in keys] or None
-        data = files[0] if len(files) == 1 else list(files)
         try:
             return animate(data, frames, fps=fps, camera=camera, **keywords)
         except InvalidInput as error:
@@ -87,4 +82,4 @@ def command(
                 raise click.UsageError(told) from None
             raise
 
-    write(film, output, files[0].name, of_film, as_json=as_json, quiet=quiet)
+    Film(files, made).write(output, options, as_json=as_json, quiet=quiet)

@@ -15,6 +15,7 @@ from sheetsplat.cli.help import GroupedOption
 from sheetsplat.cli.options import apply, options_of
 from sheetsplat.options.bricks import BrickOptions
 from sheetsplat.options.core import definitions
+from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.film import MOST_WORKERS
 
 if TYPE_CHECKING:
@@ -106,27 +107,55 @@ class Bricks:
     client: Any
 
     def open(self, path: Path, **reading: Any) -> BrickedField | BrickedKernels:
-        """Return the data of a file; `reading`: options of `sheetsplat.open_bricks`."""
-        from sheetsplat.bricks.opening import open_bricks
+        """Return the data of a file; `reading`: options of `sheetsplat.open_bricks`.
 
+        Raises
+        ------
+        click.UsageError
+            For scene files, which name their data themselves.
+        """
+        from sheetsplat.bricks.opening import open_bricks
+        from sheetsplat.cli.scene import is_scene_file
+
+        if is_scene_file(path):
+            raise click.UsageError("--brick, --workers and --scheduler are for files of data")
         return open_bricks(path, client=self.client, **self.cut, **reading)
+
+    def opened(self, path: Path, keywords: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
+        """Return the data of a file, and the keywords of `sheetsplat.render` but for those that opened it."""
+        of_data = [name for name in definitions(OpenOptions) if name in keywords]
+        rest = {name: value for name, value in keywords.items() if name not in of_data or name == "quality"}
+        return self.open(path, **{name: keywords[name] for name in of_data}), rest
+
+
+def is_cut(options: Mapping[str, Any], *, by_workers: bool) -> bool:
+    """Return whether the command line asks for data in bricks; `by_workers`: workers and a scheduler ask for it too.
+
+    Raises
+    ------
+    click.UsageError
+        For both workers and a scheduler.
+    """
+    if options["workers"] is not None and options["scheduler"] is not None:
+        raise click.UsageError("--scheduler and --workers both say what draws; leave out one or the other")
+    given = click.get_current_context().get_parameter_source
+    names = (*definitions(BrickOptions), *(("workers", "scheduler") if by_workers else ()))
+    return any(given(name) is ParameterSource.COMMANDLINE for name in names)
+
+
+def without_bricks(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of a command but for those that cut data, and those that say what draws them."""
+    names = (*definitions(BrickOptions), "workers", "scheduler")
+    return {name: value for name, value in options.items() if name not in names}
 
 
 @contextlib.contextmanager
-def in_bricks(options: dict[str, Any]) -> Iterator[Bricks | None]:
-    """Yield what opens and draws a file in bricks; None where no option asks for that.
-
-    It takes `workers`, `scheduler` and `BrickOptions` out of the options.
-    """
-    given = click.get_current_context().get_parameter_source
-    names = (*definitions(BrickOptions), "workers", "scheduler")
-    asked = any(given(name) is ParameterSource.COMMANDLINE for name in names)
-    cut = {name: options.pop(name) for name in definitions(BrickOptions)}
-    workers, scheduler = options.pop("workers"), options.pop("scheduler")
-    if workers is not None and scheduler is not None:
-        raise click.UsageError("--scheduler and --workers both say what draws the bricks; leave out one or the other")
-    if not asked:
+def in_bricks(options: Mapping[str, Any], *, by_workers: bool = True) -> Iterator[Bricks | None]:
+    """Yield what opens and draws a file in bricks; None where no option asks for that: see `is_cut`."""
+    if not is_cut(options, by_workers=by_workers):
         yield None
         return
+    cut = {name: options[name] for name in definitions(BrickOptions)}
+    workers, scheduler = options["workers"], options["scheduler"]
     with started(workers) if workers is not None else connected(scheduler) as client:
         yield Bricks(cut, client)

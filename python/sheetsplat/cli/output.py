@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -46,14 +47,22 @@ def say(text: str, *, quiet: bool) -> None:
 
 @contextlib.contextmanager
 def progress_bar(what: str, *, quiet: bool) -> Iterator[Callable[[float], object] | None]:
-    """Yield a progress callback that draws a bar on stderr, or None where stderr is no terminal."""
+    """Yield a progress callback that draws a bar on stderr, with the time left, or None where stderr is no terminal."""
     if quiet or sys.stderr is None or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    from sheetsplat._time_left import time_left
+
+    left = TextColumn("{task.fields[left]}")
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), left)
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        began = time.monotonic()
+        task = bar.add_task(what, total=1.0, left="")
+
+        def tell_share(share: float) -> None:
+            bar.update(task, completed=share, left=time_left(time.monotonic() - began, share))
+
+        yield tell_share

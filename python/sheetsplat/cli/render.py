@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from sheetsplat.cli.cluster import brick_options, in_bricks
+from sheetsplat.cli.cluster import brick_options, in_bricks, is_cut, without_bricks
 from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
@@ -101,9 +101,10 @@ def command(
             else f"{file} is no picture (.png) to make again from {data[0]}"
         )
     began = time.perf_counter()
+    if is_cut(options, by_workers=True) and (again or is_scene_file(file)):
+        raise click.UsageError("--brick, --workers and --scheduler are for files of data")
     with in_bricks(options) as bricks:
-        if bricks is not None and (again or is_scene_file(file)):
-            raise click.UsageError("--brick, --workers and --scheduler are for files of data")
+        options = without_bricks(options)
         if is_scene_file(file):
             scene, camera, renderer, size = prepare_scene_file(file, data, options)
         elif again:

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sheetsplat.cli.films import film_options, write
+from sheetsplat.cli.films import Film, film_options
 from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import apply, options_of
 from sheetsplat.cli.output import check_outputs
-from sheetsplat.cli.scene import given_keywords
 from sheetsplat.options.film import TurnOptions
 
 if TYPE_CHECKING:
@@ -42,15 +41,13 @@ def command(
       sheetsplat turntable head.nrrd -o head.mp4
       sheetsplat turntable head.nrrd -o frames --frames 180 --workers 4 --cmap magma
       sheetsplat turntable scene.toml -o scene.gif --size 320 --fps 15
+      sheetsplat turntable large.zarr -o frames --brick 256 --scheduler tcp://host:8786
     """  # noqa: D301
     from sheetsplat.animation import turntable
 
     check_outputs([output], [file])
-    of_film = {"scheduler": options.pop("scheduler"), "workers": options.pop("workers")}
-    of_film["overwrite"] = options.pop("overwrite")
-    keywords = given_keywords(options)
 
-    def film() -> Animation:
-        return turntable(file, frames=frames, axis=axis, degrees=degrees, fps=fps, **keywords)
+    def made(data: Any, **keywords: Any) -> Animation:
+        return turntable(data, frames=frames, axis=axis, degrees=degrees, fps=fps, **keywords)
 
-    write(film, output, file.name, of_film, as_json=as_json, quiet=quiet)
+    Film([file], made).write(output, options, as_json=as_json, quiet=quiet)

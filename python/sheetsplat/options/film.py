@@ -6,7 +6,7 @@ from sheetsplat._checks import Vector, number, shown, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import complain, unusable
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import Option
+from sheetsplat.options.core import CommandLine, Option
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.picture import LookOptions, SizeOptions
 from sheetsplat.options.renderer import RendererOptions
@@ -66,7 +66,13 @@ class FilmOptions(TypedDict, total=False):
             "depend on it.",
             unset="frames are drawn one after the other in this process",
             check=workers_of,
-            value=Whole(1, MOST_WORKERS),
+            cli=(
+                CommandLine(
+                    value=Whole(1, MOST_WORKERS),
+                    help="Number of processes of this machine that draw frames; with {brick} each frame by all of "
+                    "them, in bricks. Pictures do not depend on it.",
+                ),
+            ),
         ),
     ]
     client: Annotated[

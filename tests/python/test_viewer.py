@@ -16,6 +16,7 @@ import sheetsplat as ss
 from sheetsplat import datasets
 from sheetsplat.viewer import coarse, compose, frames, protocol
 from sheetsplat.viewer import session as session_module
+from sheetsplat.viewer import state as state_module
 from sheetsplat.viewer.client import Client
 from sheetsplat.viewer.data import Shown
 from sheetsplat.viewer.session import Session
@@ -651,12 +652,63 @@ def test_the_widget_carries_messages(monkeypatch):
         assert viewer._session._clients == []
 
 
-@pytest.mark.parametrize("way", ["data", "choices", "times"])
-def test_fields_in_bricks_are_refused(way: str) -> None:
-    bricked = ss.open_bricks(np.random.default_rng(1).random((8, 8, 8), dtype=np.float32), brick=4)
-    given = {"data": bricked, "choices": {"one": bricked}, "times": [bricked]}[way]
-    with pytest.raises(ss.Unsupported, match="found a field in bricks.*open a part or a coarser version"):
-        ss.view(browser=False, **{way: given})
+def in_bricks(kind):
+    if kind == "volume":
+        return ss.open_bricks(volume(n=20), brick=8)
+    table = dict(zip("xyz", np.random.default_rng(1).normal(size=(3, 60)), strict=True))
+    return ss.open_bricks({**table, "radius": np.full(60, 0.4), "value": np.arange(60.0)}, brick_kernels=20)
+
+
+@pytest.mark.parametrize("kind", ["volume", "kernels"])
+def test_data_in_bricks_are_coarse_at_once_and_whole_when_the_view_rests(opened, kind):
+    bricked = in_bricks(kind)
+    session = opened(bricked)
+    page = Page(session)
+    page.wait("state")
+    first, _ = page.wait("frame", stage=0)
+    last, payload = page.wait("frame", last=True)
+    assert first["number"] < last["number"] and not first["last"]
+    np.testing.assert_array_equal(picture_of(last, payload), frames.levels(ss.render(bricked, size=SIZE), (0, 0, 0)))
+    # While the view turns nothing is drawn but coarse pictures.
+    page.clear()
+    for azimuth in (10, 20, 30):
+        camera = state_module.camera_parts(session.shown.camera(session.scene(), SIZE, azimuth=azimuth))
+        page.say(type="set", changes={"camera": {**camera, "eye": list(camera["eye"])}})
+    page.wait("frame", last=True)
+    page.wait("about")
+    assert sum(one["type"] == "frame" and one["last"] for one, _ in page.messages) == 1
+    page.say(type="pick", x=0.5, y=0.5)
+    assert page.wait("picked")[0]["value"] is None
+    page.say(type="measure", what="effects")
+    assert "data in bricks" in page.wait("error")[0]["text"]
+    assert page.wait("measured")[0]["stopped"]
+    page.set(mode="mip")
+    page.wait("frame", last=True)
+    assert session.picture().plan.slices > 0
+    page.set(shadows=True)
+    assert "shadows" in page.wait("error")[0]["text"]
+
+
+@pytest.mark.slow
+def test_a_cluster_draws_what_a_viewer_shows(opened):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        ) as made,
+        distributed.Client(made, set_as_default=False) as client,
+    ):
+        bricked = ss.open_bricks(volume(n=20), brick=8, client=client)
+        session = opened(bricked, client=client)
+        page = Page(session)
+        last, payload = page.wait("frame", last=True)
+        alone = frames.levels(ss.render(ss.RegularField(volume(n=20)), size=SIZE, backend="cpu"), (0, 0, 0))
+        np.testing.assert_allclose(picture_of(last, payload), alone, atol=1)
+        assert session.picture().stats["workers"] == 1
+        pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
+        page.say(type="film", width=32, height=24, what="turn", frames=2, fps=5, kind="gif")
+        assert page.wait("file")[1][:3] == b"GIF"
+        session.close()
 
 
 def test_packages_that_are_missing_are_named(monkeypatch):

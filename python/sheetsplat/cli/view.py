@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
 import click
 
+from sheetsplat.cli.cluster import brick_options, in_bricks, is_cut, without_bricks
 from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import check_mode, common, scene_options
 from sheetsplat.cli.output import say, tell
@@ -39,6 +41,7 @@ the page shows first.
     "machine and knows the link sees the data, and the link goes through the network unencrypted.",
 )
 @click.option("--browser/--no-browser", default=True, help="Open the page in the browser.  [default: --browser]")
+@brick_options
 @scene_options
 @common
 def command(
@@ -54,17 +57,28 @@ def command(
     from sheetsplat.viewer import view
     from sheetsplat.viewer.server import is_loopback
 
-    check_mode(options)
     paths = [str(path) for path in files]
-    given = given_keywords(options)
-    with usage_errors():
-        if len(paths) == 1:
-            viewer = view(paths[0], browser=False, host=host, port=port, **given)
-        elif choose:
-            viewer = view(choices=paths, browser=False, host=host, port=port, **given)
-        else:
-            viewer = view(times=paths, browser=False, host=host, port=port, **given)
-    with viewer:
+    if len(paths) > 1 and not choose and is_cut(options, by_workers=True):
+        raise click.UsageError("--brick, --workers and --scheduler: a time series cannot be drawn in bricks")
+    with contextlib.ExitStack() as ends:
+        bricks = ends.enter_context(in_bricks(options))
+        options = without_bricks(options)
+        check_mode(options)
+        given = given_keywords(options)
+        shown: list[Any] = [*paths]
+        if bricks is not None:
+            opened = [bricks.opened(path, given) for path in files]
+            shown, given = [data for data, _ in opened], {**opened[0][1], "client": bricks.client}
+        page: dict[str, Any] = {"browser": False, "host": host, "port": port}
+        with usage_errors():
+            if len(paths) == 1:
+                viewer = view(shown[0], **page, **given)
+            elif choose:
+                choices = paths if bricks is None else dict(zip(paths, shown, strict=True))
+                viewer = view(choices=choices, **page, **given)
+            else:
+                viewer = view(times=shown, **page, **given)
+        ends.enter_context(viewer)
         click.echo(viewer.url)
         if not is_loopback(host):
             tell(

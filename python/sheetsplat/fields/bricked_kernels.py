@@ -113,6 +113,15 @@ class BrickedKernels(EllipsoidField):
         super()._restore(parts)
 
     @property
+    def sample(self) -> EllipsoidField:
+        """The sample as a field in memory."""
+        made = object.__new__(EllipsoidField)
+        for kind in EllipsoidField.__mro__[:-1]:
+            for name in getattr(kind, "__slots__", ()):
+                setattr(made, name, getattr(self, name))
+        return made
+
+    @property
     def kernels(self) -> int:
         """Number of all kernels; `size` is that of the sample."""
         return self.facts.count

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from sheetsplat.errors import Unsupported
 from sheetsplat.figure import color_bars
 from sheetsplat.image import Image
 from sheetsplat.plan import RenderPlan
@@ -64,7 +65,11 @@ def picked(image: Image | None, x: float, y: float) -> dict[str, Any]:
     if image is None or not (0 <= x < 1 and 0 <= y < 1):
         return told
     width, height = image.size
-    found = image.pick(x * width, y * height)
+    try:
+        found = image.pick(x * width, y * height)
+    except Unsupported:
+        # Data in bricks, which are not here.
+        return told
     if found is None:
         return told
     field = image.recipe.fields[found.field]

@@ -7,10 +7,13 @@ second of processor time. Blocks of samples become one sample, their mean; the p
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
-from sheetsplat.fields import Field, RegularField
+from sheetsplat.fields import BrickedField, BrickedKernels, Field, RegularField
+from sheetsplat.fields.regular import Lattice
+from sheetsplat.look.measure import grid_steps
 from sheetsplat.scene import Scene
 
 # Samples that are drawn soon enough, and how many more are worth a copy.
@@ -20,14 +23,18 @@ _AT_ONCE = 1 << 23
 
 
 def coarse_fields(fields: Sequence[Field]) -> tuple[Field, ...] | None:
-    """Return fields with coarse copies in place of large volumes; None where there is no such volume."""
+    """Return fields with coarse copies in place of large volumes and of data in bricks; None where there are none."""
     made = [_coarse(one) for one in fields]
     if all(one is None for one in made):
         return None
     return tuple(own if one is None else one for own, one in zip(fields, made, strict=True))
 
 
-def _coarse(field: Field) -> RegularField | None:
+def _coarse(field: Field) -> Field | None:
+    if isinstance(field, BrickedKernels):
+        return field.sample
+    if isinstance(field, BrickedField):
+        return _grid_of(field)
     if not isinstance(field, RegularField) or field.lattice != "cartesian" or field.values.size <= _MANY:
         return None
     width = 2
@@ -49,6 +56,19 @@ def _coarse(field: Field) -> RegularField | None:
         spacing=[width * step for step in field.spacing],
         origin=[place + shift * step for place, step in zip(field.origin, field.spacing, strict=True)],
         nan="skip",
+    )
+
+
+def _grid_of(field: BrickedField) -> RegularField | None:
+    """Return the samples of a volume in bricks that are known since it was opened; nothing is read."""
+    steps = grid_steps(field.shape, field.lattice)
+    if field.lattice == "bcc" and (len(set(steps)) > 1 or not steps[0] % 2):
+        # Samples that are no such lattice.
+        return None
+    spacing = [step * width for step, width in zip(reversed(steps), field.spacing, strict=True)]
+    values = field.samples.on_grid(steps)
+    return RegularField(
+        values, spacing=spacing, origin=field.origin, lattice=cast(Lattice, field.lattice), nan="skip", prefilter=False
     )
 
 

@@ -15,10 +15,11 @@ import numpy as np
 from sheetsplat._checks import shown
 from sheetsplat.api import Opened, Prepared, prepare
 from sheetsplat.camera import Camera
-from sheetsplat.errors import Unsupported, complain, unusable
+from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.framing import compose_camera
 from sheetsplat.io.opening import time_steps
+from sheetsplat.look.histogram import stride_of
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import pick, pick_given
 from sheetsplat.options.data import OpenOptions
@@ -72,7 +73,10 @@ class Histogram:
         """Return the histogram of the kernels' values, of fields that add up by the one with the most kernels."""
         field = max(fields, key=lambda one: one.size)
         known = field.size - field.ghosts if isinstance(field, EllipsoidField) else None
-        values: Any = np.ravel(field.values)[:known]  # type: ignore[attr-defined]
+        if isinstance(field, BrickedField):
+            values: Any = field.samples.every(stride_of(field.survey.size))
+        else:
+            values = np.ravel(field.values)[:known]  # type: ignore[attr-defined]
         # An odd stride does not sample the same columns of every row.
         found = values[:: max(1, -(-values.size // _ENOUGH)) | 1].astype(np.float64)
         found = found[np.isfinite(found)]
@@ -86,6 +90,8 @@ def name_of(data: object) -> str:
     """Return what data are called: the name of a file, else their kind."""
     if isinstance(data, str | os.PathLike):
         return Path(os.fsdecode(data)).name
+    if isinstance(data, BrickedField | BrickedKernels):
+        return Path(data.source.name).name
     if isinstance(data, Scene | Field):
         field = data.fields[0] if isinstance(data, Scene) else data
         return field.quantity.name or type(data).__name__
@@ -133,15 +139,6 @@ class Shown:
         self._choices = _named("choices", choices) if choices is not None else ()
         self._times = _named("times", times) if times is not None else ()
         self._data, self._scene_file = data, _scene_file_of(data)
-        for _, one in (("", data), *self._choices, *self._times):
-            if isinstance(one, BrickedField | BrickedKernels):
-                raise complain(
-                    "view: the data cannot be shown",
-                    "a field in bricks",
-                    "a field that is in memory",
-                    "draw pictures with sheetsplat.render, or open a part or a coarser version with sheetsplat.open",
-                    kind=Unsupported,
-                )
         # Options that choose a time of a file.
         self._steps: list[dict[str, Any]] = []
         if isinstance(data, str | os.PathLike) and self._scene_file is None:
@@ -169,6 +166,11 @@ class Shown:
     def times(self) -> tuple[str, ...]:
         """Names of the times; none where there is one."""
         return tuple(name for name, _ in self._times)
+
+    @property
+    def client(self) -> Any:
+        """Whose workers draw data in bricks; None: this process."""
+        return self.options.get("client")
 
     def options_at(self, time: int) -> dict[str, Any]:
         """Return the options of `render` for a time."""
@@ -307,7 +309,7 @@ def describe(scene: Scene) -> list[str]:
     for one in scene.fields:
         if isinstance(one, RegularField):
             nk, nj, ni = one.shape
-            lines.append(f"{ni} × {nj} × {nk} samples, {one.values.dtype}")
+            lines.append(f"{ni} × {nj} × {nk} samples, {one.samples.dtype}")
         else:
             lines.append(f"{one.size:,} kernels")
     return lines

@@ -68,6 +68,7 @@ class Order:
 def film_of(shown: Shown, order: Order) -> Animation:
     """Return the film of an order; what is transparent has the colour that the page shows behind it."""
     options: Any = {"size": order.size, "renderer": order.renderer, "fps": order.fps, "camera": order.state.camera}
+    options["client"] = shown.client
     if order.what == "turn":
         return turntable(_scene(shown, order.state), frames=order.frames, **options)
     if len(shown.times) < 2:

@@ -8,16 +8,20 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from sheetsplat._checks import Triple
+from sheetsplat.api import Prepared
+from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
-from sheetsplat.errors import Cancelled, Error
+from sheetsplat.errors import Cancelled, Error, Unsupported, complain
+from sheetsplat.fields import is_in_bricks
 from sheetsplat.image import Image
 from sheetsplat.notices import PictureWarning, muted, taken
+from sheetsplat.options.renderer import Progress
 from sheetsplat.recipe import Recipe
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
@@ -39,6 +43,8 @@ _PATIENCE = 1.0
 _FIRST_SECONDS = 0.05
 # Seconds of a first stage from which on coarse copies of the data are drawn before it, and of one of them with light.
 _SLOW, _SLOW_LIGHT = 0.08, 0.25
+# Seconds without a change after which data in bricks are drawn: until then coarse copies alone.
+_REST = 0.15
 # Pixels of the pictures that measure what effects cost.
 _MEASURED = 240 * 180
 _BEHIND: Triple = (0.0, 0.0, 0.0)
@@ -110,7 +116,8 @@ class Session:
         """Return the picture that is shown, complete."""
         state = self.state
         scene = compose.scene_of(self.shown, state)
-        return self.renderer(state).render(scene, state.camera, size=size or self.size)
+        client = self.shown.client
+        return Prepared(scene, state.camera, size or self.size, self.renderer(state), client=client).render()
 
     def code(self) -> str:
         """Return Python that makes the picture that is shown."""
@@ -330,9 +337,15 @@ class Session:
             if previewed and self._superseded(version):
                 return
             resumed = time.perf_counter()
-            pictures = self._renderer.progressive(
-                scene, state.camera, size=size, progress=progress, first_seconds=_FIRST_SECONDS
-            )
+            pictures: Iterable[Image]
+            if _in_bricks(scene):
+                if not self._rested(version):
+                    return
+                pictures = [self._drawn_in_bricks(scene, state, size, progress)]
+            else:
+                pictures = self._renderer.progressive(
+                    scene, state.camera, size=size, progress=progress, first_seconds=_FIRST_SECONDS
+                )
             for image in pictures:
                 if stage == 1:
                     self._first_seconds = time.perf_counter() - resumed
@@ -340,7 +353,7 @@ class Session:
                 stage += 1
                 if self._superseded(version):
                     return
-            if self._first_seconds > _SLOW:
+            if self._first_seconds > _SLOW and not _in_bricks(scene):
                 # Sooner than it is needed.
                 self.shown.coarse(scene.fields, (state.choice, state.time))
         except Cancelled:
@@ -353,7 +366,7 @@ class Session:
 
     def _preview(self, scene: Scene, state: State, size: tuple[int, int]) -> bool:
         """Show a picture of coarse copies of the data, where the first stage of the data themselves is slow."""
-        if self._first_seconds <= _SLOW:
+        if self._first_seconds <= _SLOW and not _in_bricks(scene):
             return False
         fields = self.shown.coarse(scene.fields, (state.choice, state.time))
         if fields is None:
@@ -372,6 +385,15 @@ class Session:
         self._plain_light = self._plain_light or (lit and seconds > _SLOW_LIGHT)
         self._frame(image, state, 0, 1000.0 * seconds, preview=True)
         return True
+
+    def _rested(self, version: int) -> bool:
+        """Wait for a moment; return whether no newer state came meanwhile."""
+        with self._wake:
+            return not self._wake.wait_for(lambda: self._superseded(version), _REST)
+
+    def _drawn_in_bricks(self, scene: Scene, state: State, size: tuple[int, int], progress: Progress) -> Image:
+        settings, client = self._renderer.settings, self.shown.client
+        return draw_in_bricks(settings, scene, state.camera, size, (), progress, client=client)
 
     def _framed(self, state: State, scene: Scene, size: tuple[int, int]) -> State:
         """Return the state with the first camera fitted to the size of the page, while nobody has moved it."""
@@ -522,13 +544,22 @@ class Session:
             share = min(1.0, (_MEASURED / (width * height)) ** 0.5)
             size = max(16, int(width * share)), max(16, int(height * share))
             scene = compose.scene_of(self.shown, state)
+            if _in_bricks(scene):
+                found_there = "data in bricks, which are drawn elsewhere"
+                raise complain("effects cannot be measured", found_there, "data in memory", kind=Unsupported)
             plan = self._renderer.measure_effects(scene, state.camera, size, repeats=1, progress=progress)
             self._costs = {one.name: one.cost_ms for one in plan.effects}
             self._tell({"type": "costs", "size": size, "picture": plan.picture_ms, "costs": self._costs})
-        except Cancelled:
+        except (Cancelled, Unsupported) as error:
+            if isinstance(error, Unsupported):
+                client.send({"type": "error", "text": _text(error)})
             client.send({"type": "measured", "what": what, "stopped": True})
             return
         client.send({"type": "measured", "what": what, "stopped": False})
+
+
+def _in_bricks(scene: Scene) -> bool:
+    return any(map(is_in_bricks, scene.fields))
 
 
 def _text(error: Error) -> str:

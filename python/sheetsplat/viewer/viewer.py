@@ -186,7 +186,8 @@ def view(
     ----------
     data
         As for `render`; or a scene file, a `SceneFile` or its path. A file with several time steps (NetCDF, OME-Zarr,
-        .pvd) is shown with a slider.
+        .pvd) is shown with a slider. Data in bricks (`open_bricks`) are shown by coarse copies at once, and drawn by
+        this process, or by the workers of `client`, when the view rests.
     choices
         In place of `data`: several data, by name or as a sequence, among which the page lets choose.
     times
@@ -207,7 +208,7 @@ def view(
     ------
     Unsupported
         Where the page or the widget needs a package that is not installed: ``pip install "sheetsplat[view]"`` for
-        pages, ``pip install "sheetsplat[jupyter]"`` for notebooks. For fields in bricks.
+        pages, ``pip install "sheetsplat[jupyter]"`` for notebooks.
     Error
         What `render` raises before it draws.
 

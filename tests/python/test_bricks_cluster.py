@@ -183,7 +183,7 @@ def test_bad_options_are_refused(samples, tmp_path):
     with pytest.raises(ss.Error):
         ss.open_bricks(path)
     with pytest.raises(ss.Unsupported, match="values at points"):
-        ss.open_bricks(samples, brick=16).at([[1, 2, 3]])
+        pickle.loads(pickle.dumps(ss.open_bricks(samples, brick=16))).at([[1, 2, 3]])
     with pytest.raises(ss.Unsupported, match="all samples"):
         np.asarray(ss.open_bricks(samples, brick=16).values)
 
@@ -280,16 +280,61 @@ def test_missing_samples_bound_the_centres(rng):
 
 
 @pytest.mark.parametrize(
-    "options", [{"slice_spacing": 0.5}, {"mode": "isosurface"}, {"shading": False}, {"mode": "mip"}]
+    "options",
+    [{}, {"quality": "best"}, {"slice_spacing": 0.5}, {"mode": "isosurface"}, {"shading": False}, {"mode": "mip"}],
 )
 def test_a_volume_in_bricks_looks_as_in_memory(samples, tmp_path, options):
     data, _ = stored("npy", samples, tmp_path)
-    quality = {"quality": options.pop("quality")} if "quality" in options else {}
+    quality = {name: options[name] for name in ("quality",) if name in options}
+    options = {name: value for name, value in options.items() if name != "quality"}
     one = api.prepare(ss.open(data, **quality), size=SIZE, **quality, **options)
     other = api.prepare(ss.open_bricks(data, brick=16, **quality), size=SIZE, **quality, **options)
     assert one.camera == other.camera and one.scene.transfer_function == other.scene.transfer_function
     assert one.scene.options == other.scene.options
     assert one.scene.fields[0].prefilter == other.scene.fields[0].prefilter
+
+
+@pytest.mark.parametrize("options", [{}, {"prefilter": True}, {"lattice": "bcc"}, {"normalization": "threshold"}])
+def test_values_at_points_are_those_of_the_volume(samples, options, rng):
+    options = {"prefilter": False, "spacing": (1.0, 1.0, 1.0), "origin": (3.0, -2.0, 1.0), **options}
+    if "normalization" in options:
+        del options["prefilter"]
+    whole = ss.RegularField(samples, **options)
+    bricked = ss.open_bricks(samples, brick=16, quality="draft", **options)
+    lower, upper = np.asarray(whole.bounds)
+    points = rng.uniform(lower - 1, upper + 1, (500, 3))
+    np.testing.assert_allclose(bricked.at(points), whole.at(points), atol=2e-6)
+    for mine, others in zip(bricked.evaluate(points), whole.evaluate(points), strict=True):
+        np.testing.assert_allclose(mine, others, atol=5e-6)
+    np.testing.assert_array_equal(bricked.nearest_kernel(points), whole.nearest_kernel(points))
+    with pytest.raises(ss.InvalidInput, match="positions"):
+        bricked.at([1.0, 2.0])
+
+
+@pytest.mark.slow
+def test_the_cluster_chooses_the_slices_that_light_calls_for(cluster, samples, rng):
+    noisy = np.clip(samples.astype(np.float32) + rng.normal(size=SHAPE, scale=2), 0, 255).astype(np.float32)
+    for quality in ("good", "best"):
+        one = api.prepare(ss.RegularField(noisy), size=SIZE, quality=quality)
+        bricked = ss.open_bricks(noisy, brick=16, client=cluster, quality=quality)
+        before = residents().counts.reads
+        other = api.prepare(bricked, size=SIZE, quality=quality)
+        assert one.scene.options == other.scene.options
+        # Nothing passes through the client.
+        assert residents().counts.reads == before
+    drawn = ss.render(bricked, size=SIZE, quality="best", client=cluster)
+    assert rmse(drawn, ss.render(ss.RegularField(noisy), size=SIZE, quality="best")) <= ROUNDING
+
+
+def test_bricks_that_show_nothing_are_not_read_for_slices(samples):
+    empty = np.zeros((64, 32, 32), np.uint8)
+    empty[4:20, 8:24, 8:24] = 200
+    bricked = ss.open_bricks(empty, brick=16, quality="draft")
+    residents().clear()
+    before = residents().counts.reads
+    assert api.prepare(bricked, size=SIZE).scene.quality is not None
+    # Of 16 bricks four are farther than any kernel reaches.
+    assert 0 < residents().counts.reads - before <= 12 < len(bricked.survey.cores)
 
 
 def test_decades_are_found_in_bricks(rng, tmp_path):
@@ -336,6 +381,24 @@ def test_what_the_last_picture_used_stays():
     assert asked(3) == [3] and asked(3) == [3]
     assert asked(3) == [] and asked(0) == [] and asked(1) == [1]
     assert kept.counts.reads == len(source.boxes) and kept.counts.hits + kept.counts.reads == 14
+
+
+def test_views_that_look_less_far_leave_what_others_need():
+    source = Counted()
+    core, far, near = ((8, 16),) * 3, ((2, 22),) * 3, ((6, 18),) * 3
+
+    def reads(kept, box):
+        before = len(source.boxes)
+        made = kept.made(source, core, box, "a key", ss.RegularField)
+        assert made.shape == tuple(last - first for first, last in box)
+        return len(source.boxes) - before
+
+    ample = Residents(1 << 20)
+    assert [reads(ample, box) for box in (far, near, far, near, far)] == [1, 0, 0, 0, 0]
+    # 20**3 samples and 12**3 do not fit together: then the brick stays, as its last view needs it.
+    short = Residents(9000)
+    assert [reads(short, box) for box in (far, near, near, far)] == [1, 0, 0, 1]
+    assert short.size <= short.budget and short.counts.dropped == 0
 
 
 MODES = ("composite", "isosurface", "xray", "mip", "minimum", "average")
@@ -620,3 +683,61 @@ def test_the_command_line_draws_in_bricks(samples, tmp_path):
     both = ["--workers", "2", "--scheduler", "tcp://127.0.0.1:9"]
     refused = CliRunner().invoke(main, ["render", str(tmp_path / "v.npy"), "-o", str(tmp_path / "x.png"), *both])
     assert refused.exit_code == 2 and "leave out one" in refused.output
+
+
+@pytest.mark.slow
+def test_the_command_line_films_in_bricks(samples, tmp_path, cluster):
+    from click.testing import CliRunner
+
+    from sheetsplat.cli.main import main
+
+    np.save(tmp_path / "v.npy", samples)
+    (tmp_path / "v.raw").write_bytes(samples.tobytes())
+    turn = ["turntable", str(tmp_path / "v.raw"), "--shape", "41,46,37", "--dtype", "uint8", "--frames", "2"]
+    turn += ["--size", "40x30", "--quality", "draft", "--backend", "cpu"]
+    address = ["--scheduler", cluster.scheduler.address]
+    for name, options in (("whole", []), ("here", ["--brick", "24"]), ("cluster", ["--brick", "24", *address])):
+        result = CliRunner().invoke(main, [*turn, "-o", str(tmp_path / name), *options])
+        assert result.exit_code == 0, result.output
+    pictures = {name: read_frame(tmp_path / name / "frame_0001.png") for name in ("whole", "here", "cluster")}
+    np.testing.assert_allclose(pictures["here"], pictures["whole"], atol=1)
+    np.testing.assert_array_equal(pictures["here"], pictures["cluster"])
+    key = str(tmp_path / "whole" / "frame_0001.png")
+    flight = ["animate", str(tmp_path / "v.npy"), "-o", str(tmp_path / "flight"), "--frames", "1", "--key", key]
+    flight += ["--brick", "24", "--size", "40x30", "--quality", "draft", *address]
+    result = CliRunner().invoke(main, flight)
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(read_frame(tmp_path / "flight" / "frame_0000.png"), pictures["whole"], atol=1)
+
+
+def read_frame(path):
+    """Return the numbers of a picture, int (h, w, 4)."""
+    from PIL import Image
+
+    return np.asarray(Image.open(path)).astype(int)
+
+
+def test_films_in_bricks_refuse_what_they_cannot_be(samples, tmp_path):
+    from click.testing import CliRunner
+
+    from sheetsplat.cli.main import main
+
+    np.save(tmp_path / "v.npy", samples)
+    (tmp_path / "scene.toml").write_text("")
+    volume, film = str(tmp_path / "v.npy"), ["-o", str(tmp_path / "film"), "--brick", "16"]
+    for command, words in (
+        (["animate", volume, volume, *film], "time series"),
+        (["animate", volume, *film], "give --frames"),
+        (["turntable", volume, *film, "--workers", "2", "--scheduler", "tcp://127.0.0.1:9"], "leave out one"),
+        (["turntable", str(tmp_path / "scene.toml"), *film], "files of data"),
+        (["turntable", volume, *film, "--brick", "2"], "--brick"),
+    ):
+        refused = CliRunner().invoke(main, command)
+        assert refused.exit_code == 2 and words in refused.output, refused.output
+
+
+def test_films_tell_how_long_they_go_on(samples, tmp_path, caplog):
+    with caplog.at_level("INFO", "sheetsplat"):
+        ss.turntable(samples, frames=2, size=16, quality="draft").save(tmp_path / "film")
+    told = [one.getMessage() for one in caplog.records if "frames" in one.getMessage()]
+    assert len(told) == 2 and told[0].startswith("1 of 2 frames, ") and told[1] == "2 of 2 frames, 0:00 left"

@@ -28,9 +28,11 @@ from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import Columns, Segments, Store
 from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys, sorted_piece
 from sheetsplat.bricks.kernel_survey import survey_of as survey_of_piece
+from sheetsplat.bricks.levels import LevelStore, coarsen_brick
 from sheetsplat.bricks.needs import field_of, may_show
 from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge
 from sheetsplat.bricks.partition import Nested, Partition, leaves
+from sheetsplat.bricks.probe import Probing
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource, box_text
 from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan, merge_surveys, survey_of
@@ -105,10 +107,13 @@ def _key_of(settings: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """What a brick adds to a picture, and what was done for it: reads, bytes read, 1 where it was drawn."""
+    """What a brick adds to a picture, and what was done for it.
+
+    `counts`: reads, bytes read, 1 where it was drawn, 1 where that was with a coarser level.
+    """
 
     part: Partial
-    counts: tuple[int, int, int]
+    counts: tuple[int, ...]
 
 
 def _render_brick(view: BrickView, source: Any, number: int, *before: _Drawn) -> _Drawn:
@@ -116,12 +121,12 @@ def _render_brick(view: BrickView, source: Any, number: int, *before: _Drawn) ->
     with _naming(_brick_text(source, view.partition, number)):
         in_front = None if view.any_order else _in_front(view, number, [one.part for one in before])
         if in_front is not None and is_hidden(view, number, in_front):
-            return _Drawn(_passed(view, number, in_front), (0, 0, 0))
+            return _Drawn(_passed(view, number, in_front), (0, 0, 0, 0))
         counts = residents().counts
-        reads, count = counts.reads, counts.bytes_read
+        reads, count, coarse = counts.reads, counts.bytes_read, counts.coarse
         field = field_of(source, view, number)
         part = draw_brick(view, number, field, _renderer(_key_of(view.settings)), in_front, _is_wanted)
-        return _Drawn(part, (counts.reads - reads, counts.bytes_read - count, 1))
+        return _Drawn(part, (counts.reads - reads, counts.bytes_read - count, 1, counts.coarse - coarse))
 
 
 def _in_front(view: BrickView, number: int, parts: Sequence[Partial]) -> NDArray[np.float32]:
@@ -153,11 +158,10 @@ def _merge(view: BrickView, nested: Nested, *parts: _Drawn) -> _Drawn:
             return parts[one].part
         return merge(merged(one[0]), merged(one[1]))
 
-    reads, count, drawn = np.sum([one.counts for one in parts], axis=0).tolist()
-    return _Drawn(merged(nested), (reads, count, drawn))
+    return _Drawn(merged(nested), tuple(np.sum([one.counts for one in parts], axis=0).tolist()))
 
 
-def _finish(view: BrickView, drawn: _Drawn) -> tuple[Finished, tuple[int, int, int]]:
+def _finish(view: BrickView, drawn: _Drawn) -> tuple[Finished, tuple[int, ...]]:
     return finish(view, drawn.part), drawn.counts
 
 
@@ -165,6 +169,12 @@ def _survey_brick(shared: tuple[Partition, SurveyPlan], source: BrickSource, num
     partition, plan = shared
     with _naming(_brick_text(source, partition, number)):
         return survey_of(source, partition, number, plan)
+
+
+def _coarsen_brick(shared: tuple[Partition, LevelStore, int], source: BrickSource, number: int) -> None:
+    partition, store, count = shared
+    with _naming(_brick_text(source, partition, number), "read"):
+        coarsen_brick(source, partition, number, store, count)
 
 
 def _survey_piece(shared: tuple[int, str], pieces: Pieces, number: int) -> KernelSurvey:
@@ -176,6 +186,18 @@ def _sort_piece(shared: tuple[Columns, Partition, int, Store], pieces: Pieces, n
     columns, partition, rows, store = shared
     with _naming(f"piece {number} of {pieces.name}", "sorted"):
         return sorted_piece(pieces, number, columns, partition, rows, store)
+
+
+def _probe_brick(
+    probing: Probing, source: BrickSource, number: int, places: NDArray[np.float64]
+) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    with _naming(_brick_text(source, probing.partition, number), "read"):
+        residents().begin(probing)
+        return {number: probing.sums(source, number, places)}
+
+
+def _merge_values(_: Any, *parts: dict[int, Any]) -> dict[int, Any]:
+    return {number: found for part in parts for number, found in part.items()}
 
 
 def _merge_surveys(_: Any, *parts: BrickSurvey) -> BrickSurvey:
@@ -470,6 +492,16 @@ def survey(client: Any, source: BrickSource, partition: Partition, plan: SurveyP
     return found
 
 
+def coarsen(client: Any, source: BrickSource, partition: Partition, store: LevelStore, count: int) -> None:
+    """Make the levels of all bricks, each where it will be drawn; raises what `survey` does."""
+    task, merge = ("coarsen-brick", _coarsen_brick), ("merge-levels", _nothing)
+    _each(client, source, (partition, store, count), len(partition), task, merge)
+
+
+def _nothing(*_: Any) -> None:
+    """Wait for all that is given."""
+
+
 def survey_kernels(client: Any, pieces: Pieces, stride: int) -> KernelSurvey:
     """Return what is known of all kernels; raises what `survey` does."""
     task, merge = ("survey-kernels", _survey_piece), ("merge-surveys", _merge_kernel_surveys)
@@ -484,6 +516,21 @@ def sort_kernels(
     task, merge = ("sort-kernels", _sort_piece), ("merge-segments", _merge_segments)
     shared = (columns, partition, rows, store)
     found: Segments = _each(client, pieces, shared, len(pieces.counts), task, merge)
+    return found
+
+
+def probe(
+    client: Any, source: BrickSource, probing: Probing, jobs: Mapping[int, NDArray[np.float64]]
+) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    """Return what `Probing.sums` says of the points in each of some bricks; raises what `survey` does."""
+
+    def submit(cluster: _Cluster) -> list[Any]:
+        tasks = _Tasks(client, cluster, source, probing)
+        asked = [tasks.place("probe-brick", _probe_brick, number, places) for number, places in jobs.items()]
+        return tasks.merged("merge-values", _merge_values, asked)
+
+    found: dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]
+    found = Pending(client, source.name, submit, lambda one: one).result()
     return found
 
 
@@ -521,12 +568,13 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
 
         return [*drawn.values(), tasks.anywhere("merge", _finish, _submitted(tree, drawn, merged))]
 
-    def convert(found: tuple[Finished, tuple[int, int, int]]) -> tuple[Finished, dict[str, float]]:
-        finished, (reads, count, done) = found
+    def convert(found: tuple[Finished, tuple[int, ...]]) -> tuple[Finished, dict[str, float]]:
+        finished, (reads, count, done, coarse) = found
         return finished, {
             "bricks": float(len(view.partition)),
             "workers": float(len(_cluster(client).workers)),
             "bricks_drawn": float(done),
+            "bricks_coarse": float(coarse),
             "bricks_read": float(reads),
             "bytes_read": float(count),
         }
@@ -534,8 +582,8 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
     return Pending(client, source.name, submit, convert)
 
 
-def _blank(view: BrickView) -> tuple[Finished, tuple[int, int, int]]:
-    return finish(view, empty(view)), (0, 0, 0)
+def _blank(view: BrickView) -> tuple[Finished, tuple[int, ...]]:
+    return finish(view, empty(view)), (0, 0, 0, 0)
 
 
 def _without(nested: Nested, shown: set[int]) -> Nested | None:

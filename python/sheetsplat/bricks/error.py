@@ -54,7 +54,7 @@ def estimate_error(
     """
     given = {"backend": "cpu", "precision": "float64", "allow_inexact": True, "threads": view.settings["threads"]}
     settings = checked("Renderer", given, RendererClassOptions)
-    plain = view.replace(settings=settings, outputs=(), options={**view.options, "background": None})
+    plain = view.replace(settings=settings, outputs=(), allowed=None, options={**view.options, "background": None})
     unstopped = _with(plain, opacity_stop=1.0)
     done = 0.0
 
@@ -95,7 +95,10 @@ def _of_pictures(
         budget["opacity stop"] = _root(stopped)
         total = total + stopped
     arithmetic, foreseen = _root(rounded), plan.expected_error
-    if foreseen > 0.0:
+    if view.allowed is not None:
+        # The others are drawn with all samples; rounding is far less.
+        budget["coarser levels"] = arithmetic
+    elif foreseen > 0.0:
         budget |= {cause: arithmetic * part / foreseen for cause, part in plan.error_budget.items()}
     elif arithmetic > 0.0:
         budget["arithmetic"] = arithmetic

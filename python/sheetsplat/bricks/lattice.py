@@ -13,6 +13,7 @@ from sheetsplat._checks import Bounds, Triple
 from sheetsplat.errors import complain
 from sheetsplat.fields import Normalization, RegularField
 from sheetsplat.fields.regular import Lattice, NanPolicy
+from sheetsplat.ripple import lattice_constant, lattice_ripple
 
 #: First and last index, the last one outside, along k, j, i.
 Box = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
@@ -80,6 +81,16 @@ class LatticeSpec:
     def default_slice_spacing(self) -> float:
         """Distance of slices unless given, world units."""
         return 0.5 * self.spacing[0] if self.lattice == "bcc" else min(self.spacing)
+
+    @property
+    def largest_sum(self) -> float:
+        """Largest scalar that kernels of factor 1 add up to."""
+        if self.normalization == "threshold":
+            return 1.0
+        ripple = lattice_ripple(self.radius, self.falloff, lattice=self.lattice, normalization="none")
+        plain = self.normalization == "none" or self.prefilter
+        constant = lattice_constant(self.radius, self.falloff, self.lattice) if plain else 1.0
+        return constant * (1.0 + 1.01 * ripple.peak + 1e-6)
 
     @property
     def centres(self) -> Bounds:

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from sheetsplat.bricks.kernel_source import KernelSource
-from sheetsplat.bricks.lattice import LatticeSpec
+from sheetsplat.bricks.lattice import Box, LatticeSpec
+from sheetsplat.bricks.level_choice import level_of
+from sheetsplat.bricks.levels import lattices_of
 from sheetsplat.bricks.partition import Partition, partition_lattice
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource
@@ -17,9 +19,10 @@ from sheetsplat.bricks.view import BrickView
 from sheetsplat.bricks.whole import Whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Unsupported, complain
-from sheetsplat.fields import BrickedField, BrickedKernels, Field
+from sheetsplat.fields import BrickedField, BrickedKernels, Field, RegularField
 from sheetsplat.limits import Depths
 from sheetsplat.plan import RenderPlan
+from sheetsplat.quality.choose import allowed_error
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import fine_depths, fine_size
@@ -45,7 +48,8 @@ def bricked_field(scene: Scene) -> BrickedField | BrickedKernels | None:
 
 
 @lru_cache(maxsize=16)
-def _partition(lattice: LatticeSpec, brick: int) -> Partition:
+def partition_of(lattice: LatticeSpec, brick: int) -> Partition:
+    """Return a lattice cut into bricks of an edge."""
     return partition_lattice(lattice, brick)
 
 
@@ -72,7 +76,7 @@ def view_of(
         For effects that cannot be drawn in bricks, before anything is read.
     """
     lattice, partition, whole = _cut(field)
-    return BrickView.of(
+    view = BrickView.of(
         partition,
         whole,
         scene.transfer_function,
@@ -84,6 +88,14 @@ def view_of(
         one_backend(settings),
         lattice,
     )
+    if lattice is None or not isinstance(field.source, BrickSource) or not field.source.coarser:
+        return view
+    quality = "good" if scene.quality is None else scene.quality.name
+    return view.replace(
+        levels=tuple(lattices_of(field.source, lattice)),
+        allowed=allowed_error(quality),
+        largest_sample=max(map(abs, field.value_range)),
+    )
 
 
 def _cut(field: BrickedField | BrickedKernels) -> tuple[LatticeSpec | None, Partition, Whole]:
@@ -91,7 +103,7 @@ def _cut(field: BrickedField | BrickedKernels) -> tuple[LatticeSpec | None, Part
     if isinstance(field, BrickedField):
         lattice = LatticeSpec.of(field)
         whole = Whole.of_lattice(lattice, _factors(field, field.value_range), field.centre_bounds)
-        return lattice, _partition(lattice, field.brick), whole
+        return lattice, partition_of(lattice, field.brick), whole
     source = _kernels(field.source)
     supports = source.segments.supports(len(source.partition))
     return None, source.partition, Whole.of_bricks(field, supports, source.longest)
@@ -120,14 +132,17 @@ def may_show(field: BrickedField | BrickedKernels, view: BrickView, number: int)
         found = _kernels(field.source).value_range(number, view.margin(number))
         return found is not None and view.may_show(found)
     assert view.lattice is not None
-    needed = np.asarray(view.lattice.to_read(view.samples(number)))
-    cores = field.survey.cores
+    return view.may_show(factors_in(field, view.lattice.to_read(view.samples(number))))
+
+
+def factors_in(field: BrickedField, samples: Box) -> tuple[float, float]:
+    """Return bounds of the factors of the kernels that depend on no samples but those of a box."""
+    needed, cores = np.asarray(samples), field.survey.cores
     near = ((cores[:, :, 0] < needed[:, 1]) & (cores[:, :, 1] > needed[:, 0])).all(axis=1)
     ranges = field.survey.ranges[near]
     if np.isnan(ranges).all():
-        return view.may_show((0.0, 0.0))
-    values = float(np.nanmin(ranges[:, 0])), float(np.nanmax(ranges[:, 1]))
-    return view.may_show(_factors(field, values))
+        return 0.0, 0.0
+    return _factors(field, (float(np.nanmin(ranges[:, 0])), float(np.nanmax(ranges[:, 1]))))
 
 
 def field_of(source: BrickSource | KernelSource, view: BrickView, number: int) -> Field:
@@ -135,13 +150,20 @@ def field_of(source: BrickSource | KernelSource, view: BrickView, number: int) -
     residents().begin(view)
     if isinstance(source, KernelSource):
         return residents().kernels(source, number, view.margin(number), view.whole.value_range)
-    lattice, core = view.lattice, view.partition.bricks[number].samples
-    assert lattice is not None and core is not None
-    box, values = view.samples(number), view.whole.value_range
-    made: Field = residents().made(
-        source, core, lattice.to_read(box), (lattice, box, values), lambda samples: lattice.field(samples, box, values)
-    )
-    return made
+    level = level_of(view, number, source.key, lambda level: _field_at(source, view, number, level))
+    residents().counts.coarse += level > 0
+    return _field_at(source, view, number, level)
+
+
+def _field_at(source: BrickSource, view: BrickView, number: int, level: int) -> RegularField:
+    """Return the field of a brick at a level."""
+    lattice, core = view.lattice_at(level), view.partition.bricks[number].samples
+    assert core is not None
+    box, values = view.samples(number, level), view.whole.value_range
+    return residents().made(
+        source.at_level(level), core, lattice.to_read(box), (lattice, box, values),
+        lambda samples: lattice.field(samples, box, values),
+    )  # fmt: skip
 
 
 def planned(scene: Scene, view: BrickView) -> tuple[BrickView, RenderPlan]:

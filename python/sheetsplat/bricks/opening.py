@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
 import numpy as np
@@ -12,16 +12,19 @@ import numpy as np
 from sheetsplat._checks import shown, whole
 from sheetsplat.bricks.kernel_pieces import KERNELS, READING, pieces_of
 from sheetsplat.bricks.lattice import PREFILTER_MARGIN, LatticeSpec
+from sheetsplat.bricks.levels import LevelStore, coarsen_brick, most_levels
+from sheetsplat.bricks.levels import levels_of as coarse_levels
 from sheetsplat.bricks.opening_kernels import open_kernels
-from sheetsplat.bricks.partition import partition_lattice
+from sheetsplat.bricks.partition import Partition, partition_lattice
+from sheetsplat.bricks.prober import BrickProber
 from sheetsplat.bricks.sources import BrickSource, open_source
 from sheetsplat.bricks.statistics import Survey, SurveyPlan, merge_surveys, survey_of
-from sheetsplat.errors import complain, option_ref, option_refs
+from sheetsplat.errors import complain, option_ref, option_refs, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.fields.regular import narrowest
 from sheetsplat.io.axes import tell_units
 from sheetsplat.io.kernels import log_base
-from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of, folder_of, kernels_of
+from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of, folder_of, kernels_of, levels_of
 from sheetsplat.options.core import check_names, definitions, documented
 from sheetsplat.options.data import KernelOptions, PlacementOptions
 from sheetsplat.quality.choose import Choice
@@ -31,7 +34,7 @@ _log = logging.getLogger("sheetsplat")
 # Samples around a brick that most pictures need: the reach of kernels, and two slices.
 _AROUND = 6
 _SAMPLES = ("shape", "dtype", "offset", "name", "scalar", "step")
-_OWN = ("brick", "brick_kernels", "scratch", "client")
+_OWN = ("brick", "levels", "brick_kernels", "scratch", "client")
 # Options of scattered data, and one that needs all samples at once.
 _REFUSED = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "resample")
 
@@ -81,11 +84,13 @@ def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> Bri
         "open_bricks: brick_kernels",
         given.pop("brick_kernels", definitions(OpenBricksOptions)["brick_kernels"].default),
     )
+    levels = levels_of("open_bricks: levels", given.pop("levels", definitions(OpenBricksOptions)["levels"].default))
     scratch = folder_of("open_bricks: scratch", given.pop("scratch", None))
     client = cluster_of("open_bricks: client", given.pop("client", None))
     given = {name: value for name, value in given.items() if value or name not in ("log", "offset", "resample")}
     pieces = pieces_of(path_or_array, given, client)
     if pieces is not None:
+        _refuse({"levels": levels} if levels else {}, ("levels",), "kernels")
         _refuse(given, [name for name in given if name not in (*READING, *KERNELS, "log", "quality")], "kernels")
         made_of = {name: value for name, value in given.items() if name != "quality"}
         return open_kernels(pieces, most, scratch, client, given).opened_with(made_of)
@@ -93,9 +98,10 @@ def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> Bri
     if "offset" in given:
         given["offset"] = whole("open_bricks: offset", given["offset"])
     source = open_source(path_or_array, {name: given[name] for name in _SAMPLES if name in given})
-    field = _field(source, brick, client, given)
+    cut = _Cut(brick, levels, scratch)
+    field = _field(source, cut, client, given)
     choice = Choice("open_bricks", {name: value for name, value in options.items() if name not in _OWN})
-    made = choice.kernel(field, made=False)
+    made = choice.kernel(field.probed_by(BrickProber.of(client)), made=False)
     for setting in choice.quality.settings:
         _log.info("quality %s: %s", choice.name, setting)
     return made.opened_with({name: value for name, value in given.items() if name != "quality"})
@@ -113,7 +119,40 @@ def _refuse(given: Mapping[str, Any], names: Sequence[str], what: str) -> None:
         )
 
 
-def _field(source: BrickSource, brick: int, client: Any, given: Mapping[str, Any]) -> BrickedField:
+@dataclass(frozen=True)
+class _Cut:
+    """How a volume is cut: the edge of bricks, the number of coarser levels, and the folder for them."""
+
+    brick: int
+    levels: int
+    scratch: str | None
+
+
+def _with_levels(source: BrickSource, cut: _Cut, partition: Partition, client: Any) -> BrickSource:
+    """Return a volume with coarser levels: its own, or those of means, which are made now."""
+    if not cut.levels or source.coarser:
+        return source.replace(coarser=source.coarser[: cut.levels])
+    most = most_levels(source.shape, cut.brick)
+    if cut.levels > most:
+        raise complain(
+            unusable("open_bricks: levels"),
+            f"{cut.levels} for bricks of {cut.brick} samples along each axis",
+            f"at most {most}: each halves the samples of a brick",
+            "pass " + option_ref("brick", "256"),
+            option="levels",
+        )
+    store = LevelStore.new(cut.scratch, cut.brick)
+    if client is None:
+        for number in range(len(partition)):
+            coarsen_brick(source, partition, number, store, cut.levels)
+    else:
+        from sheetsplat.bricks.cluster import coarsen
+
+        coarsen(client, source, partition, store, cut.levels)
+    return source.replace(coarser=coarse_levels(source, store, cut.levels))
+
+
+def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]) -> BrickedField:
     """Return the field with the kernels that were given, or plain ones."""
     if "spacing" not in given:
         tell_units(source.quantity.axes, source.shape, source.spacing)
@@ -125,7 +164,10 @@ def _field(source: BrickSource, brick: int, client: Any, given: Mapping[str, Any
         raise complain(
             "open_bricks: lattice cannot be used", shown(lattice), "one of: cartesian, bcc", option="lattice"
         )
-    partition = partition_lattice(LatticeSpec(source.shape, lattice=lattice), brick)
+    if cut.levels and lattice != "cartesian":
+        asked, wanted = f"{cut.levels} for the lattice {lattice}", "none: levels are of cartesian lattices"
+        raise complain(unusable("open_bricks: levels"), asked, wanted, option="levels")
+    partition = partition_lattice(LatticeSpec(source.shape, lattice=lattice), cut.brick)
     # A quality may choose a prefilter by what is found.
     filtered = given.get("prefilter", given.get("quality") != "draft" and "normalization" not in given)
     plan = SurveyPlan.of(source.shape, lattice, _AROUND + (PREFILTER_MARGIN if filtered else 0))
@@ -145,7 +187,7 @@ def _field(source: BrickSource, brick: int, client: Any, given: Mapping[str, Any
             "pass " + option_ref("nan", "skip") + " to leave their kernels out",
             option="nan",
         )
-    shown_source = source
+    shown_source = _with_levels(source, cut, partition, client)
     if source.kept is None:
         low, high = known.value_range
         shown_source = shown_source.replace(kept=narrowest(int(low), int(high)))
@@ -153,7 +195,7 @@ def _field(source: BrickSource, brick: int, client: Any, given: Mapping[str, Any
         low = known.value_range[0]
         floor = log_base(np.asarray([low]), source.name, given["log"])
         shown_source = shown_source.replace(floor=floor, quantity=replace(source.quantity, floor=floor))
-    if shown_source is not source:
+    if shown_source.key != source.key:
         known = known.shown_by(shown_source)
-    field = BrickedField(shown_source, known, brick, **placed)
+    field = BrickedField(shown_source, known, cut.brick, **placed)
     return field.with_quantity_of_samples(shown_source.quantity, source.spacing, source.origin, "cartesian")

@@ -123,7 +123,7 @@ def _draw_here(
     field: BrickedField | BrickedKernels, view: BrickView, progress: Progress | None
 ) -> tuple[Finished, dict[str, float]]:
     before = residents().counts
-    reads, bytes_read = before.reads, before.bytes_read
+    reads, bytes_read, coarse = before.reads, before.bytes_read, before.coarse
     drawn = 0
 
     def made(number: int) -> Field | None:
@@ -140,6 +140,7 @@ def _draw_here(
         "bricks_drawn": float(drawn),
         "bricks_read": float(counts.reads - reads),
         "bytes_read": float(counts.bytes_read - bytes_read),
+        "bricks_coarse": float(counts.coarse - coarse),
     }
 
 

@@ -40,32 +40,42 @@ class Counts:
         How often they were here.
     dropped
         How many bricks had to go.
+    coarse
+        How many pictures of bricks were drawn with a coarser level.
     """
 
     reads: int = 0
     bytes_read: int = 0
     hits: int = 0
     dropped: int = 0
+    coarse: int = 0
 
 
 @dataclass
 class _Entry:
     """Samples around a brick, and the field of them.
 
-    A field without coefficients keeps samples of its own: these are the entry's then.
+    A field without coefficients keeps samples of its own: where memory is short these are the entry's then.
     """
 
     outer: Box
     values: NDArray[Any]
     made: RegularField | None = None
+    wanted: Box | None = None
     key: Any = None
+    is_shared: bool = False
     picture: int = 0
 
     @property
     def size(self) -> int:
         if self.made is None:
             return self.values.nbytes
-        return self.made.memory + (self.values.nbytes if self.made.prefilter else 0)
+        return self.made.memory + (0 if self.is_shared else self.values.nbytes)
+
+    def shrink(self) -> None:
+        """Keep no more samples than the field has, where it has all that it was made of."""
+        if self.made is not None and self.wanted is not None and not self.made.prefilter:
+            self.outer, self.values, self.is_shared = self.wanted, self.made.values, True
 
 
 @dataclass
@@ -140,12 +150,12 @@ class Residents:
         """Return the field that a function makes of the samples of a box: once with the same key, while it fits."""
         with self._lock:
             entry = self._entry(source, core, wanted)
-            if entry.made is None or entry.key != (wanted, key):
+            if entry.made is None or (entry.wanted, entry.key) != (wanted, key):
                 entry.made = None
                 found = make(_cut(entry, wanted))
-                entry.made, entry.key = found, (wanted, key)
-                if not found.prefilter:
-                    entry.outer, entry.values = wanted, found.values
+                entry.made, entry.wanted, entry.key, entry.is_shared = found, wanted, key, False
+                if wanted == entry.outer:
+                    entry.shrink()
                 self._fit()
                 return found
             return entry.made
@@ -197,11 +207,18 @@ class Residents:
         self.counts.hits += 1
 
     def _fit(self) -> None:
-        """Drop bricks until the others fit.
+        """Make all fit: drop what only other views would need, then bricks.
 
         First the least used of those that neither this picture nor the last one used, then what was used last.
         """
         size = sum(one.size for one in self._entries.values())
+        for one in self._entries.values():
+            if size <= self.budget:
+                return
+            if isinstance(one, _Entry):
+                size -= one.size
+                one.shrink()
+                size += one.size
         while self._entries and size > self.budget:
             # The least used is the first one.
             oldest = next(iter(self._entries.values()))

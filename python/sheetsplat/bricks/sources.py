@@ -86,6 +86,8 @@ class BrickSource:
         The samples are log10(value / floor), 0 for smaller values; None: as they are.
     limits
         Samples beyond these are moved to them; None: as they are.
+    coarser
+        Coarser levels of the same volume, the finest first.
     """
 
     name: str
@@ -100,6 +102,7 @@ class BrickSource:
     kept: np.dtype[Any] | None = None
     floor: float | None = None
     limits: tuple[float, float] | None = None
+    coarser: tuple[Level, ...] = ()
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -119,7 +122,8 @@ class BrickSource:
 
     def __repr__(self) -> str:
         """Return a text that is the same for the same samples."""
-        return f"BrickSource({self.key!r}, {self.shape}, {self.stored})"
+        coarser = "".join(f", {one.source.token}" for one in self.coarser)
+        return f"BrickSource({self.key!r}, {self.shape}, {self.stored}{coarser})"
 
     @property
     def size(self) -> int:
@@ -188,6 +192,29 @@ class BrickSource:
     def replace(self, **changes: Any) -> BrickSource:
         """Return the same samples placed or shown in another way."""
         return replace(self, **changes)
+
+    def at_level(self, level: int) -> BrickSource:
+        """Return a coarser level, shown in the same way; 0: itself."""
+        return self if not level else self.coarser[level - 1].source.replace(floor=self.floor, limits=self.limits)
+
+
+@dataclass(frozen=True)
+class Level:
+    """A coarser level of a volume.
+
+    Attributes
+    ----------
+    source
+        Its samples.
+    steps
+        Steps of the volume's own indices from one of its samples to the next, along x, y, z.
+    start
+        Place of its first sample in the volume's own indices, along x, y, z.
+    """
+
+    source: BrickSource
+    steps: Triple
+    start: Triple
 
 
 def open_source(data: Any, options: Mapping[str, Any]) -> BrickSource:
@@ -369,7 +396,7 @@ def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
 
 
 def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
-    from sheetsplat.io.zarr_folders import locate
+    from sheetsplat.io.zarr_folders import locate, locate_coarser
 
     located = locate(source, _chosen_name(options), options.get("step"))
     located = replace(located, path=Path(os.path.abspath(located.path)))
@@ -381,8 +408,30 @@ def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
         located.details,
         located.quantity,
     )
-    changed = os.stat(located.path).st_mtime_ns
-    return _source(text, f"{located.path}{located.index}{changed}", volume, ZarrReader(located))
+    made = _source(text, _zarr_token(located), volume, ZarrReader(located))
+    others = locate_coarser(source, _chosen_name(options), options.get("step"))
+    return made.replace(coarser=tuple(_level(text, made, one) for one in others if _is_coarser(one, made)))
+
+
+def _zarr_token(located: Any) -> str:
+    return f"{located.path}{located.index}{os.stat(located.path).st_mtime_ns}"
+
+
+def _is_coarser(located: Any, source: BrickSource) -> bool:
+    """Return whether a scale has wider steps, along no axis narrower ones, and samples at all."""
+    wider = [a / b for a, b in zip(located.spacing, source.spacing, strict=True)]
+    return bool(min(wider) >= 1.0 and max(wider) > 1.0 and min(located.shape) > 0)
+
+
+def _level(text: str, source: BrickSource, located: Any) -> Level:
+    located = replace(located, path=Path(os.path.abspath(located.path)))
+    name = f"{text}, {located.path.name}"
+    volume = Volume(_stand_in(located.shape, located.dtype), located.spacing, located.origin)
+    coarse = _source(name, _zarr_token(located), volume, ZarrReader(located))
+    x, y, z = (a / b for a, b in zip(located.spacing, source.spacing, strict=True))
+    places = zip(located.origin, source.origin, source.spacing, strict=True)
+    i, j, k = ((a - b) / step for a, b, step in places)
+    return Level(coarse, (x, y, z), (i, j, k))
 
 
 def _netcdf(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:

@@ -20,7 +20,6 @@ from sheetsplat.limits import Depths
 from sheetsplat.options.core import SCALAR, checked
 from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions, surfaces_of
-from sheetsplat.ripple import lattice_constant, lattice_ripple
 from sheetsplat.tiles import window as window_of
 from sheetsplat.transfer import TransferFunction
 
@@ -53,6 +52,13 @@ class BrickView:
         The bricks, and what they share.
     lattice
         The lattice that the samples of bricks belong to; None for scattered kernels.
+    levels
+        The lattices of coarser levels of the volume, the finest first.
+    allowed
+        Error that a picture may have by levels, a share of the largest number of a scalar picture; None: all bricks are
+        drawn with the volume's own samples.
+    largest_sample
+        Largest magnitude of the samples of the volume.
     transfer_function
         Scalar to colour and opacity.
     options
@@ -73,6 +79,9 @@ class BrickView:
     depth_limit: Depths | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     lattice: LatticeSpec | None = None
+    levels: tuple[LatticeSpec, ...] = ()
+    allowed: float | None = None
+    largest_sample: float = 1.0
 
     @classmethod
     def of(
@@ -240,12 +249,16 @@ class BrickView:
         along = (steps + _MOVED) * self.slice_spacing * self._slant()
         return _ROUNDING * (along + sideways + self._widening(depth)) + 1e-9 * self.whole.largest_reach
 
-    def samples(self, number: int) -> Box:
-        """Return the samples of a lattice whose kernels a brick needs: its own and its ghosts, [k, j, i]."""
+    def lattice_at(self, level: int) -> LatticeSpec:
+        """Return the lattice of a level, 0: that of the volume."""
         if self.lattice is None:
-            raise ValueError("scattered kernels have no indices")
+            raise ValueError("scattered kernels have no lattice")
+        return self.levels[level - 1] if level else self.lattice
+
+    def samples(self, number: int, level: int = 0) -> Box:
+        """Return the samples of a level whose kernels a brick needs: its own and its ghosts, [k, j, i]."""
         brick = self.partition.bricks[number]
-        return self.lattice.around(brick.cell, self.margin(number))
+        return self.lattice_at(level).around(brick.cell, self.margin(number))
 
     def _projected(self, number: int) -> tuple[Floats, Floats] | None:
         """Return columns and rows of the corners of what can be seen of a brick, in pixels.
@@ -333,7 +346,7 @@ class BrickView:
         """Return whether kernels with factors in a range, all that reach a brick, can show anything at all."""
         if "coverage" in self.outputs or self.mode in ("minimum", "average"):
             return True
-        factor = self._largest_sum()
+        factor = self._largest_sum
         if not math.isfinite(factor):
             return True
         low, high = (factor * min(value_range[0], 0.0), factor * max(value_range[1], 0.0))
@@ -347,24 +360,22 @@ class BrickView:
         low, high = (low - more if bent or low < 0.0 else 0.0), (high + more if bent or high > 0.0 else 0.0)
         if self.mode == "isosurface":
             return any(low < value <= high for value, _ in surfaces_of(self.options["iso_value"]))
-        points = self.transfer_function.points
-        ends = self.transfer_function.at([low, high])[:, 3]
-        inside = points[(points[:, 0] >= low) & (points[:, 0] <= high), 4]
-        return bool(max(ends.max(), inside.max(initial=0.0)) > 0.0)
+        return shows(self.transfer_function, low, high)
 
+    @property
     def _largest_sum(self) -> float:
         """Largest scalar that kernels of factor 1 add up to."""
-        lattice = self.lattice
-        if self.options["filter"] is not None or (lattice is None and not self.whole.is_mean):
+        if self.options["filter"] is not None or (self.lattice is None and not self.whole.is_mean):
             return math.inf
-        if lattice is None:
-            return 1.0
-        if lattice.normalization == "threshold":
-            return 1.0
-        ripple = lattice_ripple(lattice.radius, lattice.falloff, lattice=lattice.lattice, normalization="none")
-        plain = lattice.normalization == "none" or lattice.prefilter
-        constant = lattice_constant(lattice.radius, lattice.falloff, lattice.lattice) if plain else 1.0
-        return constant * (1.0 + 1.01 * ripple.peak + 1e-6)
+        return 1.0 if self.lattice is None else self.lattice.largest_sum
+
+
+def shows(function: TransferFunction, low: float, high: float) -> bool:
+    """Return whether a transfer function gives any opacity to a value in a range."""
+    points = function.points
+    ends = function.at([low, high])[:, 3]
+    inside = points[(points[:, 0] >= low) & (points[:, 0] <= high), 4]
+    return bool(max(ends.max(), inside.max(initial=0.0)) > 0.0)
 
 
 def _refuse(options: Mapping[str, Any], settings: Mapping[str, Any]) -> None:

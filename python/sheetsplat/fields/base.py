@@ -235,6 +235,10 @@ class Field(ABC):
 
     def _sums_at(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return D, W and their derivatives, (M, 8), and the numbers of the nearest kernels, (M,)."""
+        return self.native.sums_at(self._places(points))
+
+    def _places(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return checked points, (M, 3)."""
         what = f"{type(self).__name__}: points"
         places = numbers(what, points, "(M, 3) world positions")
         places = places.reshape(0, 3) if places.shape == (0,) else places
@@ -246,7 +250,7 @@ class Field(ABC):
             n = int(np.flatnonzero(~np.isfinite(places).all(axis=1))[0])
             failed = f"{type(self).__name__}: a point cannot be used"
             raise complain(failed, f"{places[n]}, point {n}", "three finite numbers")
-        return self.native.sums_at(places)
+        return places
 
     # Regular fields have their own of these two.
     @property

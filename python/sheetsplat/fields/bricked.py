@@ -16,6 +16,7 @@ from sheetsplat.fields.samples import Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
+from sheetsplat.transfer import TransferFunction
 
 # Samples at which kernels are tried: more than the prefilter of any usable kernel reaches.
 _TRIED = (8, 8, 8)
@@ -73,12 +74,25 @@ class Survey(Samples, Protocol):
         """Return what is known of the same samples shown in another way."""
 
 
+class Prober(Protocol):
+    """Reads bricks for values at points: `sheetsplat.bricks.prober.BrickProber`."""
+
+    def sums(
+        self, field: BrickedField, places: NDArray[np.float64], columns: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return the first of D, W and their derivatives, (M, columns), and numbers of the nearest kernels, (M,)."""
+
+    def where_seen(self, function: TransferFunction) -> Prober:
+        """Return one that reads no bricks in which a transfer function shows nothing; sums are 0 there."""
+
+
 class BrickedField(RegularField):
     """A volume whose samples are read in bricks when a picture is drawn. Made by `sheetsplat.open_bricks`. Immutable.
 
     It has the options, the bounds and the range of values of a `RegularField`, and pictures of it are drawn by
-    `sheetsplat.render`, brick by brick: of the samples no more is in memory than the bricks that are drawn. Whatever
-    needs all samples at once (`values`, `at`) raises Unsupported.
+    `sheetsplat.render`, brick by brick: of the samples no more is in memory than the bricks that are drawn. Values at
+    points (`at`, `evaluate`) are those of the bricks that the points lie in. Whatever needs all samples at once
+    (`values`) raises Unsupported.
 
     Attributes
     ----------
@@ -96,7 +110,7 @@ class BrickedField(RegularField):
     True
     """
 
-    __slots__ = ("_condition", "_prefilter", "brick", "source", "survey")
+    __slots__ = ("_condition", "_prefilter", "_prober", "brick", "source", "survey")
 
     def __init__(
         self,
@@ -115,7 +129,7 @@ class BrickedField(RegularField):
         nan: str = "error",
     ) -> None:
         self._quantity, self._opened, self._orientation = source.quantity, NOT_OPENED, source.orientation
-        self._trim = Trim()
+        self._trim, self._prober = Trim(), None
         self._spacing = triple("open_bricks: spacing", spacing)
         self._origin = triple("open_bricks: origin", origin)
         self._lattice = choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))
@@ -150,6 +164,8 @@ class BrickedField(RegularField):
         return {name: getattr(self, name) for name in (*PARTS, *own)}
 
     def _restore(self, parts: dict[str, Any]) -> None:
+        # What reads bricks for values at points belongs to the process that opened them.
+        self._prober = None
         for name in (*PARTS, "_prefilter", "_condition"):
             setattr(self, name, parts[name])
         self._set(parts["source"], parts["survey"], parts["brick"])
@@ -164,7 +180,23 @@ class BrickedField(RegularField):
             # The one that it set itself.
             del options["normalization"]
         made = BrickedField(self.source, self.survey, self.brick, **{**options, **changes})
-        return made._told_by(self)
+        return made._told_by(self).probed_by(self._prober)
+
+    def probed_by(self, prober: Prober | None) -> BrickedField:
+        """Return the same field with what reads bricks for values at points."""
+        return self._with(_prober=prober)
+
+    def where_seen(self, function: TransferFunction) -> BrickedField:
+        """Return the same field; bricks in which a transfer function shows nothing are not read for values at points.
+
+        They are 0 there.
+        """
+        return self if self._prober is None else self._with(_prober=self._prober.where_seen(function))
+
+    @property
+    def can_be_probed(self) -> bool:
+        """Whether it has values at points: in the process that opened it."""
+        return self._prober is not None
 
     def _shown(self, **changes: Any) -> BrickedField:
         source = self.source.replace(**changes)
@@ -198,8 +230,25 @@ class BrickedField(RegularField):
         """Raise Unsupported: the samples are not in memory."""
         self._refuse("all coefficients")
 
+    def at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the scalar at points (M, 3) in the world, shape (M,); the bricks that they lie in are read.
+
+        Raises
+        ------
+        InvalidInput
+            For anything but M times three finite numbers.
+        Error
+            What reading a brick raises.
+        """
+        return self._scalars(self._sums(self._places(points), 2)[0])
+
     def _sums_at(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        self._refuse("values at points")
+        return self._sums(self._places(points), 8)
+
+    def _sums(self, places: NDArray[np.float64], columns: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        if self._prober is None:
+            self._refuse("values at points")
+        return self._prober.sums(self, places, columns)
 
     @property
     def samples(self) -> Samples:

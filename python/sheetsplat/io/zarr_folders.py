@@ -325,26 +325,27 @@ def count_steps(source: Folder, name: str | None = None) -> int:
 
 def _multiscale(path: Path, told: dict[str, Any], name: str | None, step: int | None, limit: float) -> Located:
     """Return the finest scale of an OME-Zarr image whose samples take `limit` bytes (specification 0.4 and 0.5)."""
+    count = len(told["multiscales"][0]["datasets"])
+    for number in range(count):
+        found = _scale(path, told, name, step, number)
+        if found.dtype.itemsize * math.prod(found.shape) <= limit or number == count - 1:
+            return found
+    raise unreadable(path, "no scale", "at least one")
+
+
+def _scale(path: Path, told: dict[str, Any], name: str | None, step: int | None, number: int) -> Located:
+    """Return a scale of an OME-Zarr image."""
     image = told["multiscales"][0]
     axes = [str(one["name"] if isinstance(one, dict) else one).lower() for one in image["axes"]]
     units = [printable(one.get("unit")) if isinstance(one, dict) else "" for one in image["axes"]]
     levels = image["datasets"]
     if sorted(axes)[-3:] != ["x", "y", "z"] or len(axes) > 5 or len(set(axes)) != len(axes):
         raise unreadable(path, f"axes {', '.join(axes)}", "x, y and z, and at most a time and a channel")
-    chosen = None
-    level: dict[str, Any] = {}
-    for number, level in enumerate(levels):
-        place = _below(path, level["path"])
-        shape, dtype, _ = _sizes(place)
-        if len(shape) != len(axes):
-            raise unreadable(place, f"shape {shape}", f"{len(axes)} axes, {', '.join(axes)}")
-        size = dtype.itemsize * math.prod(count for count, axis in zip(shape, axes, strict=True) if axis in "xyz")
-        if size <= limit or number == len(levels) - 1:
-            chosen = (place, shape, dtype, number)
-            break
-    if chosen is None:
-        raise unreadable(path, "no scale", "at least one")
-    place, shape, dtype, number = chosen
+    level = levels[number]
+    place = _below(path, level["path"])
+    shape, dtype, _ = _sizes(place)
+    if len(shape) != len(axes):
+        raise unreadable(place, f"shape {shape}", f"{len(axes)} axes, {', '.join(axes)}")
     index: list[Any] = []
     for axis, count in zip(axes, shape, strict=True):
         if axis in "xyz":
@@ -426,3 +427,10 @@ def locate(source: Folder, name: str | None = None, step: int | None = None, lim
         advice = f"choose one, {source.path}:/{arrays[0]}" if arrays else ""
         raise unreadable(root, f"{len(arrays)} arrays: {listed(arrays)}", "one of them", advice)
     return _plain(root / arrays[0])
+
+
+def locate_coarser(source: Folder, name: str | None = None, step: int | None = None) -> list[Located]:
+    """Return all scales of an OME-Zarr image but the finest; none of arrays."""
+    root, told = _image(source)
+    count = len(told["multiscales"][0]["datasets"]) if told else 0
+    return [_scale(root, told, name, step, number) for number in range(1, count)]

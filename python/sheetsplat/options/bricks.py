@@ -12,6 +12,8 @@ from sheetsplat.options.values import Special, Whole
 
 #: Edges of bricks, in samples. Smaller ones would be all border, larger ones more than a worker holds.
 LEAST_EDGE, LARGEST_EDGE = 4, 2048
+#: Coarser levels of a volume.
+MOST_LEVELS = 8
 #: Kernels of a brick of scattered data.
 LEAST_KERNELS, MOST_KERNELS = 1, 1 << 31
 
@@ -21,6 +23,15 @@ def edge_of(what: str, value: object) -> int:
     wanted = f"a whole number of samples from {LEAST_EDGE} to {LARGEST_EDGE}"
     result = whole(what, value, wanted)
     if not LEAST_EDGE <= result <= LARGEST_EDGE:
+        raise complain(unusable(what), str(result), wanted)
+    return result
+
+
+def levels_of(what: str, value: object) -> int:
+    """Return a number of coarser levels, or InvalidInput."""
+    wanted = f"a whole number from 0 to {MOST_LEVELS}"
+    result = whole(what, value, wanted)
+    if not 0 <= result <= MOST_LEVELS:
         raise complain(unusable(what), str(result), wanted)
     return result
 
@@ -76,6 +87,16 @@ class BrickOptions(TypedDict, total=False):
             default=256,
             check=edge_of,
             value=Whole(LEAST_EDGE, LARGEST_EDGE),
+        ),
+    ]
+    levels: Annotated[
+        int,
+        Option(
+            "Coarser levels of a volume, each half as fine, of means of samples or those of an OME-Zarr image: "
+            "pictures have, brick by brick, the coarsest one whose error the quality allows. 0: all samples are drawn.",
+            default=0,
+            check=levels_of,
+            value=Whole(0, MOST_LEVELS),
         ),
     ]
     brick_kernels: Annotated[

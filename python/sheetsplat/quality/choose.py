@@ -85,6 +85,8 @@ class _Level:
 
 
 _TWICE = dict.fromkeys(("composite", "isosurface", "mip", "minimum"), 2)
+# What a draft may be wrong.
+_ROUGH = 2e-2
 # Found by measurement: docs/quality.md, "Accuracy and time of each quality", and ./run bench quality.
 _LEVELS = {
     "draft": _Level(None, {}, {}, {}, None, None, False),
@@ -100,6 +102,12 @@ _LEVELS = {
         _Samples(2, 3),
     ),
 }
+
+
+def allowed_error(name: str) -> float:
+    """Return the root mean square error that a picture of a quality may have by the coarseness of its data."""
+    lit = _LEVELS[name].lit
+    return _ROUGH if lit is None else lit[0]
 
 
 class Choice:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds
 from sheetsplat.camera import Camera
-from sheetsplat.fields import BrickedField, RegularField, joined_bounds
+from sheetsplat.fields import BrickedField, Field, RegularField, joined_bounds
+from sheetsplat.light import Light, Material
 from sheetsplat.look.visible import camera_axes
 from sheetsplat.scene import Scene
 
@@ -52,9 +54,15 @@ class _Rays:
 def can_be_estimated(scene: Scene) -> bool:
     """Return whether the error of a scene's slices is that of the light in a volume."""
     volumes = all(isinstance(one, RegularField) and one.size for one in scene.fields)
-    # Of a volume in bricks, values at points would take reading it.
-    in_bricks = any(isinstance(one, BrickedField) for one in scene.fields)
-    return volumes and not in_bricks and scene.mode == "composite" and len(scene.groups) == 1 and bool(scene.lights)
+    lit = scene.mode == "composite" and len(scene.groups) == 1 and bool(scene.lights)
+    return volumes and lit and all(_can_be_read(scene, one) for one in scene.fields)
+
+
+def _can_be_read(scene: Scene, field: Field) -> bool:
+    """Return whether values at points are to be had; a volume in bricks is read for none that cannot be drawn."""
+    if not isinstance(field, BrickedField):
+        return True
+    return field.can_be_probed and not scene.options["shadows"] and scene.options["ambient_occlusion"] is None
 
 
 def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:
@@ -66,14 +74,15 @@ def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:
     without a stop. Conventions, sections 4 to 6, with derivatives for differences; clips, shadows and ambient occlusion
     are left out.
     """
-    distance = min(one.default_slice_spacing for one in scene.fields)
-    bounds = joined_bounds([one.bounds for one in scene.fields])
+    fields = [one.where_seen(scene.transfer_function) if isinstance(one, BrickedField) else one for one in scene.fields]
+    distance = min(one.default_slice_spacing for one in fields)
+    bounds = joined_bounds([one.bounds for one in fields])
     rays = _rays(camera, size)
     depths = _depths(rays, bounds, camera, distance)
     if not depths.size:
         return 0.0
     # Where anything can be seen, by a sample a slice distance.
-    shown = _optical_depths(scene, _scalars(scene, rays, depths, _in_box(rays, depths, bounds)), distance)
+    shown = _optical_depths(scene, _scalars(fields, rays, depths, _in_box(rays, depths, bounds)), distance)
     left = np.exp(shown - np.cumsum(shown, axis=1))
     seen = (shown > 0.0) & (left > _LEFT)
     seen[:, 1:] |= seen[:, :-1].copy()
@@ -83,11 +92,11 @@ def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:
     picked = np.repeat(seen, _SAMPLES, axis=1) & _in_box(rays, fine, bounds)
     if not picked.any():
         return 0.0
-    colors, thickness = _lit(scene, camera, rays, fine, picked, step)
-    converged = _composited(colors, thickness)
+    colors, thickness = _lit(scene, fields, camera, rays, fine, picked, step)
+    converged = composited(colors, thickness)
     every = _SAMPLES // SLICES
     squares = [
-        np.mean(np.square(_composited(colors[:, first::every], every * thickness[:, first::every]) - converged))
+        np.mean(np.square(composited(colors[:, first::every], every * thickness[:, first::every]) - converged))
         for first in range(every)
     ]
     return _TRUE * math.sqrt(float(np.mean(squares)))
@@ -124,12 +133,12 @@ def _in_box(rays: _Rays, depths: Floats, bounds: Bounds) -> NDArray[np.bool_]:
     return inside
 
 
-def _scalars(scene: Scene, rays: _Rays, depths: Floats, picked: NDArray[np.bool_]) -> Floats:
-    """Return the scene's scalar at picked points, 0 elsewhere, (N, D)."""
+def _scalars(fields: Sequence[Field], rays: _Rays, depths: Floats, picked: NDArray[np.bool_]) -> Floats:
+    """Return the sum of fields at picked points, 0 elsewhere, (N, D)."""
     ray, number = np.nonzero(picked)
     points = rays.at(ray, depths[number])
     found = np.zeros(picked.shape)
-    found[picked] = sum(one.at(points) for one in scene.fields)
+    found[picked] = sum(one.at(points) for one in fields)
     return found
 
 
@@ -140,13 +149,19 @@ def _optical_depths(scene: Scene, scalars: Floats, distance: float) -> Floats:
 
 
 def _lit(
-    scene: Scene, camera: Camera, rays: _Rays, depths: Floats, picked: NDArray[np.bool_], step: float
+    scene: Scene,
+    fields: Sequence[Field],
+    camera: Camera,
+    rays: _Rays,
+    depths: Floats,
+    picked: NDArray[np.bool_],
+    step: float,
 ) -> tuple[Floats, Floats]:
     """Return shaded colours, (N, D, 3), and optical depths, (N, D), of picked points; nothing elsewhere."""
     ray, number = np.nonzero(picked)
     points = rays.at(ray, depths[number])
     scalars, gradients = np.zeros(len(points)), np.zeros((len(points), 3))
-    for one in scene.fields:
+    for one in fields:
         own_scalars, own_gradients = one.evaluate(points)
         scalars += own_scalars
         gradients += own_gradients
@@ -164,14 +179,35 @@ def _lit(
 
 def _phong(scene: Scene, camera: Camera, colors: Floats, normals: Floats, views: Floats) -> Floats:
     """Return colours in the light of a scene; all (M, 3)."""
-    material = scene.material
+    axes = camera_axes(camera)
+    towards = [np.asarray(one.direction) @ (axes if one.space == "eye" else np.eye(3)) for one in scene.lights]
+    return phong(scene.material, scene.lights, towards, colors, normals, views)
+
+
+def phong(
+    material: Material,
+    lights: Sequence[Light],
+    directions: Sequence[Floats],
+    colors: Floats,
+    normals: Floats,
+    views: Floats,
+) -> Floats:
+    """Return colours in some lights, (M, 3). Conventions, section 6.
+
+    Parameters
+    ----------
+    material, lights
+        Of a scene.
+    directions
+        Towards each light in the world, (3,) or (M, 3).
+    colors, normals, views
+        Without light; unit normals; unit directions towards the eye; (M, 3).
+    """
     found = material.ambient * colors
-    for light in scene.lights:
-        towards = np.asarray(light.direction, dtype=np.float64)
-        if light.space == "eye":
-            towards = towards @ camera_axes(camera)
-        towards = towards / np.linalg.norm(towards)
-        facing = normals @ towards
+    for light, direction in zip(lights, directions, strict=True):
+        towards = np.broadcast_to(np.asarray(direction, dtype=np.float64), normals.shape)
+        towards = towards / np.linalg.norm(towards, axis=1)[:, None]
+        facing = np.einsum("ij,ij->i", normals, towards)
         sign = np.where(facing < 0.0, -1.0, 1.0) if material.two_sided else np.ones(len(facing))
         facing = np.maximum(sign * facing, 0.0)
         mirrored = 2.0 * (sign * facing)[:, None] * normals - towards
@@ -181,7 +217,7 @@ def _phong(scene: Scene, camera: Camera, colors: Floats, normals: Floats, views:
     return found
 
 
-def _composited(colors: Floats, thickness: Floats) -> Floats:
+def composited(colors: Floats, thickness: Floats) -> Floats:
     """Return premultiplied colours and opacities of rays, (N, 4)."""
     behind = np.exp(thickness - np.cumsum(thickness, axis=1))
     weights = -np.expm1(-thickness) * behind

@@ -1,7 +1,8 @@
 """Sphinx: pages of the examples, and what plain Markdown needs to become pages.
 
 Pages in python/docs are Markdown that is read on its own. Here the gallery's links to programs become links to pages
-that show code, picture and output; links to other files of the repository become code.
+that show code, picture and output; links to other files of the repository become code; links that
+show the name of a file of these pages lose its suffix. Tables get what Markdown cannot say.
 
 Why not sphinx-gallery: it makes its gallery in Sphinx only, expects figures of matplotlib, and runs programs at one
 size. Here the tests run the same programs at a small size, and gallery.md shows the same pictures in the repository.
@@ -16,6 +17,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
 from example_programs import DOCS, Example, all_examples, run
 from PIL import Image
 from sphinx.application import Sphinx
@@ -27,6 +29,7 @@ _log = logging.getLogger(__name__)
 # Made anew by each build; ignored by git.
 MADE = DOCS / "made"
 _LINK = re.compile(r"\[([^\]\[]*)\]\((\.\./[^)\s]*)\)")
+_NAMED_AS_FILE = re.compile(r"\[([a-z-]+)\.md\]\(")
 
 
 def _run_cached(example: Example, cache: Path, factor: float) -> tuple[Path, str]:
@@ -84,13 +87,24 @@ def adapt_links(app: Sphinx, docname: str, source: list[str]) -> None:
             _log.warning("%s: the link to %s leads nowhere", docname, target)
         return f"{text} (`{path.relative_to(DOCS.parents[1])}`)" if text != str(path.name) else f"`{text}`"
 
-    source[0] = _LINK.sub(adapted, source[0])
+    source[0] = _NAMED_AS_FILE.sub(r"[\1](", _LINK.sub(adapted, source[0]))
+
+
+def adapt_tables(app: Sphinx, doctree: nodes.document) -> None:
+    """Leave out headers that are empty, and tell style sheets which tables are of options."""
+    for table in doctree.findall(nodes.table):
+        if app.env.docname == "options":
+            table["classes"].append("options")
+        for head in list(table.findall(nodes.thead)):
+            if not head.astext().strip():
+                head.parent.remove(head)
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Connect both."""
+    """Connect all of them."""
     # Factor of the sizes of pictures: ./run docs -D example_factor=0.25 is quicker.
     app.add_config_value("example_factor", "1", "env", types=str)
     app.connect("builder-inited", write_pages)
     app.connect("source-read", adapt_links)
+    app.connect("doctree-read", adapt_tables)
     return {"parallel_read_safe": True}

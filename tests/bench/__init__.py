@@ -69,5 +69,6 @@ BENCHES: dict[str, Bench] = {
         "cliffs",
         "interactive",
         "distributed",
+        "gpu",
     )
 }

@@ -666,6 +666,32 @@ def test_a_film_is_drawn_by_all_workers(cluster, samples, tmp_path):
     assert rmse(film[1], alone[1]) <= ROUNDING
 
 
+def bricks_read():
+    """Return how many bricks a worker has read."""
+    from sheetsplat.bricks.resident import residents
+
+    return residents().counts.reads
+
+
+@pytest.mark.slow
+def test_workers_that_keep_all_of_the_data_draw_frames_of_their_own(cluster, samples, tmp_path, monkeypatch):
+    from sheetsplat.bricks import cluster as module
+
+    bricked = ss.open_bricks(samples, brick=64, client=cluster, quality="draft")
+    film = ss.turntable(bricked, frames=4, size=(40, 30), quality="draft", client=cluster)
+    assert module.frames_side_by_side(cluster, bricked) == 2
+    before = cluster.run(bricks_read)
+    film.save(tmp_path / "alone")
+    # One brick: the second worker reads it, too.
+    assert sum(cluster.run(bricks_read).values()) == sum(before.values()) + 1
+    # Where a worker has too little memory all draw each frame, and the pictures are the same.
+    monkeypatch.setattr(module, "_ALL_OF_IT", 1e-9)
+    assert module.frames_side_by_side(cluster, bricked) == 0
+    film.save(tmp_path / "together")
+    for one in sorted((tmp_path / "alone").iterdir()):
+        assert one.read_bytes() == (tmp_path / "together" / one.name).read_bytes()
+
+
 @pytest.mark.slow
 def test_the_command_line_draws_in_bricks(samples, tmp_path):
     from click.testing import CliRunner

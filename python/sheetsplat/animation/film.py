@@ -25,6 +25,8 @@ from sheetsplat.animation.encoding import SUFFIXES, encoder, find_ffmpeg
 from sheetsplat.animation.folder import frames_there, make_folder, name_of
 from sheetsplat.animation.sources import MemoryStep, OneScene, Source
 from sheetsplat.animation.workers import Workers, cores
+from sheetsplat.bricks.cluster import frames_side_by_side
+from sheetsplat.bricks.needs import bricked_field
 from sheetsplat.bricks.picture import Begun
 from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
@@ -230,16 +232,22 @@ class Animation(Sequence[Image]):
     def _drawn_in_bricks(
         self, numbers: Sequence[int], task: Callable[[int], Task], client: Any, progress: Progress
     ) -> Iterator[tuple[int, bytes]]:
-        """Yield frames of a volume in bricks, each drawn by all workers, the next one begun meanwhile."""
+        """Yield frames of data in bricks, each drawn by all workers, the next one begun meanwhile.
+
+        Where each worker can keep all of the data, each draws frames of its own.
+        """
         waiting: deque[tuple[int, Begun]] = deque()
         rest = iter(numbers)
+        alone = _alone(client, self._frames[numbers[0]]) if numbers else 0
+        settings = dict(self._renderer.settings)
         try:
             for done in range(len(numbers)):
-                while len(waiting) < _AHEAD and (number := next(rest, None)) is not None:
+                while len(waiting) < _AHEAD * max(alone, 1) and (number := next(rest, None)) is not None:
                     frame = self._frames[number]
                     assert isinstance(frame, SceneFrame)
-                    scene = self._source(frame).scene()
-                    waiting.append((number, Begun(client, self._renderer.settings, scene, frame.camera, self._size)))
+                    scene, by = self._source(frame).scene(), number if alone else None
+                    begun = Begun(client, settings, scene, frame.camera, self._size, frame=by)
+                    waiting.append((number, begun))
                 number, begun = waiting.popleft()
                 try:
                     image = begun.result(lambda part, a=done: progress((a + part) / len(numbers)))  # type: ignore[misc]
@@ -412,6 +420,14 @@ class Animation(Sequence[Image]):
         duration = round(1000 / self._fps)
         frames[0].save(stream, "WEBP", save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=90)
         return stream.getvalue()
+
+
+def _alone(client: Any, frame: Frame) -> int:
+    """Return how many workers can draw frames by themselves; 0: none can keep the data of this one."""
+    if isinstance(frame, PictureFrame) or not isinstance(frame.source, OneScene):
+        return 0
+    field = bricked_field(frame.source.template)
+    return 0 if field is None else frames_side_by_side(client, field)
 
 
 def _in_bricks(frame: Frame) -> bool:

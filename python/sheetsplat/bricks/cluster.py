@@ -50,6 +50,11 @@ _SHORT, _LOOK = 0.005, 0.05
 _WATCH = 0.5
 _PATIENCE = 10.0
 _MOST_LOST = 4
+# Of the memory of a worker, what all bricks of a film may take so that each worker keeps them all; the borders of
+# bricks, with a prefilter, and the bytes of a kernel.
+_ALL_OF_IT = 0.25
+_BORDERS = 1.8
+_KERNEL_BYTES = 112
 # Sources that hold more than this are sent to the workers once.
 _LARGE = 1 << 20
 
@@ -214,9 +219,37 @@ def _merge_segments(_: Any, *parts: Segments) -> Segments:
 
 def addresses(client: Any) -> set[str]:
     """Return the addresses of all workers; OSError where the scheduler is gone."""
+    return set(_workers(client))
+
+
+def _workers(client: Any) -> dict[str, Any]:
     if client.status != "running":
         raise OSError(client.status)
-    return set(client.scheduler_info(n_workers=-1).get("workers", {}))
+    found: dict[str, Any] = client.scheduler_info(n_workers=-1).get("workers", {})
+    return found
+
+
+def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> int:
+    """Return how many pictures of a film are best drawn side by side, each by one worker; 0: all draw each picture.
+
+    Workers that can keep all of the data need not wait for each other.
+
+    Raises
+    ------
+    Error
+        Where the scheduler is gone.
+    """
+    with _connected(client):
+        limits = [one.get("memory_limit") or 0 for one in _workers(client).values()]
+    return len(limits) if limits and min(limits) * _ALL_OF_IT >= _kept_bytes(field) else 0
+
+
+def _kept_bytes(field: BrickedField | BrickedKernels) -> float:
+    """Return about how much memory all bricks take, with their borders."""
+    if isinstance(field, BrickedKernels):
+        return _BORDERS * _KERNEL_BYTES * field.kernels
+    sample = field.source.dtype.itemsize + (np.dtype(np.float32).itemsize if field.prefilter else 0)
+    return _BORDERS * sample * field.survey.size
 
 
 class _Cluster:
@@ -257,8 +290,13 @@ class _Cluster:
         self._checked |= known
         self.workers = sorted(known)
 
-    def place(self, token: str, number: int) -> str:
-        """Return the worker that a brick is asked of: the same one as before while it is there."""
+    def place(self, token: str, number: int, frame: int | None = None) -> str:
+        """Return the worker that a brick is asked of: the same one as before while it is there.
+
+        Of a frame of a film that one worker draws, it is that of the frame.
+        """
+        if frame is not None:
+            return self.workers[frame % len(self.workers)]
         found = self._places.get((token, number))
         if found not in self.workers:
             found = self.workers[number % len(self.workers)]
@@ -437,10 +475,12 @@ class _Tasks:
         What the tasks read.
     shared
         What else all of them take: it is sent once.
+    frame
+        Number of a frame that one worker draws; None: each brick is asked of the worker that has it.
     """
 
-    def __init__(self, client: Any, cluster: _Cluster, source: Any, shared: Any) -> None:
-        self._client, self._cluster, self._source = client, cluster, source
+    def __init__(self, client: Any, cluster: _Cluster, source: Any, shared: Any, frame: int | None = None) -> None:
+        self._client, self._cluster, self._source, self._frame = client, cluster, source, frame
         self._run, self._names = uuid.uuid4().hex, itertools.count()
         self._sent = cluster.sent(client, source)
         # As a task, whose result is made again where a worker takes it along.
@@ -448,7 +488,7 @@ class _Tasks:
 
     def place(self, name: str, function: Callable[..., Any], number: int, *more: Any) -> Any:
         """Submit ``function(shared, source, number, *more)`` to the worker that a brick or a piece is asked of."""
-        workers = [self._cluster.place(self._source.token, number)]
+        workers = [self._cluster.place(self._source.token, number, self._frame)]
         return self._client.submit(
             function, self._shared, self._sent, number, *more, key=f"{name}-{self._run}-{number}", workers=workers
         )
@@ -539,8 +579,10 @@ def _same(value: Any) -> Any:
     return value
 
 
-def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) -> Pending:
+def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView, frame: int | None = None) -> Pending:
     """Let the workers of a client begin a picture. Its result is a `Finished` picture, and figures.
+
+    `frame`: the number of a frame of a film, of which one worker draws all bricks; None: each is drawn where it is.
 
     Raises
     ------
@@ -555,7 +597,7 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
     tree = _without(view.nested(), set(shown))
 
     def submit(cluster: _Cluster) -> list[Any]:
-        tasks = _Tasks(client, cluster, source, view)
+        tasks = _Tasks(client, cluster, source, view, frame)
         if tree is None:
             return [tasks.anywhere("merge", _blank)]
         drawn: dict[int, Any] = {}

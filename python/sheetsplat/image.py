@@ -16,7 +16,7 @@ from sheetsplat import _sheetsplat, pixels
 from sheetsplat._checks import numbers, shown
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Unsupported, complain, unusable
-from sheetsplat.fields import is_in_bricks
+from sheetsplat.fields import has_values_at_points
 from sheetsplat.limits import Depths
 from sheetsplat.notices import warn
 from sheetsplat.options.renderer import Progress
@@ -455,14 +455,14 @@ class Image:
         InvalidInput
             For a pixel outside the picture, and for a picture without its scene, as one from a pickle.
         Unsupported
-            For pictures of data in bricks.
+            For pictures of scattered kernels in bricks, and of volumes in bricks that another process opened.
         """
         from sheetsplat.picking import pick
 
         if self._scene is None:
             wanted = "its scene: a picture that a Renderer returned"
             raise complain("the picture cannot be picked", "a picture alone", wanted)
-        if any(map(is_in_bricks, self._scene.fields)):
+        if not all(map(has_values_at_points, self._scene.fields)):
             found = "a picture of data in bricks, which are not in memory"
             raise complain("the picture cannot be picked", found, "one of data in memory", kind=Unsupported)
         return pick(self, self._scene, x, y)

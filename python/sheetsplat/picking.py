@@ -262,8 +262,10 @@ def _pick_at(fields: tuple[Field, ...], first: int, ray: _Ray, depth: float, opa
     point = ray.at(np.asarray([depth]))
     probes = [field.probe(point) for field in fields]
     nearest = [int(numbers[0]) for _, _, numbers in probes]
-    distances = [_distance(field, n, point[0]) for field, n in zip(fields, nearest, strict=True)]
-    which = int(np.argmin(distances))
+    which = 0
+    if len(fields) > 1:
+        distances = [_distance(field, n, point[0]) for field, n in zip(fields, nearest, strict=True)]
+        which = int(np.argmin(distances))
     field, kernel = fields[which], nearest[which]
     sample = _sample(field, kernel) if isinstance(field, RegularField) and kernel >= 0 else None
     value = sum(float(values[0]) for values, _, _ in probes)

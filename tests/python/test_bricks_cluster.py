@@ -311,6 +311,16 @@ def test_values_at_points_are_those_of_the_volume(samples, options, rng):
         bricked.at([1.0, 2.0])
 
 
+@pytest.mark.parametrize("mode", ["composite", "isosurface", "mip"])
+def test_pictures_in_bricks_are_picked(samples, mode):
+    options = {"size": SIZE, "mode": mode, "quality": "draft", "azimuth": 35, "elevation": 20}
+    one = ss.render(ss.RegularField(samples), backend="cpu", **options).pick(33, 28)
+    other = ss.render(ss.open_bricks(samples, brick=16, quality="draft"), **options).pick(33, 28)
+    assert (one.kernel, one.sample, one.field) == (other.kernel, other.sample, other.field)
+    for name in ("position", "depth", "value", "gradient"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-5, atol=1e-5)
+
+
 @pytest.mark.slow
 def test_the_cluster_chooses_the_slices_that_light_calls_for(cluster, samples, rng):
     noisy = np.clip(samples.astype(np.float32) + rng.normal(size=SHAPE, scale=2), 0, 255).astype(np.float32)

@@ -197,7 +197,6 @@ def _probe_brick(
     probing: Probing, source: BrickSource, number: int, places: NDArray[np.float64]
 ) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]:
     with _naming(_brick_text(source, probing.partition, number), "read"):
-        residents().begin(probing)
         return {number: probing.sums(source, number, places)}
 
 

@@ -45,7 +45,7 @@ class Probing:
         lattice, brick = self.lattice, self.partition.bricks[number]
         assert brick.samples is not None
         box = lattice.around(brick.cell, 0.0)
-        # As for pictures, so that what was made for one of them is made once.
+        # Kept with what pictures use, and no picture of its own that others would have to give way to.
         key = (lattice, box, self.value_range)
         field = residents().made(
             source, brick.samples, lattice.to_read(box), key,

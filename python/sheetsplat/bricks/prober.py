@@ -15,7 +15,6 @@ from sheetsplat.bricks.cluster import probe
 from sheetsplat.bricks.lattice import LatticeSpec
 from sheetsplat.bricks.needs import factors_in, partition_of
 from sheetsplat.bricks.probe import Probing
-from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.bricks.view import shows
 from sheetsplat.fields import BrickedField
@@ -84,6 +83,5 @@ class BrickProber:
         _memory.require(8 * (probing.columns + 4) * len(places), f"values at {len(places)} points")
         client = None if self.client is None else self.client()
         if client is None or client.status != "running" or not jobs:
-            residents().begin(probing)
             return {number: probing.sums(source, number, points) for number, points in jobs.items()}
         return probe(client, source, probing, jobs)

@@ -192,3 +192,8 @@ class BrickedKernels(EllipsoidField):
 def is_in_bricks(field: Field) -> bool:
     """Return whether a field is read in bricks."""
     return isinstance(field, BrickedField | BrickedKernels)
+
+
+def has_values_at_points(field: Field) -> bool:
+    """Return whether a field has its scalar at points, of all kernels."""
+    return field.can_be_probed if isinstance(field, BrickedField) else not isinstance(field, BrickedKernels)

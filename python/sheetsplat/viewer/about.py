@@ -68,7 +68,7 @@ def picked(image: Image | None, x: float, y: float) -> dict[str, Any]:
     try:
         found = image.pick(x * width, y * height)
     except Unsupported:
-        # Data in bricks, which are not here.
+        # Kernels in bricks, which are not here.
         return told
     if found is None:
         return told

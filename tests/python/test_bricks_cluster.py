@@ -336,6 +336,19 @@ def test_the_cluster_chooses_the_slices_that_light_calls_for(cluster, samples, r
     assert rmse(drawn, ss.render(ss.RegularField(noisy), size=SIZE, quality="best")) <= ROUNDING
 
 
+def test_fields_of_bricks_are_made_once_for_views_of_one_kind(samples, monkeypatch):
+    from sheetsplat.bricks import lattice as module
+
+    made, make = [], module.LatticeSpec.field
+    monkeypatch.setattr(module.LatticeSpec, "field", lambda *given: made.append(given[2]) or make(*given))
+    bricked = ss.open_bricks(samples, brick=24, prefilter=True)
+    for turn in range(3):
+        del made[:]
+        drawn = ss.render(bricked, size=SIZE)
+        # The first time for values along rays, and with wider borders for the picture.
+        assert len(made) <= (2 * drawn.stats["bricks"] if turn == 0 else 0)
+
+
 def test_bricks_that_show_nothing_are_not_read_for_slices(samples):
     empty = np.zeros((64, 32, 32), np.uint8)
     empty[4:20, 8:24, 8:24] = 200

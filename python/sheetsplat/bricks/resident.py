@@ -160,6 +160,16 @@ class Residents:
                 return found
             return entry.made
 
+    def kept(self, source: BrickSource, core: Box, holds: Callable[[Any], bool]) -> RegularField | None:
+        """Return the field that was made last of a brick, where its key is good enough; None: there is none."""
+        with self._lock:
+            key = (source.key, core)
+            entry: _Entry | None = self._entries.get(key)
+            if entry is None or entry.made is None or not holds(entry.key):
+                return None
+            self._use(key, entry)
+            return entry.made
+
     def kernels(
         self, source: KernelSource, number: int, margin: float, value_range: tuple[float, float]
     ) -> EllipsoidField:

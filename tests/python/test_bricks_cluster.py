@@ -6,6 +6,8 @@ import itertools
 import os
 import pickle
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -757,6 +759,22 @@ def test_the_command_line_films_in_bricks(samples, tmp_path, cluster):
     result = CliRunner().invoke(main, flight)
     assert result.exit_code == 0, result.output
     np.testing.assert_allclose(read_frame(tmp_path / "flight" / "frame_0000.png"), pictures["whole"], atol=1)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("ctrl_c")
+def test_a_viewer_with_workers_ends_quietly(samples, tmp_path):
+    pytest.importorskip("distributed")
+    np.save(tmp_path / "v.npy", samples)
+    command = [sys.executable, "-m", "sheetsplat", "view", str(tmp_path / "v.npy"), "--brick", "24", "--workers", "2"]
+    with subprocess.Popen(
+        [*command, "--no-browser"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as viewer:
+        assert viewer.stdout is not None and viewer.stdout.readline().startswith("http://127.0.0.1:")
+        # A terminal sends it to the workers, too.
+        os.killpg(viewer.pid, signal.SIGINT)
+        _, told = viewer.communicate(timeout=60)
+    assert viewer.returncode == 0 and "Traceback" not in told, told
 
 
 def read_frame(path):

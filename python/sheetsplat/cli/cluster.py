@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import signal
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,6 +72,19 @@ def connected(address: str | None) -> Iterator[Any]:
 
 
 @contextlib.contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Let processes that begin here ignore Ctrl-C, which a terminal sends to all: this one ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
 def started(count: int) -> Iterator[Any]:
     """Yield a client of so many processes, one thread each, that share the memory of this machine."""
     from sheetsplat import _memory
@@ -82,14 +97,15 @@ def started(count: int) -> Iterator[Any]:
     try:
         start: Any = LocalCluster
         connect: Any = Client
-        cluster = start(
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            memory_limit=_memory.available() // (count + 1),
-            dashboard_address=None,
-            silence_logs=40,
-        )
+        with _deaf_children():
+            cluster = start(
+                n_workers=count,
+                threads_per_worker=1,
+                processes=True,
+                memory_limit=_memory.available() // (count + 1),
+                dashboard_address=None,
+                silence_logs=40,
+            )
     except (OSError, RuntimeError, TimeoutError) as error:
         raise complain("processes that draw bricks cannot be started", str(error), f"{count}", kind=Error) from error
     with cluster, connect(cluster) as client:

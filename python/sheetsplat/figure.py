@@ -7,6 +7,7 @@ import importlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -230,8 +231,16 @@ def to_axes(image: Image, ax: Any, *, colorbar: bool, title: str | None) -> Any:
         ax.set_title(title)
     for bar in color_bars(image) if colorbar else ():
         made = ax.figure.colorbar(_mappable(bar), ax=ax, label=_label(bar.label))
+        made.ax.set_axes_locator(partial(_beside, ax))
         _mark(made.ax, bar)
     return ax
+
+
+def _beside(picture: Any, bar: Any, _: Any) -> Any:
+    """Return the place of a bar: as high as the picture and as near to it as to the axes, which it may not fill."""
+    place, axes, filled = bar.get_position(original=True), picture.get_position(original=True), picture.get_position()
+    nearer = axes.x1 - filled.x1
+    return module_of("transforms").Bbox.from_extents(place.x0 - nearer, filled.y0, place.x1 - nearer, filled.y1)
 
 
 def _mappable(bar: ColorBar) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import pickle
 import sys
 
 import matplotlib
@@ -234,6 +235,20 @@ def test_axes_have_units_and_a_colour_bar(image):
     assert bar.get_ylabel() == "density [g/cm³]" and bar.get_ylim() == pytest.approx(image.clim)
     own = matplotlib.figure.Figure().add_subplot()
     assert image.to_axes(own, colorbar=False) is own and len(own.figure.axes) == 1
+
+
+@pytest.mark.parametrize("size", [(6, 3), (3, 6)])
+@pytest.mark.parametrize("layout", [None, "constrained"])
+def test_colour_bars_are_as_high_as_the_picture_and_beside_it(image, size, layout):
+    figure = matplotlib.figure.Figure(figsize=size, layout=layout)
+    axes = image.to_axes(figure.add_subplot())
+    axes.set_aspect(2.0 if size == (3, 6) else 0.5)
+    figure.canvas.draw()
+    picture, bar = (one.get_window_extent() for one in figure.axes)
+    assert bar.y0 == pytest.approx(picture.y0, abs=0.01) and bar.y1 == pytest.approx(picture.y1, abs=0.01)
+    assert 0 < bar.x0 - picture.x1 < 0.1 * figure.bbox.width
+    # The copy of a figure draws the same.
+    assert pickle.loads(pickle.dumps(figure)).axes[1].get_ylabel() == "density [g/cm³]"
 
 
 def test_colour_bars_are_in_units_of_the_data(field, xray):

@@ -126,7 +126,8 @@ def test_names_stay_what_they_are_whatever_is_imported_first(first):
 
 def test_every_page_of_the_documentation_is_in_its_contents():
     docs = Path(__file__).parents[2] / "python" / "docs"
-    contents = (docs / "index.md").read_text(encoding="utf-8").split()
+    trees = re.findall(r"```{toctree}(.*?)```", (docs / "index.md").read_text(encoding="utf-8"), re.S)
+    contents = re.findall(r"[\w-]+", " ".join(trees))
     assert [page.stem for page in docs.glob("*.md") if page.stem not in (*contents, "index")] == []
 
 
@@ -141,6 +142,28 @@ def test_extras_of_messages_are_those_of_the_package():
         assert required & {one.lower().replace("_", "-") for one in modules}, name
     page = (root / "python" / "docs" / "installation.md").read_text(encoding="utf-8")
     assert [name for name in extras if f"`{name}`" not in page] == []
+
+
+def test_the_recipe_for_conda_has_the_requirements_of_the_package():
+    root = Path(__file__).parents[2]
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
+    recipe = (root / "packaging" / "conda" / "meta.yaml").read_text(encoding="utf-8")
+
+    def listed(part: str) -> set[str]:
+        lines = re.search(rf"\n  {part}:\n((?:    - .*\n)+)", recipe)
+        assert lines is not None, part
+        return set(re.findall(r"- ([\w-]+ >=[\d.]+)", lines[1]))
+
+    def required(names: list[str]) -> set[str]:
+        return {one.lower().replace(">=", " >=").replace("openexr ", "openexr-python ") for one in names}
+
+    assert listed("run") == required(project["project"]["dependencies"])
+    assert listed("host") == required(project["build-system"]["requires"])
+    assert set(re.findall(r"third_party/licences/\S+", recipe)) == {
+        f"third_party/licences/{one.name}"
+        for one in (root / "third_party" / "licences").iterdir()
+        if one.name != "libpng.txt"  # which conda brings as a package of its own
+    }
 
 
 def test_import_needs_no_opengl():

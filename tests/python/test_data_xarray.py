@@ -172,13 +172,33 @@ def test_pixels_of_figures_are_squares():
 
 
 def test_depths_count_downwards():
-    deep = array(dims=("depth", "y", "x"))
-    assert ss.open(deep).orientation is None
+    deep = array(dims=("depth", "y", "x")).assign_coords(depth=np.arange(5) * 10.0)
+    level = ss.open(deep)
+    assert level.origin[2] == 0 and level.quantity.axes[2].coordinate(30.0) == 30
     deep.coords["depth"].attrs["positive"] = "down"
-    assert ss.open(deep).orientation.up == (0, 0, -1)
-    pressure = array(dims=("plev", "lat", "lon"))
+    field = ss.open(deep)
+    assert np.array_equal(field.values, VALUES[::-1]) and field.origin[2] == -40 and field.orientation is None
+    assert [field.quantity.axes[2].coordinate(z) for z in (-40.0, 0.0)] == [40, 0]
+    drawn = ss.open(deep, spacing=(1, 1, 1))
+    assert [drawn.quantity.axes[2].coordinate(drawn.origin[2] + k) for k in (0, 4)] == [40, 0]
+    assert np.array_equal(ss.open(deep.isel(depth=slice(None, None, -1))).values, field.values)
+    source = ss.open_bricks(deep, brick=4)
+    assert source.origin == field.origin and source.quantity == field.quantity
+    pressure = array(dims=("plev", "lat", "lon")).assign_coords(plev=[1000, 800, 600, 400, 200])
     pressure.coords["plev"].attrs["units"] = "hPa"
-    assert ss.open(pressure).orientation.up == (0, 0, -1)
+    assert np.array_equal(ss.open(pressure).values, VALUES) and ss.open(pressure).origin[2] == -1000
+
+
+def test_the_ocean_is_not_mirrored():
+    """Seen towards the north, east is on the right and the surface of the sea above."""
+    values = np.zeros((6, 6, 6), np.float32)
+    values[0, :, 5] = 1.0
+    named = {"depth": np.arange(6) * 1.0, "lat": np.arange(6) * 1.0, "lon": np.arange(6) * 1.0}
+    sea = xr.DataArray(values, dims=tuple(named), coords=named)
+    sea.coords["depth"].attrs["positive"] = "down"
+    seen = ss.render(sea, direction="y", mode="mip", size=(40, 40), backend="reference").scalar
+    row, column = np.unravel_index(np.argmax(seen), seen.shape)
+    assert row < 15 and column > 25
 
 
 def test_axes_of_different_units_are_told():

@@ -14,7 +14,6 @@ from sheetsplat.io.axes import on_even_axes
 from sheetsplat.io.checks import Where, chosen_step, listed, printable, unreadable
 from sheetsplat.io.lazy_arrays import check_volume, require_volume
 from sheetsplat.io.records import Floats, Volume
-from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Axis, Quantity
 
 # Names of dimensions along x, y and z of the world: those of the CF conventions and of common use.
@@ -81,8 +80,9 @@ def read_array(array: Any, where: Where, resample: bool = False) -> Volume:
     """Return a DataArray with three dimensions, those of size 1 aside, as a volume.
 
     Dimensions that are named x, y, z, as longitude, latitude and height, or by an attribute ``axis`` are those of the
-    world; any others are [k, j, i], as in arrays. One-dimensional coordinates give spacing and origin. The long name
-    and the units of the array, and the names and the units of its coordinates, become the quantity.
+    world; any others are [k, j, i], as in arrays. One-dimensional coordinates give spacing and origin; a vertical one
+    that counts downwards is negated, so that z is up. The long name and the units of the array, and the names and the
+    units of its coordinates, become the quantity.
 
     Parameters
     ----------
@@ -115,7 +115,8 @@ class PlacedArray:
     array
         The DataArray.
     names, attributes, positions
-        Names, attributes and coordinates of the dimensions along x, y, z; None: without coordinates.
+        Names, attributes and places of the dimensions along x, y, z: their coordinates, negated where these count
+        downwards; None: without coordinates.
     """
 
     array: Any
@@ -125,7 +126,7 @@ class PlacedArray:
 
     @property
     def falling(self) -> tuple[bool, ...]:
-        """Whether coordinates fall, along z, y, x."""
+        """Whether places fall, along z, y, x."""
         return tuple(one is not None and one.size > 1 and bool(one[0] > one[-1]) for one in reversed(self.positions))
 
     def volume(self, where: Where, values: Any, *, resample: bool = False) -> Volume:
@@ -134,9 +135,10 @@ class PlacedArray:
         placed = on_even_axes(where, list(map(str, names)), self.positions, values, resample=resample)
         units = [_text(one, "units") for one in attributes]
         same = units[0] if len(set(units)) == 1 else ""
+        signs = (1.0, 1.0, -1.0 if _upside_down(attributes[2]) else 1.0)
         axes = tuple(
-            Axis() if places is None else Axis(printable(str(one)), unit)
-            for one, unit, places in zip(names, units, self.positions, strict=True)
+            Axis() if places is None else Axis(printable(str(one)), unit, sign)
+            for one, unit, places, sign in zip(names, units, self.positions, signs, strict=True)
         )
         name = _text(self.array.attrs, "long_name", "standard_name") or printable(self.array.name)
         details = {"content": name, "dimensions": ", ".join(map(str, names)), **placed.details}
@@ -147,7 +149,6 @@ class PlacedArray:
             "xarray",
             {key: text for key, text in details.items() if text},
             Quantity(name, _text(self.array.attrs, "units"), same, axes=axes if any(one.name for one in axes) else ()),
-            Orientation((0.0, 0.0, -1.0)) if _upside_down(attributes[2]) else None,
         )
 
 
@@ -167,8 +168,12 @@ def placed(array: Any, where: Where) -> PlacedArray:
     told = [array.coords[name].attrs if name in array.coords else {} for name in array.dims]
     order = _world_order(array.dims, told)
     names = tuple(array.dims[at] for at in order)
-    positions = tuple(_positions(where, array, name, array.sizes[name]) for name in names)
-    return PlacedArray(array.transpose(*reversed(names)), names, tuple(told[at] for at in order), positions)
+    attributes = tuple(told[at] for at in order)
+    along_x, along_y, along_z = (_positions(where, array, name, array.sizes[name]) for name in names)
+    # A view that is turned upside down instead would show the data's mirror image: east in the west.
+    if along_z is not None and _upside_down(attributes[2]):
+        along_z = -along_z
+    return PlacedArray(array.transpose(*reversed(names)), names, attributes, (along_x, along_y, along_z))
 
 
 def time_axis(array: Any) -> Hashable | None:

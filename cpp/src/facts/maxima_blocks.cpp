@@ -54,6 +54,27 @@ class LatticeSums {
         return static_cast<double>(greatest) * weight_bound_;
     }
 
+    /// Samples in a block, and how many of them are not 0.
+    struct Count {
+        std::int64_t all = 0, drawn = 0;
+    };
+    [[nodiscard]] Count count(const std::array<int, 3>& block) const {
+        std::array<MaximaBlocks::Samples, 3> in{};
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            in[axis] = MaximaBlocks::reaching_into(block[axis], shape_[2 - axis], 0.0);
+        }
+        Count count;
+        for (std::size_t k = in[2].begin; k < in[2].end; ++k) {
+            for (std::size_t j = in[1].begin; j < in[1].end; ++j) {
+                const Value* row = samples_.data() + (k * shape_[1] + j) * shape_[2];
+                count.all += static_cast<std::int64_t>(in[0].end - in[0].begin);
+                count.drawn += std::count_if(row + in[0].begin, row + in[0].end,
+                                             [](Value value) { return value < Value{0} || value > Value{0}; });
+            }
+        }
+        return count;
+    }
+
     [[nodiscard]] double rho(const Vec3& place) const {
         std::array<std::array<double, most_along>, 3> factors{};
         std::array<std::int64_t, 3> first{}, begin{}, end{};
@@ -172,16 +193,19 @@ double MaximaBlocks::weight_bound(const RegularField& field, double peak) {
     return peak * field.lattice_constant() / field.kernel().gain();
 }
 
-double share_above_maxima(const RegularField& field, double peak, const Camera& camera, const Frame& frame) {
+MaximaFacts maxima_facts(const RegularField& field, double peak, const Camera& camera, const Frame& frame) {
     if (frame.slices == 0 || field.size() == 0 || field.value_range()[1] <= 0.0) {
-        return 0.0;
+        return {};
     }
+    const auto share = [](std::int64_t part, std::int64_t of) {
+        return of > 0 ? static_cast<double>(part) / static_cast<double>(of) : 0.0;
+    };
     return std::visit(
         [&](const auto& samples) {
             using Value = typename std::decay_t<decltype(samples)>::value_type;
             const LatticeSums<Value> lattice(field, samples, peak);
             std::vector<double> bounds;
-            std::int64_t looked = 0, above = 0;
+            std::int64_t looked = 0, above = 0, samples_met = 0, drawn = 0;
             int rays = 0;
             for (int candidate = 1; candidate <= most_rays && rays < wanted_rays; ++candidate) {
                 const auto along = [&](std::size_t axis, int pixels) {
@@ -207,6 +231,9 @@ double share_above_maxima(const RegularField& field, double peak, const Camera& 
                     }
                     if (block != last) {
                         bound = lattice.bound(block);
+                        const auto count = lattice.count(block);
+                        samples_met += count.all;
+                        drawn += count.drawn;
                         last = block;
                     }
                     bounds.push_back(bound);
@@ -217,7 +244,7 @@ double share_above_maxima(const RegularField& field, double peak, const Camera& 
                 looked += static_cast<std::int64_t>(bounds.size());
                 above += std::count_if(bounds.begin(), bounds.end(), [&](double of) { return of > largest; });
             }
-            return looked > 0 ? static_cast<double>(above) / static_cast<double>(looked) : 0.0;
+            return MaximaFacts{share(above, looked), share(drawn, samples_met)};
         },
         field.samples());
 }

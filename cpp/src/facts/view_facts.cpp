@@ -111,8 +111,7 @@ ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& fram
     const RegularField* lattice = scene.fields.size() == 1 ? as_regular(scene.fields.front().get()) : nullptr;
     if (scene.mode == Mode::mip && lattice != nullptr && MaximaBlocks::fit(*lattice)) {
         const auto peak = facts.lattice_peaks.find(lattice);
-        facts.above_maxima =
-            share_above_maxima(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0, camera, frame);
+        facts.maxima = maxima_facts(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0, camera, frame);
     }
     return facts;
 }

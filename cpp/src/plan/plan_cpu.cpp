@@ -232,20 +232,23 @@ std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPla
     return pixels * channels * sizeof(float) + view.kernels.all * limits::kernel_bytes + light;
 }
 
-/// Seconds for each slice point of a lattice, on one thread, by rays that look up a share of them and by sheets.
+/// Seconds for each slice point of a lattice, on one thread, by rays that look up a share of them and by sheets of the
+/// samples that are not 0.
 struct SecondsOfMaxima {
     double by_rays, by_sheets;
 };
-SecondsOfMaxima seconds_of_maxima(const RegularField& field, const ViewFacts& view, bool general, double share) {
+SecondsOfMaxima seconds_of_maxima(const RegularField& field, const ViewFacts& view, bool general,
+                                  const MaximaFacts& maxima) {
     const double radius = field.options().radius;
     const double window = 2.0 * std::max(2.0, std::ceil(radius));
     const Vec3 spacing = field.options().spacing;
-    const double kernels = view.frame.smallest_pixel * view.frame.largest_pixel * view.frame.slice_spacing /
-                           (spacing.x * spacing.y * spacing.z);
+    const double kernels = maxima.drawn * view.frame.smallest_pixel * view.frame.largest_pixel *
+                           view.frame.slice_spacing / (spacing.x * spacing.y * spacing.z);
     const double sections =
         1.0 + 2.0 * radius * std::cbrt(spacing.x * spacing.y * spacing.z) / view.frame.slice_spacing;
-    const double overlaps = 4.0 / 3.0 * 3.14159265358979323846 * radius * radius * radius;
-    return {share * (limits::looked_up_seconds + limits::looked_up_sample_seconds * window * window * window),
+    const double overlaps = maxima.drawn * 4.0 / 3.0 * 3.14159265358979323846 * radius * radius * radius;
+    return {limits::asked_seconds +
+                maxima.above * (limits::looked_up_seconds + limits::looked_up_sample_seconds * window * window * window),
             (general ? limits::general_price : 1.0) *
                 (kernels * (limits::kernel_seconds + sections * limits::section_seconds) +
                  limits::splat_seconds * overlaps)};
@@ -255,7 +258,7 @@ SecondsOfMaxima seconds_of_maxima(const RegularField& field, const ViewFacts& vi
 void plan_maxima(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
     const std::string why_not = plan.mode != Mode::mip    ? "the mode is not mip"
                                 : scene.fields.size() > 1 ? "there are several fields"
-                                : !view.above_maxima      ? "rho has no bounds by blocks: they are those of "
+                                : !view.maxima      ? "rho has no bounds by blocks: they are those of "
                                                             "Cartesian lattices without a division by weights"
                                                             ", of a radius of at most " +
                                                            number(MaximaBlocks::largest_radius)
@@ -271,13 +274,14 @@ void plan_maxima(const Scene& scene, const ViewFacts& view, Effects& effects, Dr
         return;
     }
     const SecondsOfMaxima seconds =
-        seconds_of_maxima(*as_regular(scene.fields.front().get()), view, plan.general, *view.above_maxima);
+        seconds_of_maxima(*as_regular(scene.fields.front().get()), view, plan.general, *view.maxima);
     const bool less = seconds.by_rays <= seconds.by_sheets;
     plan.ray_maxima =
         effects.decide(EffectId::ray_maxima, less,
-                       "bounds of blocks leave " + number(std::round(100.0 * *view.above_maxima)) +
-                           " % of the slice points of a few rays: " + (less ? "looking these up" : "summing sheets") +
-                           " takes less time");
+                       "bounds of blocks leave " + number(std::round(100.0 * view.maxima->above)) +
+                           " % of the slice points of a few rays, and " +
+                           number(std::round(100.0 * view.maxima->drawn)) + " % of the samples beside them are not 0: " +
+                           (less ? "looking these up" : "summing sheets") + " takes less time");
 }
 
 } // namespace

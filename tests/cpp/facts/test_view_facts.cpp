@@ -1,10 +1,14 @@
 // What a plan is told of fields and views.
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
+#include "facts/maxima_blocks.hpp"
 #include "facts/view_facts.hpp"
 
 namespace sheetsplat {
@@ -70,6 +74,26 @@ TEST(WeightFacts, AreExtremesOverTheKernels) {
     EXPECT_NEAR(filtered.most, 4.0 / 16.0, 1e-15);
     EXPECT_NEAR(filtered.low, -12.0 / 16.0, 1e-15);
     EXPECT_EQ(survey_filtered_weights(field, {0.1, 0.1}).low, weights.low) << "kernels are never heightened";
+}
+
+TEST(MaximaFacts, TellFewSamplesFromMany) {
+    const auto facts = [](bool few) {
+        constexpr std::size_t edge = 40;
+        std::vector<std::uint8_t> samples(edge * edge * edge, 0);
+        for (std::size_t at = 0; at < samples.size(); at += few ? 50 : 1) {
+            samples[at] = few ? 255 : static_cast<std::uint8_t>(1 + at % 7);
+        }
+        const auto field =
+            std::make_shared<const RegularField>(std::move(samples), std::array<std::size_t, 3>{edge, edge, edge});
+        Scene scene{{field}, TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.5}})};
+        const Camera camera = Camera::fit(field->supports_world(), Vec3(0.4, 0.3, -1.0), Vec3(0.0, 1.0, 0.0));
+        return maxima_facts(*field, 1.01, camera, make_frame(scene, camera, {60, 60}));
+    };
+    const MaximaFacts few = facts(true), many = facts(false);
+    EXPECT_NEAR(few.drawn, 0.02, 0.01);
+    EXPECT_EQ(many.drawn, 1.0);
+    EXPECT_GT(few.above, 0.3);
+    EXPECT_GT(many.above, 0.9) << "noise";
 }
 
 TEST(ViewFacts, GatherTheExtremesOfAllFields) {

@@ -140,24 +140,31 @@ TEST(PlanOfCpu, MaximaAreLookedUpWhereThatTakesLess) {
     scene.mode = Mode::mip;
     ViewFacts view = facts();
     view.frame.smallest_pixel = view.frame.largest_pixel = 0.3;
-    view.above_maxima = 0.02;
+    view.maxima = MaximaFacts{0.02, 1.0};
     DrawPlan plan = plan_of(scene, view);
     EXPECT_TRUE(plan.ray_maxima);
     EXPECT_NE(ray_maxima(plan).reason.find("leave 2 % of"), std::string::npos) << ray_maxima(plan).reason;
-    view.above_maxima = 0.97;
+    view.maxima->above = 0.97;
     plan = plan_of(scene, view);
     EXPECT_FALSE(plan.ray_maxima);
     EXPECT_NE(ray_maxima(plan).reason.find("summing sheets takes less"), std::string::npos) << ray_maxima(plan).reason;
     // Sections that lean take longer.
-    view.above_maxima = 0.35;
+    view.maxima->above = 0.35;
     EXPECT_FALSE(plan_of(scene, view).ray_maxima);
     view.shapes.sheared = true;
     EXPECT_TRUE(plan_of(scene, view).ray_maxima);
     view.shapes.sheared = false;
-    view.above_maxima = 0.97;
+    view.maxima->above = 0.97;
     // More samples a pixel: more to be splatted for each point.
     view.frame.smallest_pixel = view.frame.largest_pixel = 8.0;
     EXPECT_TRUE(plan_of(scene, view).ray_maxima);
+    // Of few samples, little is splatted, and rays pass by most blocks.
+    view.frame.smallest_pixel = view.frame.largest_pixel = 0.3;
+    view.maxima = MaximaFacts{0.02, 0.01};
+    plan = plan_of(scene, view);
+    EXPECT_FALSE(plan.ray_maxima);
+    EXPECT_NE(ray_maxima(plan).reason.find("1 % of the samples"), std::string::npos) << ray_maxima(plan).reason;
+    view.maxima->drawn = 1.0;
     RendererOptions options;
     options.effects = {{"ray_maxima", false}};
     plan = plan_of(scene, view, options);

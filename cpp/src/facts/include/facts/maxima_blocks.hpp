@@ -32,8 +32,15 @@ struct MaximaBlocks {
     [[nodiscard]] static double weight_bound(const RegularField& field, double peak);
 };
 
-/// Of the slice points on a few rays of a view, the share at which bounds exceed the largest rho of their ray: those
-/// that mode mip has to look at, at least. 0 where the rays meet no kernel. field: must fit; peak: largest W / C.
-double share_above_maxima(const RegularField& field, double peak, const Camera& camera, const Frame& frame);
+/// What a few rays of a view meet; 0 where they meet no kernel.
+struct MaximaFacts {
+    /// Of their slice points, the share at which bounds exceed the largest rho of the ray: those that mode mip has to
+    /// look at, at least.
+    double above = 0.0;
+    /// Of the samples of the blocks that they cross, the share that is not 0: those that sheets are summed from.
+    double drawn = 0.0;
+};
+/// field: must fit; peak: largest W / C.
+MaximaFacts maxima_facts(const RegularField& field, double peak, const Camera& camera, const Frame& frame);
 
 } // namespace sheetsplat

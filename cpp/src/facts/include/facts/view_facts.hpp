@@ -10,6 +10,7 @@
 
 #include "facts/field_survey.hpp"
 #include "facts/frame.hpp"
+#include "facts/maxima_blocks.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
 
@@ -85,8 +86,7 @@ struct ViewFacts {
     OverlapFacts overlap;
     std::map<const Field*, WeightFacts> weights;    ///< of weighted fields
     std::map<const Field*, double> lattice_peaks{}; ///< of lattices: largest W / C
-    /// Mode mip of one lattice whose blocks bound rho: share_above_maxima.
-    std::optional<double> above_maxima{};
+    std::optional<MaximaFacts> maxima{};              ///< mode mip of one lattice whose blocks bound rho
 };
 
 /// Linear in the number of scattered kernels where bounds do not tell.

@@ -1,5 +1,5 @@
 """Scalar modes on the processor: sums over slices that need no sheets, slices that count by the places of samples
-alone, and maxima that rays look up."""
+alone, and maxima and minima that rays look up."""
 
 from __future__ import annotations
 
@@ -73,11 +73,14 @@ def test_slices_count_where_samples_of_any_value_reach(mode, lattice, kind, dire
     scene = make(1.0)
     camera = view(scene, kind, direction)
     assert not weighs(scene, camera)
-    image, expected = shots(scene, camera)
-    assert np.abs(expected).max() > 0.01
-    jumps = moved(make, expected, camera)
-    text = f"cpu {mode} of {lattice} {kind} {direction}"
-    assert_close(image.scalar, expected, FLOAT32_HARD, text, jumps)
+    # By sheets, and of the minimum by rays too.
+    for rays in (False, True) if mode == "minimum" else (False,):
+        image, expected = shots(scene, camera, effects={"ray_extremes": rays})
+        assert ("points_looked_up" in image.stats) == (rays and lattice != "bcc")
+        assert np.abs(expected).max() > 0.01
+        jumps = moved(make, expected, camera)
+        text = f"cpu {mode} of {lattice} {kind} {direction}, rays {rays}"
+        assert_close(image.scalar, expected, FLOAT32_HARD, text, jumps)
     if mode == "average":
         wider = ss.Renderer("cpu").render(make(1.03), camera, size=SIZE).scalar
         assert not distance(wider, expected, jumps).within(FLOAT32_HARD)
@@ -186,10 +189,10 @@ def hostile(kind, dtype=np.float32):
     return np.maximum(np.round(40 * values), 0).astype(dtype) if np.dtype(dtype).kind == "u" else values.astype(dtype)
 
 
-BY_RAYS = {"effects": {"ray_maxima": True}}
+BY_RAYS = {"effects": {"ray_extremes": True}}
 
 
-def maxima(scene, camera, precision="float32", **options):
+def extremes(scene, camera, precision="float32", **options):
     return ss.Renderer("cpu", precision=precision, **BY_RAYS, **options).render(scene, camera, size=SIZE)
 
 
@@ -199,12 +202,17 @@ def maxima(scene, camera, precision="float32", **options):
     ["noise", "bright voxels", "negative", "negative around bright", "plateaus", "holes", "tiny"],
 )
 @pytest.mark.parametrize("options", [{}, {"radius": 3.0, "falloff": 8.0}, {"spacing": (1.0, 0.4, 2.2)}], ids=str)
-def test_maxima(options, what, kind):
+@pytest.mark.parametrize("mode", ["mip", "minimum"])
+def test_extremes(mode, options, what, kind):
     field = ss.RegularField(hostile(what), **options, **({"nan": "skip"} if what == "holes" else {}))
-    scene = ss.Scene(field, GRAY, mode="mip", slice_spacing=0.6)
+    scene = ss.Scene(field, GRAY, mode=mode, slice_spacing=0.6)
     camera = view(scene, kind, (0.4, 0.7, -1.0))
     image, expected = shots(scene, camera, **BY_RAYS)
-    text = f"cpu mip {what} {kind} {options}"
+    text = f"cpu {mode} {what} {kind} {options}"
+    if (mode, what) == ("minimum", "holes"):
+        # Samples that are missing leave slices out: weights are summed.
+        assert "points_looked_up" not in image.stats
+        return
     assert_close(image.scalar, expected, FLOAT32, text)
     # Where coverage is asked for, sheets are summed: another way to the same numbers.
     sheets = ss.Renderer("cpu").render(scene, camera, size=SIZE, outputs=("coverage",))
@@ -213,30 +221,44 @@ def test_maxima(options, what, kind):
     assert image.stats["kernels_drawn"] == np.count_nonzero(np.nan_to_num(hostile(what)))
     # Each pixel's number is its own, whatever tile it lies in and whichever rays were looked at before.
     for tile in (7, 40):
-        assert np.array_equal(maxima(scene, camera, tile_size=tile).scalar, image.scalar)
-    if what == "negative":
+        assert np.array_equal(extremes(scene, camera, tile_size=tile).scalar, image.scalar)
+    if (mode, what) == ("mip", "negative"):
         assert not image.scalar.any() and image.stats["points_looked_up"] == 0
-    else:
-        # A negative control: other slices have other maxima.
+    elif mode == "mip" or "negative" in what or what == "noise":
+        # A negative control: other slices have other extremes. (The least of what is above 0 lies where kernels end.)
         moved = scene.replace(slice_spacing=0.57)
-        assert not distance(maxima(moved, camera).scalar, expected).within(FLOAT32)
+        assert not distance(extremes(moved, camera).scalar, expected).within(FLOAT32)
 
 
 @pytest.mark.parametrize("radius", [0.8, 1.7, 2.0, 2.6, 4.0])
 @pytest.mark.parametrize("dtype", ["uint8", "int16", "uint16", "float32", "float64"])
-def test_maxima_of_all_samples_and_kernels(dtype, radius):
+@pytest.mark.parametrize("mode", ["mip", "minimum"])
+def test_extremes_of_all_samples_and_kernels(mode, dtype, radius):
     values = hostile("noise", dtype) if dtype != "int16" else (50 * hostile("noise")).astype(dtype)
     field = ss.RegularField(values, radius=radius, falloff=1.3 * radius**2)
-    scene = ss.Scene(field, GRAY, mode="mip", slice_spacing=0.45)
+    scene = ss.Scene(field, GRAY, mode=mode, slice_spacing=0.45)
     for kind, zoom in (("orthographic", 1.0), ("perspective", 1.0), ("perspective", 3.0)):
         camera = view(scene, kind, (0.03, -0.2, -1.0), zoom)
         # What the plan chooses, and rays whatever it says.
         _, expected = shots(scene, camera)
         for precision in ("float32", "float64"):
-            image = maxima(scene, camera, precision)
+            image = extremes(scene, camera, precision)
             assert "points_looked_up" in image.stats
-            assert_close(image.scalar, expected, FLOAT32, f"cpu mip {dtype} radius {radius} {precision} {kind}")
-            assert np.array_equal(maxima(scene, camera, precision, tile_size=9).scalar, image.scalar)
+            assert_close(image.scalar, expected, FLOAT32, f"cpu {mode} {dtype} radius {radius} {precision} {kind}")
+            assert np.array_equal(extremes(scene, camera, precision, tile_size=9).scalar, image.scalar)
+
+
+def test_minima_end_where_nothing_is_smaller():
+    """Rays that meet an empty corner look at few points, and those that do not at what is beside the border."""
+    values = np.random.default_rng(9).integers(0, 200, (60, 60, 60)).astype(np.uint8)
+    values[:20, :, :] = 0
+    values[20:40] = np.maximum(values[20:40], 90)
+    scene = ss.Scene(ss.RegularField(values), GRAY, mode="minimum")
+    camera = view(scene, "orthographic", (0.0, 0.3, -1.0))
+    image, expected = shots(scene, camera, **BY_RAYS)
+    assert_close(image.scalar, expected, FLOAT32, "cpu minimum of a volume with an empty end")
+    points = SIZE[0] * SIZE[1] * image.stats["slices"]
+    assert 0 < image.stats["points_looked_up"] < 0.1 * points
 
 
 def test_maxima_skip_what_cannot_exceed_them():
@@ -262,11 +284,11 @@ def test_the_plan_says_whether_rays_look_up_maxima(kind):
         scene = ss.Scene(field, GRAY, mode="mip")
         camera = view(scene, kind, (0.4, 0.7, -1.0), 1.0 if by_rays else 2.0)
         pictures = {}
-        for effects in ({}, {"ray_maxima": by_rays}, {"ray_maxima": not by_rays}):
+        for effects in ({}, {"ray_extremes": by_rays}, {"ray_extremes": not by_rays}):
             renderer = ss.Renderer("cpu", effects=effects)
-            (effect,) = (one for one in renderer.plan(scene, camera, size=SIZE).effects if one.name == "ray_maxima")
+            (effect,) = (one for one in renderer.plan(scene, camera, size=SIZE).effects if one.name == "ray_extremes")
             image = renderer.render(scene, camera, size=SIZE)
-            rays = effects.get("ray_maxima", by_rays)
+            rays = effects.get("ray_extremes", by_rays)
             assert effect.on == rays == ("points_looked_up" in image.stats)
             assert ("summing sheets" in effect.reason) != by_rays
             shares[by_rays] = float(effect.reason.split("leave ")[1].split(" %")[0])
@@ -275,16 +297,17 @@ def test_the_plan_says_whether_rays_look_up_maxima(kind):
     assert shares[False] > 90 and shares[True] < 70
     # Nothing else is looked up.
     for options in ({"clip": ss.Clip(planes=[((0, 0, 1), 3)])}, {"mode": "xray"}):
-        image = ss.Renderer("cpu", effects={"ray_maxima": True}).render(scene.replace(**options), camera, size=SIZE)
+        image = ss.Renderer("cpu", effects={"ray_extremes": True}).render(scene.replace(**options), camera, size=SIZE)
         assert "points_looked_up" not in image.stats
 
 
-def test_maxima_follow_the_field():
-    """One renderer, several fields: bounds are those of the field that is drawn."""
+def test_extremes_follow_the_field():
+    """One renderer, several fields: bounds are those of the field and the mode that is drawn."""
     renderer = ss.Renderer("cpu", **BY_RAYS)
     fields = [ss.RegularField(hostile(what)) for what in ("noise", "bright voxels", "noise", "plateaus")]
     for field in fields:
-        scene = ss.Scene(field, GRAY, mode="mip")
-        camera = view(scene, "orthographic", (0.4, 0.7, -1.0))
-        expected = ss.Renderer("reference").render(scene, camera, size=SIZE).scalar
-        assert_close(renderer.render(scene, camera, size=SIZE).scalar, expected, FLOAT32, "cpu mip of another field")
+        for mode in ("mip", "minimum"):
+            scene = ss.Scene(field, GRAY, mode=mode)
+            camera = view(scene, "orthographic", (0.4, 0.7, -1.0))
+            expected = ss.Renderer("reference").render(scene, camera, size=SIZE).scalar
+            assert_close(renderer.render(scene, camera, size=SIZE).scalar, expected, FLOAT32, f"cpu {mode} of another")

@@ -8,7 +8,7 @@
 #include <memory>
 #include <new>
 
-#include "backend_cpu/lattice_maxima.hpp"
+#include "backend_cpu/lattice_extremes.hpp"
 #include "backend_cpu/loop_setup.hpp"
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/sorted_view.hpp"
@@ -252,8 +252,9 @@ struct CpuRenderer::State {
     OwnPool pool;
     std::unique_ptr<SortedView> sorted;
     /// Of the last lattice that was looked up, which is kept so that no other one gets its address.
-    std::shared_ptr<const Field> maxima_field;
-    LatticeMaxima maxima;
+    std::shared_ptr<const Field> extremes_field;
+    Extreme extreme = Extreme::largest;
+    LatticeExtremes extremes;
     std::vector<TileScratch<float>> scratch_float;
     std::vector<TileScratch<double>> scratch_double;
 
@@ -262,8 +263,8 @@ struct CpuRenderer::State {
 
     void forget() {
         sorted.reset();
-        maxima_field.reset();
-        maxima = {};
+        extremes_field.reset();
+        extremes = {};
         scratch_float.clear();
         scratch_double.clear();
     }
@@ -307,31 +308,37 @@ struct CpuRenderer::State {
             report);
     }
 
-    /// The plan's effect ray_maxima.
+    /// The plan's effect ray_extremes.
     template <class T>
-    void draw_maxima(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, Report& tell,
-                     Image& image) {
+    void draw_extremes(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, Report& tell,
+                       Image& image) {
         const auto preparing = Clock::now();
         const RegularPart& part = job.regular.front();
         const std::shared_ptr<const Field>& field = job.scene->fields[part.field];
-        const bool reused = maxima_field == field;
+        const Extreme wanted = job.plan->mode == Mode::minimum ? Extreme::smallest : Extreme::largest;
+        const bool reused = extremes_field == field && extreme == wanted;
         if (!reused) {
-            maxima_field.reset();
-            maxima = LatticeMaxima::of(*part.view->field, *pool, [&] { tell(0.0); });
-            maxima_field = field;
+            extremes_field.reset();
+            extremes = LatticeExtremes::of(*part.view->field, wanted, *pool, [&] { tell(0.0); });
+            extremes_field = field;
+            extreme = wanted;
         }
         image.stats["buckets_reused"] = reused ? 1.0 : 0.0;
         image.stats["seconds_bucket"] = seconds_since(preparing);
-        image.stats["bytes_view"] = static_cast<double>(maxima.bytes());
+        image.stats["bytes_view"] = static_cast<double>(extremes.bytes());
 
         const auto start = Clock::now();
         std::vector<LatticeReach> places;
         LatticeReach::add(*part.view, *job.frame, places);
         const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan, job.volumes);
         const LoopSetup<T> setup = make_setup(job, shading);
-        const MaximaView view{part.view->field,       &maxima,
-                              &places.front(),        job.frame->slices,
-                              part.view->value_scale, static_cast<double>(shading.scalar_step)};
+        const ExtremesView view{part.view->field,
+                                extreme,
+                                &extremes,
+                                &places.front(),
+                                job.frame->slices,
+                                part.view->value_scale,
+                                static_cast<double>(shading.scalar_step)};
         std::vector<TileScratch<T>>& rooms = scratch<T>();
         rooms.resize(static_cast<std::size_t>(pool->threads()));
         std::atomic<std::uint64_t> looked_up{0};
@@ -339,7 +346,7 @@ struct CpuRenderer::State {
             TileScratch<T>& room = rooms[thread];
             const TileShape shape = layout.shape(tile);
             clear_picture(job, setup, shape, room);
-            looked_up.fetch_add(functions.find_maxima(view, shape, room.planes.scalar, between),
+            looked_up.fetch_add(functions.find_extremes(view, shape, room.planes.scalar, between),
                                 std::memory_order_relaxed);
             copy_picture(shape, room.planes, image, job.frame->size);
         });
@@ -456,11 +463,11 @@ struct CpuRenderer::State {
             const TileLayout layout(job.frame->size, edge,
                                     job.drawn_tiles != nullptr ? *job.drawn_tiles : std::vector<std::uint8_t>{});
             const InstructionSet set = chosen_instruction_set();
-            if (record == nullptr && job.plan->ray_maxima) {
+            if (record == nullptr && job.plan->ray_extremes) {
                 if (precision == Precision::float64) {
-                    draw_maxima<double>(job, layout, *tile_functions<double>(set), tell, image);
+                    draw_extremes<double>(job, layout, *tile_functions<double>(set), tell, image);
                 } else {
-                    draw_maxima<float>(job, layout, *tile_functions<float>(set), tell, image);
+                    draw_extremes<float>(job, layout, *tile_functions<float>(set), tell, image);
                 }
                 return;
             }

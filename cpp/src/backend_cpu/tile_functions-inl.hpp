@@ -3,7 +3,7 @@
 #include "feed_kernels-inl.hpp"
 #include "feed_rows-inl.hpp"
 #include "hwy/highway.h"
-#include "ray_maxima-inl.hpp"
+#include "ray_extremes-inl.hpp"
 #include "tile_loop-inl.hpp"
 
 #if defined(SHEETSPLAT_CPU_TILE_FUNCTIONS_INL) == defined(HWY_TARGET_TOGGLE)
@@ -24,8 +24,8 @@ void shade_tile(const Shading<T>& shading, const TileShape& shape, const SlabWin
 
 template <class T>
 const TileFunctions<T>* functions() {
-    static constexpr TileFunctions<T> all{&feed_rows<T>, &tile_rects,     &feed_kernels<T>,
-                                          &run_tile<T>,  &find_maxima<T>, &shade_tile<T>};
+    static constexpr TileFunctions<T> all{&feed_rows<T>, &tile_rects,       &feed_kernels<T>,
+                                          &run_tile<T>,  &find_extremes<T>, &shade_tile<T>};
     return &all;
 }
 

@@ -150,8 +150,8 @@ struct Stages::State {
         frame = prepared.frame;
         const Backend backend = prepared.plan.summary.backend;
         const int threads = thread_count(renderer->options().threads);
-        // Light volumes and maxima of lattices belong to the fields themselves, and are kept for every stage.
-        const bool whole = prepared.plan.shadows || prepared.plan.ambient_occlusion || prepared.plan.ray_maxima;
+        // Light volumes and extremes of lattices belong to the fields themselves, and are kept for every stage.
+        const bool whole = prepared.plan.shadows || prepared.plan.ambient_occlusion || prepared.plan.ray_extremes;
         const double pixel = std::sqrt(frame.smallest_pixel() * frame.largest_pixel());
         const auto step_of = [&](int pixels) {
             Level level = level_of(scene, pixels == 1 ? 0.0 : samples_a_pixel * pixels * pixel, whole);

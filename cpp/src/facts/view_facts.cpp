@@ -2,8 +2,8 @@
 
 #include <cmath>
 
+#include "facts/extreme_blocks.hpp"
 #include "facts/lattice_section.hpp"
-#include "facts/maxima_blocks.hpp"
 
 namespace sheetsplat {
 
@@ -109,9 +109,11 @@ ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& fram
         }
     }
     const RegularField* lattice = scene.fields.size() == 1 ? as_regular(scene.fields.front().get()) : nullptr;
-    if (scene.mode == Mode::mip && lattice != nullptr && MaximaBlocks::fit(*lattice)) {
+    const bool smallest = scene.mode == Mode::minimum;
+    if ((smallest || scene.mode == Mode::mip) && lattice != nullptr && ExtremeBlocks::fit(*lattice)) {
         const auto peak = facts.lattice_peaks.find(lattice);
-        facts.maxima = maxima_facts(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0, camera, frame);
+        facts.extremes =
+            extreme_facts(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0, smallest, camera, frame);
     }
     return facts;
 }

@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-#include "facts/maxima_blocks.hpp"
+#include "facts/extreme_blocks.hpp"
 #include "limits_cpu.hpp"
 #include "parts.hpp"
 #include "scene/mode_rules.hpp"
@@ -234,34 +234,37 @@ std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPla
 
 /// Seconds for each slice point of a lattice, on one thread, by rays that look up a share of them and by sheets of the
 /// samples that are not 0.
-struct SecondsOfMaxima {
+struct SecondsOfExtremes {
     double by_rays, by_sheets;
 };
-SecondsOfMaxima seconds_of_maxima(const RegularField& field, const ViewFacts& view, bool general,
-                                  const MaximaFacts& maxima) {
+SecondsOfExtremes seconds_of_extremes(const RegularField& field, const ViewFacts& view, Mode mode, bool general) {
+    const ExtremeFacts& extremes = *view.extremes;
     const double radius = field.options().radius;
     const double window = 2.0 * std::max(2.0, std::ceil(radius));
     const Vec3 spacing = field.options().spacing;
-    const double kernels = maxima.drawn * view.frame.smallest_pixel * view.frame.largest_pixel *
+    const double kernels = extremes.drawn * view.frame.smallest_pixel * view.frame.largest_pixel *
                            view.frame.slice_spacing / (spacing.x * spacing.y * spacing.z);
     const double sections =
         1.0 + 2.0 * radius * std::cbrt(spacing.x * spacing.y * spacing.z) / view.frame.slice_spacing;
-    const double overlaps = maxima.drawn * 4.0 / 3.0 * 3.14159265358979323846 * radius * radius * radius;
-    return {limits::asked_seconds +
-                maxima.above * (limits::looked_up_seconds + limits::looked_up_sample_seconds * window * window * window),
-            (general ? limits::general_price : 1.0) *
-                (kernels * (limits::kernel_seconds + sections * limits::section_seconds) +
-                 limits::splat_seconds * overlaps)};
+    const double overlaps = extremes.drawn * 4.0 / 3.0 * 3.14159265358979323846 * radius * radius * radius;
+    const double each = mode == Mode::minimum ? limits::counted_seconds : 0.0;
+    return {extremes.asked * limits::asked_seconds +
+                extremes.left *
+                    (limits::looked_up_seconds + limits::looked_up_sample_seconds * window * window * window),
+            each + (general ? limits::general_price : 1.0) *
+                       (kernels * (limits::kernel_seconds + sections * limits::section_seconds) +
+                        limits::splat_seconds * overlaps)};
 }
 
-/// Mode mip by rays in place of sheets.
-void plan_maxima(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
-    const std::string why_not = plan.mode != Mode::mip    ? "the mode is not mip"
+/// Modes mip and minimum by rays in place of sheets.
+void plan_extremes(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
+    const std::string why_not = plan.mode != Mode::mip && plan.mode != Mode::minimum
+                                    ? "the mode is neither mip nor minimum"
                                 : scene.fields.size() > 1 ? "there are several fields"
-                                : !view.maxima      ? "rho has no bounds by blocks: they are those of "
+                                : !view.extremes          ? "rho has no bounds by blocks: they are those of "
                                                             "Cartesian lattices without a division by weights"
                                                             ", of a radius of at most " +
-                                                           number(MaximaBlocks::largest_radius)
+                                                       number(ExtremeBlocks::largest_radius)
                                 : plan.sampling != Sampling::point ? "slices are means over slabs"
                                 : plan.cuts()                      ? "points of slices are cut off"
                                 : plan.owned                       ? "a part of a whole is drawn"
@@ -270,18 +273,18 @@ void plan_maxima(const Scene& scene, const ViewFacts& view, Effects& effects, Dr
                                 : view.frame.slices == 0           ? "there are no slices"
                                                                    : "";
     if (!why_not.empty()) {
-        plan.ray_maxima = effects.decide_given(EffectId::ray_maxima, false, false, why_not);
+        plan.ray_extremes = effects.decide_given(EffectId::ray_extremes, false, false, why_not);
         return;
     }
-    const SecondsOfMaxima seconds =
-        seconds_of_maxima(*as_regular(scene.fields.front().get()), view, plan.general, *view.maxima);
+    const SecondsOfExtremes seconds =
+        seconds_of_extremes(*as_regular(scene.fields.front().get()), view, plan.mode, plan.general);
     const bool less = seconds.by_rays <= seconds.by_sheets;
-    plan.ray_maxima =
-        effects.decide(EffectId::ray_maxima, less,
-                       "bounds of blocks leave " + number(std::round(100.0 * view.maxima->above)) +
-                           " % of the slice points of a few rays, and " +
-                           number(std::round(100.0 * view.maxima->drawn)) + " % of the samples beside them are not 0: " +
-                           (less ? "looking these up" : "summing sheets") + " takes less time");
+    plan.ray_extremes = effects.decide(
+        EffectId::ray_extremes, less,
+        "bounds of blocks leave " + number(std::round(100.0 * view.extremes->left)) +
+            " % of the slice points of a few rays, and " + number(std::round(100.0 * view.extremes->drawn)) +
+            " % of the samples beside them are not 0: " + (less ? "looking these up" : "summing sheets") +
+            " takes less time");
 }
 
 } // namespace
@@ -303,7 +306,7 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
     effects.state(EffectId::opacity_buffer, false, "opaque blocks and tiles are skipped without a buffer");
     effects.state(EffectId::tagging, true, "tiles: pixels that no kernel of a tile touches are skipped");
 
-    plan_maxima(scene, view, effects, plan);
+    plan_extremes(scene, view, effects, plan);
 
     const SumFacts sums = sum_facts(scene, view, plan);
     const std::string why = why_float64(scene, view, plan, sums);

@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "facts/maxima_blocks.hpp"
+#include "facts/extreme_blocks.hpp"
 #include "facts/view_facts.hpp"
 
 namespace sheetsplat {
@@ -76,8 +76,8 @@ TEST(WeightFacts, AreExtremesOverTheKernels) {
     EXPECT_EQ(survey_filtered_weights(field, {0.1, 0.1}).low, weights.low) << "kernels are never heightened";
 }
 
-TEST(MaximaFacts, TellFewSamplesFromMany) {
-    const auto facts = [](bool few) {
+TEST(ExtremeFacts, TellFewSamplesFromMany) {
+    const auto facts = [](bool few, bool smallest = false) {
         constexpr std::size_t edge = 40;
         std::vector<std::uint8_t> samples(edge * edge * edge, 0);
         for (std::size_t at = 0; at < samples.size(); at += few ? 50 : 1) {
@@ -87,13 +87,18 @@ TEST(MaximaFacts, TellFewSamplesFromMany) {
             std::make_shared<const RegularField>(std::move(samples), std::array<std::size_t, 3>{edge, edge, edge});
         Scene scene{{field}, TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.5}})};
         const Camera camera = Camera::fit(field->supports_world(), Vec3(0.4, 0.3, -1.0), Vec3(0.0, 1.0, 0.0));
-        return maxima_facts(*field, 1.01, camera, make_frame(scene, camera, {60, 60}));
+        return extreme_facts(*field, 1.01, smallest, camera, make_frame(scene, camera, {60, 60}));
     };
-    const MaximaFacts few = facts(true), many = facts(false);
+    const ExtremeFacts few = facts(true), many = facts(false);
     EXPECT_NEAR(few.drawn, 0.02, 0.01);
     EXPECT_EQ(many.drawn, 1.0);
-    EXPECT_GT(few.above, 0.3);
-    EXPECT_GT(many.above, 0.9) << "noise";
+    EXPECT_GT(few.left, 0.3);
+    EXPECT_GT(many.left, 0.9) << "noise";
+    const ExtremeFacts least = facts(true, true), least_of_many = facts(false, true);
+    EXPECT_LT(least.left, 0.02) << "nothing is below 0";
+    EXPECT_LT(least.asked, 0.2) << "nor is it asked for";
+    EXPECT_EQ(few.asked, 1.0);
+    EXPECT_LT(least_of_many.left, 0.8) << "what is above 0 is least where kernels end";
 }
 
 TEST(ViewFacts, GatherTheExtremesOfAllFields) {

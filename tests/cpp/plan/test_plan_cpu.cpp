@@ -130,55 +130,61 @@ TEST(PlanOfCpu, WhereKernelsEndShowsWhereSlicesCountByTheirWeights) {
     EXPECT_EQ(refusal(scene, facts()), "");
 }
 
-const Effect& ray_maxima(const DrawPlan& plan) {
+const Effect& ray_extremes(const DrawPlan& plan) {
     return *std::find_if(plan.summary.effects.begin(), plan.summary.effects.end(),
-                         [](const Effect& effect) { return effect.name == "ray_maxima"; });
+                         [](const Effect& effect) { return effect.name == "ray_extremes"; });
 }
 
-TEST(PlanOfCpu, MaximaAreLookedUpWhereThatTakesLess) {
+TEST(PlanOfCpu, ExtremesAreLookedUpWhereThatTakesLess) {
     Scene scene = lit_scene();
     scene.mode = Mode::mip;
     ViewFacts view = facts();
     view.frame.smallest_pixel = view.frame.largest_pixel = 0.3;
-    view.maxima = MaximaFacts{0.02, 1.0};
+    view.extremes = ExtremeFacts{0.02, 1.0, 1.0};
     DrawPlan plan = plan_of(scene, view);
-    EXPECT_TRUE(plan.ray_maxima);
-    EXPECT_NE(ray_maxima(plan).reason.find("leave 2 % of"), std::string::npos) << ray_maxima(plan).reason;
-    view.maxima->above = 0.97;
+    EXPECT_TRUE(plan.ray_extremes);
+    EXPECT_NE(ray_extremes(plan).reason.find("leave 2 % of"), std::string::npos) << ray_extremes(plan).reason;
+    view.extremes->left = 0.97;
     plan = plan_of(scene, view);
-    EXPECT_FALSE(plan.ray_maxima);
-    EXPECT_NE(ray_maxima(plan).reason.find("summing sheets takes less"), std::string::npos) << ray_maxima(plan).reason;
+    EXPECT_FALSE(plan.ray_extremes);
+    EXPECT_NE(ray_extremes(plan).reason.find("summing sheets takes less"), std::string::npos)
+        << ray_extremes(plan).reason;
     // Sections that lean take longer.
-    view.maxima->above = 0.35;
-    EXPECT_FALSE(plan_of(scene, view).ray_maxima);
+    view.extremes->left = 0.35;
+    EXPECT_FALSE(plan_of(scene, view).ray_extremes);
     view.shapes.sheared = true;
-    EXPECT_TRUE(plan_of(scene, view).ray_maxima);
+    EXPECT_TRUE(plan_of(scene, view).ray_extremes);
     view.shapes.sheared = false;
-    view.maxima->above = 0.97;
+    view.extremes->left = 0.97;
     // More samples a pixel: more to be splatted for each point.
     view.frame.smallest_pixel = view.frame.largest_pixel = 8.0;
-    EXPECT_TRUE(plan_of(scene, view).ray_maxima);
+    EXPECT_TRUE(plan_of(scene, view).ray_extremes);
     // Of few samples, little is splatted, and rays pass by most blocks.
     view.frame.smallest_pixel = view.frame.largest_pixel = 0.3;
-    view.maxima = MaximaFacts{0.02, 0.01};
+    view.extremes = ExtremeFacts{0.02, 1.0, 0.01};
     plan = plan_of(scene, view);
-    EXPECT_FALSE(plan.ray_maxima);
-    EXPECT_NE(ray_maxima(plan).reason.find("1 % of the samples"), std::string::npos) << ray_maxima(plan).reason;
-    view.maxima->drawn = 1.0;
+    EXPECT_FALSE(plan.ray_extremes);
+    EXPECT_NE(ray_extremes(plan).reason.find("1 % of the samples"), std::string::npos) << ray_extremes(plan).reason;
+    // ... but for minima, which end rays early, while every point of sheets counts.
+    scene.mode = Mode::minimum;
+    view.extremes = ExtremeFacts{0.0, 0.05, 0.01};
+    EXPECT_TRUE(plan_of(scene, view).ray_extremes);
+    scene.mode = Mode::mip;
+    view.extremes = ExtremeFacts{0.02, 1.0, 1.0};
     RendererOptions options;
-    options.effects = {{"ray_maxima", false}};
+    options.effects = {{"ray_extremes", false}};
     plan = plan_of(scene, view, options);
-    EXPECT_FALSE(plan.ray_maxima);
-    EXPECT_TRUE(ray_maxima(plan).forced);
+    EXPECT_FALSE(plan.ray_extremes);
+    EXPECT_TRUE(ray_extremes(plan).forced);
     // Whatever is forced, not where sheets hold what is asked for.
-    options.effects = {{"ray_maxima", true}};
-    EXPECT_TRUE(plan_of(scene, view, options).ray_maxima);
-    EXPECT_FALSE(plan_of(scene, view, options, {true, false}).ray_maxima) << "coverage";
+    options.effects = {{"ray_extremes", true}};
+    EXPECT_TRUE(plan_of(scene, view, options).ray_extremes);
+    EXPECT_FALSE(plan_of(scene, view, options, {true, false}).ray_extremes) << "coverage";
     scene.sampling = Sampling::slab;
-    EXPECT_FALSE(plan_of(scene, view, options).ray_maxima);
+    EXPECT_FALSE(plan_of(scene, view, options).ray_extremes);
     scene.sampling = Sampling::point;
     scene.mode = Mode::xray;
-    EXPECT_FALSE(plan_of(scene, view, options).ray_maxima);
+    EXPECT_FALSE(plan_of(scene, view, options).ray_extremes);
 }
 
 TEST(PlanOfCpu, RefusesWaysOfDrawingOnGl) {

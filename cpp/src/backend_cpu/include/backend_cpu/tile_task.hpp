@@ -7,7 +7,7 @@
 #include <new>
 #include <vector>
 
-#include "backend_cpu/lattice_maxima.hpp"
+#include "backend_cpu/lattice_extremes.hpp"
 #include "backend_cpu/lattice_reach.hpp"
 #include "backend_cpu/measured.hpp"
 #include "backend_cpu/sections.hpp"
@@ -165,10 +165,10 @@ struct TileFunctions {
     /// between is called between slices; returning false (or throwing) ends the tile.
     void (*run)(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch,
                 const std::function<bool()>& between);
-    /// Mode mip of a lattice: writes a tile's largest rho, at least 0, to a plane of its picture, and returns how many
-    /// points were looked up. between: as for run.
-    std::uint64_t (*find_maxima)(const MaximaView& view, const TileShape& shape, T* plane,
-                                 const std::function<bool()>& between);
+    /// Modes mip and minimum of a lattice: writes a tile's largest rho, at least 0, or its smallest one to a plane of
+    /// its picture, and returns how many points were looked up. between: as for run.
+    std::uint64_t (*find_extremes)(const ExtremesView& view, const TileShape& shape, T* plane,
+                                   const std::function<bool()>& between);
     /// One slab of it by itself, for tests: slice n, or the interval from slice n to n + 1.
     void (*shade)(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,
                   TilePicture<T>& picture);

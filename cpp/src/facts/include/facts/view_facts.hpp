@@ -8,9 +8,9 @@
 #include <map>
 #include <optional>
 
+#include "facts/extreme_blocks.hpp"
 #include "facts/field_survey.hpp"
 #include "facts/frame.hpp"
-#include "facts/maxima_blocks.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
 
@@ -86,7 +86,7 @@ struct ViewFacts {
     OverlapFacts overlap;
     std::map<const Field*, WeightFacts> weights;    ///< of weighted fields
     std::map<const Field*, double> lattice_peaks{}; ///< of lattices: largest W / C
-    std::optional<MaximaFacts> maxima{};              ///< mode mip of one lattice whose blocks bound rho
+    std::optional<ExtremeFacts> extremes{};         ///< modes mip and minimum of one lattice whose blocks bound rho
 };
 
 /// Linear in the number of scattered kernels where bounds do not tell.

@@ -60,7 +60,7 @@ enum class Control : std::uint8_t {
     X(resident_sections,       can, no,  no, nullptr, "ellipsoids are sliced by one pass on the device, where the sections stay") \
     X(paper_slicing,           can, no,  no, nullptr, "ellipsoids are sliced and drawn step by step as in the 2006 paper, for comparison") \
     X(compensation,            can, no,  no, nullptr, "composites of very many slices carry their rounding errors along") \
-    X(ray_maxima,              no,  can, no, nullptr, "rays look up rho where bounds of blocks allow a larger one, and no sheets are summed") \
+    X(ray_extremes,            no,  can, no, nullptr, "rays look up rho where bounds of blocks allow a larger or smaller one, and no sheets are summed") \
     X(sums,                    is,  is,  is, "the renderer's precision", "kernels are summed (always), in the precision that the reason names") \
     X(float64,                 no,  is,  no, "the renderer's precision", "sums and pictures are made in float64") \
     X(float16,                 is,  no,  no, "the renderer's precision", "sheets have 16 bits") \

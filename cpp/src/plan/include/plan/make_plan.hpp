@@ -84,7 +84,7 @@ struct DrawPlan {
     Tagging tagging = Tagging::off;
 
     // Splatting.
-    bool ray_maxima = false; ///< mode mip: rays look up rho at slice points, and no sheets are summed
+    bool ray_extremes = false; ///< modes mip and minimum: rays look up rho at slice points, and no sheets are summed
     Packing packing = Packing::wide;
     bool general = false;  ///< sections move or scale from slab to slab (perspective, leaning ellipsoids)
     bool points = true;    ///< point sprites

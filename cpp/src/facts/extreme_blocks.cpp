@@ -1,4 +1,4 @@
-#include "facts/maxima_blocks.hpp"
+#include "facts/extreme_blocks.hpp"
 
 #include <algorithm>
 #include <array>
@@ -19,7 +19,7 @@ constexpr int wanted_rays = 16, most_rays = 64;
 constexpr std::array<double, 2> recurrence{0.7548776662466927, 0.5698402909980532};
 /// Points of a ray, at most: of more, every few are looked at.
 constexpr std::int64_t most_points = 512;
-constexpr std::size_t most_along = static_cast<std::size_t>(2.0 * MaximaBlocks::largest_radius);
+constexpr std::size_t most_along = static_cast<std::size_t>(2.0 * ExtremeBlocks::largest_radius);
 
 template <class Value>
 bool is_number(Value value) {
@@ -30,28 +30,34 @@ bool is_number(Value value) {
 template <class Value>
 class LatticeSums {
   public:
-    LatticeSums(const RegularField& field, const std::vector<Value>& samples, double peak)
+    LatticeSums(const RegularField& field, const std::vector<Value>& samples, double peak, bool smallest)
         : samples_(samples), shape_(field.shape()), radius_(field.options().radius),
           half_(static_cast<std::int64_t>(std::ceil(std::max(radius_, 1.0)))),
           falloff_(field.kernel().falloff / (radius_ * radius_)), edge_(field.kernel().edge()),
-          weight_bound_(MaximaBlocks::weight_bound(field, peak)) {}
+          weights_(ExtremeBlocks::weights(field, peak)), smallest_(smallest) {}
 
-    /// Of the points in the block of a place (index coordinates).
+    /// Of the points in the block of a place (index coordinates). (Ripples of the sum of weights are neglected, where
+    /// the values of a block are above 0 and the smallest rho is asked for.)
     [[nodiscard]] double bound(const std::array<int, 3>& block) const {
-        std::array<MaximaBlocks::Samples, 3> reaching{};
+        std::array<ExtremeBlocks::Samples, 3> reaching{};
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            reaching[axis] = MaximaBlocks::reaching_into(block[axis], shape_[2 - axis], radius_);
+            reaching[axis] = ExtremeBlocks::reaching_into(block[axis], shape_[2 - axis], radius_);
         }
-        Value greatest{0};
+        bool inside = true;
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            inside = inside && ExtremeBlocks::is_inside(block[axis], shape_[2 - axis], radius_);
+        }
+        // Kernels of all sums that have less weight than those inside: towards 0.
+        Value extreme = smallest_ && inside ? std::numeric_limits<Value>::max() : Value{0};
         for (std::size_t k = reaching[2].begin; k < reaching[2].end; ++k) {
             for (std::size_t j = reaching[1].begin; j < reaching[1].end; ++j) {
                 const Value* row = samples_.data() + (k * shape_[1] + j) * shape_[2];
                 for (std::size_t i = reaching[0].begin; i < reaching[0].end; ++i) {
-                    greatest = row[i] > greatest ? row[i] : greatest;
+                    extreme = (smallest_ ? row[i] < extreme : row[i] > extreme) ? row[i] : extreme;
                 }
             }
         }
-        return static_cast<double>(greatest) * weight_bound_;
+        return static_cast<double>(extreme) * weights_;
     }
 
     /// Samples in a block, and how many of them are not 0.
@@ -59,9 +65,9 @@ class LatticeSums {
         std::int64_t all = 0, drawn = 0;
     };
     [[nodiscard]] Count count(const std::array<int, 3>& block) const {
-        std::array<MaximaBlocks::Samples, 3> in{};
+        std::array<ExtremeBlocks::Samples, 3> in{};
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            in[axis] = MaximaBlocks::reaching_into(block[axis], shape_[2 - axis], 0.0);
+            in[axis] = ExtremeBlocks::reaching_into(block[axis], shape_[2 - axis], 0.0);
         }
         Count count;
         for (std::size_t k = in[2].begin; k < in[2].end; ++k) {
@@ -73,6 +79,17 @@ class LatticeSums {
             }
         }
         return count;
+    }
+
+    /// Whether any kernel reaches a place.
+    [[nodiscard]] bool reaches(const Vec3& place) const {
+        double distance2 = 0.0;
+        for (int axis = 0; axis < 3; ++axis) {
+            const double last = static_cast<double>(shape_[static_cast<std::size_t>(2 - axis)]) - 1.0;
+            const double off = place[axis] - std::clamp(std::round(place[axis]), 0.0, last);
+            distance2 += off * off;
+        }
+        return distance2 < radius_ * radius_;
     }
 
     [[nodiscard]] double rho(const Vec3& place) const {
@@ -112,7 +129,8 @@ class LatticeSums {
     const double radius_;
     const std::int64_t half_; ///< samples on either side that may reach a point
     const double falloff_, edge_;
-    const double weight_bound_;
+    const double weights_;
+    const bool smallest_;
 };
 
 /// The points of a ray where kernels may reach: start + n step, begin <= n < end, index coordinates.
@@ -158,7 +176,7 @@ Points points_of(const RegularField& field, const Camera& camera, const Frame& f
 
 } // namespace
 
-bool MaximaBlocks::fit(const RegularField& field) {
+bool ExtremeBlocks::fit(const RegularField& field) {
     const double radius = field.options().radius;
     if (field.lattice() != Lattice::cartesian || field.normalization() == Normalization::threshold ||
         radius > largest_radius) {
@@ -178,23 +196,29 @@ bool MaximaBlocks::fit(const RegularField& field) {
     return blocks < static_cast<double>(std::numeric_limits<std::int32_t>::max());
 }
 
-int MaximaBlocks::count_along(std::size_t samples, double radius) {
+int ExtremeBlocks::count_along(std::size_t samples, double radius) {
     return static_cast<int>(std::floor((static_cast<double>(samples) - 1.0 + radius) / edge)) + 2;
 }
 
-MaximaBlocks::Samples MaximaBlocks::reaching_into(int b, std::size_t samples, double radius) {
+ExtremeBlocks::Samples ExtremeBlocks::reaching_into(int b, std::size_t samples, double radius) {
     const double low = edge * (b - 1.0) - radius, high = edge * b + radius;
     const double most = static_cast<double>(samples);
     const double begin = std::clamp(std::floor(low) + 1.0, 0.0, most), end = std::clamp(std::ceil(high), 0.0, most);
     return {static_cast<std::size_t>(begin), static_cast<std::size_t>(std::max(begin, end))};
 }
 
-double MaximaBlocks::weight_bound(const RegularField& field, double peak) {
-    return peak * field.lattice_constant() / field.kernel().gain();
+bool ExtremeBlocks::is_inside(int b, std::size_t samples, double radius) {
+    const double low = edge * (b - 1.0) - radius, high = edge * b + radius;
+    return low >= -1.0 && high <= static_cast<double>(samples);
 }
 
-MaximaFacts maxima_facts(const RegularField& field, double peak, const Camera& camera, const Frame& frame) {
-    if (frame.slices == 0 || field.size() == 0 || field.value_range()[1] <= 0.0) {
+double ExtremeBlocks::weights(const RegularField& field, double ripple) {
+    return ripple * field.lattice_constant() / field.kernel().gain();
+}
+
+ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest, const Camera& camera,
+                           const Frame& frame) {
+    if (frame.slices == 0 || field.size() == 0 || (!smallest && field.value_range()[1] <= 0.0)) {
         return {};
     }
     const auto share = [](std::int64_t part, std::int64_t of) {
@@ -203,9 +227,12 @@ MaximaFacts maxima_facts(const RegularField& field, double peak, const Camera& c
     return std::visit(
         [&](const auto& samples) {
             using Value = typename std::decay_t<decltype(samples)>::value_type;
-            const LatticeSums<Value> lattice(field, samples, peak);
+            const LatticeSums<Value> lattice(field, samples, peak, smallest);
+            const auto beyond = [smallest](double a, double b) { return smallest ? a < b : a > b; };
             std::vector<double> bounds;
-            std::int64_t looked = 0, above = 0, samples_met = 0, drawn = 0;
+            const auto [least, greatest] = field.value_range();
+            const double farthest = ExtremeBlocks::weights(field, peak) * (smallest ? std::min(least, 0.0) : greatest);
+            std::int64_t looked = 0, left = 0, asked = 0, samples_met = 0, drawn = 0;
             int rays = 0;
             for (int candidate = 1; candidate <= most_rays && rays < wanted_rays; ++candidate) {
                 const auto along = [&](std::size_t axis, int pixels) {
@@ -221,13 +248,13 @@ MaximaFacts maxima_facts(const RegularField& field, double peak, const Camera& c
                 const std::int64_t every = (points.end - points.begin + most_points - 1) / most_points;
                 bounds.clear();
                 std::array<int, 3> last{-1, -1, -1};
-                double bound = 0.0, largest = 0.0;
+                double bound = 0.0, extreme = smallest ? std::numeric_limits<double>::infinity() : 0.0;
                 for (std::int64_t n = points.begin; n < points.end; n += every) {
                     const Vec3 place = points.start + static_cast<double>(n) * points.step;
                     std::array<int, 3> block{};
                     for (int axis = 0; axis < 3; ++axis) {
                         block[static_cast<std::size_t>(axis)] =
-                            std::max(0, static_cast<int>(std::floor(place[axis] / MaximaBlocks::edge)) + 1);
+                            std::max(0, static_cast<int>(std::floor(place[axis] / ExtremeBlocks::edge)) + 1);
                     }
                     if (block != last) {
                         bound = lattice.bound(block);
@@ -237,14 +264,16 @@ MaximaFacts maxima_facts(const RegularField& field, double peak, const Camera& c
                         last = block;
                     }
                     bounds.push_back(bound);
-                    if (bound > largest) {
-                        largest = std::max(largest, lattice.rho(place));
+                    asked += beyond(farthest, extreme) ? 1 : 0;
+                    if (beyond(bound, extreme) && (!smallest || lattice.reaches(place))) {
+                        const double rho = lattice.rho(place);
+                        extreme = beyond(rho, extreme) ? rho : extreme;
                     }
                 }
                 looked += static_cast<std::int64_t>(bounds.size());
-                above += std::count_if(bounds.begin(), bounds.end(), [&](double of) { return of > largest; });
+                left += std::count_if(bounds.begin(), bounds.end(), [&](double of) { return beyond(of, extreme); });
             }
-            return MaximaFacts{share(above, looked), share(drawn, samples_met)};
+            return ExtremeFacts{share(left, looked), share(asked, looked), share(drawn, samples_met)};
         },
         field.samples());
 }

@@ -1,12 +1,12 @@
-// Mode mip of a lattice: each pixel's ray looks up the slice points where rho can be larger than the largest that it
-// has found, by the bounds of LatticeMaxima. The first points that it looks at are those where its neighbours found
-// their maxima. What is found does not depend on the order. Source: conventions, sections 2, 3 and 7.
+// Modes mip and minimum of a lattice: each pixel's ray looks up the slice points where rho can be larger (or smaller)
+// than what it has found, by the bounds of LatticeExtremes. The first points that it looks at are those where its
+// neighbours found theirs. What is found does not depend on the order. Source: conventions, sections 2, 3 and 7.
 
-#if defined(SHEETSPLAT_CPU_RAY_MAXIMA_INL) == defined(HWY_TARGET_TOGGLE)
-#ifdef SHEETSPLAT_CPU_RAY_MAXIMA_INL
-#undef SHEETSPLAT_CPU_RAY_MAXIMA_INL
+#if defined(SHEETSPLAT_CPU_RAY_EXTREMES_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef SHEETSPLAT_CPU_RAY_EXTREMES_INL
+#undef SHEETSPLAT_CPU_RAY_EXTREMES_INL
 #else
-#define SHEETSPLAT_CPU_RAY_MAXIMA_INL
+#define SHEETSPLAT_CPU_RAY_EXTREMES_INL
 #endif
 
 #include <algorithm>
@@ -15,10 +15,11 @@
 #include <cstdint>
 #include <cstring>
 #include <functional>
+#include <limits>
 #include <type_traits>
 #include <variant>
 
-#include "backend_cpu/lattice_maxima.hpp"
+#include "backend_cpu/lattice_extremes.hpp"
 #include "backend_cpu/measured.hpp"
 #include "backend_cpu/tile.hpp"
 #include "hwy/highway.h"
@@ -132,42 +133,64 @@ class LatticePoints {
     HWY_ALIGN T columns_[layer], rows_[layer]; ///< what is added to a place's distance from the sample before it
 };
 
-template <class T, class Points>
-class RayMaxima {
+template <class T, class Points, Extreme extreme>
+class RayExtremes {
   public:
-    RayMaxima(const MaximaView& view, const TileShape& tile, const Points& points)
+    RayExtremes(const ExtremesView& view, const TileShape& tile, const Points& points)
         : view_(view), tile_(tile), points_(points), first_(view.places->places(TileShape{}, 0)),
           last_(view.places->places(TileShape{}, view.slices - 1)), per_slice_(1.0 / std::max<double>(1.0, most())),
           radius_(view.places->radius()), past_(view.places->last() + view.places->radius()),
-          // Rounding of sums and of the bound itself.
-          per_value_((1.0 - 1e-5) / (view.value_scale * view.maxima->weight_bound() * view.maxima->greatest())) {}
+          per_value_(1.0 / (view.value_scale * view.bounds->scale())), farthest_(view.bounds->farthest()) {}
 
-    /// Writes a tile's largest rho, at least 0. Returns how many points were looked up.
+    /// Writes a tile's numbers. Returns how many points were looked up.
     std::uint64_t run(T* plane, const std::function<bool()>& between) {
         std::int64_t above[largest_tile];
         std::fill(above, above + tile_.width, none);
         for (int y = 0; y < tile_.height; ++y) {
             std::int64_t left = none;
             for (int x = 0; x < tile_.width; ++x) {
-                const T most = ray(x, y, left, above[x], between);
+                const T rho = ray(x, y, left, above[x], between);
                 if (given_up_) {
                     return looked_up_;
                 }
-                plane[static_cast<std::ptrdiff_t>(y) * tile_.stride + x] = most * static_cast<T>(view_.scalar_step);
+                plane[static_cast<std::ptrdiff_t>(y) * tile_.stride + x] = rho * static_cast<T>(view_.scalar_step);
             }
         }
         return looked_up_;
     }
 
   private:
+    static constexpr bool smallest = extreme == Extreme::smallest;
     static constexpr std::int64_t none = -1;
     /// Points and blocks between two questions whether to go on.
     static constexpr std::uint64_t steps_between_polls = 8192;
+    /// What bounds differ from sums in float32 by, relatively. Smaller floats are not relative to their roundings.
+    static constexpr double slack = 1e-5, least_share = 1e-30;
 
     /// The last slice.
     [[nodiscard]] double most() const { return static_cast<double>(view_.slices - 1); }
 
-    /// left, above: slices where neighbouring rays found their maxima; both become that of this ray.
+    template <class Number>
+    [[nodiscard]] static HWY_INLINE bool is_beyond(Number a, Number b) {
+        return smallest ? a < b : a > b;
+    }
+
+    /// What a block's bound must be beyond, where rho has been found.
+    [[nodiscard]] float limit(T rho) const {
+        const double share = static_cast<double>(rho) * per_value_;
+        const double size = std::abs(share);
+        if (!(size < 2.0)) {
+            return nothing_found;
+        }
+        if (size <= least_share) {
+            return smallest && rho > T(0) ? static_cast<float>(least_share) : 0.0F;
+        }
+        return static_cast<float>(share + (smallest ? slack : -slack) * size);
+    }
+    /// Every bound that allows anything is beyond it.
+    static constexpr float nothing_found = smallest ? 3.0F : 0.0F;
+
+    /// left, above: slices where neighbouring rays found their extremes; both become that of this ray.
     T ray(int x, int y, std::int64_t& left, std::int64_t& above, const std::function<bool()>& between) {
         const auto at = [&](const LatticeReach::Places& places) {
             return places.first + static_cast<double>(tile_.x + x) * places.by_column +
@@ -178,32 +201,33 @@ class RayMaxima {
         for (int axis = 0; axis < 3; ++axis) {
             keep(start[axis], step[axis], axis, low, high);
         }
-        // (A pixel that leaves the lattice aside forgets its neighbours' maxima.)
+        // (A pixel that leaves the lattice aside forgets where its neighbours found theirs.)
         std::int64_t found = none;
-        T largest = T(0);
-        float least = 0.0F; ///< what a block must exceed
+        T most_of_all = T(0);
+        float beyond = nothing_found;
         const auto look_at = [&](std::int64_t n) {
+            if (smallest && !reaches(start + static_cast<double>(n) * step)) {
+                return;
+            }
             const T rho = points_.rho(start, step, n);
             ++looked_up_;
-            if (rho > largest) {
-                largest = rho;
+            if (is_beyond(rho, most_of_all) || (smallest && found == none)) {
+                most_of_all = rho;
                 found = n;
-                const double share = static_cast<double>(rho) * per_value_;
-                // (Of smaller floats the roundings are not relative to them.)
-                least = share > 1e-30 && share < 2.0 ? static_cast<float>(share) : 0.0F;
+                beyond = limit(rho);
             }
         };
         if (low <= high) {
             const auto begin = static_cast<std::int64_t>(std::ceil(low)), end = static_cast<std::int64_t>(high) + 1;
             for (const std::int64_t n : {left, above}) {
-                if (n >= begin && n < end && n != found) {
+                if (n >= begin && n < end && n != found && is_beyond(farthest_, beyond)) {
                     look_at(n);
                 }
             }
-            march(start, step, begin, end, least, look_at, between);
+            march(start, step, begin, end, beyond, look_at, between);
         }
         left = above = found;
-        return largest;
+        return most_of_all;
     }
 
     /// Keeps the slices whose points lie where kernels reach along one axis.
@@ -218,33 +242,44 @@ class RayMaxima {
         high = std::min(high, std::max(a, b));
     }
 
-    /// Looks at slices begin ... end - 1 where blocks exceed `least`, which look_at raises.
+    /// Whether any kernel reaches a point: the one of the nearest sample does.
+    [[nodiscard]] bool reaches(const Vec3& place) const {
+        double distance2 = 0.0;
+        for (int axis = 0; axis < 3; ++axis) {
+            const double sample = std::min(std::max(std::nearbyint(place[axis]), 0.0), view_.places->last()[axis]);
+            distance2 += (place[axis] - sample) * (place[axis] - sample);
+        }
+        return distance2 < radius_ * radius_;
+    }
+
+    /// Looks at slices begin ... end - 1 where bounds of blocks are beyond what look_at moves.
     template <class LookAt>
-    HWY_INLINE void march(const Vec3& start, const Vec3& step, std::int64_t begin, std::int64_t end, const float& least,
-                          const LookAt& look_at, const std::function<bool()>& between) {
+    HWY_INLINE void march(const Vec3& start, const Vec3& step, std::int64_t begin, std::int64_t end,
+                          const float& beyond, const LookAt& look_at, const std::function<bool()>& between) {
         const hn::CappedTag<double, 8> d;
         const hn::Rebind<std::int32_t, decltype(d)> d_whole;
         const hn::Rebind<float, decltype(d)> d_share;
         const int lanes = static_cast<int>(hn::Lanes(d));
-        const auto& blocks = view_.maxima->blocks();
-        const float* shares = view_.maxima->shares();
+        const auto& blocks = view_.bounds->blocks();
+        const float* all_bounds = view_.bounds->bounds();
         HWY_ALIGN float bounds[8];
-        for (std::int64_t n = begin; n < end; n += lanes) {
+        for (std::int64_t n = begin; n < end && is_beyond(farthest_, beyond); n += lanes) {
             const auto slice = hn::Iota(d, static_cast<double>(n));
             auto block = hn::Zero(d);
             for (int axis = 2; axis >= 0; --axis) {
                 const auto place = hn::MulAdd(slice, hn::Set(d, step[axis]), hn::Set(d, start[axis]));
-                const auto along = hn::Floor(hn::MulAdd(place, hn::Set(d, 1.0 / MaximaBlocks::edge), hn::Set(d, 1.0)));
+                const auto along = hn::Floor(hn::MulAdd(place, hn::Set(d, 1.0 / ExtremeBlocks::edge), hn::Set(d, 1.0)));
                 const auto last = hn::Set(d, static_cast<double>(blocks[static_cast<std::size_t>(axis)] - 1));
                 block = hn::MulAdd(block, hn::Add(last, hn::Set(d, 1.0)), hn::Min(hn::Max(along, hn::Zero(d)), last));
             }
-            const auto bound = hn::GatherIndex(d_share, shares, hn::DemoteTo(d_whole, block));
+            const auto bound = hn::GatherIndex(d_share, all_bounds, hn::DemoteTo(d_whole, block));
             asked_ += static_cast<std::uint64_t>(lanes);
-            if (!hn::AllFalse(d_share, hn::Gt(bound, hn::Set(d_share, least)))) {
+            const auto limit = hn::Set(d_share, beyond);
+            if (!hn::AllFalse(d_share, smallest ? hn::Lt(bound, limit) : hn::Gt(bound, limit))) {
                 hn::Store(bound, d_share, bounds);
                 const int count = static_cast<int>(std::min<std::int64_t>(lanes, end - n));
                 for (int lane = 0; lane < count; ++lane) {
-                    if (bounds[lane] > least) {
+                    if (is_beyond(bounds[lane], beyond)) {
                         look_at(n + lane);
                         asked_ += 16;
                     }
@@ -260,24 +295,26 @@ class RayMaxima {
         }
     }
 
-    const MaximaView& view_;
+    const ExtremesView& view_;
     const TileShape& tile_;
     const Points& points_;
     const LatticeReach::Places first_, last_; ///< from the picture's first pixel on, so that tiles do not matter
     const double per_slice_;
     const double radius_;
     const Vec3 past_;
-    const double per_value_; ///< from the sheets' unit to shares of the greatest sample
+    const double per_value_; ///< from the sheets' unit to that of bounds
+    const float farthest_;   ///< bound of any block
     std::uint64_t looked_up_ = 0, asked_ = 0;
     bool given_up_ = false;
 };
 
-/// Writes a tile's largest rho, at least 0, to a plane; between: as TileFunctions::run takes it. Returns how many
-/// points were looked up.
+/// Writes a tile's largest rho, at least 0, or its smallest one to a plane of zeros; between: as TileFunctions::run
+/// takes it. Returns how many points were looked up.
 template <class T>
-std::uint64_t find_maxima(const MaximaView& view, const TileShape& tile, T* plane,
-                          const std::function<bool()>& between) {
-    if (view.maxima->greatest() <= 0.0) {
+std::uint64_t find_extremes(const ExtremesView& view, const TileShape& tile, T* plane,
+                            const std::function<bool()>& between) {
+    if (view.bounds->scale() <= 0.0) {
+        std::fill(plane, plane + tile.picture_elements(), T(0));
         return 0;
     }
     return std::visit(
@@ -285,7 +322,10 @@ std::uint64_t find_maxima(const MaximaView& view, const TileShape& tile, T* plan
             using Value = typename std::decay_t<decltype(samples)>::value_type;
             const auto within = [&](auto half) {
                 const LatticePoints<T, Value, half.value> points(*view.field, view.value_scale);
-                return RayMaxima<T, decltype(points)>(view, tile, points).run(plane, between);
+                return view.extreme == Extreme::largest
+                           ? RayExtremes<T, decltype(points), Extreme::largest>(view, tile, points).run(plane, between)
+                           : RayExtremes<T, decltype(points), Extreme::smallest>(view, tile, points)
+                                 .run(plane, between);
             };
             const double radius = view.places->radius();
             return radius <= 2.0   ? within(std::integral_constant<int, 2>())
@@ -298,4 +338,4 @@ std::uint64_t find_maxima(const MaximaView& view, const TileShape& tile, T* plan
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
-#endif // SHEETSPLAT_CPU_RAY_MAXIMA_INL
+#endif // SHEETSPLAT_CPU_RAY_EXTREMES_INL

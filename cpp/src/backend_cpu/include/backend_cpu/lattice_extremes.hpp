@@ -1,0 +1,57 @@
+// Modes mip and minimum of a lattice without sheets: rays look up the points where rho can be larger (or smaller) than
+// what they have found so far, by bounds of blocks (facts/extreme_blocks). Whether they do is the plan's effect
+// ray_extremes.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "backend_cpu/lattice_reach.hpp"
+#include "base/threads.hpp"
+#include "facts/extreme_blocks.hpp"
+#include "sheetsplat/field.hpp"
+
+namespace sheetsplat::backend_cpu {
+
+enum class Extreme { largest, smallest };
+
+/// Bounds of rho of a Cartesian lattice, block by block.
+class LatticeExtremes {
+  public:
+    /// field: ExtremeBlocks must fit. poll: as ThreadPool::run takes it. Throws OutOfMemory.
+    static LatticeExtremes of(const RegularField& field, Extreme extreme, ThreadPool& pool,
+                              const std::function<void()>& poll = {});
+
+    /// Blocks along i, j and k (ExtremeBlocks).
+    [[nodiscard]] const std::array<int, 3>& blocks() const { return blocks_; }
+    /// Of each block what rho does not exceed, at least 0 (or is not less than), as a share of scale(), rounded away
+    /// from what it bounds. [k][j][i]
+    [[nodiscard]] const float* bounds() const { return bounds_.data(); }
+    /// The farthest of them.
+    [[nodiscard]] float farthest() const { return farthest_; }
+    /// A sum of samples by weights as sheets are summed from; at most 0 where no rho is above 0 (or every rho is 0).
+    [[nodiscard]] double scale() const { return scale_; }
+    [[nodiscard]] std::size_t bytes() const { return bounds_.capacity() * sizeof(float); }
+
+  private:
+    std::array<int, 3> blocks_{};
+    std::vector<float> bounds_;
+    float farthest_ = 0.0F;
+    double scale_ = 0.0;
+};
+
+/// A lattice whose extremes are looked up in one view.
+struct ExtremesView {
+    const RegularField* field = nullptr;
+    Extreme extreme = Extreme::largest;
+    const LatticeExtremes* bounds = nullptr;
+    const LatticeReach* places = nullptr;
+    std::int64_t slices = 0;
+    double value_scale = 1.0; ///< of FieldView
+    double scalar_step = 1.0; ///< what the picture's numbers are multiplied by
+};
+
+} // namespace sheetsplat::backend_cpu

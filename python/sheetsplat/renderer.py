@@ -31,15 +31,13 @@ from sheetsplat.options.renderer import (
     check_backend,
 )
 from sheetsplat.plan import RenderPlan
-from sheetsplat.quality.thin import may_be_flat, unmet_kernels
+from sheetsplat.quality.thin import LEAST_UNMET, may_be_flat, unmet_kernels
 from sheetsplat.recipe import Recipe
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import counting_samples, fine_depths, fine_size
 
 _log = logging.getLogger("sheetsplat")
 
-# Kernels between slices are told where they are this share of what shows; `image.error` cannot see them.
-_LEAST_UNSEEN = 1e-3
 # Effects that look light up on grids, and the root mean square error of a picture from which on a warning says so.
 _LIGHT = {"shadows": "shadows", "ambient_occlusion": "the ambient occlusion"}
 _LARGE_LIGHT_ERROR = 0.05
@@ -451,7 +449,7 @@ class Renderer:
         if is_muted() or not point or scene.filter is not None or not may_be_flat(shown):
             return
         unmet = unmet_kernels(shown, image.camera, image.size)
-        if unmet.share < _LEAST_UNSEEN:
+        if unmet.share < LEAST_UNMET:
             return
         warn(
             f"{unmet.count} kernels, {100.0 * unmet.share:.3g} % of what shows, lie between slices and are not seen: "

@@ -201,6 +201,37 @@ def test_light_that_is_rough_calls_for_more_slices(smooth):
     assert ss.render(shell, slice_spacing=0.7, **SMALL).plan.slice_spacing == 0.7
 
 
+def wide_and_thin(wide: int, thin: int, radius: float, value: float, away: float = 0.0) -> ss.EllipsoidField:
+    """Return wide spheres of value 1, and more thin ones of another value, among them or beside them."""
+    rng = np.random.default_rng(11)
+    centers = np.concatenate((rng.uniform(0, 1, (wide, 3)), away + rng.uniform(0.4, 0.6, (thin, 3))))
+    radii = np.concatenate((np.full(wide, 0.3), np.full(thin, radius)))
+    return ss.EllipsoidField(centers, radii, values=np.where(radii > 0.1, 1.0, value) + 0.1 * centers[:, 0], w0=0.01)
+
+
+def test_thin_kernels_that_do_not_show_do_not_set_the_slices():
+    """They set the default distance of slices; fewer slices are taken where an estimate keeps the error."""
+    field = wide_and_thin(300, 400, 0.0015, 0.0)
+    options = {"size": 64, "backend": "cpu", "opacity": [(0.5, 0.0), (1.1, 0.3)], "reference_length": 0.1}
+    found = {name: ss.render(field, quality=name, **options) for name in QUALITIES}
+    slices = [image.plan.slices for image in found.values()]
+    assert slices[0] <= 128 < slices[1] <= 512 < slices[2] <= 1024
+    assert found["good"].error.rmse < 5e-3 and found["best"].error.rmse < 2e-3
+    assert "not those of the thinnest" in told(found["good"])["slice_spacing"].reason
+    # An option wins, and so does a goal.
+    given = ss.render(field, slice_spacing=0.002, **options)
+    assert given.plan.slice_spacing == 0.002
+    assert told(ss.render(field, max_error=0.05, **{**options, "size": 8}))["slice_spacing"].reason.startswith(
+        "chosen anew"
+    )
+
+
+def test_thin_kernels_that_show_are_met():
+    look = {"opacity": [(0.5, 0.0), (1.1, 0.3), (5.5, 0.9)], "clim": (0.5, 5.5), "reference_length": 0.1}
+    image = ss.render(wide_and_thin(5, 3000, 0.004, 5.0, away=1.5), size=64, backend="cpu", **look)
+    assert image.plan.slices > 1000 and image.plan.slice_spacing <= 0.002
+
+
 @pytest.mark.parametrize("name", QUALITIES)
 def test_fields_that_leave_it_open_are_shown_as_their_array(smooth, name):
     field = ss.RegularField(smooth)

@@ -16,8 +16,8 @@ from sheetsplat.options.quality import QUALITIES
 from sheetsplat.options.scene import SceneOptions
 from sheetsplat.plan import PictureQuality, QualitySetting
 from sheetsplat.quality.samples import through_samples
-from sheetsplat.quality.slicing import SLICES, can_be_estimated, slicing_error
-from sheetsplat.quality.thin import may_be_thin, small_kernels
+from sheetsplat.quality.slicing import SLICES, can_be_estimated, depth_extent, has_lit_kernels, slicing_error
+from sheetsplat.quality.thin import LEAST_UNMET, may_be_thin, small_kernels, unmet_kernels
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import fine_size
 
@@ -62,6 +62,10 @@ class _Level:
         How many slices there are to one of the default distance, by the mode; 1 in modes that are not named. "unlit" is
         mode composite without lights, where named. Volumes of plain sums alone have smaller kernels, or fewer that
         show, so that more slices take the same time.
+    few
+        Of lit scattered kernels, whose thinnest ones may set the distance of slices for all: an error, and how many
+        slices are tried, and twice as many, where there would be over twice as many. Those that keep the error are
+        taken.
     lit
         Error that the slices of lit volumes in mode composite may have, and the least and the most of them to one of
         the default distance; None: `volumes` holds.
@@ -78,6 +82,7 @@ class _Level:
     volumes: Mapping[str, int]
     plain_volumes: Mapping[str, int]
     scattered: Mapping[str, int]
+    few: tuple[float, int]
     lit: tuple[float, int, int] | None
     stop: float | None
     filters: bool
@@ -89,13 +94,14 @@ _TWICE = dict.fromkeys(("composite", "isosurface", "mip", "minimum"), 2)
 _ROUGH = 2e-2
 # Found by measurement: docs/quality.md, "Accuracy and time of each quality", and ./run bench quality.
 _LEVELS = {
-    "draft": _Level(None, {}, {}, {}, None, None, False),
-    "good": _Level((2.0, 5.0), _TWICE, _TWICE, {"composite": 2}, (5e-3, 2, 3), 0.995, True),
+    "draft": _Level(None, {}, {}, {}, (1e-2, 128), None, None, False),
+    "good": _Level((2.0, 5.0), _TWICE, _TWICE, {"composite": 2}, (5e-3, 256), (5e-3, 2, 3), 0.995, True),
     "best": _Level(
         (2.5, 7.0),
         {**dict.fromkeys(_TWICE, 4), "unlit": 3, "average": 2},
         {**dict.fromkeys(_TWICE, 6), "average": 2},
         {"composite": 4, "isosurface": 2, "mip": 2, "minimum": 2},
+        (1.7e-3, 512),
         (1.7e-3, 4, 8),
         0.999,
         True,
@@ -247,7 +253,8 @@ class Choice:
     def finished(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
         """Return the scene with its filter, and with what was set, for the plan."""
         if not self._kept:
-            scene = self._filtered(self._with_slices_for_light(scene, camera, size), camera, size)
+            scene = self._with_few_slices(self._with_slices_for_light(scene, camera, size), camera, size)
+            scene = self._filtered(scene, camera, size)
         return scene.with_quality(self.quality)
 
     def _with_slices_for_light(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
@@ -270,6 +277,22 @@ class Choice:
         reason = f"1/{slices} of the default: an estimated error of {error * SLICES / slices:.1e} by slices"
         self._set_again("slice_spacing", changes["slice_spacing"], reason)
         return scene.replace(**changes)
+
+    def _with_few_slices(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
+        """Return a scene of scattered kernels with fewer slices where thin kernels that hardly show call for many."""
+        if self._free or "slice_spacing" in self._given or not has_lit_kernels(scene):
+            return scene
+        (most, first), extent = self._level.few, depth_extent(scene, camera)
+        for slices in (first, 2 * first):
+            if extent <= 2 * slices * scene.slice_spacing:
+                break
+            coarse = scene.replace(slice_spacing=extent / slices)
+            error = slicing_error(scene, camera, size, SLICES * coarse.slice_spacing)
+            if error <= most and unmet_kernels(coarse, camera, size).share < LEAST_UNMET:
+                reason = f"{slices} slices, and not those of the thinnest kernels: an estimated error of {error:.1e}"
+                self._set_again("slice_spacing", coarse.slice_spacing, reason)
+                return coarse
+        return scene
 
     def _samples(self, scene: Scene, slices: int) -> tuple[_Samples | None, str]:
         """Return how many samples a pixel has where light calls for so many slices, and why; None: one, or as given."""

@@ -1,4 +1,4 @@
-"""How far slices of a lit volume are from ones ever closer together: along some rays of its picture, by its field."""
+"""How far slices of a lit scene are from ones ever closer together: along some rays of its picture, by its fields."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds
 from sheetsplat.camera import Camera
-from sheetsplat.fields import BrickedField, Field, RegularField, joined_bounds
+from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.look.visible import camera_axes
 from sheetsplat.scene import Scene
@@ -65,8 +65,20 @@ def _can_be_read(scene: Scene, field: Field) -> bool:
     return field.can_be_probed and not scene.options["shadows"] and scene.options["ambient_occlusion"] is None
 
 
-def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:
-    """Return the estimated RMSE of a picture with `SLICES` slices to one of the default distance.
+def has_lit_kernels(scene: Scene) -> bool:
+    """Return whether a scene shows scattered kernels alone, lit, whose slices can be estimated at any distance."""
+    scattered = all(isinstance(one, EllipsoidField) and one.size for one in scene.fields)
+    return scattered and scene.mode == "composite" and len(scene.groups) == 1 and bool(scene.lights)
+
+
+def depth_extent(scene: Scene, camera: Camera) -> float:
+    """Return how long the box around a scene's supports is along the view, world units."""
+    first, last = _depth_range(joined_bounds([one.bounds for one in scene.fields]), camera)
+    return max(0.0, last - first)
+
+
+def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int], distance: float | None = None) -> float:
+    """Return the estimated RMSE of a picture with `SLICES` slices to a distance, of None to the default one.
 
     Normals in homogeneous material change from sample to sample, by the noise of the samples: light is then as rough as
     its steps are short, and the error falls with the distance of slices, not with its square. How rough it is depends
@@ -75,7 +87,8 @@ def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:
     are left out.
     """
     fields = [one.where_seen(scene.transfer_function) if isinstance(one, BrickedField) else one for one in scene.fields]
-    distance = min(one.default_slice_spacing for one in fields)
+    if distance is None:
+        distance = min(one.default_slice_spacing for one in fields)
     bounds = joined_bounds([one.bounds for one in fields])
     rays = _rays(camera, size)
     depths = _depths(rays, bounds, camera, distance)
@@ -119,9 +132,15 @@ def _rays(camera: Camera, size: tuple[int, int]) -> _Rays:
 
 def _depths(rays: _Rays, bounds: Bounds, camera: Camera, distance: float) -> Floats:
     """Return depths a distance apart at which a camera sees a box."""
+    first, last = _depth_range(bounds, camera)
+    return np.arange(max(first, rays.near), last, distance) + 0.5 * distance
+
+
+def _depth_range(bounds: Bounds, camera: Camera) -> tuple[float, float]:
+    """Return the depths of the nearest and the farthest corner of a box."""
     corners = np.array(np.meshgrid(*zip(*bounds, strict=True))).reshape(3, -1).T
     found = -((corners - np.asarray(camera.eye)) @ camera_axes(camera)[2])
-    return np.arange(max(float(found.min()), rays.near), float(found.max()), distance) + 0.5 * distance
+    return float(found.min()), float(found.max())
 
 
 def _in_box(rays: _Rays, depths: Floats, bounds: Bounds) -> NDArray[np.bool_]:

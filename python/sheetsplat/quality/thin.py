@@ -23,6 +23,8 @@ _MOST = 50_000
 # Kernels whose neighbours are looked at; one with less than this times its own weight at its centre stands alone.
 _ENOUGH = 256
 _ALONE = 2.0
+#: Kernels between slices are told from this share of what shows on; `image.error` cannot see them.
+LEAST_UNMET = 1e-3
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from sheetsplat import pixels
 from sheetsplat.animation.sources import Source
+from sheetsplat.bricks.cluster import is_wanted, naming
 from sheetsplat.bricks.needs import bricked_field
 from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
@@ -92,16 +93,23 @@ def rgb_of(image: Image) -> np.ndarray[Any, np.dtype[np.uint8]]:
 
 def draw(scene: Scene, task: Task, progress: Progress | None = None) -> Image:
     """Return the picture of a frame."""
+    renderer = _renderer(task.settings)
     if bricked_field(scene) is not None:
-        return draw_in_bricks(dict(task.settings), scene, task.camera, task.size, (), progress)
-    return _renderer(task.settings).render(scene, task.camera, size=task.size, progress=progress)
+        return draw_in_bricks(renderer.settings, scene, task.camera, task.size, (), progress)
+    return renderer.render(scene, task.camera, size=task.size, progress=progress)
 
 
-def draw_elsewhere(source: Source, task: Task) -> Drawn:
+def draw_by_worker(source: Source, task: Task) -> Drawn:
+    """Return what `draw_elsewhere` does, in a worker of dask: until the task is cancelled; errors name the worker."""
+    with naming(f"frame {task.number}"):
+        return draw_elsewhere(source, task, is_wanted)
+
+
+def draw_elsewhere(source: Source, task: Task, progress: Progress | None = None) -> Drawn:
     """Return a frame as bytes, with its warnings: for other processes, which keep the scene of their last source."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", PictureWarning)
-        content = content_of(draw(_scene_of(source), task), task)
+        content = content_of(draw(_scene_of(source), task, progress), task)
     told = [one.message for one in caught]
     return Drawn(content, tuple(one.words for one in told if isinstance(one, PictureWarning)))
 

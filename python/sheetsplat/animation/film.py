@@ -20,7 +20,16 @@ import numpy as np
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import shown, truth
 from sheetsplat._time_left import time_left
-from sheetsplat.animation.drawing import Drawn, Form, Task, content_of, draw_elsewhere, rgb_of, settings_of
+from sheetsplat.animation.drawing import (
+    Drawn,
+    Form,
+    Task,
+    content_of,
+    draw_by_worker,
+    draw_elsewhere,
+    rgb_of,
+    settings_of,
+)
 from sheetsplat.animation.encoding import SUFFIXES, encoder, find_ffmpeg
 from sheetsplat.animation.folder import frames_there, make_folder, name_of
 from sheetsplat.animation.sources import MemoryStep, OneScene, Source
@@ -208,11 +217,14 @@ class Animation(Sequence[Image]):
             yield from self._drawn_here(numbers, task, progress)
             return
         if client is not None and any(_in_bricks(self._frames[n]) for n in numbers):
-            yield from self._drawn_in_bricks(numbers, task, client, progress)
+            # Workers that keep all of the data draw frames by themselves.
+            alone = _alone(client, self._frames[numbers[0]])
+            by = self._drawn_there if alone else self._drawn_in_bricks
+            yield from by(numbers, task, client, progress)
             return
         pool = Workers(min(workers, len(numbers))) if client is None and numbers else None
         try:
-            yield from self._drawn_there(numbers, task, pool, client, workers, progress)
+            yield from self._drawn_there(numbers, task, client, progress, pool, workers)
         finally:
             if pool is not None:
                 pool.close()
@@ -232,22 +244,16 @@ class Animation(Sequence[Image]):
     def _drawn_in_bricks(
         self, numbers: Sequence[int], task: Callable[[int], Task], client: Any, progress: Progress
     ) -> Iterator[tuple[int, bytes]]:
-        """Yield frames of data in bricks, each drawn by all workers, the next one begun meanwhile.
-
-        Where each worker can keep all of the data, each draws frames of its own.
-        """
+        """Yield frames of data in bricks, each drawn by all workers, the next one begun meanwhile."""
         waiting: deque[tuple[int, Begun]] = deque()
         rest = iter(numbers)
-        alone = _alone(client, self._frames[numbers[0]]) if numbers else 0
-        settings = dict(self._renderer.settings)
         try:
             for done in range(len(numbers)):
-                while len(waiting) < _AHEAD * max(alone, 1) and (number := next(rest, None)) is not None:
+                while len(waiting) < _AHEAD and (number := next(rest, None)) is not None:
                     frame = self._frames[number]
                     assert isinstance(frame, SceneFrame)
-                    scene, by = self._source(frame).scene(), number if alone else None
-                    begun = Begun(client, settings, scene, frame.camera, self._size, frame=by)
-                    waiting.append((number, begun))
+                    scene = self._source(frame).scene()
+                    waiting.append((number, Begun(client, self._renderer.settings, scene, frame.camera, self._size)))
                 number, begun = waiting.popleft()
                 try:
                     image = begun.result(lambda part, a=done: progress((a + part) / len(numbers)))  # type: ignore[misc]
@@ -263,10 +269,10 @@ class Animation(Sequence[Image]):
         self,
         numbers: Sequence[int],
         task: Callable[[int], Task],
-        pool: Workers | None,
         client: Any,
-        workers: int,
         progress: Progress,
+        pool: Workers | None = None,
+        workers: int = 1,
     ) -> Iterator[tuple[int, bytes]]:
         ahead = _AHEAD * (workers if pool is not None else max(workers, _parallel(client)))
         waiting: deque[tuple[int, Any]] = deque()
@@ -283,8 +289,8 @@ class Animation(Sequence[Image]):
                         future: Any = pool.submit(source, task(number))
                     elif hasattr(client, "scatter"):
                         if not scattered or scattered[0][0] is not source:
-                            scattered[:] = [(source, client.scatter(source))]
-                        future = client.submit(draw_elsewhere, scattered[0][1], task(number), pure=False)
+                            scattered[:] = [(source, client.scatter(source, broadcast=True))]
+                        future = client.submit(draw_by_worker, scattered[0][1], task(number), pure=False)
                     else:
                         future = client.submit(draw_elsewhere, source, task(number))
                     waiting.append((number, future))

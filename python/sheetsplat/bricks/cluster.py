@@ -67,7 +67,7 @@ def _here() -> str:
 
 
 @contextmanager
-def _naming(what: str, doing: str = "drawn") -> Iterator[None]:
+def naming(what: str, doing: str = "drawn") -> Iterator[None]:
     """Name the worker, and what it does, in errors."""
     try:
         yield
@@ -88,7 +88,7 @@ def _brick_text(source: Any, partition: Partition, number: int) -> str:
     return f"brick {number} {'' if core is None else box_text(core) + ' '}of {source.name}"
 
 
-def _is_wanted(_: float) -> bool:
+def is_wanted(_: float) -> bool:
     """Return whether the task that runs in this thread was not cancelled meanwhile."""
     from distributed import get_worker
     from distributed.worker import thread_state  # type: ignore[attr-defined, import-not-found, unused-ignore]
@@ -123,14 +123,14 @@ class _Drawn:
 
 def _render_brick(view: BrickView, source: Any, number: int, *before: _Drawn) -> _Drawn:
     """Draw a brick behind others that cover some of its pixels."""
-    with _naming(_brick_text(source, view.partition, number)):
+    with naming(_brick_text(source, view.partition, number)):
         in_front = None if view.any_order else _in_front(view, number, [one.part for one in before])
         if in_front is not None and is_hidden(view, number, in_front):
             return _Drawn(_passed(view, number, in_front), (0, 0, 0, 0))
         counts = residents().counts
         reads, count, coarse = counts.reads, counts.bytes_read, counts.coarse
         field = field_of(source, view, number)
-        part = draw_brick(view, number, field, _renderer(_key_of(view.settings)), in_front, _is_wanted)
+        part = draw_brick(view, number, field, _renderer(_key_of(view.settings)), in_front, is_wanted)
         return _Drawn(part, (counts.reads - reads, counts.bytes_read - count, 1, counts.coarse - coarse))
 
 
@@ -172,31 +172,31 @@ def _finish(view: BrickView, drawn: _Drawn) -> tuple[Finished, tuple[int, ...]]:
 
 def _survey_brick(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> BrickSurvey:
     partition, plan = shared
-    with _naming(_brick_text(source, partition, number)):
+    with naming(_brick_text(source, partition, number)):
         return survey_of(source, partition, number, plan)
 
 
 def _coarsen_brick(shared: tuple[Partition, LevelStore, int], source: BrickSource, number: int) -> None:
     partition, store, count = shared
-    with _naming(_brick_text(source, partition, number), "read"):
+    with naming(_brick_text(source, partition, number), "read"):
         coarsen_brick(source, partition, number, store, count)
 
 
 def _survey_piece(shared: tuple[int, str], pieces: Pieces, number: int) -> KernelSurvey:
-    with _naming(f"piece {number} of {pieces.name}", "read"):
+    with naming(f"piece {number} of {pieces.name}", "read"):
         return survey_of_piece(pieces, number, shared[0])
 
 
 def _sort_piece(shared: tuple[Columns, Partition, int, Store], pieces: Pieces, number: int) -> Segments:
     columns, partition, rows, store = shared
-    with _naming(f"piece {number} of {pieces.name}", "sorted"):
+    with naming(f"piece {number} of {pieces.name}", "sorted"):
         return sorted_piece(pieces, number, columns, partition, rows, store)
 
 
 def _probe_brick(
     probing: Probing, source: BrickSource, number: int, places: NDArray[np.float64]
 ) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]:
-    with _naming(_brick_text(source, probing.partition, number), "read"):
+    with naming(_brick_text(source, probing.partition, number), "read"):
         return {number: probing.sums(source, number, places)}
 
 
@@ -235,9 +235,12 @@ def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> in
 
     Raises
     ------
+    Unsupported
+        For workers with another version of this package.
     Error
-        Where the scheduler is gone.
+        Where there is no worker, or the scheduler is gone.
     """
+    _cluster(client).check()
     with _connected(client):
         limits = [one.get("memory_limit") or 0 for one in _workers(client).values()]
     return len(limits) if limits and min(limits) * _ALL_OF_IT >= _kept_bytes(field) else 0
@@ -289,13 +292,8 @@ class _Cluster:
         self._checked |= known
         self.workers = sorted(known)
 
-    def place(self, token: str, number: int, frame: int | None = None) -> str:
-        """Return the worker that a brick is asked of: the same one as before while it is there.
-
-        Of a frame of a film that one worker draws, it is that of the frame.
-        """
-        if frame is not None:
-            return self.workers[frame % len(self.workers)]
+    def place(self, token: str, number: int) -> str:
+        """Return the worker that a brick is asked of: the same one as before while it is there."""
         found = self._places.get((token, number))
         if found not in self.workers:
             found = self.workers[number % len(self.workers)]
@@ -474,12 +472,10 @@ class _Tasks:
         What the tasks read.
     shared
         What else all of them take: it is sent once.
-    frame
-        Number of a frame that one worker draws; None: each brick is asked of the worker that has it.
     """
 
-    def __init__(self, client: Any, cluster: _Cluster, source: Any, shared: Any, frame: int | None = None) -> None:
-        self._client, self._cluster, self._source, self._frame = client, cluster, source, frame
+    def __init__(self, client: Any, cluster: _Cluster, source: Any, shared: Any) -> None:
+        self._client, self._cluster, self._source = client, cluster, source
         self._run, self._names = uuid.uuid4().hex, itertools.count()
         self._sent = cluster.sent(client, source)
         # As a task, whose result is made again where a worker takes it along.
@@ -487,7 +483,7 @@ class _Tasks:
 
     def place(self, name: str, function: Callable[..., Any], number: int, *more: Any) -> Any:
         """Submit ``function(shared, source, number, *more)`` to the worker that a brick or a piece is asked of."""
-        workers = [self._cluster.place(self._source.token, number, self._frame)]
+        workers = [self._cluster.place(self._source.token, number)]
         return self._client.submit(
             function, self._shared, self._sent, number, *more, key=f"{name}-{self._run}-{number}", workers=workers
         )
@@ -578,10 +574,8 @@ def _same(value: Any) -> Any:
     return value
 
 
-def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView, frame: int | None = None) -> Pending:
+def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) -> Pending:
     """Let the workers of a client begin a picture. Its result is a `Finished` picture, and figures.
-
-    `frame`: the number of a frame of a film, of which one worker draws all bricks; None: each is drawn where it is.
 
     Raises
     ------
@@ -596,7 +590,7 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView, fr
     tree = _without(view.nested(), set(shown))
 
     def submit(cluster: _Cluster) -> list[Any]:
-        tasks = _Tasks(client, cluster, source, view, frame)
+        tasks = _Tasks(client, cluster, source, view)
         if tree is None:
             return [tasks.anywhere("merge", _blank)]
         drawn: dict[int, Any] = {}

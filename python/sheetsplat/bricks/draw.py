@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge
+from sheetsplat.bricks.partition import Nested
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import Field
 from sheetsplat.options.renderer import OUTPUTS, Progress
@@ -160,29 +161,40 @@ def render_bricks(
         view = _decided(view, field_of)
     drawing = Renderer(**view.settings) if renderer is None else renderer
     width, height = view.size
-    in_front = None if view.is_scalar else np.zeros((height, width), np.float32)
-    so_far = empty(view)
-    order = view.order()
-    for place, number in enumerate(order):
+    in_front = None if view.is_scalar or view.any_order else np.zeros((height, width), np.float32)
+    count, done = len(view.partition), 0
+
+    def part_of(number: int) -> Partial:
         rect = view.footprint(number)
         if rect is None:
-            continue
+            return empty(view)
         x0, y0, x1, y1 = rect
         before = None if in_front is None else in_front[y0:y1, x0:x1]
         if before is not None and is_hidden(view, number, before):
-            continue
+            return empty(view)
         field = field_of(number)
         if field is None:
-            continue
+            return empty(view)
 
-        def told(share: float, place: int = place) -> object:
-            return progress is None or progress((place + share) / len(order))
+        def told(share: float) -> object:
+            return progress is None or progress((done + share) / count)
 
         part = draw_brick(view, number, field, drawing, before, told)
         if before is not None and part.rgba is not None:
             before[:] = part.rgba[..., 3]
-        so_far = merge(so_far, part)
-    return finish(view, so_far)
+        return part
+
+    def merged(nested: Nested) -> Partial:
+        """Draw and merge in the order in which a cluster does."""
+        nonlocal done
+        if isinstance(nested, int):
+            part = part_of(nested)
+            done += 1
+            return part
+        front = merged(nested[0])
+        return merge(front, merged(nested[1]))
+
+    return finish(view, merged(view.nested()))
 
 
 def _decided(view: BrickView, field_of: FieldOf) -> BrickView:

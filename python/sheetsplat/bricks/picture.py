@@ -31,7 +31,7 @@ _log = logging.getLogger("sheetsplat")
 
 
 class Begun:
-    """A picture in bricks that the workers of a client have begun; `frame`: see `cluster.begin`.
+    """A picture in bricks that the workers of a client have begun.
 
     Raises
     ------
@@ -48,7 +48,6 @@ class Begun:
         size: tuple[int, int],
         outputs: tuple[str, ...] = (),
         depth_limit: Depths | None = None,
-        frame: int | None = None,
     ) -> None:
         from sheetsplat.bricks.cluster import begin
 
@@ -57,7 +56,7 @@ class Begun:
         assert field is not None
         view = view_of(field, scene, camera, size, outputs, depth_limit, settings)
         self._view, self._plan = planned(scene, view)
-        self._pending = begin(client, field, self._view, frame)
+        self._pending = begin(client, field, self._view)
         self._draw: Draw = lambda other, progress: begin(client, field, other).result(progress)[0]
 
     def result(self, progress: Progress | None = None) -> Image:

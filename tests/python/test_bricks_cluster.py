@@ -720,7 +720,8 @@ def bricks_read():
 def test_workers_that_keep_all_of_the_data_draw_frames_of_their_own(cluster, samples, tmp_path, monkeypatch):
     from sheetsplat.bricks import cluster as module
 
-    bricked = ss.open_bricks(samples, brick=16, client=cluster, quality="draft")
+    # No other test has read these.
+    bricked = ss.open_bricks(samples[::-1].copy(), brick=16, client=cluster, quality="draft")
     film = ss.turntable(bricked, frames=4, size=(40, 30), quality="draft", client=cluster)
     assert module.frames_side_by_side(cluster, bricked) == 2
     before = cluster.run(bricks_read)

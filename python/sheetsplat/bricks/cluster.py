@@ -16,14 +16,13 @@ import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._sheetsplat import __version__
-from sheetsplat.bricks.draw import draw_brick, is_hidden
+from sheetsplat.bricks.draw import draw_brick, is_hidden, renderer_of
 from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import Columns, Segments, Store
 from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys, sorted_piece
@@ -40,7 +39,6 @@ from sheetsplat.bricks.view import BrickView
 from sheetsplat.errors import Cancelled, Error, OutOfMemory, Unsupported, complain, missing_package, option_ref
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.options.renderer import Progress
-from sheetsplat.renderer import Renderer
 
 # Parts that one task merges, at most: fewer tasks, and what they take still fits.
 _MERGED = 8
@@ -97,19 +95,6 @@ def is_wanted(_: float) -> bool:
     return task is not None and task.state != "cancelled"
 
 
-@lru_cache(maxsize=4)
-def _renderer(settings: tuple[tuple[str, Any], ...]) -> Renderer:
-    plain: dict[str, Any] = {name: dict(value) if name == "effects" else value for name, value in settings}
-    return Renderer(**plain)
-
-
-def _key_of(settings: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
-    return tuple(
-        (name, tuple(sorted(value.items())) if isinstance(value, Mapping) else value)
-        for name, value in settings.items()
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class _Drawn:
     """What a brick adds to a picture, and what was done for it.
@@ -130,7 +115,7 @@ def _render_brick(view: BrickView, source: Any, number: int, *before: _Drawn) ->
         counts = residents().counts
         reads, count, coarse = counts.reads, counts.bytes_read, counts.coarse
         field = field_of(source, view, number)
-        part = draw_brick(view, number, field, _renderer(_key_of(view.settings)), in_front, is_wanted)
+        part = draw_brick(view, number, field, renderer_of(view.settings), in_front, is_wanted)
         return _Drawn(part, (counts.reads - reads, counts.bytes_read - count, 1, counts.coarse - coarse))
 
 

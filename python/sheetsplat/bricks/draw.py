@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,22 @@ from sheetsplat.scene import Scene
 #: What makes the field of a brick: for lattices that of `BrickView.samples`, of scattered kernels those that
 #: `Brick.reached` names. None: nothing of it can show.
 FieldOf = Callable[[int], Field | None]
+
+
+@lru_cache(maxsize=4)
+def _renderer(settings: tuple[tuple[str, Any], ...]) -> Renderer:
+    plain: dict[str, Any] = {name: dict(value) if name == "effects" else value for name, value in settings}
+    return Renderer(**plain)
+
+
+def renderer_of(settings: Mapping[str, Any]) -> Renderer:
+    """Return the renderer of this process with some settings, which keeps what it found of bricks."""
+    return _renderer(
+        tuple(
+            (name, tuple(sorted(value.items())) if isinstance(value, Mapping) else value)
+            for name, value in settings.items()
+        )
+    )
 
 
 def _scene(

@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from sheetsplat.bricks.draw import render_bricks
+from sheetsplat.bricks.draw import render_bricks, renderer_of
 from sheetsplat.bricks.error import Draw, estimate_error
 from sheetsplat.bricks.needs import bricked_field, field_of, may_show, planned, view_of
 from sheetsplat.bricks.partial import Finished
@@ -23,7 +23,6 @@ from sheetsplat.look.empty import warn_of_unseen
 from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
 from sheetsplat.recipe import Recipe
-from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import averaged
 
@@ -133,7 +132,7 @@ def _draw_here(
         drawn += 1
         return field_of(field.source, view, number)  # type: ignore[arg-type]
 
-    finished = render_bricks(view, made, Renderer(**view.settings), progress)
+    finished = render_bricks(view, made, renderer_of(view.settings), progress)
     counts = residents().counts
     return finished, {
         "bricks": float(len(view.partition)),

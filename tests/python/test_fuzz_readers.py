@@ -485,7 +485,14 @@ def _said_utf8(data: bytes) -> bytes:
     return central.sub(lambda found: found[1] + b"\x00\x08", data).replace(b"abcdefgh", b"abc\x80\x80fgh")
 
 
+def _many_tags(folder: Path, name: str) -> Files:
+    files = _of_meshio(name)(folder)
+    return {name: re.sub(rb"(\$NodeData\n1\n[^\n]*\n)1\n", rb"\g<1>4294967297\n", files[name])}
+
+
 FOUND: dict[str, Callable[[Path], Files]] = {
+    "meshio gmsh of endless tags": lambda folder: _many_tags(folder, "b.msh"),
+    "meshio gmsh 2 of endless tags": lambda folder: _many_tags(folder, "a.msh"),
     "npy of two headers": lambda _: {
         "a.npy": test_io.npy_bytes(test_io.VALUES).replace(b" " * 30, b"}order', 'shape': (2, 3, 4), }")
     },

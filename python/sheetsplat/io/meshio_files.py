@@ -35,8 +35,24 @@ _TYPES = {"tetra": 10, "hexahedron": 12, "wedge": 13, "pyramid": 14}
 _FLAT = ("vertex", "line", "triangle", "quad", "polygon")
 _POLYGON, _UNKNOWN = 7, 255
 _CHUNK = 1 << 20
+# How often the end of a file may be met.
+_ENDS = 100
 # Bytes that meshio takes for a byte of a text.
 _PER_BYTE = 16
+
+
+class _Lines(io.BufferedReader):
+    """A file that ends: meshio's reader of Gmsh reads as many lines as numbers in the file say, also beyond its end."""
+
+    _beyond = 0
+
+    def readline(self, size: int | None = -1, /) -> bytes:
+        """Return the next line; EOFError where it has been asked for beyond the end again and again."""
+        line = super().readline(size)
+        self._beyond = 0 if line else self._beyond + 1
+        if self._beyond > _ENDS:
+            raise EOFError("lines beyond its end")
+        return line
 
 
 class _References(GuardedParser):
@@ -135,9 +151,13 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     """
     path = source.path
     _check(source)
-    module = importlib.import_module("meshio." + MODULES[source.suffix])
+    kind = MODULES[source.suffix]
     with contextlib.redirect_stdout(io.StringIO()):
-        mesh = module.read(str(path))
+        if kind == "gmsh":
+            with _Lines(io.FileIO(path)) as lines:
+                mesh = importlib.import_module("meshio.gmsh.main").read_buffer(lines)
+        else:
+            mesh = importlib.import_module("meshio." + kind).read(str(path))
     points: Floats = np.asarray(mesh.points, dtype=np.float64)
     if points.ndim != 2 or not 1 <= points.shape[1] <= 3:
         raise unreadable(path, f"points of shape {points.shape}", "(N, 3)")
@@ -162,4 +182,4 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     of_cells, rows = arrays[base]
     made = Meshes(path, of_cells)
     made.add(points, cells, column_of(rows if widths[base] > 1 else rows.reshape(-1), column))
-    return made.scattered(name, MODULES[source.suffix], scalar_names(widths))
+    return made.scattered(name, kind, scalar_names(widths))

@@ -173,7 +173,8 @@ def color(what: str, value: object) -> Triple:
         try:
             red, green, blue = ImageColor.getrgb(value.strip())[:3]
         except ValueError:
-            raise complain(unusable(what), shown(value), 'three numbers, "#rrggbb", or a colour\'s name') from None
+            wanted = 'three numbers, "#rrggbb", or a colour\'s name'
+            raise complain(unusable(what), shown(value), wanted, nearest_names(value, ImageColor.colormap)) from None
         return red / 255, green / 255, blue / 255
     return strengths(what, triple(what, value))
 
@@ -214,9 +215,12 @@ def nearest_names(value: object, names: Iterable[str]) -> str:
     import difflib
 
     known = list(names)
-    near = difflib.get_close_matches(value.lower(), known) if isinstance(value, str) else []
+    word = value.lower() if isinstance(value, str) else ""
+    near = difflib.get_close_matches(word, known)
     # A part of a longer name: "iso" of iso_value.
-    near = near or [one for one in known if isinstance(value, str) and value.lower() in one.split("_")]
+    near = near or [one for one in known if word and word in one.split("_")]
+    # In words of few letters one of them is a larger share.
+    near = near or difflib.get_close_matches(word, known, n=1, cutoff=0.55)
     return f"did you mean {' or '.join(near)}?" if near else ""
 
 

@@ -245,6 +245,15 @@ def _scene(opened: Opened, options: Any, outputs: Iterable[str], quality: Choice
     return scene
 
 
+def _warn_of_replaced(options: Any, projection: object) -> None:
+    """Warn of options that others make void: those of a camera and of a renderer that are given whole."""
+    for made, group in (("camera", CameraOptions), ("renderer", RendererOptions)):
+        if options.get(made) is not None and (given := pick_given(group, options)):
+            warn(option_ref(made) + " replaces these options: " + option_refs(given))
+    if options.get("camera") is None and options.get("fov_y") is not None and projection == "orthographic":
+        warn(option_ref("fov_y") + " changes nothing without " + option_ref("projection", "perspective"))
+
+
 @dataclass(frozen=True)
 class Prepared:
     """A picture that is not drawn yet: what was given, and what was chosen from the data.
@@ -308,6 +317,7 @@ def prepare(data: Data | Dataset | BccVolume | Scene | Opened, **options: Unpack
     camera = picture["camera"]
     if camera is None:
         camera = compose_camera(scene, size, **pick(CameraOptions, options))
+    _warn_of_replaced(options, picture["projection"])
     if picture["depth_cue"] == "auto":
         scene = scene.replace(depth_cue=fitting_depth_cue(scene, camera))
     scene = quality.finished(scene, camera, size)

@@ -63,8 +63,8 @@ def opacities_of(word: str, low: float, high: float) -> Floats:
     """Return rows (value, opacity) of a word over two limits.
 
     linear: from 0 to 1. geom: from 4e-9 to 1 by equal factors. sigmoid_N: 1 / (1 + exp(-x)), x from -N to N; sigmoid:
-    N = 10. foreground: 0 at the lower limit, 1 above. With _r at the end: falling. isolayers:N: N Gaussian bumps
-    spread evenly, 4 unless given.
+    N = 10. foreground: 0 in the lowest 1/256 of the range, 1 above. With _r at the end: falling. isolayers:N: N
+    Gaussian bumps spread evenly, 4 unless given.
 
     Raises
     ------
@@ -79,7 +79,9 @@ def opacities_of(word: str, low: float, high: float) -> Floats:
         wanted += f"with _r), foreground, or isolayers:N with N up to {_MOST_LAYERS}"
         raise complain(unusable("opacity"), shown(word), wanted, nearest_names(word, (*WORDS, "isolayers")))
     if word == "foreground":
-        return np.array([(low, 0.0), (low, 1.0), (high, 1.0)])
+        # The first of the steps: samples at the limit itself are the background, however their sums are rounded.
+        begin = low + (high - low) / _STEPS
+        return np.array([(low, 0.0), (begin, 0.0), (begin, 1.0), (high, 1.0)])
     share = np.linspace(0.0, 1.0, 2 if word.startswith("linear") else _STEPS)
     base = word.removesuffix("_r")
     if base == "linear":

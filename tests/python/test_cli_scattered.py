@@ -144,7 +144,6 @@ def test_coverage_is_written(tmp_path, table):
         (("--radius", "2"), "radius for scattered data"),
         (("--grid", "nowhere.bin"), "nowhere.bin"),
         (("--particles", "PartType0"), "only for HDF5"),
-        (("--fit", "delaunay", "--neighbors", "3"), "neighbors"),
     ],
 )
 def test_failures_are_one_message(tmp_path, table, arguments, text):
@@ -157,7 +156,14 @@ def test_failures_are_one_message(tmp_path, table, arguments, text):
 
 @pytest.mark.parametrize(
     "arguments",
-    [("--fit", "best"), ("--neighbors", "0"), ("--log-floor", "0"), ("--min-scale", "-1"), ("--filter", "x")],
+    [
+        ("--fit", "delaunay", "--neighbors", "3"),
+        ("--fit", "best"),
+        ("--neighbors", "0"),
+        ("--log-floor", "0"),
+        ("--min-scale", "-1"),
+        ("--filter", "x"),
+    ],
 )
 def test_wrong_usage_is_code_2(tmp_path, table, arguments):
     run("render", table[0], *arguments, "-o", tmp_path / "a.png", code=2)

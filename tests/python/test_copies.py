@@ -235,3 +235,16 @@ def test_copies_of_renderers_are_renderers_of_their_own(ball):
         assert other is not renderer and other == renderer and other.settings == renderer.settings
         assert np.array_equal(other.render(scene, camera, SMALL).rgba, expected.rgba)
     assert repr(renderer) == "Renderer('cpu', threads=1)" and ss.Renderer("cpu") != renderer
+
+
+def test_films_and_measurements_are_equal_in_other_processes():
+    values = np.random.default_rng(3).random((6, 7, 8))
+    film = ss.turntable(values, frames=2, size=16)
+    scene, camera = ss.Scene(ss.RegularField(values), RAMP), ss.Camera.fit(ss.RegularField(values))
+    report = ss.accuracy(scene, camera, size=(16, 16), knobs="opacity_stop", repeats=1, reference_seconds=0)
+    assert any(np.isnan(row.arithmetic_rmse) for row in report.rows)
+    for one in (film, report, report.rows[0]):
+        again = pickle.loads(pickle.dumps(one))
+        assert again == one and hash(again) == hash(one) and copy.deepcopy(one) == one and one != 3
+    assert film != ss.turntable(values, frames=3, size=16) and film != ss.turntable(values + 1, frames=2, size=16)
+    assert report.rows[0] != report.rows[1]

@@ -276,3 +276,40 @@ def test_data_that_lie_too_far_from_0_are_told_what_to_do() -> None:
     field = ss.EllipsoidField(rng.random((10, 3)) + 4e30, np.ones(10), values=np.ones(10))
     with pytest.raises(ss.InvalidInput, match="subtract a common offset"):
         ss.render(field, **STRAY)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"mode": "isosurface", "iso_value": [(0.3, 0.5), (7, 1)]}, "part of the surfaces is missing: the iso value 7"),
+        ({"mode": "isosurface", "iso_value": [(0.3, 0)]}, "nothing can be seen in the picture: the opacity of the sur"),
+        ({"mode": "xray", "cmap": ["red"]}, "all values have one colour in the picture: its colormap has one colour"),
+        ({"fov_y": 20}, 'fov_y changes nothing without projection="perspective"'),
+        ({"camera": ss.Camera.orthographic((4, 4, 30), (4, 4, 4), height=12), "azimuth": 30}, "camera replaces"),
+        ({"renderer": ss.Renderer("reference")}, "renderer replaces these options: backend"),
+    ],
+)
+def test_what_contradicts_or_shows_nothing_is_told(ball, options, words):
+    (found,) = caught(lambda: ss.render(ball, **{**SMALL, **options}))
+    assert found.category is ss.PictureWarning and words in str(found.message)
+
+
+def test_surfaces_that_interpolants_reach_are_not_told():
+    values = np.zeros((12, 12, 12))
+    values[:, :, 6:] = 1.0
+    surfaces = {"mode": "isosurface", "iso_value": [(0.5, 0.5), (1.1, 1)]}
+    assert caught(lambda: ss.render(values, prefilter=True, **surfaces, **SMALL)) == []
+    (found,) = caught(lambda: ss.render(values, prefilter=False, **surfaces, **SMALL))
+    assert "the iso value 1.1 lies outside the values 0 to 1" in str(found.message)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--fov", 20), "--fov is of --projection perspective"),
+        (("--prefilter", "--normalization", "threshold"), "--prefilter cannot be used: found --normalization"),
+    ],
+)
+def test_options_that_contradict_each_other_are_wrong_usage(tmp_path, volume, options, words):
+    told = run("render", volume, "-o", tmp_path / "a.png", *options, code=2).stderr
+    assert words in " ".join(told.split()) and not (tmp_path / "a.png").exists()

@@ -24,7 +24,17 @@ def test_opacities_by_word_mean_what_pyvista_means():
         expected = 1 / (1 + np.exp(-np.linspace(-width, width, 256)))
         assert np.allclose(opacity(word, at), expected, atol=1e-12)
         assert np.allclose(opacity(word + "_r", at), expected[::-1], atol=1e-12)
-    assert np.array_equal(opacity("foreground", [9, 10.001, 15, 20, 21]), [0, 1, 1, 1, 1])
+    assert np.array_equal(opacity("foreground", [9, 10, 10.03, 10.05, 15, 20, 21]), [0, 0, 0, 1, 1, 1, 1])
+
+
+@pytest.mark.parametrize("prefilter", [False, True])
+def test_foreground_hides_the_lowest_value(prefilter):
+    values = np.zeros((12, 12, 12), np.uint8)
+    values[4:8, 4:8, 4:8] = 200
+    camera = ss.Camera.fit(ss.RegularField(values))
+    look = {"opacity": "foreground", "clim": (0, 255), "prefilter": prefilter, "camera": camera}
+    alpha = ss.render(values, **look, **SMALL).rgba[..., 3]
+    assert 0.05 < (alpha > 0).mean() < 0.4 and alpha.max() == 1.0 and not alpha[:3].any()
 
 
 @pytest.mark.parametrize("count", [1, 4, 7])
@@ -54,6 +64,9 @@ def test_names_that_are_nearly_right_are_proposed(tmp_path):
         ({"transfer_function": "ct_bones"}, "ct_bone"),
         ({"iso": 3}, "iso_value"),
         ({"occlusion": True}, "ambient_occlusion"),
+        ({"quality": "gud"}, "good"),
+        ({"background": "whit"}, "white"),
+        ({"background": "lightgren"}, "lightgreen"),
     ):
         with pytest.raises(ss.InvalidInput, match=f"did you mean .*{name}"):
             ss.render(values, **{**SMALL, **options})

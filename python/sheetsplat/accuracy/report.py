@@ -7,7 +7,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,8 +25,23 @@ _WIDTH = 128
 _REASON = 160
 
 
-@dataclass(frozen=True)
-class AccuracyRow:
+class _Figures:
+    """Equality of data classes by their numbers; such as are not known, NaN, are equal, in other processes too."""
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether all fields are the same."""
+        if type(other) is not type(self):
+            return NotImplemented
+        pairs = ((getattr(self, one.name), getattr(other, one.name)) for one in fields(self))  # type: ignore[arg-type]
+        return all(one == two or (one != one and two != two) for one, two in pairs)
+
+    def __hash__(self) -> int:
+        """Return a hash of the class."""
+        return hash(type(self))
+
+
+@dataclass(frozen=True, eq=False)
+class AccuracyRow(_Figures):
     """One setting of one knob, all else as in the scene.
 
     Attributes
@@ -133,8 +148,8 @@ def front(rows: Sequence[AccuracyRow], clock: str) -> tuple[AccuracyRow, ...]:
     return tuple(replace(row, pareto=row.measured and not row.is_truth and not beaten(row)) for row in rows)
 
 
-@dataclass(frozen=True)
-class TruthText:
+@dataclass(frozen=True, eq=False)
+class TruthText(_Figures):
     """How a picture was made from which errors are measured.
 
     Attributes
@@ -155,8 +170,8 @@ class TruthText:
     order: float
 
 
-@dataclass(frozen=True)
-class AccuracyReport:
+@dataclass(frozen=True, eq=False)
+class AccuracyReport(_Figures):
     """Error and time of each setting, for one scene and camera. ``print(report)`` prints a table.
 
     Attributes

@@ -155,6 +155,17 @@ class Animation(Sequence[Image]):
         """Draw the frames one after the other."""
         return map(self._image, self._frames)
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether frames, size, rate and renderer are the same; what draws them elsewhere does not count."""
+        if not isinstance(other, Animation):
+            return NotImplemented
+        mine, others = (self.size, self.fps, self.renderer), (other.size, other.fps, other.renderer)
+        return mine == others and self._frames == other._frames  # noqa: SLF001
+
+    def __hash__(self) -> int:
+        """Return a hash of the size and the number of frames."""
+        return hash((self._size, self._fps, len(self._frames)))
+
     def __repr__(self) -> str:
         """Return a short description."""
         width, height = self._size

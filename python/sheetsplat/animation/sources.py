@@ -104,7 +104,7 @@ class SharedLook:
         return made.with_quality(self.scene.quality)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class OneScene:
     """The same scene for every frame that has this source."""
 
@@ -119,7 +119,7 @@ class OneScene:
         return digest_of_fields(self.template.fields)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FileStep:
     """A file of a time series, which the process that draws the frame reads."""
 
@@ -148,7 +148,7 @@ class FileStep:
         return f"{self.path.name} {found.st_size} {found.st_mtime_ns}{chosen}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class MemoryStep:
     """Data of a time series in memory, or what a function returns: only this process can make its scene."""
 

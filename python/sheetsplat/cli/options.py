@@ -149,3 +149,5 @@ def check_mode(options: dict[str, Any], outputs: tuple[str, ...] = ()) -> None:
     if ignored:
         names = ", ".join(flag_of(name) for name in ignored)
         logging.getLogger("sheetsplat").warning("--mode %s does not use %s", mode, names)
+    if context.get_parameter_source("fov_y") is ParameterSource.COMMANDLINE and options["projection"] == "orthographic":
+        raise click.UsageError("--fov is of --projection perspective, which is missing")

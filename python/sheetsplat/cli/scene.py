@@ -160,9 +160,10 @@ def prepare(
         look = _look(options)
     opened = file_options(options)
     quality = Choice("render", {name: value for name, value in options.items() if value is not None})
-    found = api.to_fields(path, **opened) if open_file is None else [open_file(path, **opened)]
-    fields = in_decades(found, look, opened["log"])
-    fields = quality.kernels(without_strays(fields, look, framed=options["target"] is None), made=False)
+    with usage_errors(reading=True):
+        found = api.to_fields(path, **opened) if open_file is None else [open_file(path, **opened)]
+        fields = in_decades(found, look, opened["log"])
+        fields = quality.kernels(without_strays(fields, look, framed=options["target"] is None), made=False)
     with usage_errors():
         scene, camera = _seen(fields, look, options, size, quality)
         return scene, camera, Renderer(**{**pick(RendererOptions, options), "effects": effects}), size

@@ -27,14 +27,18 @@ def message(error: Error, command: click.Command | None) -> str:
 
 
 @contextlib.contextmanager
-def usage_errors() -> Iterator[None]:
-    """Turn InvalidInput about options, which contradict each other or have no meaning, into wrong usage."""
+def usage_errors(*, reading: bool = False) -> Iterator[None]:
+    """Turn InvalidInput about options, which contradict each other or have no meaning, into wrong usage.
+
+    While files are read (`reading`) an option may be wrong for a file alone, which is no wrong usage: there an error
+    has to be about one option and to have found another.
+    """
     try:
         yield
     except InvalidInput as error:
         told = error.complaint
-        pieces = (*told.what.pieces, *told.found.pieces)
-        if error.option is None and not any(isinstance(piece, OptionRef) for piece in pieces):
+        about, found = (any(isinstance(one, OptionRef) for one in part.pieces) for part in (told.what, told.found))
+        if not (about and found if reading else about or found or error.option is not None):
             raise
         context = click.get_current_context()
         raise click.UsageError(message(error, context.command), context) from None

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 # Share of the values that are few, and how many are classified at once.
 _FEW = 1e-3
 _AT_ONCE = 1_000_000
+# How far sums leave the range of the samples at most, as a share of it: such as pass through them, next to steps and
+# borders, and others by their ripple.
+_OVERSHOOT, _RIPPLE = 0.4, 0.02
 
 
 def is_empty(image: Image, scene: Scene) -> bool:
@@ -54,8 +57,11 @@ def warn_of_unseen(image: Image, scene: Scene) -> None:
     if is_empty(image, scene):
         why = why_empty(scene, image.camera, image.size, hidden=image.plan.has("depth_limit"))
         warn("nothing can be seen in the picture: " + why)
-    elif outside := why_one_color(image, scene):
+        return
+    if outside := why_one_color(image, scene):
         warn("all values have one colour in the picture: " + outside)
+    if absent := _absent_surfaces(scene):
+        warn("a part of the surfaces is missing: " + absent)
 
 
 def why_empty(
@@ -84,11 +90,11 @@ def why_empty(
         if scene.mode == "mip" and high <= 0:
             return f"mode mip shows nothing below 0, and {values} are"
     elif scene.mode == "isosurface":
-        # Outside the supports the scalar is 0.
-        outside = [iso for iso, _ in scene.surfaces if not min(low, 0.0) <= iso <= max(high, 0.0)]
+        outside = _outside(scene, low, high)
         if len(outside) == len(scene.surfaces):
-            told = ", ".join(f"{iso:g}" for iso in outside)
-            return f"the iso value{'s' * (len(outside) > 1)} {told} lie{'s' * (len(outside) == 1)} outside {values}"
+            return _told_outside(outside, values)
+        if not any(opacity for iso, opacity in scene.surfaces if iso not in outside):
+            return "the opacity of the surfaces is 0"
     elif all(function.max_opacity == 0 for function in scene.transfer_functions):
         return "the opacity is 0 everywhere"
     elif len(scene.transfer_functions) == 1:
@@ -110,6 +116,30 @@ def why_empty(
     if seen := _few_seen(scene, known):
         return seen
     return "perhaps the camera looks past the field"
+
+
+def _outside(scene: Scene, low: float, high: float) -> list[float]:
+    """Return the iso values that no scalar between two numbers reaches; outside the supports the scalar is 0."""
+    return [iso for iso, _ in scene.surfaces if not min(low, 0.0) <= iso <= max(high, 0.0)]
+
+
+def _told_outside(outside: Sequence[float], values: str) -> str:
+    told = ", ".join(f"{iso:g}" for iso in outside)
+    return f"the iso value{'s' * (len(outside) > 1)} {told} lie{'s' * (len(outside) == 1)} outside {values}"
+
+
+def _absent_surfaces(scene: Scene) -> str:
+    """Return in words which iso values of a scene that shows others lie outside its values, or ""."""
+    known = [one for one in scene.fields if one.size]
+    if scene.mode != "isosurface" or len(scene.surfaces) < 2 or not known:
+        return ""
+    ranges = [_range_of(one) for one in known]
+    # Of each group where it is alone, and of sums.
+    low, high = sum(min(low, 0.0) for low, _ in ranges), sum(max(high, 0.0) for _, high in ranges)
+    interpolated = any(isinstance(one, RegularField) and one.prefilter for one in known)
+    beyond = (_OVERSHOOT if interpolated else _RIPPLE) * (high - low)
+    outside = _outside(scene, low - beyond, high + beyond)
+    return _told_outside(outside, f"the values {low:g} to {high:g}") if outside else ""
 
 
 def _few_seen(scene: Scene, fields: Sequence[Field]) -> str:
@@ -139,6 +169,8 @@ def why_one_color(image: Image, scene: Scene) -> str:
     """Return why all values of a picture have one colour, where they lie beyond the range of the colours; else ""."""
     if image.is_scalar:
         colors = scene.scalar_colors
+        if not np.ptp(colors.table, axis=0).any():
+            return "its colormap has one colour; give it another at each end, such as black and that one"
         if colors.clim is None:
             return ""
         return _beyond((float(image.scalar.min()), float(image.scalar.max())), colors.limits(image.scalar))

@@ -53,7 +53,8 @@ HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, co
                 return add_upright_slabs<sums>(splat, section, extra.weight, shape, count, box);
             }
         }
-        return add_slabs<sums>(splat, section, extra.weight, shape, count, box);
+        return splat.setup.perspective ? add_slabs<sums, true>(splat, section, extra.weight, shape, count, box)
+                                       : add_slabs<sums, false>(splat, section, extra.weight, shape, count, box);
     }
     if (is_upright(shape) && !splat.setup.perspective) {
         return add_spheres<sums>(splat, section, extra.weight, shape, T(1) / shape.X, count);

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <utility>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
@@ -24,6 +25,12 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 /// Gauss-Legendre nodes on [-1, 1], one of each pair.
 template <class T>
+struct Nodes4 {
+    static constexpr int pairs = 2;
+    static constexpr T node[2] = {T(0.33998104358485626), T(0.86113631159405258)};
+    static constexpr T share[2] = {T(0.65214515486254614), T(0.34785484513745386)};
+};
+template <class T>
 struct Nodes6 {
     static constexpr int pairs = 3;
     static constexpr T node[3] = {T(0.23861918608319691), T(0.66120938646626451), T(0.93246951420315203)};
@@ -34,9 +41,8 @@ struct Nodes6 {
 template <class T>
 constexpr T half_root_pi = T(0.88622692545275801);
 
-template <bool slopes, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+template <class Nodes, bool slopes, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
 HWY_INLINE V quadrature(D d, V low, V high, V nearest, V scale, V beside, V& moment) {
-    using Nodes = Nodes6<T>;
     const V half = hn::Mul(hn::Sub(high, low), hn::Set(d, T(0.5)));
     const V middle = hn::Sub(hn::Mul(hn::Add(high, low), hn::Set(d, T(0.5))), nearest);
     V sum = hn::Zero(d), weighted = hn::Zero(d);
@@ -90,15 +96,121 @@ HWY_INLINE void add_reached(D d, V bell, hn::Mask<D> met, V value, V weight, T* 
     }
 }
 
-/// Means over slabs along the rays of the pixels: closed form over the chord where it is long against the Gaussian,
-/// quadrature where the difference of two erf would cancel.
-template <Sums sums, class T, bool slopes>
+/// The mean of a Gaussian over a slab that a ray crosses inside the support. At q in the slab's middle, with q changing
+/// by w from slice to slice along the ray,
+///     mean of exp(-k |q + z w|^2) over |z| < 1/2 = exp(-k |q|^2) mean of exp(-k w^2 z^2) cosh(2 k q.w z),
+/// the second factor being a power series in (k q.w)^2 whose terms are all positive.
+template <class T>
+struct SlabSeries {
+    static constexpr int terms = sizeof(T) == 4 ? 9 : 18;
+    T c[terms];
+
+    /// Whether the series has enough terms. k: falloff; w: length.
+    [[nodiscard]] static HWY_INLINE bool holds(T k, T w) { return k * w <= longest_series<T>; }
+
+    HWY_INLINE SlabSeries(T k, T w) {
+        // m_j, means of t^2j exp(-s t^2) over 0 < t < 1: (2 j + 1) m_j = exp(-s) + 2 s m_(j + 1), from where what is
+        // further on does not show.
+        const double s = 0.25 * static_cast<double>(k) * static_cast<double>(w) * static_cast<double>(w);
+        const double end = std::exp(-s);
+        double m = end * factors.per_odd[terms + ahead];
+        for (int j = terms + ahead - 1; j >= 0; --j) {
+            m = (end + 2.0 * s * m) * factors.per_odd[j];
+            if (j < terms) {
+                c[j] = static_cast<T>(m * factors.per_factorial[j]);
+            }
+        }
+    }
+
+  private:
+    static constexpr int ahead = 12;
+    struct Factors {
+        double per_odd[terms + ahead + 1] = {}, per_factorial[terms] = {}; ///< 1 / (2 j + 1), 1 / (2 j)!
+        constexpr Factors() {
+            double product = 1.0;
+            for (int j = 0; j <= terms + ahead; ++j) {
+                per_odd[j] = 1.0 / (2.0 * j + 1.0);
+                if (j < terms) {
+                    product *= j > 0 ? (2.0 * j - 1.0) * 2.0 * j : 1.0;
+                    per_factorial[j] = 1.0 / product;
+                }
+            }
+        }
+    };
+    static constexpr Factors factors{};
+};
+
+/// Of a kernel in an orthographic view: the pixels of each row that its silhouette holds, and those that a slab of it
+/// can touch, a pixel more on each side.
+template <class T>
+struct SlabBounds {
+    std::int16_t first[most_edge], past[most_edge]; ///< by row, from that of the box on
+
+    HWY_INLINE SlabBounds(const Section<T>& section, const RowShape<T>& shape, const Rect& box)
+        : section_(section), shape_(shape), box_(box) {
+        // |q x w|^2 < w^2 where a ray meets the support, a quadratic in x; u: the change of q x w from pixel to pixel.
+        const double w1 = shape.d1, w2 = shape.d2, w3 = shape.ds, X = shape.X;
+        const double speed2 = w1 * w1 + w2 * w2 + w3 * w3, q3 = section.s;
+        const double per_u2 = 1.0 / std::max(X * X * (w2 * w2 + w3 * w3), 1e-300);
+        for (int y = box.y0; y < box.y1; ++y) {
+            const double q1 = static_cast<double>(shape.Y1) * y + static_cast<double>(section.a1);
+            const double q2 = static_cast<double>(shape.Y2) * y + static_cast<double>(section.a2);
+            const double c1 = q2 * w3 - q3 * w2, c2 = q3 * w1 - q1 * w3, c3 = q1 * w2 - q2 * w1;
+            const double slope = X * (w2 * c3 - w3 * c2), rest = c1 * c1 + c2 * c2 + c3 * c3 - speed2;
+            const double nearest = -slope * per_u2, inside = nearest * nearest - rest * per_u2;
+            const double half = std::sqrt(std::max(inside, 0.0));
+            const int row = y - box.y0;
+            // (Where rounding of the sums in T could count, rows stay.)
+            const bool met = inside > -0.01 * speed2 * per_u2;
+            first[row] = pixel(nearest - half - 1.0, box.x0, box.x1);
+            past[row] = met ? pixel(nearest + half + 2.0, box.x0, box.x1) : first[row];
+        }
+    }
+
+    /// Of slice section.first + along.
+    [[nodiscard]] HWY_INLINE Rect of_slab(double along) const {
+        const double d1 = shape_.d1, d2 = shape_.d2, ds = shape_.ds, Y1 = shape_.Y1, Y2 = shape_.Y2;
+        const double s = section_.s + along * ds;
+        // From the slab's ends, where they are in the support, or where the support ends.
+        const double a = std::clamp(s - 0.5 * ds, -1.0, 1.0), b = std::clamp(s + 0.5 * ds, -1.0, 1.0);
+        const double height = std::min(std::abs(a), std::abs(b));
+        const double radius = a * b <= 0.0 ? 1.0 : std::sqrt(1.0 - height * height);
+        const auto middle = [&](double at) {
+            const double z = along + (at - s) / ds;
+            const double y = -(static_cast<double>(section_.a2) + z * d2) / Y2;
+            const double x = -(static_cast<double>(section_.a1) + z * d1 + Y1 * y) / static_cast<double>(shape_.X);
+            return std::pair<double, double>{x, y};
+        };
+        const auto [ax, ay] = middle(a);
+        const auto [bx, by] = middle(b);
+        const double reach_y = radius / std::abs(Y2);
+        const double reach_x = std::sqrt(radius * radius + Y1 * Y1 * reach_y * reach_y) / static_cast<double>(shape_.X);
+        return {pixel(std::min(ax, bx) - reach_x - 1.0, box_.x0, box_.x1),
+                pixel(std::min(ay, by) - reach_y - 1.0, box_.y0, box_.y1),
+                pixel(std::max(ax, bx) + reach_x + 2.0, box_.x0, box_.x1),
+                pixel(std::max(ay, by) + reach_y + 2.0, box_.y0, box_.y1)};
+    }
+
+  private:
+    [[nodiscard]] static HWY_INLINE std::int16_t pixel(double at, int low, int high) {
+        return static_cast<std::int16_t>(std::min(std::max(at, static_cast<double>(low)), static_cast<double>(high)));
+    }
+
+    const Section<T>& section_;
+    const RowShape<T>& shape_;
+    const Rect box_;
+};
+
+/// Means over slabs along the rays of the pixels: a series where they cross the slab inside the support, else closed
+/// form over the chord where it is long against the Gaussian, quadrature where the difference of two erf would cancel.
+template <Sums sums, bool perspective, class T, bool slopes>
 HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight_t, const RowShape<T>& shape,
                          int count, const Rect& box) {
     if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
         return 0;
     }
-    const hn::CappedTag<T, 16> d;
+    // (Wider vectors would cross the end of the support in most places.)
+    const hn::CappedTag<T, 8> d;
     using V = hn::Vec<decltype(d)>;
     const int lanes = static_cast<int>(hn::Lanes(d));
     const V zero = hn::Zero(d), one = hn::Set(d, T(1)), half_slab = hn::Set(d, T(0.5));
@@ -108,27 +220,59 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
     const V steep_value = hn::Set(d, splat.steep() * section.value),
             steep_weight = hn::Set(d, splat.steep() * weight_t);
     const V w3 = hn::Set(d, shape.ds);
+    // Orthographic: rays are alike.
+    const T k_t = splat.profile.root_falloff * splat.profile.root_falloff;
+    const T way2 = shape.d1 * shape.d1 + shape.d2 * shape.d2 + shape.ds * shape.ds, way = std::sqrt(way2);
+    const T rate_t = splat.profile.root_falloff * way;
+    const bool in_series = !perspective && !slopes && SlabSeries<T>::holds(k_t, way);
+    const SlabSeries<T> series(k_t, in_series ? way : T(0));
+    const SlabBounds<T> bounds(section, shape, perspective ? Rect{} : box);
     int drawn = 0;
     for (int slice = 0; slice < count; ++slice) {
         const std::int32_t n = splat.n + slice;
         const T along = static_cast<T>(n - section.first);
-        const T t = splat.setup.perspective ? splat.depth_of(n) : T(1);
+        const Rect part = perspective ? box : bounds.of_slab(static_cast<double>(along));
+        if (part.empty()) {
+            continue;
+        }
+        const T t = perspective ? splat.depth_of(n) : T(1);
         const T X = shape.X * t, Y1 = shape.Y1 * t, Y2 = shape.Y2 * t;
         // Along a pixel's ray q changes by w from slice to slice; in perspective rays part.
-        const T spread = splat.setup.perspective ? static_cast<T>(splat.setup.slice_spacing) : T(0);
+        const T spread = perspective ? static_cast<T>(splat.setup.slice_spacing) : T(0);
         const T a1 = section.a1 + along * shape.d1, a2 = section.a2 + along * shape.d2;
-        const V q3 = hn::Set(d, section.s + along * shape.ds);
+        const T height = section.s + along * shape.ds;
+        const V q3 = hn::Set(d, height);
         const Target<T>& to = splat.targets[slice];
         bool any = false;
-        for (int y = box.y0; y < box.y1; ++y) {
+        for (int y = part.y0; y < part.y1; ++y) {
             const T row = static_cast<T>(y);
-            const V q2 = hn::Set(d, Y2 * row + a2), b = hn::Set(d, Y1 * row + a1);
+            const T across = Y2 * row + a2;
+            const V q2 = hn::Set(d, across), b = hn::Set(d, Y1 * row + a1);
+            const V others2 = hn::Set(d, across * across + height * height);
+            const V others = hn::Set(d, across * shape.d2 + height * shape.ds);
+            const int x0 = perspective ? part.x0 : std::max<int>(part.x0, bounds.first[y - box.y0]);
+            const int x1 = perspective ? part.x1 : std::min<int>(part.x1, bounds.past[y - box.y0]);
             const V w2 = hn::Set(d, spread * shape.Y2 * row + shape.d2);
             const V w1_row = hn::Set(d, spread * shape.Y1 * row + shape.d1);
             const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * to.stride;
-            for (int x = box.x0; x < box.x1; x += lanes) {
+            for (int x = x0; x < x1; x += lanes) {
                 const V column = hn::Iota(d, static_cast<T>(x));
                 const V q1 = hn::MulAdd(hn::Set(d, X), column, b);
+                if (in_series) {
+                    const V along_ray = hn::MulAdd(q1, hn::Set(d, shape.d1), others);
+                    const V squared = hn::MulAdd(q1, q1, others2);
+                    // Where the slab ends: |q +- w / 2|^2.
+                    const V farthest = hn::Add(hn::Add(squared, hn::Abs(along_ray)), hn::Set(d, T(0.25) * way2));
+                    if (hn::AllTrue(d, hn::Le(farthest, one))) {
+                        any = true;
+                        const V turn = hn::Mul(hn::Set(d, k_t), along_ray);
+                        const V mean = hn::Mul(exp2_nonpositive(d, hn::Mul(k, squared)),
+                                               polynomial(d, hn::Mul(turn, turn), series.c));
+                        add_reached<sums>(d, hn::Sub(mean, edge), hn::Gt(one, zero), value, weight, to.value + at + x,
+                                          sums != Sums::values ? to.weight + at + x : nullptr);
+                        continue;
+                    }
+                }
                 const V w1 = hn::MulAdd(hn::Set(d, spread * shape.X), column, w1_row);
                 // The ray's nearest approach to the centre, by the cross product: nothing cancels there.
                 const V c1 = hn::MulSub(q2, w3, hn::Mul(q3, w2));
@@ -152,8 +296,10 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
                 V mean;
                 // Of the way along the ray from its nearest approach, times the Gaussian: where slopes are summed.
                 V moment = zero;
-                if (hn::AllTrue(d, hn::Lt(widest, hn::Set(d, thin_slab<T>)))) {
-                    mean = quadrature<slopes>(d, low, high, nearest, hn::Mul(k, speed2), beside, moment);
+                if (!perspective && rate_t <= thinnest_slab<T>) {
+                    mean = quadrature<Nodes4<T>, slopes>(d, low, high, nearest, hn::Mul(k, speed2), beside, moment);
+                } else if (hn::AllTrue(d, hn::Lt(widest, hn::Set(d, thin_slab<T>)))) {
+                    mean = quadrature<Nodes6<T>, slopes>(d, low, high, nearest, hn::Mul(k, speed2), beside, moment);
                 } else {
                     mean = closed_form(d, low, high, nearest, rate, beside);
                     if constexpr (slopes) {
@@ -166,9 +312,9 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
                     const V m1 = hn::MulAdd(moment, w1, hn::Mul(share, hn::MulSub(w2, c3, hn::Mul(w3, c2))));
                     const V m2 = hn::MulAdd(moment, w2, hn::Mul(share, hn::MulSub(w3, c1, hn::Mul(w1, c3))));
                     const V m3 = hn::MulAdd(moment, w3, hn::Mul(share, hn::MulSub(w1, c2, hn::Mul(w2, c1))));
-                    const Slope<hn::CappedTag<T, 16>> slope{hn::Mul(m1, hn::Set(d, X)),
-                                                            hn::MulAdd(m1, hn::Set(d, Y1), hn::Mul(m2, hn::Set(d, Y2))),
-                                                            hn::MulAdd(m1, w1, hn::MulAdd(m2, w2, hn::Mul(m3, w3)))};
+                    const Slope<hn::CappedTag<T, 8>> slope{hn::Mul(m1, hn::Set(d, X)),
+                                                           hn::MulAdd(m1, hn::Set(d, Y1), hn::Mul(m2, hn::Set(d, Y2))),
+                                                           hn::MulAdd(m1, w1, hn::MulAdd(m2, w2, hn::Mul(m3, w3)))};
                     const V there = hn::IfThenElseZero(hn::Gt(length, zero), one);
                     add_slope<sums>(d, there, slope, steep_value, steep_weight, to, at + x);
                 }
@@ -178,7 +324,7 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
             }
         }
         if (any) {
-            splat.single[slice].add(box);
+            splat.single[slice].add(part);
             ++drawn;
         }
     }

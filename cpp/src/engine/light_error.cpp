@@ -29,8 +29,6 @@ namespace {
 /// Pixels that show something and are looked at: errors of surfaces are large at the few pixels where an edge of a
 /// shadow has moved, those of volumes spread over all.
 constexpr std::size_t surface_probes = 2048, volume_probes = 256;
-/// The same of scattered kernels, whose sums along lines took several times as long as the picture.
-constexpr std::size_t scattered_probes = 64;
 /// Pixels that are tried for them.
 constexpr std::size_t tries_per_probe = 8;
 /// Occlusion is looked at in every so many of them: it costs 14 lines, and changes slowly. (Of small pictures, in
@@ -401,10 +399,7 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     const Size size = request.size;
     const std::size_t pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
     const bool surfaces = request.scene.mode == Mode::isosurface;
-    const auto& fields = request.scene.fields;
-    const bool scattered = std::any_of(fields.begin(), fields.end(),
-                                       [](const auto& field) { return as_ellipsoids(field.get()) != nullptr; });
-    const std::size_t wanted = surfaces ? surface_probes : scattered ? scattered_probes : volume_probes;
+    const std::size_t wanted = surfaces ? surface_probes : volume_probes;
     const bool all = pixels <= wanted;
     const std::size_t every = all ? 1 : every_occlusion;
     const std::size_t most = all ? pixels : tries_per_probe * wanted;
@@ -413,7 +408,7 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     std::size_t seen = 0;
     while (found.size() < most && (all || seen < wanted)) {
         const std::size_t start = found.size();
-        found.resize(std::min(most, start + std::min(batch, 2 * wanted)));
+        found.resize(std::min(most, start + batch));
         pool.run(
             found.size() - start,
             [&](std::size_t task, int) {

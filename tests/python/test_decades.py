@@ -130,3 +130,23 @@ def test_the_galaxy_shows_its_disk(data_dir):
     camera = ss.render(scene, size=(48, 48), backend="cpu").camera
     # The disk has a radius of about 10, the box of 1,900.
     assert scene.transfer_function.v_min > 4 and camera.height < 80
+
+
+@pytest.mark.parametrize("mode", ["xray", "mip", "average"])
+def test_small_dense_kernels_set_the_slices_of_pictures_of_numbers(rng, mode):
+    # As SPH has them: most kernels are large and faint, and a few small ones make what is seen.
+    halo, disk = rng.normal(size=(900, 3)) * 40, rng.normal(size=(300, 3)) * (3, 3, 0.3)
+    scales = np.concatenate([np.full(900, 20.0), np.full(300, 0.4)])
+    values = np.concatenate([np.full(900, 1e-3), np.full(300, 100.0)])
+    field = ss.EllipsoidField(np.concatenate([halo, disk]), scales, values=values)
+    look = {"mode": mode, "size": (48, 48), "backend": "cpu", "target": (0, 0, 0), "zoom": 8}
+    image = ss.render(field, **look)
+    assert image.plan.slice_spacing == pytest.approx(0.2) and field.default_slice_spacing == 10
+    finest = ss.render(field, slice_spacing=0.02, **look).scalar
+    usual = ss.render(field, slice_spacing=10, **look)
+    assert usual.plan.slice_spacing == 10
+    near, far = (float(np.sqrt(np.mean((one.scalar - finest) ** 2))) for one in (image, usual))
+    assert near < 0.03 * finest.max() and near < 0.2 * far
+    # Kernels of one size keep the default.
+    even = ss.EllipsoidField(halo, 20.0, values=rng.random(900))
+    assert ss.render(even, **look).plan.slice_spacing == even.default_slice_spacing

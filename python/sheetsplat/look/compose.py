@@ -15,6 +15,7 @@ from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
 from sheetsplat.look.histogram import Look
 from sheetsplat.look.strays import COARSE, kernel_spacing
+from sheetsplat.look.sums import spacing_of_numbers
 from sheetsplat.look.surface import surface_limits
 from sheetsplat.notices import warn
 from sheetsplat.options.core import COLORED, check_names, pick_given
@@ -69,6 +70,8 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         spacing = min(one.default_slice_spacing for one in fields if one.size) / 4
         if look is not None and look.reference_length is not None:
             spacing = min(spacing, look.reference_length)
+    if mode not in COLORED and not spacing_is_free and scene_options.get("slice_spacing") is None:
+        spacing = spacing_of_numbers(fields)
     if spacing is not None and not spacing_is_free:
         scene_options.setdefault("slice_spacing", spacing)
     if look is not None and look.reference_length is not None and mode in COLORED:

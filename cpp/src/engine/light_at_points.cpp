@@ -34,7 +34,8 @@ LightAtPoints::LightAtPoints(const Request& request, const Prepared& prepared, c
         to_lights_.push_back(world_direction(light, camera_));
     }
     if (surfaces_) {
-        resolved_ = shows_kernels(scene_, *volumes.groups.front());
+        // The filter widens and lowers kernels by the view, and not as much in the grid.
+        resolved_ = !plan_.filter && shows_kernels(scene_, *volumes.groups.front());
         lines_ = make_surface_lines(scene_, camera_, *volumes.groups.front(), frame_.slice_spacing, plan_.value_unit);
         for (const auto& group : volumes.groups) {
             sides_.push_back(sides_of(blocks(*group)));

@@ -201,3 +201,21 @@ def test_framing_follows_the_clip_and_the_units(shift):
     clip = ss.Clip(planes=[((1, 0, 0), shift + 24)])
     half = compose_camera(compose_scene([field], clip=clip), (40, 40))
     assert half.height < 0.6 * whole.height and half.target[0] == pytest.approx(shift + 38, abs=1.5)
+
+
+@pytest.mark.parametrize("mode", ["mip", "average"])
+def test_what_is_not_dark_fills_pictures_of_maxima_and_averages(mode):
+    values = np.random.default_rng(1).uniform(0, 3, (40, 40, 40))
+    values[12:20, 12:20, 12:20] = 200.0
+    look = {"mode": mode, "size": (48, 48), "backend": "cpu"}
+
+    def filled(values, **options):
+        scalar = ss.render(values, **look, **options).scalar
+        return float(np.ptp(np.nonzero(scalar > 0.1 * scalar.max())[0]) + 1) / 48
+
+    assert filled(values) >= 0.8
+    # Limits say what is dark; a hot sample is no subject.
+    assert filled(values, clim=(-10, 10)) < 0.5
+    values[30, 30, 30] = 1e6
+    camera = ss.render(values, **look).camera
+    assert camera.height > 40

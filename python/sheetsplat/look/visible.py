@@ -18,6 +18,8 @@ from sheetsplat.transfer import TransferFunction
 
 # A cell is visible where its opacity is above this share of the largest.
 _VISIBLE = 0.06
+# Where a smaller share of the positions is brighter than that, these are hot samples, and everything is shown.
+_FEW_BRIGHT = 2e-4
 # Share of the picture's opacity that may lie outside on each side.
 _OUTLIERS = 0.002
 # Parts of a picture that hang together and have less than this share of its opacity are strays, and do not count where
@@ -42,12 +44,14 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
     None where that is everything. What can be seen is found in a coarse picture along the view: the opacity of a ray is
     1 - exp(-sum of optical depths), whatever lies in front, so a histogram of positions weighted by their optical
     depths is enough. The mode "xray" has values for optical depths, "isosurface" all that is on the dense side of the
-    surface; where the maximum of a ray, its minimum or its average is shown, everything counts.
+    surface, "mip" and "average" all that is not dark; where the minimum of a ray is shown, everything counts.
     """
-    if scene.mode not in ("composite", "isosurface", "xray"):
+    if scene.mode == "minimum":
         return None
-    parts = []
+    as_sum, by_brightness = scene.mode == "xray", scene.mode in ("mip", "average")
+    parts, looked_at = [], 0
     for one, others, function in _measures(scene):
+        looked_at += len(one.values)
         weights = _shown(one.values, scene, others, function) * one.volumes
         kept = (weights > 0) & np.isfinite(weights) & scene.options["clip"].keeps(one.points)
         if kept.any():
@@ -56,7 +60,7 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
         return None
     points, weights = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
     reach = max(part[2] for part in parts)
-    if len(points) < 2:
+    if len(points) < 2 or (by_brightness and len(points) < _FEW_BRIGHT * looked_at):
         return None
     # Relative to the middle, so that volumes far from 0 keep their digits.
     middle = points.mean(axis=0)
@@ -64,10 +68,10 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
     seen = np.ones(len(places), bool)
     for _ in range(_LOOKS):
         extent = np.ptp(places[seen, :2], axis=0)
-        seen[seen] = _seen(places[seen, :2], weights[seen], as_sum=scene.mode == "xray")
+        seen[seen] = _seen(places[seen, :2], weights[seen], as_sum=as_sum)
         if not seen.any():
             return None
-        core = _without_strays(places[seen, :2], weights[seen], as_sum=scene.mode == "xray")
+        core = _without_strays(places[seen, :2], weights[seen], as_sum=as_sum)
         if not core.all():
             seen[seen] = core
             continue
@@ -169,6 +173,9 @@ def _depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
     """Return optical depths per world unit, or what stands for them in other modes."""
     if scene.mode == "xray":
         return np.abs(values)
+    if scene.mode in ("mip", "average"):
+        low, high = scene.scalar_colors.clim or (0.0, sum(max(one.value_range[1], 0.0) for one in scene.fields))
+        return np.where(values > low + _VISIBLE * (high - low), 1e3 / scene.reference_length, 0.0)
     if scene.mode == "isosurface":
         # A wall of any thickness hides what is behind it.
         lowest = min((value for value, opacity in scene.surfaces if opacity > 0), default=math.inf)

@@ -12,9 +12,9 @@ import numpy as np
 
 from sheetsplat import pixels
 from sheetsplat.animation.sources import Source
-from sheetsplat.bricks.cluster import is_wanted, naming
 from sheetsplat.bricks.needs import bricked_field
 from sheetsplat.bricks.picture import draw as draw_in_bricks
+from sheetsplat.bricks.tasks import is_wanted, naming
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Words
 from sheetsplat.image import Image

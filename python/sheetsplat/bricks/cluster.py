@@ -15,28 +15,40 @@ import uuid
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._sheetsplat import __version__
-from sheetsplat.bricks.draw import draw_brick, is_hidden, renderer_of
 from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import Columns, Segments, Store
-from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys, sorted_piece
-from sheetsplat.bricks.kernel_survey import survey_of as survey_of_piece
-from sheetsplat.bricks.levels import LevelStore, coarsen_brick
-from sheetsplat.bricks.needs import field_of, may_show
-from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge
+from sheetsplat.bricks.kernel_survey import KernelSurvey
+from sheetsplat.bricks.levels import LevelStore
+from sheetsplat.bricks.needs import may_show
+from sheetsplat.bricks.partial import Finished, empty, finish
 from sheetsplat.bricks.partition import Nested, Partition, leaves
 from sheetsplat.bricks.probe import Probing
-from sheetsplat.bricks.resident import residents
-from sheetsplat.bricks.sources import BrickSource, box_text
-from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan, merge_surveys, survey_of
+from sheetsplat.bricks.sources import BrickSource
+from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan
+from sheetsplat.bricks.tasks import (
+    coarsen_one,
+    finish_picture,
+    merge_brick_surveys,
+    merge_parts,
+    merge_piece_surveys,
+    merge_segments,
+    merge_values,
+    nothing,
+    probe_brick,
+    render_brick,
+    same,
+    sort_piece,
+    survey_brick,
+    survey_piece,
+)
 from sheetsplat.bricks.view import BrickView
-from sheetsplat.errors import Cancelled, Error, OutOfMemory, Unsupported, complain, missing_package, option_ref
+from sheetsplat.errors import Cancelled, Error, Unsupported, complain, missing_package, option_ref
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.options.renderer import Progress
 
@@ -55,150 +67,6 @@ _BORDERS = 1.8
 _KERNEL_BYTES = 112
 # Sources that hold more than this are sent to the workers once.
 _LARGE = 1 << 20
-
-
-def _here() -> str:
-    """Return the address of the worker that runs this."""
-    from distributed import get_worker  # type: ignore[import-not-found, import-untyped, unused-ignore]
-
-    return str(get_worker().address)
-
-
-@contextmanager
-def naming(what: str, doing: str = "drawn") -> Iterator[None]:
-    """Name the worker, and what it does, in errors."""
-    try:
-        yield
-    except Cancelled:
-        raise
-    except Error as error:
-        found = f"{error.what}: {error.found}" if error.found else error.what
-        what = f"{what} cannot be {doing} by worker {_here()}"
-        raise complain(what, found, error.wanted, error.advice, kind=type(error)) from None
-    except MemoryError:
-        what = f"{what} cannot be {doing} by worker {_here()}"
-        raise complain(what, "too little memory", "memory for it", "use smaller bricks", kind=OutOfMemory) from None
-
-
-def _brick_text(source: Any, partition: Partition, number: int) -> str:
-    """Return how messages call a brick."""
-    core = partition.bricks[number].samples
-    return f"brick {number} {'' if core is None else box_text(core) + ' '}of {source.name}"
-
-
-def is_wanted(_: float) -> bool:
-    """Return whether the task that runs in this thread was not cancelled meanwhile."""
-    from distributed import get_worker
-    from distributed.worker import thread_state  # type: ignore[attr-defined, import-not-found, unused-ignore]
-
-    task = get_worker().state.tasks.get(thread_state.key)
-    return task is not None and task.state != "cancelled"
-
-
-@dataclass(frozen=True, eq=False)
-class _Drawn:
-    """What a brick adds to a picture, and what was done for it.
-
-    `counts`: reads, bytes read, 1 where it was drawn, 1 where that was with a coarser level.
-    """
-
-    part: Partial
-    counts: tuple[int, ...]
-
-
-def _render_brick(view: BrickView, source: Any, number: int, *before: _Drawn) -> _Drawn:
-    """Draw a brick behind others that cover some of its pixels."""
-    with naming(_brick_text(source, view.partition, number)):
-        in_front = None if view.any_order else _in_front(view, number, [one.part for one in before])
-        if in_front is not None and is_hidden(view, number, in_front):
-            return _Drawn(_passed(view, number, in_front), (0, 0, 0, 0))
-        counts = residents().counts
-        reads, count, coarse = counts.reads, counts.bytes_read, counts.coarse
-        field = field_of(source, view, number)
-        part = draw_brick(view, number, field, renderer_of(view.settings), in_front, is_wanted)
-        return _Drawn(part, (counts.reads - reads, counts.bytes_read - count, 1, counts.coarse - coarse))
-
-
-def _in_front(view: BrickView, number: int, parts: Sequence[Partial]) -> NDArray[np.float32]:
-    """Return the opacity in front of a footprint, (h, w): where several parts cover a pixel the last has the most."""
-    rect = view.footprint(number)
-    assert rect is not None
-    x0, y0, x1, y1 = rect
-    found = np.zeros((y1 - y0, x1 - x0), np.float32)
-    for part in parts:
-        found = np.maximum(found, part.opacity(rect))
-    return found
-
-
-def _passed(view: BrickView, number: int, in_front: NDArray[np.float32]) -> Partial:
-    """Return what a hidden brick adds: nothing but the opacity in front of it."""
-    rect = view.footprint(number)
-    assert rect is not None
-    rgba = np.zeros((*in_front.shape, 4), np.float32)
-    rgba[..., 3] = in_front
-    depth = np.full(in_front.shape, np.inf, np.float32) if "depth" in view.outputs else None
-    return Partial(view.mode, rect, rgba=rgba, depth=depth, is_behind=True)
-
-
-def _merge(view: BrickView, nested: Nested, *parts: _Drawn) -> _Drawn:
-    """Merge parts in pairs; the numbers of `nested` count them."""
-
-    def merged(one: Nested) -> Partial:
-        if isinstance(one, int):
-            return parts[one].part
-        return merge(merged(one[0]), merged(one[1]))
-
-    return _Drawn(merged(nested), tuple(np.sum([one.counts for one in parts], axis=0).tolist()))
-
-
-def _finish(view: BrickView, drawn: _Drawn) -> tuple[Finished, tuple[int, ...]]:
-    return finish(view, drawn.part), drawn.counts
-
-
-def _survey_brick(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> BrickSurvey:
-    partition, plan = shared
-    with naming(_brick_text(source, partition, number)):
-        return survey_of(source, partition, number, plan)
-
-
-def _coarsen_brick(shared: tuple[Partition, LevelStore, int], source: BrickSource, number: int) -> None:
-    partition, store, count = shared
-    with naming(_brick_text(source, partition, number), "read"):
-        coarsen_brick(source, partition, number, store, count)
-
-
-def _survey_piece(shared: tuple[int, str], pieces: Pieces, number: int) -> KernelSurvey:
-    with naming(f"piece {number} of {pieces.name}", "read"):
-        return survey_of_piece(pieces, number, shared[0])
-
-
-def _sort_piece(shared: tuple[Columns, Partition, int, Store], pieces: Pieces, number: int) -> Segments:
-    columns, partition, rows, store = shared
-    with naming(f"piece {number} of {pieces.name}", "sorted"):
-        return sorted_piece(pieces, number, columns, partition, rows, store)
-
-
-def _probe_brick(
-    probing: Probing, source: BrickSource, number: int, places: NDArray[np.float64]
-) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]:
-    with naming(_brick_text(source, probing.partition, number), "read"):
-        return {number: probing.sums(source, number, places)}
-
-
-def _merge_values(_: Any, *parts: dict[int, Any]) -> dict[int, Any]:
-    return {number: found for part in parts for number, found in part.items()}
-
-
-def _merge_surveys(_: Any, *parts: BrickSurvey) -> BrickSurvey:
-    return merge_surveys(parts)
-
-
-def _merge_kernel_surveys(shared: tuple[int, str], *parts: KernelSurvey) -> KernelSurvey:
-    return merge_kernel_surveys(parts, shared[1])
-
-
-def _merge_segments(_: Any, *parts: Segments) -> Segments:
-    return Segments.joined(parts)
 
 
 def addresses(client: Any) -> set[str]:
@@ -464,7 +332,7 @@ class _Tasks:
         self._run, self._names = uuid.uuid4().hex, itertools.count()
         self._sent = cluster.sent(client, source)
         # As a task, whose result is made again where a worker takes it along.
-        self._shared = client.submit(_same, shared, key=f"plan-{self._run}")
+        self._shared = client.submit(same, shared, key=f"plan-{self._run}")
 
     def place(self, name: str, function: Callable[..., Any], number: int, *more: Any) -> Any:
         """Submit ``function(shared, source, number, *more)`` to the worker that a brick or a piece is asked of."""
@@ -507,24 +375,20 @@ def survey(client: Any, source: BrickSource, partition: Partition, plan: SurveyP
     Error
         What reading raises, with worker, brick and file; and where the workers cannot be used.
     """
-    task, merge = ("survey-brick", _survey_brick), ("merge-surveys", _merge_surveys)
+    task, merge = ("survey-brick", survey_brick), ("merge-surveys", merge_brick_surveys)
     found: BrickSurvey = _each(client, source, (partition, plan), len(partition), task, merge)
     return found
 
 
 def coarsen(client: Any, source: BrickSource, partition: Partition, store: LevelStore, count: int) -> None:
     """Make the levels of all bricks, each where it will be drawn; raises what `survey` does."""
-    task, merge = ("coarsen-brick", _coarsen_brick), ("merge-levels", _nothing)
+    task, merge = ("coarsen-brick", coarsen_one), ("merge-levels", nothing)
     _each(client, source, (partition, store, count), len(partition), task, merge)
-
-
-def _nothing(*_: Any) -> None:
-    """Wait for all that is given."""
 
 
 def survey_kernels(client: Any, pieces: Pieces, stride: int) -> KernelSurvey:
     """Return what is known of all kernels; raises what `survey` does."""
-    task, merge = ("survey-kernels", _survey_piece), ("merge-surveys", _merge_kernel_surveys)
+    task, merge = ("survey-kernels", survey_piece), ("merge-surveys", merge_piece_surveys)
     found: KernelSurvey = _each(client, pieces, (stride, pieces.name), len(pieces.counts), task, merge)
     return found
 
@@ -533,7 +397,7 @@ def sort_kernels(
     client: Any, pieces: Pieces, columns: Columns, partition: Partition, rows: int, store: Store
 ) -> Segments:
     """Sort all pieces into bricks; raises what `survey` does."""
-    task, merge = ("sort-kernels", _sort_piece), ("merge-segments", _merge_segments)
+    task, merge = ("sort-kernels", sort_piece), ("merge-segments", merge_segments)
     shared = (columns, partition, rows, store)
     found: Segments = _each(client, pieces, shared, len(pieces.counts), task, merge)
     return found
@@ -546,17 +410,12 @@ def probe(
 
     def submit(cluster: _Cluster) -> list[Any]:
         tasks = _Tasks(client, cluster, source, probing)
-        asked = [tasks.place("probe-brick", _probe_brick, number, places) for number, places in jobs.items()]
-        return tasks.merged("merge-values", _merge_values, asked)
+        asked = [tasks.place("probe-brick", probe_brick, number, places) for number, places in jobs.items()]
+        return tasks.merged("merge-values", merge_values, asked)
 
     found: dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]
     found = Pending(client, source.name, submit, lambda one: one).result()
     return found
-
-
-def _same(value: Any) -> Any:
-    """Return a value."""
-    return value
 
 
 def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) -> Pending:
@@ -581,12 +440,12 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
         drawn: dict[int, Any] = {}
         for number in shown:
             before = (drawn[one] for one in behind.get(number, ()))
-            drawn[number] = tasks.place("render-brick", _render_brick, number, *before)
+            drawn[number] = tasks.place("render-brick", render_brick, number, *before)
 
         def merged(nested: Nested, parts: Sequence[Any]) -> Any:
-            return tasks.anywhere("merge", _merge, nested, *parts)
+            return tasks.anywhere("merge", merge_parts, nested, *parts)
 
-        return [*drawn.values(), tasks.anywhere("merge", _finish, _submitted(tree, drawn, merged))]
+        return [*drawn.values(), tasks.anywhere("merge", finish_picture, _submitted(tree, drawn, merged))]
 
     def convert(found: tuple[Finished, tuple[int, ...]]) -> tuple[Finished, dict[str, float]]:
         finished, (reads, count, done, coarse) = found

@@ -1,0 +1,190 @@
+"""What workers of dask.distributed do for pictures in bricks: each function is a task that a client submits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat.bricks.draw import draw_brick, is_hidden, renderer_of
+from sheetsplat.bricks.kernel_pieces import Pieces
+from sheetsplat.bricks.kernel_source import Columns, Segments, Store
+from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys, sorted_piece
+from sheetsplat.bricks.kernel_survey import survey_of as survey_of_piece
+from sheetsplat.bricks.levels import LevelStore, coarsen_brick
+from sheetsplat.bricks.needs import field_of
+from sheetsplat.bricks.partial import Finished, Partial, finish, merge
+from sheetsplat.bricks.partition import Nested, Partition
+from sheetsplat.bricks.probe import Probing
+from sheetsplat.bricks.resident import residents
+from sheetsplat.bricks.sources import BrickSource, box_text
+from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan, merge_surveys, survey_of
+from sheetsplat.bricks.view import BrickView
+from sheetsplat.errors import Cancelled, Error, OutOfMemory, complain
+
+
+def _here() -> str:
+    """Return the address of the worker that runs this."""
+    from distributed import get_worker  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+    return str(get_worker().address)
+
+
+@contextmanager
+def naming(what: str, doing: str = "drawn") -> Iterator[None]:
+    """Name the worker, and what it does, in errors."""
+    try:
+        yield
+    except Cancelled:
+        raise
+    except Error as error:
+        found = f"{error.what}: {error.found}" if error.found else error.what
+        what = f"{what} cannot be {doing} by worker {_here()}"
+        raise complain(what, found, error.wanted, error.advice, kind=type(error)) from None
+    except MemoryError:
+        what = f"{what} cannot be {doing} by worker {_here()}"
+        raise complain(what, "too little memory", "memory for it", "use smaller bricks", kind=OutOfMemory) from None
+
+
+def _brick_text(source: Any, partition: Partition, number: int) -> str:
+    """Return how messages call a brick."""
+    core = partition.bricks[number].samples
+    return f"brick {number} {'' if core is None else box_text(core) + ' '}of {source.name}"
+
+
+def is_wanted(_: float) -> bool:
+    """Return whether the task that runs in this thread was not cancelled meanwhile."""
+    from distributed import get_worker
+    from distributed.worker import thread_state  # type: ignore[attr-defined, import-not-found, unused-ignore]
+
+    task = get_worker().state.tasks.get(thread_state.key)
+    return task is not None and task.state != "cancelled"
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """What a brick adds to a picture, and what was done for it.
+
+    `counts`: reads, bytes read, 1 where it was drawn, 1 where that was with a coarser level.
+    """
+
+    part: Partial
+    counts: tuple[int, ...]
+
+
+def render_brick(view: BrickView, source: Any, number: int, *before: Drawn) -> Drawn:
+    """Draw a brick behind others that cover some of its pixels."""
+    with naming(_brick_text(source, view.partition, number)):
+        in_front = None if view.any_order else _in_front(view, number, [one.part for one in before])
+        if in_front is not None and is_hidden(view, number, in_front):
+            return Drawn(_passed(view, number, in_front), (0, 0, 0, 0))
+        counts = residents().counts
+        reads, count, coarse = counts.reads, counts.bytes_read, counts.coarse
+        field = field_of(source, view, number)
+        part = draw_brick(view, number, field, renderer_of(view.settings), in_front, is_wanted)
+        return Drawn(part, (counts.reads - reads, counts.bytes_read - count, 1, counts.coarse - coarse))
+
+
+def _in_front(view: BrickView, number: int, parts: Sequence[Partial]) -> NDArray[np.float32]:
+    """Return the opacity in front of a footprint, (h, w): where several parts cover a pixel the last has the most."""
+    rect = view.footprint(number)
+    assert rect is not None
+    x0, y0, x1, y1 = rect
+    found = np.zeros((y1 - y0, x1 - x0), np.float32)
+    for part in parts:
+        found = np.maximum(found, part.opacity(rect))
+    return found
+
+
+def _passed(view: BrickView, number: int, in_front: NDArray[np.float32]) -> Partial:
+    """Return what a hidden brick adds: nothing but the opacity in front of it."""
+    rect = view.footprint(number)
+    assert rect is not None
+    rgba = np.zeros((*in_front.shape, 4), np.float32)
+    rgba[..., 3] = in_front
+    depth = np.full(in_front.shape, np.inf, np.float32) if "depth" in view.outputs else None
+    return Partial(view.mode, rect, rgba=rgba, depth=depth, is_behind=True)
+
+
+def merge_parts(view: BrickView, nested: Nested, *parts: Drawn) -> Drawn:
+    """Merge parts in pairs; the numbers of `nested` count them."""
+
+    def merged(one: Nested) -> Partial:
+        if isinstance(one, int):
+            return parts[one].part
+        return merge(merged(one[0]), merged(one[1]))
+
+    return Drawn(merged(nested), tuple(np.sum([one.counts for one in parts], axis=0).tolist()))
+
+
+def finish_picture(view: BrickView, drawn: Drawn) -> tuple[Finished, tuple[int, ...]]:
+    """Return the picture of all parts, and what was done for it."""
+    return finish(view, drawn.part), drawn.counts
+
+
+def survey_brick(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> BrickSurvey:
+    """Return what is known of the samples of a brick."""
+    partition, plan = shared
+    with naming(_brick_text(source, partition, number)):
+        return survey_of(source, partition, number, plan)
+
+
+def coarsen_one(shared: tuple[Partition, LevelStore, int], source: BrickSource, number: int) -> None:
+    """Write the coarser levels of a brick."""
+    partition, store, count = shared
+    with naming(_brick_text(source, partition, number), "read"):
+        coarsen_brick(source, partition, number, store, count)
+
+
+def survey_piece(shared: tuple[int, str], pieces: Pieces, number: int) -> KernelSurvey:
+    """Return what is known of a piece of scattered kernels."""
+    with naming(f"piece {number} of {pieces.name}", "read"):
+        return survey_of_piece(pieces, number, shared[0])
+
+
+def sort_piece(shared: tuple[Columns, Partition, int, Store], pieces: Pieces, number: int) -> Segments:
+    """Write the kernels of a piece to the bricks that they belong to."""
+    columns, partition, rows, store = shared
+    with naming(f"piece {number} of {pieces.name}", "sorted"):
+        return sorted_piece(pieces, number, columns, partition, rows, store)
+
+
+def probe_brick(
+    probing: Probing, source: BrickSource, number: int, places: NDArray[np.float64]
+) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]:
+    """Return the sums of a brick at places, by its number."""
+    with naming(_brick_text(source, probing.partition, number), "read"):
+        return {number: probing.sums(source, number, places)}
+
+
+def merge_values(_: Any, *parts: dict[int, Any]) -> dict[int, Any]:
+    """Return the sums of several bricks."""
+    return {number: found for part in parts for number, found in part.items()}
+
+
+def merge_brick_surveys(_: Any, *parts: BrickSurvey) -> BrickSurvey:
+    """Return what is known of several bricks."""
+    return merge_surveys(parts)
+
+
+def merge_piece_surveys(shared: tuple[int, str], *parts: KernelSurvey) -> KernelSurvey:
+    """Return what is known of several pieces."""
+    return merge_kernel_surveys(parts, shared[1])
+
+
+def merge_segments(_: Any, *parts: Segments) -> Segments:
+    """Return where the kernels of several pieces were written."""
+    return Segments.joined(parts)
+
+
+def nothing(*_: Any) -> None:
+    """Wait for all that is given."""
+
+
+def same(value: Any) -> Any:
+    """Return a value."""
+    return value

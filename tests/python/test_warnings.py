@@ -284,13 +284,16 @@ def test_data_that_lie_too_far_from_0_are_told_what_to_do() -> None:
         ({"mode": "isosurface", "iso_value": [(0.3, 0.5), (7, 1)]}, "part of the surfaces is missing: the iso value 7"),
         ({"mode": "isosurface", "iso_value": [(0.3, 0)]}, "nothing can be seen in the picture: the opacity of the sur"),
         ({"mode": "xray", "cmap": ["red"]}, "all values have one colour in the picture: its colormap has one colour"),
+        ({"mode": "average", "log_scale": True, "falling": True}, "none of its numbers is above 0"),
         ({"fov_y": 20}, 'fov_y changes nothing without projection="perspective"'),
         ({"camera": ss.Camera.orthographic((4, 4, 30), (4, 4, 4), height=12), "azimuth": 30}, "camera replaces"),
         ({"renderer": ss.Renderer("reference")}, "renderer replaces these options: backend"),
     ],
 )
 def test_what_contradicts_or_shows_nothing_is_told(ball, options, words):
-    (found,) = caught(lambda: ss.render(ball, **{**SMALL, **options}))
+    options = dict(options)
+    values = -ball if options.pop("falling", False) else ball
+    (found,) = caught(lambda: ss.render(values, **{**SMALL, **options}))
     assert found.category is ss.PictureWarning and words in str(found.message)
 
 

@@ -171,6 +171,8 @@ def why_one_color(image: Image, scene: Scene) -> str:
         colors = scene.scalar_colors
         if not np.ptp(colors.table, axis=0).any():
             return "its colormap has one colour; give it another at each end, such as black and that one"
+        if colors.log and not (image.scalar > 0).any():
+            return "none of its numbers is above 0, as their logarithms need"
         if colors.clim is None:
             return ""
         return _beyond((float(image.scalar.min()), float(image.scalar.max())), colors.limits(image.scalar))

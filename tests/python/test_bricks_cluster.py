@@ -789,12 +789,16 @@ def test_a_viewer_with_workers_ends_quietly(samples, tmp_path):
     with subprocess.Popen(
         [*command, "--no-browser"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as viewer:
-        assert viewer.stdout is not None and viewer.stdout.readline().startswith("http://127.0.0.1:")
-        assert viewer.stderr is not None and "Ctrl-C" in viewer.stderr.readline()
-        # It is told just before the viewer waits. A terminal sends it to the workers, too.
-        time.sleep(0.5)
-        os.killpg(viewer.pid, signal.SIGINT)
-        _, told = viewer.communicate(timeout=60)
+        try:
+            assert viewer.stdout is not None and viewer.stdout.readline().startswith("http://127.0.0.1:")
+            assert viewer.stderr is not None and "Ctrl-C" in viewer.stderr.readline()
+            # It is told just before the viewer waits. A terminal sends it to the workers, too.
+            time.sleep(0.5)
+            os.killpg(viewer.pid, signal.SIGINT)
+            _, told = viewer.communicate(timeout=60)
+        finally:
+            if viewer.poll() is None:
+                os.killpg(viewer.pid, signal.SIGKILL)
     assert viewer.returncode == 0 and "Traceback" not in told, told
 
 

@@ -286,7 +286,7 @@ def test_the_one_line_the_file_and_the_command_line(tmp_path: Path, rng: np.rand
     wrong = CliRunner().invoke(
         main, ["render", str(path), "-o", str(out), "--prefilter", "--normalization", "threshold", *options]
     )
-    assert wrong.exit_code == 1 and "--prefilter" in wrong.output and "--normalization threshold" in wrong.output
+    assert wrong.exit_code == 2 and "--prefilter" in wrong.output and "--normalization threshold" in wrong.output
 
 
 @pytest.mark.parametrize("backend", ["cpu", "gl"])

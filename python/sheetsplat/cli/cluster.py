@@ -103,7 +103,9 @@ def started(count: int) -> Iterator[Any]:
                 threads_per_worker=1,
                 processes=True,
                 memory_limit=_memory.available() // (count + 1),
-                dashboard_address=None,
+                # Any free port of this machine, and no dashboard: the usual port may be taken, which distributed warns of.
+                dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": False},
                 silence_logs=40,
             )
     except (OSError, RuntimeError, TimeoutError) as error:

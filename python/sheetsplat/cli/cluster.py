@@ -103,7 +103,7 @@ def started(count: int) -> Iterator[Any]:
                 threads_per_worker=1,
                 processes=True,
                 memory_limit=_memory.available() // (count + 1),
-                # Any free port of this machine, and no dashboard: the usual port may be taken, which distributed warns of.
+                # Any free port of this machine: distributed warns where the usual one is taken, dashboard or not.
                 dashboard_address="127.0.0.1:0",
                 scheduler_kwargs={"dashboard": False},
                 silence_logs=40,

@@ -139,7 +139,8 @@ def test_small_dense_kernels_set_the_slices_of_pictures_of_numbers(rng, mode):
     scales = np.concatenate([np.full(900, 20.0), np.full(300, 0.4)])
     values = np.concatenate([np.full(900, 1e-3), np.full(300, 100.0)])
     field = ss.EllipsoidField(np.concatenate([halo, disk]), scales, values=values)
-    look = {"mode": mode, "size": (48, 48), "backend": "cpu", "target": (0, 0, 0), "zoom": 8}
+    camera = ss.Camera.orthographic((150, 120, 180), (0, 0, 0), height=38)
+    look = {"mode": mode, "size": (48, 48), "backend": "cpu", "camera": camera}
     image = ss.render(field, **look)
     assert image.plan.slice_spacing == pytest.approx(0.2) and field.default_slice_spacing == 10
     finest = ss.render(field, slice_spacing=0.02, **look).scalar

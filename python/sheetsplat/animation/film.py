@@ -300,7 +300,8 @@ class Animation(Sequence[Image]):
                         future: Any = pool.submit(source, task(number))
                     elif hasattr(client, "scatter"):
                         if not scattered or scattered[0][0] is not source:
-                            scattered[:] = [(source, client.scatter(source, broadcast=True))]
+                            # By a name of its own: one by content may be that of another film, just being released.
+                            scattered[:] = [(source, client.scatter(source, broadcast=True, hash=False))]
                         future = client.submit(draw_by_worker, scattered[0][1], task(number), pure=False)
                     else:
                         future = client.submit(draw_elsewhere, source, task(number))

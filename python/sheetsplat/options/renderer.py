@@ -24,7 +24,7 @@ MOST_THREADS = 1024
 def _effects(what: str, effects: object) -> dict[str, bool]:
     if effects is None:
         return {}
-    if not isinstance(effects, Mapping) or not all(isinstance(name, str) for name in effects):
+    if not isinstance(effects, Mapping) or not all(isinstance(name, str) and name.isascii() for name in effects):
         raise complain(unusable(what), shown(effects), "{name: True or False}")
     owner = what.partition(":")[0]
     return {name: truth(f"{owner}: the effect {shown(name)}", on) for name, on in effects.items()}

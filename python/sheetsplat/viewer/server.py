@@ -12,9 +12,12 @@ import asyncio
 import hmac
 import ipaddress
 import json
+import logging
 import secrets
 import socket
 import threading
+from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
@@ -29,8 +32,8 @@ if TYPE_CHECKING:
 
 _TOKEN_BYTES = 16
 _LOOPBACK = ("localhost", "127.0.0.1", "::1")
-# Messages that wait for a page which does not take them; a page that is so far behind is gone.
-_MOST_WAITING = 2000
+# Bytes, and messages, that wait for a page which does not take them; a page that is so far behind is gone.
+_MOST_BYTES, _MOST_WAITING = 1 << 24, 2000
 _MOST_PAGES = 32
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
@@ -64,6 +67,67 @@ def _listening(host: str, port: int) -> socket.socket:
         listener.close()
         raise
     return listener
+
+
+def _is_fault(record: logging.LogRecord) -> bool:
+    """Return whether what aiohttp logs is more than a request that is none."""
+    from aiohttp.http_exceptions import HttpProcessingError
+
+    return record.exc_info is None or not isinstance(record.exc_info[1], HttpProcessingError | ConnectionError)
+
+
+def _http_log() -> logging.Logger:
+    """Return where aiohttp logs: to a program that scans ports, nothing is wrong here."""
+    log = logging.getLogger("sheetsplat.viewer.http")
+    if _is_fault not in log.filters:
+        log.addFilter(_is_fault)
+    return log
+
+
+class _Outbox:
+    """What a page is still to be sent, in its order. Of frames the newest alone waits.
+
+    Parameters
+    ----------
+    lost
+        Called once, where more waits than a page that lives would leave.
+    """
+
+    def __init__(self, lost: Callable[[], object]) -> None:
+        self._lost, self._is_lost = lost, False
+        self._waiting: deque[tuple[bytes | str, bool]] = deque()
+        self._size = 0
+        self._news = asyncio.Event()
+
+    def put(self, data: bytes | str, *, is_frame: bool) -> None:
+        """Add a message; a frame takes the place of one that waits."""
+        if self._is_lost:
+            return
+        if is_frame:
+            self._drop([one for one in self._waiting if one[1]])
+        # One message alone may be larger than all others together: a film.
+        if self._waiting and (len(self._waiting) >= _MOST_WAITING or self._size > _MOST_BYTES):
+            self._is_lost = True
+            self._drop(list(self._waiting))
+            self._lost()
+            return
+        self._waiting.append((data, is_frame))
+        self._size += len(data)
+        self._news.set()
+
+    def _drop(self, messages: list[tuple[bytes | str, bool]]) -> None:
+        for one in messages:
+            self._waiting.remove(one)
+            self._size -= len(one[0])
+
+    async def next(self) -> bytes | str:
+        """Return the next message, as soon as there is one."""
+        while not self._waiting:
+            self._news.clear()
+            await self._news.wait()
+        data, _ = self._waiting.popleft()
+        self._size -= len(data)
+        return data
 
 
 class Server:
@@ -123,12 +187,9 @@ class Server:
             self._thread.join(10.0)
 
     def _run(self, port: int, started: Future[int]) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            self._loop.run_until_complete(self._serve(port, started))
-        finally:
-            self._loop.run_until_complete(self._loop.shutdown_asyncgens())
-            self._loop.close()
+        # It cancels what is still under way in the end.
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._serve(port, started))
 
     async def _serve(self, port: int, started: Future[int]) -> None:
         from aiohttp import web
@@ -136,7 +197,9 @@ class Server:
         self._ended = asyncio.Event()
         application = web.Application(client_max_size=1024)
         application.router.add_route("*", "/{tail:.*}", self._answer)
-        runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=1.0)
+        runner = web.AppRunner(
+            application, access_log=None, handle_signals=False, shutdown_timeout=1.0, logger=_http_log()
+        )
         await runner.setup()
         try:
             # The runner closes it.
@@ -186,7 +249,12 @@ class Server:
             # Browsers name the origin of every websocket.
             if "Origin" not in request.headers or self._pages >= _MOST_PAGES:
                 return nothing
-            return await self._talk(request)
+            # Counted before anything is waited for: many may come at once.
+            self._pages += 1
+            try:
+                return await self._talk(request)
+            finally:
+                self._pages -= 1
         found = files.served(name or "") if name is not None else None
         if found is None:
             return nothing
@@ -200,39 +268,40 @@ class Server:
         line = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=20.0, compress=False)
         if not line.can_prepare(request):
             return web.Response(status=404, headers=_HEADERS)
-        await line.prepare(request)
-        waiting: asyncio.Queue[bytes | str | None] = asyncio.Queue()
+        try:
+            await line.prepare(request)
+        except ConnectionError:
+            # Gone before it was there.
+            return web.Response(status=404, headers=_HEADERS)
+        transport = request.transport
+        assert transport is not None
+        outbox = _Outbox(transport.abort)
 
         def deliver(message: dict[str, Any], payload: bytes) -> None:
             data = packed(message, payload) if payload else json.dumps(message, allow_nan=False)
-            self._loop.call_soon_threadsafe(put, data)
+            is_frame = message["type"] == "frame"
+            self._loop.call_soon_threadsafe(lambda: outbox.put(data, is_frame=is_frame))
 
-        def put(data: bytes | str | None) -> None:
-            if waiting.qsize() < _MOST_WAITING:
-                waiting.put_nowait(data)
-
-        self._pages += 1
         client: Client = self._session.connect(deliver)
-        sender = asyncio.create_task(_send(line, waiting))
+        sender = asyncio.create_task(_send(line, outbox))
         try:
             async for message in line:
                 if message.type is WSMsgType.TEXT:
                     await self._loop.run_in_executor(None, self._session.receive_text, client, message.data)
         finally:
             self._session.disconnect(client)
-            self._pages -= 1
             sender.cancel()
         return line
 
 
-async def _send(line: web.WebSocketResponse, waiting: asyncio.Queue[bytes | str | None]) -> None:
+async def _send(line: web.WebSocketResponse, outbox: _Outbox) -> None:
     """Send what waits, in its order."""
     try:
         while True:
-            data = await waiting.get()
+            data = await outbox.next()
             if isinstance(data, bytes):
                 await line.send_bytes(data)
-            elif data is not None:
+            else:
                 await line.send_str(data)
     except (ConnectionError, RuntimeError):
         # The page is gone; the reader of the same socket ends, too.

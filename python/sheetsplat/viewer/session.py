@@ -7,8 +7,8 @@ import logging
 import tempfile
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -49,6 +49,9 @@ _REST = 0.15
 _MEASURED = 240 * 180
 _BEHIND: Triple = (0.0, 0.0, 0.0)
 _LONGEST_TEXT = 2000
+# Things that pages may wait for; what is asked for beyond them is dropped.
+_MOST_JOBS = 100
+_Jobs = dict[tuple[str, int], tuple[Message, Client]]
 
 
 class Session:
@@ -78,8 +81,9 @@ class Session:
         self._clients: list[Client] = []
         self._wake = threading.Condition()
         self._version, self._drawn, self._number = 1, 0, 0
-        self._jobs: deque[tuple[Message, Client]] = deque()
-        self._idle_jobs: dict[tuple[str, int], tuple[Message, Client]] = {}
+        # What pages wait for, in its order: at once, or when the picture is complete. The same is done once.
+        self._jobs: _Jobs = {}
+        self._idle_jobs: _Jobs = {}
         self._image: Image | None = None
         self._first_seconds, self._plain_light = 0.0, False
         self._previewer: Renderer | None = None
@@ -148,10 +152,13 @@ class Session:
         return client
 
     def disconnect(self, client: Client) -> None:
-        """Forget a page."""
+        """Forget a page, and what it asked for."""
         client.gone = True
         with self._wake:
             self._clients = [one for one in self._clients if one is not client]
+            for jobs in (self._jobs, self._idle_jobs):
+                for key in [key for key, (_, asking) in jobs.items() if asking is client]:
+                    del jobs[key]
 
     def close(self) -> None:
         """Stop drawing and tell all pages."""
@@ -181,6 +188,10 @@ class Session:
         if message is None:
             _log.debug("the viewer dropped a message")
             return
+        with self._faults_told():
+            self._take(client, message)
+
+    def _take(self, client: Client, message: Message) -> None:
         parts = message.parts
         if message.type == "drawn":
             client.drew()
@@ -200,17 +211,17 @@ class Session:
             with self._wake:
                 if message.type in ("pick", "measure"):
                     self._idle_jobs[message.type, id(client)] = message, client
-                elif len(self._jobs) < 100:
-                    self._jobs.append((message, client))
+                elif len(self._jobs) < _MOST_JOBS:
+                    self._jobs[repr(message), id(client)] = message, client
                 self._wake.notify_all()
 
     def _resize(self, client: Client, size: tuple[int, int], *, first: bool) -> None:
         client.size = size
         if first:
             client.send({"type": "hello", **compose.offered()})
-            with self._wake:
-                self._jobs.append((Message("state", {}), client))
         with self._wake:
+            if first:
+                self._owe_state(client)
             self._size = size
             self._version += 1
             self._wake.notify_all()
@@ -220,7 +231,9 @@ class Session:
             state, told = self._after(self.state, changes)
         except Error as error:
             client.send({"type": "error", "text": _text(error)})
-            self._tell_state([client])
+            with self._wake:
+                self._owe_state(client)
+                self._wake.notify_all()
             return
         with self._wake:
             if client.size is not None:
@@ -267,8 +280,12 @@ class Session:
             others = [one for one in self._clients if one is not client or told]
             if told or not camera_only:
                 for one in others:
-                    self._jobs.append((Message("state", {}), one))
+                    self._owe_state(one)
             self._wake.notify_all()
+
+    def _owe_state(self, client: Client) -> None:
+        """Let the thread that draws tell a page what is shown; the caller holds the lock."""
+        self._jobs["state", id(client)] = Message("state", {}), client
 
     # The thread that draws.
 
@@ -280,20 +297,27 @@ class Session:
                     return
                 job, draws = None, self._version != self._drawn and bool(self._clients)
                 if self._jobs:
-                    job = self._jobs.popleft()
+                    job = self._jobs.pop(next(iter(self._jobs)))
                 elif not draws and self._idle_jobs:
                     job = self._idle_jobs.pop(next(iter(self._idle_jobs)))
                     self._stopped = False
-            try:
-                with taken() as warned:
-                    if job is not None:
-                        self._do(*job)
-                    elif draws:
-                        self._draw()
-                self._tell_warnings(warned)
-            except Exception as error:  # A fault must not end the thread that all pages wait for.
-                _log.exception("the viewer met an error")
-                self._tell({"type": "error", "text": f"{type(error).__name__}: {error}"[:_LONGEST_TEXT]})
+            with self._faults_told(), taken() as warned:
+                if job is not None:
+                    self._do(*job)
+                elif draws:
+                    self._draw()
+            self._tell_warnings(warned)
+
+    @contextmanager
+    def _faults_told(self) -> Iterator[None]:
+        """Tell all pages of an error; one must not end the thread, or the line, that they wait for."""
+        try:
+            yield
+        except Error as error:
+            self._tell({"type": "error", "text": _text(error)})
+        except Exception as error:  # A fault of the program.
+            _log.exception("the viewer met an error")
+            self._tell({"type": "error", "text": f"{type(error).__name__}: {error}"[:_LONGEST_TEXT]})
 
     def _has_work(self) -> bool:
         waits = self._version != self._drawn and bool(self._clients)

@@ -255,9 +255,11 @@ class State:
         return replace(self, curves=others if curves is None else {**others, group: curves})
 
 
-def _mapping(what: str, value: object, names: Sequence[str]) -> Mapping[str, Any]:
+def _mapping(what: str, value: object, names: Sequence[str], needed: Sequence[str] = ()) -> Mapping[str, Any]:
     if not isinstance(value, dict) or set(value) - set(names):
         raise complain(unusable(f"view: {what}"), shown(value), "only: " + ", ".join(names))
+    if any(value.get(name) is None for name in needed):
+        raise complain(unusable(f"view: {what}"), shown(value), "also: " + ", ".join(needed))
     return MappingProxyType(value)
 
 
@@ -270,7 +272,9 @@ def _list(what: str, value: object) -> list[Any]:
 def _camera(value: object) -> Camera:
     given = _mapping("camera", value, ("kind", "eye", "target", "up", "height", "fov_y", "near"))
     kind = choice("view: camera", given.get("kind"), ("orthographic", "perspective"))
-    names = ("eye", "target", "up", *(("height",) if kind == "orthographic" else ("fov_y", "near")))
+    needed = ("eye", "target", "height" if kind == "orthographic" else "fov_y")
+    _mapping("camera", value, tuple(given), needed)
+    names = (*needed, "up", *(("near",) if kind == "perspective" else ()))
     return Camera.of_arguments(kind, {name: given[name] for name in names if given.get(name) is not None})
 
 
@@ -334,7 +338,7 @@ def _material(value: object) -> Material:
 
 
 def _occlusion(value: object) -> AmbientOcclusion:
-    return AmbientOcclusion(**_mapping("ambient_occlusion", value, ("radius", "strength")))
+    return AmbientOcclusion(**_mapping("ambient_occlusion", value, ("radius", "strength"), ("radius",)))
 
 
 def _cue(value: object) -> Cue:
@@ -344,7 +348,7 @@ def _cue(value: object) -> Cue:
 
 def _clip(value: object) -> Clip:
     given = _mapping("clip", value, ("planes", "box"))
-    return Clip([tuple(plane) for plane in _list("clip", given.get("planes") or [])], given.get("box"))
+    return Clip(_list("clip", given.get("planes") or []), given.get("box"))
 
 
 def _effects(value: object) -> dict[str, bool]:

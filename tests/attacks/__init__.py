@@ -1,0 +1,38 @@
+"""Attacks on the viewer, on bricks, on films and on arguments: what tests do a little of, by the thousand.
+
+    cd tests && python -m attacks messages --seed 0 --count 100000
+
+Each attack is a function of a seed and a count that returns a `Tally`: what was done, and what it found. An attack with
+the same seed does the same. Tests run small counts of each (tests/python/test_attack_*.py).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+#: Failures that are kept in full: more of them are the same one.
+MOST_KEPT = 50
+
+
+@dataclass
+class Tally:
+    """What an attack did, by kind, and what it found that must not be."""
+
+    done: Counter[str] = field(default_factory=Counter)
+    failures: list[str] = field(default_factory=list)
+
+    def did(self, kind: str, count: int = 1) -> None:
+        """Count something that was done."""
+        self.done[kind] += count
+
+    def failed(self, text: str) -> None:
+        """Keep a failure, in one text from which it can be repeated."""
+        self.done["failures"] += 1
+        if len(self.failures) < MOST_KEPT:
+            self.failures.append(text)
+
+    def __str__(self) -> str:
+        """Return counts, a line each, and then all failures."""
+        lines = [f"{count:9,} {kind}" for kind, count in sorted(self.done.items())]
+        return "\n".join([*lines, *(f"FAILED {one}" for one in self.failures)])

@@ -40,17 +40,19 @@ constexpr std::size_t most_scattered = 200'000;
 constexpr std::size_t batch = 512;
 /// What is stated over what was measured: other pixels may be worse than those that were looked at.
 constexpr double reserve = 1.25;
-/// Points that add less than this to a pixel are passed over. Of those that add less than `small_share`, so many are
-/// looked at, each for several, that the mean stays what it is.
-constexpr double least_share = 1e-4, small_share = 0.02;
+/// Points of a pixel that are looked at on the average, of all that show something: lines to lights are what takes
+/// time. More in pictures of few pixels.
+constexpr double points_of_pixel = 8.0;
+/// Light that adds less than this to a pixel is passed over.
+constexpr double least_share = 1e-4;
 /// Slice distances over which differences stand for derivatives.
 constexpr double little_step = 1e-3;
 
-/// What numbers between 0 and 1 follow from a pixel and a slice: alike on every machine, unlike for neighbours.
-double chance(int column, int row, std::int64_t slice) {
+/// What numbers between 0 and 1 follow from a pixel and a half: alike on every machine, unlike for neighbours.
+double chance(int column, int row, std::size_t half) {
     auto bits = static_cast<std::uint64_t>(column) * 0x9E3779B97F4A7C15ULL +
                 static_cast<std::uint64_t>(row) * 0xC2B2AE3D27D4EB4FULL +
-                static_cast<std::uint64_t>(slice) * 0x165667B19E3779F9ULL;
+                static_cast<std::uint64_t>(half) * 0x165667B19E3779F9ULL;
     bits = (bits ^ (bits >> 30)) * 0xBF58476D1CE4E5B9ULL;
     bits = (bits ^ (bits >> 27)) * 0x94D049BB133111EBULL;
     return static_cast<double>((bits ^ (bits >> 31)) >> 11) * 0x1p-53;
@@ -59,13 +61,19 @@ double chance(int column, int row, std::int64_t slice) {
 /// Looks at the pixels of a picture.
 class View {
   public:
-    View(const Request& request, const Prepared& prepared, const LightAtPoints& light)
+    /// points: those of a pixel that are looked at, on the average.
+    View(const Request& request, const Prepared& prepared, const LightAtPoints& light, double points)
         : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan), light_(light),
-          screen_(camera_, request.size), in_front_(plan_.depth_limit ? &*scene_.depth_limit : nullptr, frame_) {}
+          screen_(camera_, request.size), in_front_(plan_.depth_limit ? &*scene_.depth_limit : nullptr, frame_),
+          points_(points) {}
 
-    /// What a pixel's colour is off.
-    struct Off {
+    /// What light is too bright, times what it adds to a pixel.
+    struct Bright {
         Vec3 shadows{0.0}, occlusion{0.0};
+    };
+    /// What a pixel's colour is off, twice, each time from other points, which are chosen independently.
+    struct Off {
+        std::array<Bright, 2> halves;
         bool seen = false; ///< the pixel shows something
     };
 
@@ -89,17 +97,19 @@ class View {
         };
         const bool between = uses_intervals(scene_.mode, scene_.preintegration);
         double alpha = 0.0;
+        std::vector<Spot> spots;
         for (std::int64_t n = ray.first - (between ? 1 : 0); n <= ray.last && alpha < scene_.opacity_stop; ++n) {
             if (light_.surfaces()) {
                 if (!light_.on_one_side(ray.point(frame_.depth_of(n)), ray.point(frame_.depth_of(n + 1)))) {
-                    add_crossings(ray, n, values, occlusion, alpha, off);
+                    add_crossings(ray, n, values, alpha, spots);
                 }
             } else if (!light_.clear_at(ray.point(frame_.depth_of(n))) ||
                        (between && !light_.clear_at(ray.point(frame_.depth_of(n + 1))))) {
-                add_slice(ray, n, values, occlusion, alpha, off);
+                add_slice(ray, n, values, alpha, spots);
             }
         }
         off.seen = alpha > 0.0;
+        look_at_some(ray, spots, occlusion, off);
         return off;
     }
 
@@ -174,8 +184,8 @@ class View {
     }
 
     template <class At>
-    void add_crossings(const Ray& ray, std::int64_t n, const At& values, bool occlusion, double& alpha,
-                       Off& off) const {
+    void add_crossings(const Ray& ray, std::int64_t n, const At& values, double& alpha,
+                       std::vector<Spot>& spots) const {
         if ((frame_.cut_by_near && n < 0) || !keeps(ray, n) || !keeps(ray, n + 1)) {
             return;
         }
@@ -203,22 +213,20 @@ class View {
                 return;
             }
             const double share = (1.0 - alpha) * crossing.iso->opacity;
-            shade(ray,
-                  {n, crossing.share, crossing.group,
-                   light_.groups()[crossing.group].transfer_function->at(crossing.iso->value).color, share},
-                  occlusion, off);
+            spots.push_back({n, crossing.share, crossing.group,
+                             light_.groups()[crossing.group].transfer_function->at(crossing.iso->value).color, share});
             alpha += share;
         }
     }
 
     /// A slice, or the interval behind it: pre-integration of second order as that of first.
     template <class At>
-    void add_slice(const Ray& ray, std::int64_t n, const At& values, bool occlusion, double& alpha, Off& off) const {
+    void add_slice(const Ray& ray, std::int64_t n, const At& values, double& alpha, std::vector<Spot>& spots) const {
         const bool interval = scene_.preintegration;
         const bool here = keeps(ray, n);
         const bool behind = interval && keeps(ray, n + 1);
         const double lengths = light_.lengths() * screen_.secant(ray.column, ray.row);
-        std::vector<Spot> spots;
+        const std::size_t before = spots.size();
         double extinction = 0.0, weights = 0.0;
         for (std::size_t group = 0; group < light_.groups().size(); ++group) {
             if (!(here && !values(n).empty(group)) && !(behind && !values(n + 1).empty(group))) {
@@ -249,9 +257,8 @@ class View {
             }
         }
         const double share = (1.0 - alpha) * -std::expm1(-extinction);
-        for (Spot& spot : spots) {
-            spot.share *= share / weights;
-            shade(ray, spot, occlusion, off);
+        for (std::size_t added = before; added < spots.size(); ++added) {
+            spots[added].share *= share / weights;
         }
         alpha += share;
     }
@@ -301,15 +308,44 @@ class View {
         return -gradient / std::max({glm::length(gradient), weakest, 1e-300});
     }
 
-    void shade(const Ray& ray, const Spot& spot, bool occlusion, Off& off) const {
-        if (spot.share < least_share || chance(ray.column, ray.row, spot.slice) * small_share >= spot.share) {
-            return;
+    /// Looks at points at equal steps of what all add together, in each half with a first step of its own. Those that
+    /// add more than a step are in both halves.
+    void look_at_some(const Ray& ray, const std::vector<Spot>& spots, bool occlusion, Off& off) const {
+        double all = 0.0;
+        for (const Spot& spot : spots) {
+            all += spot.share;
         }
-        double share = std::max(spot.share, small_share);
+        const double step = 2.0 * all / points_;
+        std::array<double, 2> passed{};
+        for (std::size_t half = 0; half < passed.size(); ++half) {
+            passed[half] = step * chance(ray.column, ray.row, half);
+        }
+        for (const Spot& spot : spots) {
+            std::array<double, 2> shares{spot.share, spot.share};
+            for (std::size_t half = 0; half < passed.size() && spot.share < step; ++half) {
+                passed[half] += spot.share;
+                shares[half] = passed[half] < step ? 0.0 : step;
+                passed[half] -= shares[half];
+            }
+            const double most = std::max(shares[0], shares[1]);
+            if (most > 0.0) {
+                const Bright bright = bright_at(ray, spot, occlusion, least_share / most);
+                for (std::size_t half = 0; half < shares.size(); ++half) {
+                    off.halves[half].shadows += shares[half] * bright.shadows;
+                    off.halves[half].occlusion += shares[half] * bright.occlusion;
+                }
+            }
+        }
+    }
+
+    /// At a point that adds 1 to a pixel. least: lights that add less are passed over.
+    [[nodiscard]] Bright bright_at(const Ray& ray, const Spot& spot, bool occlusion, double least) const {
+        Bright bright;
         const double depth = frame_.depth_of(spot.slice) + spot.behind * frame_.slice_spacing;
+        double cued = 1.0;
         if (scene_.depth_cue) {
             const DepthCue& cue = *scene_.depth_cue;
-            share *= 1.0 - cue.strength * std::clamp((depth - cue.start) / (cue.end - cue.start), 0.0, 1.0);
+            cued -= cue.strength * std::clamp((depth - cue.start) / (cue.end - cue.start), 0.0, 1.0);
         }
         const Vec3 world = ray.point(depth);
         const Material& material = scene_.material;
@@ -320,21 +356,23 @@ class View {
                 const Vec3 direction = camera_.direction_to_eye(light_.to_light(number));
                 const double towards = glm::dot(outward, direction);
                 const double facing = material.two_sided ? std::abs(towards) : std::max(0.0, towards);
-                if (share * facing < least_share) {
+                if (cued * facing < least) {
                     continue;
                 }
                 const Vec3 mirrored = 2.0 * towards * outward - direction;
                 const double highlight =
                     std::pow(std::max(0.0, glm::dot(mirrored, to_viewer)), material.shininess) * material.specular;
                 const Vec3 most =
-                    share * facing * scene_.lights[number].color * (spot.color * material.diffuse + Vec3(highlight));
-                off.shadows += most * light_.light_off(number, world);
+                    cued * facing * scene_.lights[number].color * (spot.color * material.diffuse + Vec3(highlight));
+                bright.shadows += most * light_.light_off(number, world);
             }
         }
         if (plan_.ambient_occlusion && occlusion) {
             const double ambient = scene_.lights.empty() ? 1.0 : material.ambient;
-            off.occlusion += share * ambient * scene_.ambient_occlusion->strength * light_.open_off(world) * spot.color;
+            bright.occlusion =
+                cued * ambient * scene_.ambient_occlusion->strength * light_.open_off(world) * spot.color;
         }
+        return bright;
     }
 
     /// rho where a pixel meets a slice; 0 beyond the slices.
@@ -350,6 +388,23 @@ class View {
     const LightAtPoints& light_;
     reference::Screen screen_;
     SlicesInFront in_front_;
+    double points_;
+};
+
+/// The sum of squares of numbers of which two independent estimates are known. Their products have no share of what
+/// each is off by chance, but their sum may be small by chance; a quarter of the squares of their means, which have
+/// such a share, is the least that is stated.
+class SquareSum {
+  public:
+    void add(const Vec3& one, const Vec3& other) {
+        const Vec3 mean = 0.5 * (one + other);
+        products_ += glm::dot(one, other);
+        squares_ += glm::dot(mean, mean);
+    }
+    [[nodiscard]] double value() const { return std::max(products_, 0.25 * squares_); }
+
+  private:
+    double products_ = 0.0, squares_ = 0.0;
 };
 
 } // namespace
@@ -395,12 +450,13 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
         return *blocks_.back().second;
     };
     const LightAtPoints light(request, prepared, volumes, absorption.get(), blocks, std::move(values));
-    const View view(request, prepared, light);
     const Size size = request.size;
     const std::size_t pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
     const bool surfaces = request.scene.mode == Mode::isosurface;
     const std::size_t wanted = surfaces ? surface_probes : volume_probes;
     const bool all = pixels <= wanted;
+    const View view(request, prepared, light,
+                    points_of_pixel * std::max(1.0, static_cast<double>(wanted) / static_cast<double>(pixels)));
     const std::size_t every = all ? 1 : every_occlusion;
     const std::size_t most = all ? pixels : tries_per_probe * wanted;
     ThreadPool pool(thread_count(request.options.threads));
@@ -423,23 +479,23 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
         seen += static_cast<std::size_t>(std::count_if(found.begin() + static_cast<std::ptrdiff_t>(start), found.end(),
                                                        [](const View::Off& off) { return off.seen; }));
     }
-    double shadows = 0.0, occlusion = 0.0, apart = 0.0, together = 0.0;
+    SquareSum shadows, occlusion, shadows_beside, together;
     for (std::size_t number = 0; number < found.size(); ++number) {
-        const View::Off& off = found[number];
-        shadows += glm::dot(off.shadows, off.shadows);
-        occlusion += glm::dot(off.occlusion, off.occlusion);
+        const auto& [one, other] = found[number].halves;
+        shadows.add(one.shadows, other.shadows);
         if (number % every == 0) {
-            const Vec3 both = off.shadows + off.occlusion;
-            apart += glm::dot(off.shadows, off.shadows) + glm::dot(off.occlusion, off.occlusion);
-            together += glm::dot(both, both);
+            occlusion.add(one.occlusion, other.occlusion);
+            shadows_beside.add(one.shadows, other.shadows);
+            together.add(one.shadows + one.occlusion, other.shadows + other.occlusion);
         }
     }
     // Where both are too bright at the same points their errors add up, and so must the squares of what is stated.
-    const double more = apart > 0.0 ? std::max(1.0, std::sqrt(together / apart)) : 1.0;
+    const double apart = shadows_beside.value() + occlusion.value();
+    const double more = apart > 0.0 ? std::max(1.0, std::sqrt(together.value() / apart)) : 1.0;
     // Of four channels, of which opacity is right.
     const double channels = 4.0 * static_cast<double>(std::max<std::size_t>(found.size(), 1));
-    return {reserve * more * std::sqrt(shadows / channels),
-            reserve * more * std::sqrt(occlusion * static_cast<double>(every) / channels)};
+    return {reserve * more * std::sqrt(shadows.value() / channels),
+            reserve * more * std::sqrt(occlusion.value() * static_cast<double>(every) / channels)};
 }
 
 void state_light_errors(const LightErrors& errors, RenderPlan& plan) {

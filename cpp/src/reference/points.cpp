@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -16,6 +17,8 @@ namespace sheetsplat::reference {
 namespace {
 
 constexpr std::size_t most_cells_along = 64;
+/// Share of distances that rounding stays below.
+constexpr double margin = 1e-12;
 const char* const advice = "leave out shadows and ambient occlusion, or use fewer kernels";
 
 // The box around a kernel's support, wide enough for any rounding: the kernel's own end decides.
@@ -36,7 +39,8 @@ PointSums::PointSums(const Field& field, const Scene& scene, const Camera& camer
         throw OutOfMemory(Complaint{"shadows and ambient occlusion cannot be drawn",
                                     text_of_count(field.size()) + " kernels", "at most 2^32", advice});
     }
-    require_memory(checked_product(field.size(), sizeof(EyeKernel), what), what, advice);
+    // Twice while they are sorted.
+    require_memory(checked_product(field.size(), 2 * sizeof(EyeKernel) + sizeof(std::uint32_t), what), what, advice);
     const EyeKernels seen(field, scene, camera, screen, radius_factor);
     kernels_.reserve(field.size());
     seen.for_each([&](std::uint64_t, const EyeKernel& kernel) {
@@ -48,7 +52,10 @@ PointSums::PointSums(const Field& field, const Scene& scene, const Camera& camer
     const auto along = static_cast<std::size_t>(std::cbrt(static_cast<double>(kernels_.size())));
     cells_.fill(std::clamp(along, std::size_t{1}, most_cells_along));
 
+    cell_size_ = (box_.upper - box_.lower) / static_cast<double>(cells_[0]);
+
     const std::size_t cells = cells_[0] * cells_[1] * cells_[2];
+    sort_kernels(cells);
     offsets_.assign(cells + 1, 0);
     for (const EyeKernel& kernel : kernels_) {
         for_each_cell(kernel, [&](std::size_t cell) { ++offsets_[cell + 1]; });
@@ -71,6 +78,31 @@ std::size_t PointSums::cell_along(int axis, double place) const {
     return static_cast<std::size_t>(std::clamp(std::floor(share * cells), 0.0, cells - 1.0));
 }
 
+std::size_t PointSums::cell_at(const Vec3& place) const {
+    return (cell_along(2, place.z) * cells_[1] + cell_along(1, place.y)) * cells_[0] + cell_along(0, place.x);
+}
+
+// By the cells of their centres: what is read together lies together.
+void PointSums::sort_kernels(std::size_t cells) {
+    std::vector<std::uint32_t> next(cells + 1, 0);
+    for (const EyeKernel& kernel : kernels_) {
+        ++next[cell_at(kernel.centre) + 1];
+    }
+    for (std::size_t cell = 0; cell < cells; ++cell) {
+        next[cell + 1] += next[cell];
+    }
+    std::vector<std::uint32_t> order(kernels_.size());
+    for (std::size_t number = 0; number < kernels_.size(); ++number) {
+        order[next[cell_at(kernels_[number].centre)]++] = static_cast<std::uint32_t>(number);
+    }
+    std::vector<EyeKernel> sorted;
+    sorted.reserve(kernels_.size());
+    for (const std::uint32_t number : order) {
+        sorted.push_back(kernels_[number]);
+    }
+    kernels_ = std::move(sorted);
+}
+
 PointSums::Cells PointSums::cells_of(const Box& box) const {
     Cells cells{};
     for (int axis = 0; axis < 3; ++axis) {
@@ -83,10 +115,28 @@ PointSums::Cells PointSums::cells_of(const Box& box) const {
 template <class Visit>
 void PointSums::for_each_cell(const EyeKernel& kernel, Visit&& visit) const {
     const Cells cells = cells_of(box_around(kernel));
+    // A cell whose middle is farther from the support, in units of it, than its corners are from its middle, has no
+    // point of it. Thin kernels leave out most of what their boxes meet.
+    const KernelShape& shape = kernel.shape;
+    const Vec3 half = 0.5 * cell_size_;
+    double corners = 0.0;
+    for (const Vec3& corner :
+         {half, Vec3(-half.x, half.y, half.z), Vec3(half.x, -half.y, half.z), Vec3(half.x, half.y, -half.z)}) {
+        corners = std::max(corners, glm::length(shape.to_unit(corner)));
+    }
+    const double steepest = glm::length(shape.to_unit(Vec3(1.0, 0.0, 0.0))) +
+                            glm::length(shape.to_unit(Vec3(0.0, 1.0, 0.0))) +
+                            glm::length(shape.to_unit(Vec3(0.0, 0.0, 1.0)));
+    const bool one = cells.first == cells.last;
     for (std::size_t z = cells.first[2]; z <= cells.last[2]; ++z) {
         for (std::size_t y = cells.first[1]; y <= cells.last[1]; ++y) {
             for (std::size_t x = cells.first[0]; x <= cells.last[0]; ++x) {
-                visit((z * cells_[1] + y) * cells_[0] + x);
+                const Vec3 number(static_cast<double>(x), static_cast<double>(y), static_cast<double>(z));
+                const Vec3 from_centre = box_.lower + (number + 0.5) * cell_size_ - kernel.centre;
+                const double rounding = margin * steepest * (glm::length(from_centre) + glm::length(half));
+                if (one || !(glm::length(shape.to_unit(from_centre)) > 1.0 + corners + rounding)) {
+                    visit((z * cells_[1] + y) * cells_[0] + x);
+                }
             }
         }
     }
@@ -96,9 +146,8 @@ PointSums::Value PointSums::at(const Vec3& point_eye) const {
     if (kernels_.empty() || point_eye != glm::clamp(point_eye, box_.lower, box_.upper)) {
         return {};
     }
-    // Rounding is monotonic: a point inside a kernel's box is in one of its cells.
-    const std::size_t cell =
-        (cell_along(2, point_eye.z) * cells_[1] + cell_along(1, point_eye.y)) * cells_[0] + cell_along(0, point_eye.x);
+    // Rounding is monotonic: a point inside a kernel's box is in one of the cells that this meets.
+    const std::size_t cell = cell_at(point_eye);
     double d = 0.0, w = 0.0;
     bool empty = true;
     for (std::uint64_t at = offsets_[cell]; at < offsets_[cell + 1]; ++at) {

@@ -14,8 +14,8 @@
 
 namespace sheetsplat::reference {
 
-/// The kernels of one field in the cells of a grid in eye space, each in all cells that the box around its support
-/// meets.
+/// The kernels of one field in the cells of a grid in eye space, each in all cells that its support may
+/// meet.
 class PointSums {
   public:
     /// What is referred to must live as long as this. Throws OutOfMemory.
@@ -35,17 +35,20 @@ class PointSums {
     };
     [[nodiscard]] Cells cells_of(const Box& box) const;
     [[nodiscard]] std::size_t cell_along(int axis, double place) const;
-    /// visit(cell) for every cell that the kernel's box meets.
+    [[nodiscard]] std::size_t cell_at(const Vec3& place) const;
+    void sort_kernels(std::size_t cells);
+    /// visit(cell) for every cell that the kernel's support may meet.
     template <class Visit>
     void for_each_cell(const EyeKernel& kernel, Visit&& visit) const;
 
-    std::vector<EyeKernel> kernels_;
+    std::vector<EyeKernel> kernels_; ///< by the cells of their centres
     Profile profile_;
     Normaliser normaliser_;
     Box box_;
     std::array<std::size_t, 3> cells_{1, 1, 1}; ///< along x, y, z
-    std::vector<std::uint64_t> offsets_;        ///< where each cell's kernels begin; one more at the end
-    std::vector<std::uint32_t> members_;        ///< places in kernels_, rising within a cell
+    Vec3 cell_size_{0.0};
+    std::vector<std::uint64_t> offsets_; ///< where each cell's kernels begin; one more at the end
+    std::vector<std::uint32_t> members_; ///< places in kernels_, rising within a cell
 };
 
 } // namespace sheetsplat::reference

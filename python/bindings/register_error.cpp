@@ -1,4 +1,5 @@
 #include <new>
+#include <stdexcept>
 #include <string>
 #include <variant>
 
@@ -45,6 +46,11 @@ void set_error(const ErrorClasses& classes, const py::object& kind, const Compla
     PyErr_SetObject(kind.ptr(), error.ptr());
 }
 
+Complaint too_large() {
+    return {"the call cannot be completed", "not enough memory", "",
+            "use a smaller volume or picture, or a narrower type of samples"};
+}
+
 } // namespace
 
 void register_error() {
@@ -69,9 +75,10 @@ void register_error() {
         } catch (const Error& error) {
             set_error(known, known.error, error.complaint());
         } catch (const std::bad_alloc&) {
-            set_error(known, known.out_of_memory,
-                      Complaint{"the call cannot be completed", "not enough memory", "",
-                                "use a smaller volume or picture, or a narrower type of samples"});
+            set_error(known, known.out_of_memory, too_large());
+        } catch (const std::length_error&) {
+            // More than any memory has.
+            set_error(known, known.out_of_memory, too_large());
         }
     });
 }

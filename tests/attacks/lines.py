@@ -8,8 +8,10 @@ import random
 import resource
 import socket
 import struct
+import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from typing import Any
 
@@ -244,7 +246,7 @@ def lines(seed: int, count: int) -> Tally:
                     fine = gets_a_picture(url)
                 except OSError as error:
                     fine = False
-                    tally.failed(f"{type(error).__name__}: {error}")
+                    tally.failed(f"{type(error).__name__}: {error}\n{stacks()}")
                 tally.did("pages that got a picture", fine)
                 if not fine:
                     tally.failed(f"no picture after line {number}, {name}")
@@ -263,6 +265,15 @@ def _until_few_pages(shown: ss.Viewer, most: int) -> bool:
             return True
         time.sleep(0.01)
     return False
+
+
+def stacks() -> str:
+    """Return what all threads do."""
+    names = {one.ident: one.name for one in threading.enumerate()}
+    return "\n".join(
+        f"{names.get(ident)}:\n" + "".join(traceback.format_stack(top)[-8:])
+        for ident, top in sys._current_frames().items()
+    )
 
 
 def many_pages(seed: int, count: int) -> Tally:

@@ -414,3 +414,17 @@ def test_the_command_line_shows_and_measures(tmp_path: Path) -> None:
     assert {"error", "on", "reason"} <= set(plan["effects"][0])
     table = CliRunner().invoke(command_line, [*arguments, "--measure", "--repeats", "1"])
     assert re.search(r"effect +error +ms +why", table.output), table.output
+
+
+@pytest.mark.parametrize("radius", [1e10, 1e30, 1e300])
+def test_occlusion_looks_no_further_than_the_data(radius):
+    """However far it looks, beyond the data nothing is in the way."""
+    field = ss.RegularField(np.random.default_rng(0).random((7, 7, 7)).astype(np.float32))
+
+    def drawn(distance):
+        scene = ss.Scene(
+            field, [(0, 1, 1, 1, 0), (1, 1, 1, 1, 0.5)], ambient_occlusion=ss.AmbientOcclusion(distance, 0.7)
+        )
+        return ss.Renderer("cpu").render(scene, ss.Camera.fit(field), size=(16, 16)).rgba
+
+    np.testing.assert_array_equal(drawn(radius), drawn(1e5))

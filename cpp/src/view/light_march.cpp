@@ -290,7 +290,8 @@ void look_around(Band band, const Rays& rays, double steps, float share, LightVo
     const D d;
     const std::size_t width = band.width(), rows = static_cast<std::size_t>(band.rows());
     const float each = rays.slices(), near = std::min(0.5F / each, 1.0F);
-    const Between far = between((steps + 0.5) / static_cast<double>(each));
+    // Beyond the last plane there is nothing, however far is looked.
+    const Between far = between(std::min((steps + 0.5) / static_cast<double>(each), rays.planes() + 1.0));
     // Absorbed before each of the last planes, with half of the plane's own.
     const int ring = std::min(far.whole + 2, rays.planes() + 1);
     const std::size_t sheet = rows * width;

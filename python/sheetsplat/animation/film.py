@@ -31,7 +31,7 @@ from sheetsplat.animation.drawing import (
     settings_of,
 )
 from sheetsplat.animation.encoding import SUFFIXES, encoder, find_ffmpeg
-from sheetsplat.animation.folder import frames_there, make_folder, name_of
+from sheetsplat.animation.folder import frames_there, held, make_folder, name_of
 from sheetsplat.animation.sources import MemoryStep, OneScene, Source
 from sheetsplat.animation.workers import Workers, cores
 from sheetsplat.bricks.cluster import frames_side_by_side
@@ -403,12 +403,15 @@ class Animation(Sequence[Image]):
         self, folder: Path, workers: int, client: Any, progress: Progress, *, overwrite: bool, metadata: bool
     ) -> None:
         make_folder(folder)
-        there = frames_there(folder, len(self), lambda number: self._mark(self._frames[number]), overwrite=overwrite)
-        rest = [number for number in range(len(self)) if number not in there]
-        drawn = self._drawn(rest, "png", workers, client, progress, metadata=metadata)
-        for number, content in _counted(drawn, len(rest)):
-            with whole_file(folder / name_of(number)) as made:
-                made.write_bytes(content)
+        with held(folder):
+            there = frames_there(
+                folder, len(self), lambda number: self._mark(self._frames[number]), overwrite=overwrite
+            )
+            rest = [number for number in range(len(self)) if number not in there]
+            drawn = self._drawn(rest, "png", workers, client, progress, metadata=metadata)
+            for number, content in _counted(drawn, len(rest)):
+                with whole_file(folder / name_of(number)) as made:
+                    made.write_bytes(content)
 
     # ------------------------------------------------------------------------------------------------------ notebooks
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from sheetsplat.animation.drawing import FRAME_KEYWORD
@@ -30,6 +32,33 @@ def make_folder(folder: Path) -> None:
         raise complain(failed, f"no folder {folder.parent}", "a path in an existing folder", kind=Error) from None
     except OSError as error:
         raise complain(failed, error.strerror or str(error), "a folder", kind=Error) from None
+
+
+@contextlib.contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Hold a folder against other films, of this and of other processes; Error where one holds it.
+
+    The system lets it go with the process, however that ends.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        found = "another film that is being written into it"
+        raise complain(f"the film cannot be written into {folder}", found, "a folder of its own", kind=Error) from None
+    except OSError:
+        # A file system without such locks.
+        pass
+    try:
+        yield
+    finally:
+        os.close(handle)
 
 
 def frames_there(folder: Path, count: int, mark: Callable[[int], str], *, overwrite: bool) -> set[int]:
@@ -74,14 +103,14 @@ def frames_there(folder: Path, count: int, mark: Callable[[int], str], *, overwr
             continue
         own = _mark(entry)
         if entry.name not in names or not own or own != mark(names[entry.name]):
-            raise complain(failed, f"{entry.name}, which is a frame of another film", wanted, advice)
+            raise complain(failed, f"{entry.name}, which is a frame of another film, or damaged", wanted, advice)
         there.add(names[entry.name])
     return there
 
 
 def _mark(path: Path) -> str | None:
-    """Return what a PNG says about which frame it is; None for anything that does not say it."""
+    """Return what a PNG says about which frame it is; None for anything that does not say it, or is damaged."""
     try:
-        return read_text(path, _LONGEST_MARK, FRAME_KEYWORD)
+        return read_text(path, _LONGEST_MARK, FRAME_KEYWORD, whole=True)
     except Error:
         return None

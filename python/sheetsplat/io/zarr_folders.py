@@ -10,6 +10,7 @@ import itertools
 import json
 import math
 import os
+import stat
 import struct
 import zlib
 from collections.abc import Iterable
@@ -28,6 +29,7 @@ from sheetsplat.io.source import DEFLATE_RATIO, Folder
 from sheetsplat.quantity import Quantity
 
 _LONGEST_METADATA = 1 << 20
+_METADATA = (".zarray", ".zattrs", ".zgroup", ".zmetadata", "zarr.json")
 _MOST_FILES = 1_000_000
 _SLACK = 4096
 # Filters that neither run code nor change sizes by much.
@@ -175,7 +177,7 @@ class _ChunkCheck:
 
     def check(self, where: str) -> None:
         """Raise InvalidInput for a file that unpacks to more than a chunk has."""
-        size = os.stat(where).st_size
+        size = self._regular(where)
         if size > self.most:
             raise unreadable(self.path, f"a chunk of {size} bytes", f"at most {self.most}")
         if not self.packer or (self.packer in ("zlib", "gzip") and size * DEFLATE_RATIO <= self.much):
@@ -184,6 +186,20 @@ class _ChunkCheck:
             found = _unpacked_size(self.packer, stream, self.most)
         if found > self.most:
             raise unreadable(self.path, f"a chunk that unpacks to {found} bytes or more", f"at most {self.most}")
+
+    def _regular(self, where: str) -> int:
+        """Return the size of a file; InvalidInput for pipes and devices, which would be waited for."""
+        found = os.stat(where)
+        if not stat.S_ISREG(found.st_mode):
+            raise unreadable(self.path, f"{shown(os.path.basename(where))}, which is no regular file", "a file")
+        return found.st_size
+
+    def metadata(self) -> None:
+        """Check what Zarr reads of the array beside its chunks."""
+        for name in _METADATA:
+            where = os.path.join(self.path, name)
+            if os.path.lexists(where):
+                self._regular(where)
 
     def all(self) -> None:
         """Check every file of the array; InvalidInput for links."""
@@ -196,7 +212,7 @@ class _ChunkCheck:
                 if os.path.islink(os.path.join(folder, name)):
                     raise self._link(name)
             for name in files:
-                if not (name.startswith(".z") or name == "zarr.json"):
+                if name not in _METADATA:
                     self.check(os.path.join(folder, name))
 
     def these(self, keys: Iterable[str]) -> None:
@@ -267,6 +283,7 @@ def _read_array(path: Path, index: tuple[Any, ...]) -> Any:
         check.these(_chunk_keys(path, touched))
     else:
         check.all()
+    check.metadata()
     store = zarr.storage.LocalStore(path, read_only=True)
     return np.asarray(zarr.open_array(store=store, mode="r")[index])
 

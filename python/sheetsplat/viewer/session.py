@@ -116,12 +116,13 @@ class Session:
             return self.shown.base(0, 0).renderer
         return Renderer(**{**self.shown.renderer_options(), **state.settings})
 
-    def picture(self, size: tuple[int, int] | None = None) -> Image:
-        """Return the picture that is shown, complete."""
+    def picture(self, size: tuple[int, int] | None = None, progress: Progress | None = None) -> Image:
+        """Return the picture that is shown, complete; raises what `Renderer.render` does."""
         state = self.state
         scene = compose.scene_of(self.shown, state)
         client = self.shown.client
-        return Prepared(scene, state.camera, size or self.size, self.renderer(state), client=client).render()
+        renderer = self.renderer(state)
+        return Prepared(scene, state.camera, size or self.size, renderer, progress=progress, client=client).render()
 
     def code(self) -> str:
         """Return Python that makes the picture that is shown."""
@@ -526,7 +527,7 @@ class Session:
         with self._wake:
             current = self._drawn == self._version
         if image is None or image.size != size or not current:
-            image = self.picture(size)
+            image = self.picture(size, lambda _: not (client.gone or self._closed))
         name = self._name()
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "picture.png"
@@ -551,7 +552,7 @@ class Session:
 
     def _do_measure(self, client: Client, what: str) -> None:
         def progress(_: float) -> bool:
-            return not (self._stopped or self._closed)
+            return not (self._stopped or self._closed or client.gone)
 
         client.send({"type": "measuring", "what": what})
         state = self.state

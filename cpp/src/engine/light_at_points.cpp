@@ -133,6 +133,15 @@ PointValues::Value LightAtPoints::value_at(std::size_t group, const Vec3& world)
     return sum;
 }
 
+PointValues::Value LightAtPoints::mean_between(std::size_t group, const Vec3& from, const Vec3& to) const {
+    PointValues::Value sum;
+    for (std::size_t field = groups_[group].first; field < groups_[group].last; ++field) {
+        const PointValues::Value one = values_[field]->mean(from, to);
+        sum = {sum.rho + one.rho, sum.empty && one.empty};
+    }
+    return sum;
+}
+
 // What a line through the grid of rho leaves of light, less what the definition leaves. rho is computed from the
 // kernels where the grid leaves open on which side of a surface a point is.
 double LightAtPoints::line_off(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const {

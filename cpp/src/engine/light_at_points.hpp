@@ -41,7 +41,9 @@ class LightAtPoints {
 
     /// rho of a group of fields, and whether no kernel reaches the point.
     [[nodiscard]] PointValues::Value value_at(std::size_t group, const Vec3& world) const;
-    /// The same where it decides on which side of each surface the point is; else any value of that side.
+    /// What slab sampling shows of a line between two points.
+    [[nodiscard]] PointValues::Value mean_between(std::size_t group, const Vec3& from, const Vec3& to) const;
+    /// rho at a point where it decides on which side of each surface the point is; else any value of that side.
     [[nodiscard]] PointValues::Value side_of(std::size_t group, const Vec3& world) const;
     /// What surfaces between -infinity and rho absorb.
     [[nodiscard]] double absorbed_below(double rho) const;

@@ -65,7 +65,7 @@ class View {
     View(const Request& request, const Prepared& prepared, const LightAtPoints& light, double points)
         : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan), light_(light),
           screen_(camera_, request.size), in_front_(plan_.depth_limit ? &*scene_.depth_limit : nullptr, frame_),
-          points_(points) {}
+          points_(points), half_slab_(scene_.sampling == Sampling::slab ? 0.5 * frame_.slice_spacing : 0.0) {}
 
     /// What light is too bright, times what it adds to a pixel.
     struct Bright {
@@ -91,7 +91,7 @@ class View {
             }
             Values& here = known[static_cast<std::size_t>(n - ray.first)];
             if (!here.looked_at) {
-                here = values_at(ray.point(frame_.depth_of(n)));
+                here = values_at(ray, n);
             }
             return here;
         };
@@ -99,12 +99,14 @@ class View {
         double alpha = 0.0;
         std::vector<Spot> spots;
         for (std::int64_t n = ray.first - (between ? 1 : 0); n <= ray.last && alpha < scene_.opacity_stop; ++n) {
+            // Of the slice, or the interval behind it.
+            const Vec3 front = ray.point(frame_.depth_of(n) - half_slab_);
+            const Vec3 back = ray.point(frame_.depth_of(between ? n + 1 : n) + half_slab_);
             if (light_.surfaces()) {
-                if (!light_.on_one_side(ray.point(frame_.depth_of(n)), ray.point(frame_.depth_of(n + 1)))) {
+                if (!light_.on_one_side(front, back)) {
                     add_crossings(ray, n, values, alpha, spots);
                 }
-            } else if (!light_.clear_at(ray.point(frame_.depth_of(n))) ||
-                       (between && !light_.clear_at(ray.point(frame_.depth_of(n + 1))))) {
+            } else if (!light_.clear_at(front) || !light_.clear_at(back)) {
                 add_slice(ray, n, values, alpha, spots);
             }
         }
@@ -154,8 +156,8 @@ class View {
             if (ray.along[axis] != 0.0) {
                 const double a = (light_.box().lower[axis] - ray.start[axis]) / ray.along[axis];
                 const double b = (light_.box().upper[axis] - ray.start[axis]) / ray.along[axis];
-                from = std::max(from, std::min(a, b));
-                to = std::min(to, std::max(a, b));
+                from = std::max(from, std::min(a, b) - half_slab_);
+                to = std::min(to, std::max(a, b) + half_slab_);
             } else if (ray.start[axis] < light_.box().lower[axis] || ray.start[axis] > light_.box().upper[axis]) {
                 return ray;
             }
@@ -169,13 +171,23 @@ class View {
         return ray;
     }
 
-    [[nodiscard]] Values values_at(const Vec3& world) const {
+    [[nodiscard]] Values values_at(const Ray& ray, std::int64_t n) const {
         Values values;
         values.looked_at = true;
         for (std::size_t group = 0; group < light_.groups().size(); ++group) {
-            values.groups.push_back(light_.surfaces() ? light_.side_of(group, world) : light_.value_at(group, world));
+            values.groups.push_back(light_.surfaces() && half_slab_ == 0.0
+                                        ? light_.side_of(group, ray.point(frame_.depth_of(n)))
+                                        : shown(group, ray.column, ray.row, frame_.depth_of(n)));
         }
         return values;
+    }
+
+    /// What a sheet shows at a pixel, or that much beside it: rho there, or of its slab.
+    [[nodiscard]] PointValues::Value shown(std::size_t group, int column, int row, double depth,
+                                           const Vec3& beside = Vec3(0.0)) const {
+        const auto at = [&](double place) { return to_world(screen_.point(column, row, place) + beside); };
+        return half_slab_ == 0.0 ? light_.value_at(group, at(depth))
+                                 : light_.mean_between(group, at(depth - half_slab_), at(depth + half_slab_));
     }
 
     /// Whether a ray's point of a slice is kept.
@@ -281,16 +293,13 @@ class View {
             for (int axis = 0; exists && axis < 3; ++axis) {
                 Vec3 by(0.0);
                 by[axis] = h;
-                const Vec3 here = screen_.point(ray.column, ray.row, depth);
-                slope[axis] = (light_.value_at(group, to_world(here + by)).rho -
-                               light_.value_at(group, to_world(here - by)).rho) /
+                slope[axis] = (shown(group, ray.column, ray.row, depth, by).rho -
+                               shown(group, ray.column, ray.row, depth, -by).rho) /
                               (2.0 * h);
             }
             return slope;
         }
-        const auto rho = [&](int column, int row) {
-            return light_.value_at(group, to_world(screen_.point(column, row, depth))).rho;
-        };
+        const auto rho = [&](int column, int row) { return shown(group, column, row, depth).rho; };
         double dx = 0.0, dy = 0.0;
         if (exists) {
             const double two_pixels = 2.0 * screen_.pixel_width(depth);
@@ -378,7 +387,7 @@ class View {
     /// rho where a pixel meets a slice; 0 beyond the slices.
     [[nodiscard]] double rho_on(const Ray& ray, std::int64_t slice, std::size_t group) const {
         const bool exists = slice >= 0 && slice < frame_.slices;
-        return exists ? light_.value_at(group, ray.point(frame_.depth_of(slice))).rho : 0.0;
+        return exists ? shown(group, ray.column, ray.row, frame_.depth_of(slice)).rho : 0.0;
     }
 
     const Scene& scene_;
@@ -389,6 +398,7 @@ class View {
     reference::Screen screen_;
     SlicesInFront in_front_;
     double points_;
+    double half_slab_; ///< 0: sheets show rho at points
 };
 
 /// The sum of squares of numbers of which two independent estimates are known. Their products have no share of what
@@ -455,8 +465,8 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     const bool surfaces = request.scene.mode == Mode::isosurface;
     const std::size_t wanted = surfaces ? surface_probes : volume_probes;
     const bool all = pixels <= wanted;
-    const View view(request, prepared, light,
-                    points_of_pixel * std::max(1.0, static_cast<double>(wanted) / static_cast<double>(pixels)));
+    const double fewer = static_cast<double>(wanted) / static_cast<double>(pixels);
+    const View view(request, prepared, light, points_of_pixel * std::max(1.0, fewer * fewer));
     const std::size_t every = all ? 1 : every_occlusion;
     const std::size_t most = all ? pixels : tries_per_probe * wanted;
     ThreadPool pool(thread_count(request.options.threads));

@@ -38,7 +38,8 @@ class LatticeValues final : public PointValues {
         return std::max({along.x, along.y, along.z}) <= static_cast<double>(most_along);
     }
 
-    [[nodiscard]] Value at(const Vec3& world) const override {
+  private:
+    [[nodiscard]] reference::Sums sums_at(const Vec3& world) const override {
         const Vec3 from = world - origin_;
         const auto [nk, nj, ni] = samples_.shape();
         const Along layers = along(from.z, 2, nk);
@@ -52,8 +53,8 @@ class LatticeValues final : public PointValues {
         }
         return std::visit([&](const auto& values) { return sum(values, layers, columns, rows); }, samples_.samples());
     }
+    [[nodiscard]] double rho(const reference::Sums& sums) const override { return normaliser_.rho(sums.d, sums.w); }
 
-  private:
     /// Samples along an axis: their squared distances in semi-axes, and what these make of the Gaussian.
     struct Along {
         std::size_t first = 0, count = 0;
@@ -67,8 +68,8 @@ class LatticeValues final : public PointValues {
     }
 
     template <class Values>
-    [[nodiscard]] Value sum(const Values& values, const Along& layers, const std::array<Along, 2>& columns,
-                            const std::array<Along, 2>& rows) const {
+    [[nodiscard]] reference::Sums sum(const Values& values, const Along& layers, const std::array<Along, 2>& columns,
+                                      const std::array<Along, 2>& rows) const {
         const auto [nk, nj, ni] = samples_.shape();
         const double edge = edge_;
         const bool holes = samples_.has_holes();
@@ -97,7 +98,7 @@ class LatticeValues final : public PointValues {
                 }
             }
         }
-        return {normaliser_.rho(d * gain_, w * gain_), empty};
+        return {d * gain_, w * gain_, empty};
     }
 
     [[nodiscard]] Along along(double from, int axis, std::size_t samples) const {
@@ -141,19 +142,42 @@ class ScatteredValues final : public PointValues {
         : field_(std::move(field)), camera_(camera), screen_(camera, size),
           sums_(*field_, scene, camera_, screen_, 1.0) {}
 
-    [[nodiscard]] Value at(const Vec3& world) const override {
-        const reference::PointSums::Value value = sums_.at(camera_.to_eye(world));
-        return {value.rho, value.empty};
-    }
-
   private:
+    [[nodiscard]] reference::Sums sums_at(const Vec3& world) const override {
+        return sums_.sums_at(camera_.to_eye(world));
+    }
+    [[nodiscard]] double rho(const reference::Sums& sums) const override { return sums_.rho(sums); }
+
     std::shared_ptr<const Field> field_;
     Camera camera_;
     reference::Screen screen_;
     reference::PointSums sums_;
 };
 
+/// Panels that a line is cut into, with two points of Gauss each, so far from their middle in halves of a panel.
+constexpr int panels = 4;
+constexpr double from_middle = 0.57735026918962576;
+
 } // namespace
+
+PointValues::Value PointValues::at(const Vec3& world) const {
+    const reference::Sums sums = sums_at(world);
+    return {rho(sums), sums.empty};
+}
+
+PointValues::Value PointValues::mean(const Vec3& from, const Vec3& to) const {
+    reference::Sums mean;
+    for (int panel = 0; panel < panels; ++panel) {
+        for (const double side : {-from_middle, from_middle}) {
+            const double share = (panel + 0.5 * (1.0 + side)) / panels;
+            const reference::Sums one = sums_at((1.0 - share) * from + share * to);
+            mean.d += one.d / (2.0 * panels);
+            mean.w += one.w / (2.0 * panels);
+            mean.empty = mean.empty && one.empty;
+        }
+    }
+    return {rho(mean), mean.empty};
+}
 
 std::shared_ptr<const PointValues> point_values(const std::shared_ptr<const Field>& field, const Scene& scene) {
     const RegularField* lattice = as_regular(field.get());

@@ -1,8 +1,9 @@
-// rho of a field at any point of the world, in float64 from its kernels. Source: conventions, section 2.
+// rho of a field at any point of the world, in float64 from its kernels. Source: conventions, sections 2 and 3.
 #pragma once
 
 #include <memory>
 
+#include "reference/reference.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/field.hpp"
 #include "sheetsplat/scene.hpp"
@@ -20,7 +21,14 @@ class PointValues {
     PointValues(const PointValues&) = delete;
     PointValues& operator=(const PointValues&) = delete;
     virtual ~PointValues() = default;
-    [[nodiscard]] virtual Value at(const Vec3& world) const = 0;
+    [[nodiscard]] Value at(const Vec3& world) const;
+    /// What slab sampling shows of the line between two points: the means of the sums, divided by each other. They are
+    /// taken at eight points, which finds those of kernels as long as a quarter of the line.
+    [[nodiscard]] Value mean(const Vec3& from, const Vec3& to) const;
+
+  private:
+    [[nodiscard]] virtual reference::Sums sums_at(const Vec3& world) const = 0;
+    [[nodiscard]] virtual double rho(const reference::Sums& sums) const = 0;
 };
 
 /// Unfiltered. Samples of lattices are found where they are; of scattered kernels a grid is made. Throws OutOfMemory.

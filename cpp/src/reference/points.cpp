@@ -143,25 +143,29 @@ void PointSums::for_each_cell(const EyeKernel& kernel, Visit&& visit) const {
 }
 
 PointSums::Value PointSums::at(const Vec3& point_eye) const {
+    const Sums sums = sums_at(point_eye);
+    return {rho(sums), sums.empty};
+}
+
+Sums PointSums::sums_at(const Vec3& point_eye) const {
     if (kernels_.empty() || point_eye != glm::clamp(point_eye, box_.lower, box_.upper)) {
         return {};
     }
     // Rounding is monotonic: a point inside a kernel's box is in one of the cells that this meets.
     const std::size_t cell = cell_at(point_eye);
-    double d = 0.0, w = 0.0;
-    bool empty = true;
+    Sums sums;
     for (std::uint64_t at = offsets_[cell]; at < offsets_[cell + 1]; ++at) {
         const EyeKernel& kernel = kernels_[members_[at]];
         const Vec3 q = kernel.shape.to_unit(point_eye - kernel.centre);
         const double r_squared = glm::dot(q, q);
         if (r_squared < 1.0) {
             const double g = profile_.at(r_squared);
-            d += kernel.value * g;
-            w += kernel.weight * g;
-            empty = false;
+            sums.d += kernel.value * g;
+            sums.w += kernel.weight * g;
+            sums.empty = false;
         }
     }
-    return {normaliser_.rho(d, w), empty};
+    return sums;
 }
 
 } // namespace sheetsplat::reference

@@ -86,5 +86,38 @@ TEST(PointValues, AreThoseOfScatteredKernels) {
     }
 }
 
+// Slab sampling divides means of sums: by weights that are 0 along part of the line too.
+TEST(PointValues, MeansAreThoseOfSums) {
+    EllipsoidFieldOptions options;
+    for (const Normalization normalization : {Normalization::none, Normalization::threshold}) {
+        options.normalization = normalization;
+        const auto field = testing::cloud(60, 0.5, 4.0, 5, options, normalization == Normalization::threshold);
+        const Scene scene{{field}, TransferFunction({{0.0, Vec3(1.0), 0.0}, {1.0, Vec3(1.0), 1.0}})};
+        const auto values = point_values(field, scene);
+        const Box box = field->supports_world();
+        std::mt19937 random(7);
+        std::uniform_real_distribution<double> share(0.0, 1.0);
+        int between = 0;
+        for (int n = 0; n < 100; ++n) {
+            const Vec3 from = box.lower + Vec3(share(random), share(random), share(random)) * box.extent();
+            const Vec3 to = from + Vec3(0.2, -0.1, 0.3);
+            constexpr int points = 500;
+            reference::Sums wanted;
+            for (int point = 0; point < points; ++point) {
+                const reference::Sums one = reference::sums_at(*field, from + (point + 0.5) / points * (to - from));
+                wanted.d += one.d / points;
+                wanted.w += one.w / points;
+                wanted.empty = wanted.empty && one.empty;
+            }
+            const double rho =
+                normalization == Normalization::none ? wanted.d : wanted.d / std::max(field->w0(), wanted.w);
+            const PointValues::Value found = values->mean(from, to);
+            EXPECT_NEAR(found.rho, rho, 2e-3 * (1.0 + std::abs(rho)));
+            between += found.rho != values->at(from).rho ? 1 : 0;
+        }
+        EXPECT_GT(between, 30);
+    }
+}
+
 } // namespace
 } // namespace sheetsplat

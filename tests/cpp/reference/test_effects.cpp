@@ -95,6 +95,29 @@ TEST(PointSums, AreTheSumsOfAllKernels) {
     }
 }
 
+// Thin kernels are left out of most cells that the boxes around them meet, never out of one that has a point of them.
+TEST(PointSums, HaveNeedlesInAllTheirCells) {
+    for (const double thin : {1e-1, 1e-3}) {
+        EllipsoidArrays arrays = scattered(400, 11);
+        for (Vec3& scales : arrays.scales) {
+            scales *= Vec3(thin, thin, 1.0);
+        }
+        const auto field = make_ellipsoids(arrays, plain_ellipsoids());
+        const Scene scene = make_scene(field);
+        const Camera camera = side_camera(false);
+        const PointSums sums(*field, scene, camera, Screen(camera, size), 1.0);
+        std::mt19937_64 generator(3);
+        for (std::size_t n = 0; n < field->size(); ++n) {
+            const Vec3 unit(random_real(generator, -0.5, 0.5), random_real(generator, -0.5, 0.5),
+                            random_real(generator, -0.7, 0.7));
+            const Vec3 world = arrays.centers[n] + glm::mat3_cast(arrays.rotations[n]) * (arrays.scales[n] * unit);
+            const PointSums::Value found = sums.at(camera.to_eye(world));
+            EXPECT_FALSE(found.empty);
+            EXPECT_NEAR(found.rho, sums_at(*field, world).d, 1e-12 / thin);
+        }
+    }
+}
+
 TEST(PointSums, AreTheSheetsAtTheirPoints) {
     for (const bool perspective : {false, true}) {
         for (const Filter filter : {Filter::none, Filter::ewa}) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "reference/kernels.hpp"
+#include "reference/reference.hpp"
 #include "reference/screen.hpp"
 #include "reference/sums.hpp"
 #include "sheetsplat/camera.hpp"
@@ -26,6 +27,9 @@ class PointSums {
         bool empty = true;
     };
     [[nodiscard]] Value at(const Vec3& point_eye) const;
+    /// D and W, before they are normalised.
+    [[nodiscard]] Sums sums_at(const Vec3& point_eye) const;
+    [[nodiscard]] double rho(const Sums& sums) const { return normaliser_.rho(sums.d, sums.w); }
     /// Box around all supports, eye space; empty() where there is no kernel.
     [[nodiscard]] const Box& supports_eye() const { return box_; }
 

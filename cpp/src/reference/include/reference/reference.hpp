@@ -53,11 +53,12 @@ Picture render(const Scene& scene, const Camera& camera, Size size, const Reques
 std::vector<unsigned char> ambiguous_pixels(const Scene& scene, const Camera& camera, Size size,
                                             const Request& request = {});
 
-/// The field's sums at one point of the world, for tests: D, W and whether no kernel reaches it. No filter.
+/// A field's sums at a point: D, W and whether no kernel reaches it.
 struct Sums {
     double d = 0.0, w = 0.0;
     bool empty = true;
 };
+/// Of all kernels one by one, for tests. No filter.
 Sums sums_at(const Field& field, const Vec3& point_world);
 
 } // namespace sheetsplat::reference

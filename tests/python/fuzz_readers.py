@@ -2,9 +2,10 @@
 
     python tests/python/fuzz_readers.py vtu out/fuzz-vtu -max_total_time=600
 
-Beside what tests/python/test_fuzz_readers.py draws blindly, this follows the branches of sheetsplat.io. KIND is one of
-its kinds, blanks as "_"; the second argument is a folder for what was found to be interesting. What is left are
-libFuzzer's own options. Anything that is neither a field nor an Error of the package ends it, and the file is kept.
+Beside what `./run fuzz files` spoils blindly, this follows the branches of sheetsplat.io. The first argument is a kind
+of tests/python/readable_files.py, blanks as "_"; the second is a folder for what was found to be interesting. What is
+left are libFuzzer's own options. Anything that is neither a field nor an Error of the package ends it, and the file is
+kept.
 """
 
 from __future__ import annotations
@@ -40,27 +41,27 @@ with atheris.instrument_imports(include=["sheetsplat"]):
     import sheetsplat.io.vtk_xml.pieces
     import sheetsplat.io.zarr_folders
 
-import test_fuzz_readers as fuzz
+from readable_files import KINDS, read, write
 
 
 def main() -> None:
     """Fuzz one kind of file."""
     kind, folder = sys.argv[1].replace("_", " "), Path(sys.argv[2])
-    if kind not in fuzz.KINDS:
-        sys.exit(f"{kind} is no kind of file; these are: {', '.join(fuzz.KINDS)}")
+    if kind not in KINDS:
+        sys.exit(f"{kind} is no kind of file; these are: {', '.join(KINDS)}")
     corpus, work = folder / "corpus", folder / "work"
     for one in (corpus, work):
         one.mkdir(parents=True, exist_ok=True)
-    files = fuzz.KINDS[kind](work)
+    files = KINDS[kind](work)
     first = next(iter(files))
-    fuzz.write(work, files)
+    write(work, files)
     (corpus / "valid").write_bytes(files[first])
     warnings.simplefilter("ignore")
 
     def look(data: bytes) -> None:
         (work / first).write_bytes(data)
         try:
-            fuzz.read(kind, work / first)
+            read(kind, work / first)
         except ss.Error:
             pass
 

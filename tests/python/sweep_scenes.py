@@ -1,20 +1,13 @@
-"""Random scenes over all effects, modes, cameras and fields: a backend against the reference, outside CI.
+"""Random scenes over all effects, modes, cameras and fields, by number: a backend against the reference.
 
-    python tests/python/sweep_scenes.py --first 0 --scenes 3000 --minutes 30 --backend cpu
-
-Scenes are numbered: an interrupted sweep goes on with --first. A picture that breaks section 9 is told with its
-number, then made smaller (fewer kernels, fields, effects, pixels) as long as it stays wrong; the last line counts.
-tests/python/test_sweep_scenes.py draws some of each kind, and those that once were wrong.
+A picture that breaks section 9 is wrong; its scene is made smaller (fewer kernels, fields, effects, pixels) as long as
+it stays wrong. `./run fuzz scenes` draws many of them; test_sweep_scenes.py some of each kind, and those that once were
+wrong.
 """
 
 from __future__ import annotations
 
-import argparse
 import copy
-import sys
-import time
-import warnings
-from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -184,52 +177,11 @@ def smaller(parts: Parts) -> Iterator[Parts]:
             yield {**parts, "size": tuple(size)}
 
 
-def shrunk(parts: Parts, backend: str, seconds: float = 60.0) -> Parts:
-    """Return a scene as small as is found in that time whose picture is wrong too."""
-    end = time.monotonic() + seconds
+def shrunk(parts: Parts, wrong: Callable[[Parts], bool]) -> Parts:
+    """Return as small a scene as is found for which `wrong` is still true."""
     going = True
     while going:
-        going = False
-        for less in smaller(parts):
-            if time.monotonic() > end:
-                return parts
-            try:
-                wrong = fault(less, backend)
-            except ss.Error:
-                continue
-            if wrong:
-                parts, going = less, True
-                break
+        smallest = next((less for less in smaller(parts) if wrong(less)), None)
+        going = smallest is not None
+        parts = smallest or parts
     return parts
-
-
-def main() -> int:
-    """Sweep over numbered scenes; return the number of wrong pictures, at most 1 more than none."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--first", type=int, default=0, help="number of the first scene")
-    parser.add_argument("--scenes", type=int, default=1000, help="how many")
-    parser.add_argument("--minutes", type=float, default=60.0, help="end after this time")
-    parser.add_argument("--backend", default="cpu", choices=("cpu", "gl"))
-    given = parser.parse_args()
-    warnings.simplefilter("ignore")
-    counts: Counter[str] = Counter()
-    end = time.monotonic() + 60 * given.minutes
-    number = given.first
-    while number < given.first + given.scenes and time.monotonic() < end:
-        kind, parts = scene_of(number)
-        try:
-            wrong = fault(parts, given.backend)
-            counts["wrong" if wrong else "right"] += 1
-            if wrong:
-                print(f"{number} ({kind}): {wrong}\n{shrunk(parts, given.backend)}", flush=True)
-        except ss.Unsupported:
-            counts["refused"] += 1
-        except ss.InvalidInput:
-            counts["no scene"] += 1
-        number += 1
-    print(f"scenes {given.first} to {number - 1}: " + ", ".join(f"{name} {n}" for name, n in sorted(counts.items())))
-    return min(counts["wrong"], 1)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -143,8 +143,9 @@ camera is refused, because the parts of its picture would need an off-axis proje
 `tests/python/test_fuzz_scenes.py` generates scenes with the library Hypothesis (fields, cameras, transfer functions,
 effects, settings) and compares each backend with the reference: the scene as it is, with its kernels reordered or each
 split into two that share the weight, in another unit of length, translated, and in tiles of any size.
-`tests/python/test_fuzz_readers.py` damages valid files of 33 kinds: a reader must return a field or raise an error of
-the package, within 256 MB and 20 s. `SHEETSPLAT_FUZZ=2000` generates more examples, other ones in each run.
+`tests/python/test_fuzz_readers.py` damages valid files of 67 kinds: a reader must return a field or raise an error of
+the package, within 256 MB and 20 s. `./run fuzz` does so with any number of files, scenes and long runs
+([reliability.md](reliability.md)).
 `tests/python/fuzz_readers.py` is guided by the coverage of the readers' code (atheris).
 """
 

@@ -1,3 +1,4 @@
+#include <array>
 #include <optional>
 
 #include "convert.hpp"
@@ -16,9 +17,9 @@ Camera orthographic(const Triple& eye, const Triple& target, const Triple& up, d
     return Camera::orthographic(to_vec3(eye), to_vec3(target), to_vec3(up), height);
 }
 
-Camera perspective(const Triple& eye, const Triple& target, const Triple& up, double fov_y,
-                   std::optional<double> near) {
-    return Camera::perspective(to_vec3(eye), to_vec3(target), to_vec3(up), fov_y, near);
+Camera perspective(const Triple& eye, const Triple& target, const Triple& up, double fov_y, std::optional<double> near,
+                   const std::array<double, 2>& shift) {
+    return Camera::perspective(to_vec3(eye), to_vec3(target), to_vec3(up), fov_y, near, Vec2(shift[0], shift[1]));
 }
 
 Camera fit(const Triple& lower, const Triple& upper, const Triple& direction, const Triple& up, const std::string& kind,
@@ -33,7 +34,7 @@ void register_camera(py::module_& module) {
     py::class_<Camera>(module, "Camera")
         .def_static("orthographic", &orthographic, py::arg("eye"), py::arg("target"), py::arg("up"), py::arg("height"))
         .def_static("perspective", &perspective, py::arg("eye"), py::arg("target"), py::arg("up"), py::arg("fov_y"),
-                    py::arg("near"))
+                    py::arg("near"), py::arg("shift"))
         .def_static("fit", &fit, py::arg("lower"), py::arg("upper"), py::arg("direction"), py::arg("up"),
                     py::arg("kind"), py::arg("margin"), py::arg("fov_y"))
         .def_property_readonly("kind",
@@ -47,6 +48,8 @@ void register_camera(py::module_& module) {
         .def_property_readonly("height", &Camera::height)
         .def_property_readonly("fov_y", &Camera::fov_y)
         .def_property_readonly("near", &Camera::near)
+        .def_property_readonly("shift",
+                               [](const Camera& camera) { return py::make_tuple(camera.shift().x, camera.shift().y); })
         .def(
             "to_eye",
             [](const Camera& camera, const Triple& point) { return to_triple(camera.to_eye(to_vec3(point))); },

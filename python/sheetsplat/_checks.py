@@ -100,6 +100,14 @@ def triple(what: str, value: object) -> Triple:
     return number(what, found[0]), number(what, found[1]), number(what, found[2])
 
 
+def pair(what: str, value: object) -> tuple[float, float]:
+    """Return two floats, or InvalidInput."""
+    found = parts(what, value, "two numbers", 2)
+    if len(found) != 2:
+        raise complain(unusable(what), shown(value), "two numbers")
+    return number(what, found[0]), number(what, found[1])
+
+
 def direction(what: str, value: object) -> Triple:
     """Return three floats of a direction or of the name of an axis ("x", "-z"), or InvalidInput."""
     if isinstance(value, str):

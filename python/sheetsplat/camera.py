@@ -19,6 +19,7 @@ from sheetsplat._checks import (
     measurable,
     number,
     optional_number,
+    pair,
     shown,
     triple,
 )
@@ -143,7 +144,14 @@ class Camera:
 
     @classmethod
     def perspective(
-        cls, eye: Vector, target: Vector, up: Vector = (0.0, 1.0, 0.0), *, fov_y: float, near: float | None = None
+        cls,
+        eye: Vector,
+        target: Vector,
+        up: Vector = (0.0, 1.0, 0.0),
+        *,
+        fov_y: float,
+        near: float | None = None,
+        shift: tuple[float, float] = (0.0, 0.0),
     ) -> Camera:
         """Return a camera with perspective.
 
@@ -154,9 +162,12 @@ class Camera:
         up
             World direction that is up in the picture; not along the view.
         fov_y
-            Vertical angle in degrees, between 0 and 180.
+            Vertical angle in degrees, between 0 and 180; with a shift that of the picture without it.
         near
             Depth in front of which nothing is shown, > 0; a thousandth of the distance from eye to target unless given.
+        shift
+            How far the middle of the picture lies to the right of the target and above it, in heights of the picture:
+            other than (0, 0) the projection is off-axis, as that of a part of a larger picture.
 
         Raises
         ------
@@ -170,6 +181,7 @@ class Camera:
             up=measurable("Camera: up", triple("Camera: up", up)),
             fov_y=number("Camera: fov_y", fov_y),
             near=optional_number("Camera: near", near),
+            shift=pair("Camera: shift", shift),
         )
 
     @classmethod
@@ -305,6 +317,11 @@ class Camera:
         return self.native.near
 
     @property
+    def shift(self) -> tuple[float, float]:
+        """How far the middle of a perspective camera's picture lies right of the target and above it, in heights."""
+        return self.native.shift
+
+    @property
     def maker(self) -> str:
         """The function that made it: "orthographic", "perspective" or "fit"."""
         return self._maker[0]
@@ -322,7 +339,7 @@ class Camera:
         return right, up, back
 
     def _parts(self) -> tuple[Any, ...]:
-        last = self.height if self.kind == "orthographic" else (self.fov_y, self.near)
+        last: Any = self.height if self.kind == "orthographic" else (self.fov_y, self.near, self.shift)
         return self.kind, self.eye, self.target, self.up, self.world_axes(), last
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -340,4 +357,5 @@ class Camera:
     def __repr__(self) -> str:
         """Return a short description."""
         last = f"height={self.height:g}" if self.kind == "orthographic" else f"fov_y={self.fov_y:g}, near={self.near:g}"
+        last += f", shift={self.shift}" if any(self.shift) else ""
         return f"Camera.{self.kind}(eye={self.eye}, target={self.target}, up={self.up}, {last})"

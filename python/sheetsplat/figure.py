@@ -157,13 +157,15 @@ def picture_plane(image: Image) -> PicturePlane:
     right, up, _ = camera.world_axes()
     edges: list[float] = []
     labels = []
-    for direction, length, word in ((right, wide, "across"), (up, high, "up")):
+    moved = high * camera.shift[0], high * camera.shift[1]
+    for direction, length, word, beside in ((right, wide, "across", moved[0]), (up, high, "up", moved[1])):
         along = int(np.argmax(np.abs(direction)))
         if 1.0 - abs(direction[along]) < _ALONG:
-            axis, middle, sign = axes[along], camera.target[along], math.copysign(1.0, direction[along])
+            axis, sign = axes[along], math.copysign(1.0, direction[along])
+            middle = camera.target[along] + sign * beside
         else:
             axis = Axis(f"distance {word} from the middle", _length_unit(image) or "world units")
-            middle, sign = 0.0, 1.0
+            middle, sign = beside, 1.0
         edges += [axis.coordinate(middle - 0.5 * sign * length), axis.coordinate(middle + 0.5 * sign * length)]
         labels.append(axis.label)
     if camera.kind == "perspective":

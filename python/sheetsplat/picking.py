@@ -99,6 +99,7 @@ def _ray(image: Image, column: int, row: int) -> _Ray:
     if camera.kind == "orthographic":
         return _Ray(eye, -back, 0.5 * camera.height * (x * right + y * up), 1.0)
     slope = math.tan(math.radians(camera.fov_y) / 2.0)
+    x, y = x + 2.0 * camera.shift[0], y + 2.0 * camera.shift[1]
     along = slope * (x * right + y * up) - back
     return _Ray(eye, along, np.zeros(3), float(np.linalg.norm(along)))
 

@@ -59,7 +59,7 @@ _KINDS: dict[str, tuple[type[Field], tuple[str, ...]]] = {
 }
 _CAMERAS = {
     "orthographic": ("eye", "target", "up", "height"),
-    "perspective": ("eye", "target", "up", "fov_y", "near"),
+    "perspective": ("eye", "target", "up", "fov_y", "near", "shift"),
     "fit": ("lower", "upper", "direction", "up", "kind", "margin", "fov_y"),
 }
 _Result = TypeVar("_Result")
@@ -387,7 +387,9 @@ def _camera(value: Any) -> Camera:
     maker = value.get("maker") if isinstance(value, dict) else None
     if not isinstance(maker, str) or maker not in _CAMERAS:
         raise _damaged(f"camera: maker: {shown(maker)}", "one of: " + ", ".join(_CAMERAS))
-    arguments = dict(_mapping("camera", value, ("maker", *_CAMERAS[maker]), all_of_them=True))
+    # Pictures that were made before cameras had a shift have none.
+    given = {"shift": [0.0, 0.0], **value} if maker == "perspective" else value
+    arguments = dict(_mapping("camera", given, ("maker", *_CAMERAS[maker]), all_of_them=True))
     del arguments["maker"]
     return Camera.of_arguments(maker, arguments)
 

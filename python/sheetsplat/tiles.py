@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat._checks import Triple, image_size, instance, parts, shown, whole
 from sheetsplat.camera import Camera
-from sheetsplat.errors import Cancelled, Error, Unsupported, complain, unusable
+from sheetsplat.errors import Cancelled, Error, complain, unusable
 from sheetsplat.io.pictures import check_folder, whole_file
 from sheetsplat.limits import checked_depths
 from sheetsplat.notices import muted
@@ -41,14 +41,14 @@ def _column_and_row(value: object) -> tuple[int, int]:
 
 
 def window(camera: Camera, size: tuple[int, int], at: tuple[int, int], extent: tuple[int, int]) -> Camera:
-    """Return the camera of a rectangle of pixels of an orthographic camera's picture.
+    """Return the camera of a rectangle of pixels of a camera's picture; of a perspective one with a `Camera.shift`.
 
     The slices, and with them all sums, stay the same: the view direction and the field determine them.
 
     Parameters
     ----------
     camera
-        An orthographic camera.
+        The camera of the whole picture.
     size
         (width, height) of the whole picture in pixels.
     at
@@ -58,25 +58,22 @@ def window(camera: Camera, size: tuple[int, int], at: tuple[int, int], extent: t
 
     Raises
     ------
-    Unsupported
-        For a perspective camera: parts of its picture would need an off-axis projection.
     InvalidInput
         For anything but a camera, sizes and whole numbers.
     """
     instance("window: camera", camera, Camera)
     size, extent = image_size(size), image_size(extent)
     at = _column_and_row(at)
-    if camera.kind != "orthographic":
-        raise complain(
-            "a part of a picture cannot be drawn by itself",
-            "a perspective camera",
-            "an orthographic one",
-            "draw the whole picture at once, with backend cpu where it is large",
-            kind=Unsupported,
-        )
+    # From the middle of the picture to that of the rectangle, pixels.
+    x = at[0] + 0.5 * extent[0] - 0.5 * size[0]
+    y = 0.5 * size[1] - at[1] - 0.5 * extent[1]
+    if camera.kind == "perspective":
+        half = math.tan(0.5 * math.radians(camera.fov_y)) * extent[1] / size[1]
+        shift = (x + camera.shift[0] * size[1]) / extent[1], (y + camera.shift[1] * size[1]) / extent[1]
+        angle = 2.0 * math.degrees(math.atan(half))
+        return Camera.perspective(camera.eye, camera.target, camera.up, fov_y=angle, near=camera.near, shift=shift)
     pixel = camera.height / size[1]
-    x = (at[0] + 0.5 * extent[0] - 0.5 * size[0]) * pixel
-    y = (0.5 * size[1] - at[1] - 0.5 * extent[1]) * pixel
+    x, y = x * pixel, y * pixel
     right, up, back = camera.world_axes()
     eye = _moved(camera.eye, right, up, x, y)
     # Far enough that rounding the target does not turn the view.
@@ -113,7 +110,7 @@ def render_tiles(
     scene
         The scene.
     camera
-        An orthographic camera.
+        The camera.
     size
         (width, height) in pixels.
     path
@@ -132,7 +129,7 @@ def render_tiles(
     InvalidInput, DeviceUnavailable, OutOfMemory, Cancelled
         As `Renderer.render`.
     Unsupported
-        As `Renderer.render`, and for a perspective camera.
+        As `Renderer.render`.
     Error
         Where the file cannot be written, or the disk is too full for it.
 
@@ -165,8 +162,6 @@ def render_tiles(
             "make the picture smaller, or choose another disk",
             kind=Error,
         )
-    # Refuse perspective cameras before anything is drawn.
-    window(camera, (width, height), (0, 0), (1, 1))
     depths = checked_depths(depth_limit, camera, (width, height))
     drawing = Renderer() if renderer is None else renderer
     # Tiles with as many samples as they would have pixels.

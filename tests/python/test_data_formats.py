@@ -413,6 +413,14 @@ def test_hdf5_links_and_sizes(tmp_path):
         with pytest.raises(ss.InvalidInput):
             ss.open(tmp_path / "a.h5", name=name)
     assert np.array_equal(ss.open(tmp_path / "a.h5", name="a").values, VALUES)
+    for there in ({}, {"a": VALUES}):
+        with h5py.File(tmp_path / "b.h5", "w") as file:
+            for name, values in there.items():
+                file[name] = values
+            file["away"] = h5py.ExternalLink("secret.h5", "/group/a")
+        with pytest.raises(ss.InvalidInput, match="a link to another file at '/away'"):
+            ss.open(tmp_path / "b.h5")
+    assert np.array_equal(ss.open(tmp_path / "b.h5", name="a").values, VALUES)
 
 
 def test_parts_of_files_that_are_wholes(tmp_path):

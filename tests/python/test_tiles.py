@@ -16,6 +16,7 @@ from sheetsplat.tiles import pieces, render_tiles, window
 
 BACKENDS = [pytest.param("gl", marks=pytest.mark.gl), "cpu", "reference"]
 SIZE = (61, 45)
+CAMERAS = {"orthographic": scene_parts.parallel, "perspective": scene_parts.central}
 
 
 def scene_of(name: str, **options: Any) -> tuple[ss.Scene, ss.Camera]:
@@ -35,11 +36,12 @@ def scene_of(name: str, **options: Any) -> tuple[ss.Scene, ss.Camera]:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("tile", [1, 16, 23, 45, 100])
-def test_tiles_are_the_picture(backend: Any, tile: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", CAMERAS)
+def test_tiles_are_the_picture(kind: str, backend: Any, tile: int, tmp_path: Path) -> None:
     if tile == 1 and backend != "cpu":
         pytest.skip("thousands of pictures; the processor draws them")
     size = (9, 7) if tile == 1 else SIZE
-    scene, camera = scene_of("here")
+    scene, camera = scene_of("here", camera=CAMERAS[kind]())
     renderer = ss.Renderer(backend)
     expected = renderer.render(scene, camera, size=size).pixels
     drawn = render_tiles(scene, camera, size, tmp_path / "p.npy", renderer=renderer, tile=tile)
@@ -90,9 +92,6 @@ def test_pieces_cover_every_pixel_once() -> None:
 
 def test_what_cannot_be_drawn_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, camera = scene_of("here")
-    perspective = ss.Camera.perspective((0, 0, 4), (0, 0, 0), fov_y=30)
-    with pytest.raises(ss.Unsupported, match="a perspective camera; wanted an orthographic one.*backend cpu"):
-        render_tiles(scene, perspective, SIZE, tmp_path / "p.npy")
     with pytest.raises(ss.InvalidInput, match="tile cannot be used: found 0"):
         render_tiles(scene, camera, SIZE, tmp_path / "p.npy", tile=0)
     with pytest.raises(ss.InvalidInput, match="suffix '.png'; wanted .npy"):
@@ -118,3 +117,34 @@ def test_progress_ends_at_one(tmp_path: Path) -> None:
     shares: list[float] = []
     render_tiles(scene, camera, SIZE, tmp_path / "p.npy", tile=30, progress=shares.append, renderer=ss.Renderer("cpu"))
     assert shares == sorted(shares) and shares[-1] == 1.0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    "options", [{"mode": "mip"}, {"mode": "isosurface", "iso_value": 0.3}, {"sampling": "slab"}, {"filter": "ewa"}]
+)
+def test_a_part_of_a_picture_in_perspective(options: dict[str, Any], backend: Any) -> None:
+    """Far from the middle, at an edge, and beyond the picture."""
+    scene, camera = scene_of("here", camera=scene_parts.central(fov_y=70.0), **options)
+    renderer = ss.Renderer(backend)
+    whole = renderer.render(scene, camera, size=SIZE)
+    for left, top, width, height in ((0, 0, 20, 15), (50, 30, 11, 15), (13, 7, 9, 31)):
+        part = window(camera, SIZE, (left, top), (width, height))
+        drawn = renderer.render(scene, part, size=(width, height))
+        expected = whole.pixels[top : top + height, left : left + width]
+        assert_close(drawn.pixels, expected, FLOAT32, f"part at {left}, {top}")
+        again = window(part, (width, height), (2, 3), (4, 4))
+        assert np.allclose(again.shift, window(camera, SIZE, (left + 2, top + 3), (4, 4)).shift, rtol=1e-12)
+    outside = window(camera, SIZE, (-400, -400), (10, 10))
+    assert not renderer.render(scene, outside, size=(10, 10)).pixels.any()
+
+
+def test_a_point_of_a_shifted_picture_is_picked() -> None:
+    scene, camera = scene_of("here", camera=scene_parts.central())
+    renderer = ss.Renderer("cpu")
+    part = window(camera, SIZE, (20, 12), (20, 20))
+    whole, shown = renderer.render(scene, camera, size=SIZE), renderer.render(scene, part, size=(20, 20))
+    for column, row in ((3, 4), (10, 10), (15, 2)):
+        expected, found = whole.pick(column + 20, row + 12), shown.pick(column, row)
+        assert expected is not None and found is not None
+        assert np.allclose(found.position, expected.position, atol=1e-9)

@@ -16,10 +16,11 @@ class Camera {
     /// height: world units from the bottom edge of the image to the top.
     /// Throws InvalidInput where eye = target, up is along the view, a number is not finite or height <= 0.
     static Camera orthographic(const Vec3& eye, const Vec3& target, const Vec3& up, double height);
-    /// fov_y: vertical angle in degrees, 0 < fov_y < 180. near: depth in front of which nothing is shown;
-    /// 1e-3 |eye - target| unless given.
+    /// fov_y: vertical angle in degrees, 0 < fov_y < 180, of a picture whose middle the optical axis meets. near: depth
+    /// in front of which nothing is shown; 1e-3 |eye - target| unless given. shift: from the optical axis to the middle
+    /// of the picture, right and up, in heights of the picture.
     static Camera perspective(const Vec3& eye, const Vec3& target, const Vec3& up, double fov_y,
-                              std::optional<double> near = std::nullopt);
+                              std::optional<double> near = std::nullopt, const Vec2& shift = Vec2(0.0));
     /// A camera that looks along `direction` at a box and shows all of it in a square picture, `margin` times larger.
     static Camera fit(const Box& box_world, const Vec3& direction, const Vec3& up,
                       Projection projection = Projection::orthographic, double margin = 1.05, double fov_y = 30.0);
@@ -28,9 +29,10 @@ class Camera {
     [[nodiscard]] const Vec3& eye() const { return eye_; }
     [[nodiscard]] const Vec3& target() const { return target_; }
     [[nodiscard]] const Vec3& up() const { return up_; }
-    [[nodiscard]] double height() const { return height_; } ///< orthographic: H in world units
-    [[nodiscard]] double fov_y() const { return fov_y_; }   ///< perspective: degrees
-    [[nodiscard]] double near() const { return near_; }     ///< perspective: depth
+    [[nodiscard]] double height() const { return height_; }    ///< orthographic: H in world units
+    [[nodiscard]] double fov_y() const { return fov_y_; }      ///< perspective: degrees
+    [[nodiscard]] double near() const { return near_; }        ///< perspective: depth
+    [[nodiscard]] const Vec2& shift() const { return shift_; } ///< perspective: right and up, heights of the picture
 
     /// Unit vectors of eye space in world coordinates: x right, y up, z towards the viewer (minus the view direction).
     [[nodiscard]] const Vec3& right_world() const { return right_; }
@@ -52,6 +54,7 @@ class Camera {
     double height_ = 1.0;
     double fov_y_ = 30.0;
     double near_ = 0.0;
+    Vec2 shift_{0.0};
 };
 
 } // namespace sheetsplat

@@ -6,11 +6,13 @@
 #include <functional>
 
 #include <glm/mat3x3.hpp>
+#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
 namespace sheetsplat {
 
 using Vec3 = glm::dvec3; ///< Three float64 numbers: a point, a direction or a colour.
+using Vec2 = glm::dvec2; ///< Two float64 numbers.
 using Mat3 = glm::dmat3; ///< Three columns of Vec3.
 
 /// Size of a picture in pixels.

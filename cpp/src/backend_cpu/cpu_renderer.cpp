@@ -206,8 +206,7 @@ void lay_out(const Job& job, int every, std::int64_t planes, LightVolume& volume
     volume.counts = {frame.size.width, frame.size.height, static_cast<int>(planes)};
     volume.per_step = {camera.right_world() / frame.pixel, -camera.up_world() / frame.pixel,
                        -camera.back_world() / (frame.slice_spacing * every)};
-    volume.origin = camera.eye() - 0.5 * (frame.size.width - 1) * frame.pixel * camera.right_world() +
-                    0.5 * (frame.size.height - 1) * frame.pixel * camera.up_world() -
+    volume.origin = camera.eye() + frame.eye_x(0) * camera.right_world() + frame.eye_y(0) * camera.up_world() -
                     frame.first_depth * camera.back_world();
     try {
         volume.values.assign(volume.index(0, 0, volume.counts[2]), 0.0F);

@@ -59,8 +59,7 @@ HWY_INLINE void set_place(const RowBasis& basis, const glm::dvec2& plane, double
 
 /// Where the tile's first sheet pixel looks: eye x and y, per unit of depth in perspective.
 inline glm::dvec2 origin_of(const TileShape& tile, const Frame& frame) {
-    return {(tile.x - 0.5 - 0.5 * frame.size.width) * frame.pixel,
-            (0.5 * frame.size.height - tile.y + 0.5) * frame.pixel};
+    return {frame.eye_x(tile.x - 1), frame.eye_y(tile.y - 1)};
 }
 
 /// In pixels of the tile's sheets; centres of pixels have whole numbers.

@@ -29,7 +29,7 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 inline void tile_rects(const EllipsoidView& view, const std::vector<std::uint8_t>& visible, const TileLayout& layout,
                        std::size_t begin, std::size_t end, TileRect* rects) {
     const Frame& frame = view.frame();
-    const double axis_x = 0.5 * frame.size.width, axis_y = 0.5 * frame.size.height;
+    const double axis_x = frame.axis_x, axis_y = frame.axis_y;
     const TileLayout::Axis& across = layout.across();
     const TileLayout::Axis& down = layout.down();
     if (frame.slices == 0) {
@@ -73,8 +73,7 @@ class KernelFeed {
     KernelFeed(const EllipsoidView& view, const TileShape& tile, TileKernels<T>& kernels)
         : view_(view), frame_(view.frame()), field_(view.field()), tile_(tile), kernels_(kernels),
           perspective_(frame_.projection == Projection::perspective), origin_(origin_of(tile, frame_)),
-          own_(tile, frame_), axis_x_(0.5 * frame_.size.width - tile.x + 0.5),
-          axis_y_(0.5 * frame_.size.height - tile.y + 0.5) {}
+          own_(tile, frame_), axis_x_(frame_.axis_x - tile.x + 0.5), axis_y_(frame_.axis_y - tile.y + 0.5) {}
 
     void run(const std::uint32_t* begin, const std::uint32_t* end) {
         kernels_.clear();

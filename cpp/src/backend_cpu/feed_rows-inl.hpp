@@ -212,9 +212,9 @@ class RowFeed {
         if (!perspective_) {
             Cut cut{begin, end};
             const double left = tile_.x - 0.5, top = tile_.y - 0.5;
-            cut.keep(eye.x * per_pixel_ + 0.5 * frame_.size.width, view_.step_i.x * per_pixel_, own_.left + left,
+            cut.keep(eye.x * per_pixel_ + frame_.axis_x, view_.step_i.x * per_pixel_, own_.left + left,
                      own_.right + left);
-            cut.keep(0.5 * frame_.size.height - eye.y * per_pixel_, -view_.step_i.y * per_pixel_, own_.top + top,
+            cut.keep(frame_.axis_y - eye.y * per_pixel_, -view_.step_i.y * per_pixel_, own_.top + top,
                      own_.bottom + top);
             add(cut);
             return sum;

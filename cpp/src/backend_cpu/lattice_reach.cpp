@@ -44,8 +44,7 @@ void LatticeReach::add(const FieldView& view, const Frame& frame, std::vector<La
 LatticeReach::Places LatticeReach::places(const TileShape& tile, std::int64_t n) const {
     const double depth = frame_->depth_of(n);
     const double pixel = frame_->pixel * (frame_->projection == Projection::perspective ? depth : 1.0);
-    const Vec3 corner((tile.x + 0.5 - 0.5 * frame_->size.width) * pixel,
-                      (0.5 * frame_->size.height - tile.y - 0.5) * pixel, -depth);
+    const Vec3 corner((tile.x + 0.5 - frame_->axis_x) * pixel, (frame_->axis_y - tile.y - 0.5) * pixel, -depth);
     return {to_index_ * (corner - first_eye_), to_index_[0] * pixel, to_index_[1] * -pixel};
 }
 

@@ -97,8 +97,7 @@ VolumeLookup lookup_of(const LightVolume& volume, const Camera& camera, const Fr
     // Pixel (i, j) looks along ((i - axis_x) right + (axis_y - j) up) pixel - back.
     lookup.by_column = frame.pixel * along(camera.right_world());
     lookup.by_row = -frame.pixel * along(camera.up_world());
-    const Vec3 corner =
-        -0.5 * (frame.size.width - 1) * lookup.by_column - 0.5 * (frame.size.height - 1) * lookup.by_row;
+    const Vec3 corner = (0.5 - frame.axis_x) * lookup.by_column + (0.5 - frame.axis_y) * lookup.by_row;
     lookup.constant = along(camera.eye() - volume.origin);
     lookup.by_depth = -along(camera.back_world());
     (frame.projection == Projection::perspective ? lookup.by_depth : lookup.constant) += corner;
@@ -206,8 +205,8 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.first_depth = frame.first_depth;
     shading.nearest_depth = frame.depth_of(frame.first_met);
     shading.slice_spacing = frame.slice_spacing;
-    shading.axis_x = 0.5 * (frame.size.width - 1);
-    shading.axis_y = 0.5 * (frame.size.height - 1);
+    shading.axis_x = frame.axis_x - 0.5;
+    shading.axis_y = frame.axis_y - 0.5;
     shading.pixel = frame.pixel;
     add_effects(scene, camera, frame, plan, inputs, volumes, shading);
     return shading;

@@ -7,8 +7,8 @@ namespace {
 /// Two frames that show kernels at the same places.
 bool same_view(const Frame& a, const Frame& b) {
     return a.projection == b.projection && a.size.width == b.size.width && a.size.height == b.size.height &&
-           a.pixel == b.pixel && a.slice_spacing == b.slice_spacing && a.near == b.near &&
-           a.first_depth == b.first_depth && a.slices == b.slices;
+           a.pixel == b.pixel && a.axis_x == b.axis_x && a.axis_y == b.axis_y && a.slice_spacing == b.slice_spacing &&
+           a.near == b.near && a.first_depth == b.first_depth && a.slices == b.slices;
 }
 
 bool same_place(const FieldView& a, const FieldView& b) {

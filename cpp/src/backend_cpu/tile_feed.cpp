@@ -144,7 +144,7 @@ Buckets<RowPart> bucket_rows(const FieldView& view, const VisibleRuns& runs, con
     const std::size_t rows = runs.rows();
     const std::size_t chunks = chunks_for(rows, layout.tiles());
     const bool perspective = frame.projection == Projection::perspective;
-    const double axis_x = 0.5 * frame.size.width, axis_y = 0.5 * frame.size.height;
+    const double axis_x = frame.axis_x, axis_y = frame.axis_y;
     const double half_x = view.extent_x / frame.pixel, half_y = view.extent_y / frame.pixel;
     const double first_depth = frame.depth_of(0) - view.slab_half;
     const double last_depth = frame.depth_of(frame.slices - 1) + view.slab_half;

@@ -32,8 +32,8 @@ struct TileScope {
     const std::vector<float> pivots;
 
     /// Where the optical axis meets the targets, pixels.
-    [[nodiscard]] double axis_x() const { return 0.5 * frame.size.width - tile.x + Tile::border; }
-    [[nodiscard]] double axis_y() const { return 0.5 * frame.size.height - tile.y + Tile::border; }
+    [[nodiscard]] double axis_x() const { return frame.axis_x - tile.x + Tile::border; }
+    [[nodiscard]] double axis_y() const { return frame.axis_y - tile.y + Tile::border; }
     /// Packing wide: the sheet of the ring that holds the first slabs of a batch. Packing paper: the splat buffer.
     [[nodiscard]] int sheet_of(std::int64_t pass) const {
         return targets.shape().wide ? static_cast<int>(pass % 3) : 0;

@@ -25,7 +25,7 @@ Camera coarse_camera(const Camera& full, Size full_size, int larger) {
         return Camera::orthographic(full.eye(), full.target(), full.up(), full.height() * taller);
     }
     const double angle = 2.0 * std::atan(full.half_height() * taller) * 180.0 / pi;
-    return Camera::perspective(full.eye(), full.target(), full.up(), angle, full.near());
+    return Camera::perspective(full.eye(), full.target(), full.up(), angle, full.near(), full.shift() / taller);
 }
 
 Scene coarse_scene(const Scene& full, Size full_size, int larger) {

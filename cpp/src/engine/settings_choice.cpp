@@ -100,7 +100,8 @@ bool Chosen::serves(const Scene& other, const Camera& from, Size other_size, dou
                         (std::abs(distance - other_distance) <= least_move * std::min(distance, other_distance) &&
                          std::abs(from.near() - camera.near()) <= least_move * std::min(from.near(), camera.near()));
     return as_far && other_size.width == size.width && other_size.height == size.height &&
-           from.projection() == camera.projection() && std::abs(height - other_height) <= near &&
+           from.projection() == camera.projection() && from.shift() == camera.shift() &&
+           std::abs(height - other_height) <= near &&
            glm::dot(from.back_world(), camera.back_world()) >= least_cosine &&
            glm::length(from.target() - camera.target()) <= near && same(scene, other);
 }

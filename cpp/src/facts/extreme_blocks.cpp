@@ -145,9 +145,8 @@ Points points_of(const RegularField& field, const Camera& camera, const Frame& f
     const auto place = [&](std::int64_t n) {
         const double depth = frame.depth_of(n);
         const double pixel = frame.pixel * (frame.projection == Projection::perspective ? depth : 1.0);
-        const Vec3 world = camera.eye() + (x + 0.5 - 0.5 * frame.size.width) * pixel * camera.right_world() +
-                           (0.5 * frame.size.height - y - 0.5) * pixel * camera.up_world() -
-                           depth * camera.back_world();
+        const Vec3 world = camera.eye() + (x + 0.5 - frame.axis_x) * pixel * camera.right_world() +
+                           (frame.axis_y - y - 0.5) * pixel * camera.up_world() - depth * camera.back_world();
         return (world - field.options().origin) / spacing;
     };
     Points points;

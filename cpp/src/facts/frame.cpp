@@ -58,14 +58,16 @@ double Frame::largest_pixel() const {
                : pixel * std::max(depth_of(std::max<std::int64_t>(slices, 1) - 1), 0.0);
 }
 
-double Frame::largest_slant() const {
+double Frame::largest_slope() const {
     if (projection == Projection::orthographic) {
-        return 1.0;
+        return 0.0;
     }
-    const double x = 0.5 * pixel * size.width;
-    const double y = 0.5 * pixel * size.height;
-    return std::sqrt(1.0 + x * x + y * y);
+    const double x = pixel * std::max(std::abs(axis_x), std::abs(size.width - axis_x));
+    const double y = pixel * std::max(std::abs(axis_y), std::abs(size.height - axis_y));
+    return std::hypot(x, y);
 }
+
+double Frame::largest_slant() const { return std::hypot(1.0, largest_slope()); }
 
 Box supports_world(const Scene& scene) {
     Box all;
@@ -95,6 +97,8 @@ Frame make_frame(const Scene& scene, const Camera& camera, Size size, const Reac
     frame.projection = camera.projection();
     frame.size = size;
     frame.pixel = 2.0 * camera.half_height() / size.height;
+    frame.axis_x = 0.5 * size.width - camera.shift().x * size.height;
+    frame.axis_y = 0.5 * size.height + camera.shift().y * size.height;
     frame.slice_spacing = scene.slice_distance();
     frame.reference_length = scene.reference_distance();
     frame.near =

@@ -24,12 +24,13 @@ Screen::Span pixels_between(double a, double b, int count) {
 
 Screen::Screen(const Camera& camera, Size size)
     : size_(size), perspective_(camera.projection() == Projection::perspective), half_height_(camera.half_height()),
-      aspect_(static_cast<double>(size.width) / size.height) {
+      aspect_(static_cast<double>(size.width) / size.height),
+      shift_(2.0 * camera.shift().x / aspect_, 2.0 * camera.shift().y) {
     for (int i = -1; i <= size.width; ++i) {
-        ndc_x_.push_back(2.0 * (i + 0.5) / size.width - 1.0);
+        ndc_x_.push_back(2.0 * (i + 0.5) / size.width - 1.0 + shift_.x);
     }
     for (int j = -1; j <= size.height; ++j) {
-        ndc_y_.push_back(1.0 - 2.0 * (j + 0.5) / size.height);
+        ndc_y_.push_back(1.0 - 2.0 * (j + 0.5) / size.height + shift_.y);
     }
 }
 
@@ -51,8 +52,8 @@ Screen::Span Screen::columns(double lower, double upper, double front, double ba
     const double half_front = half_width(front), half_back = half_width(back);
     const double ndc_lower = std::min(lower / half_front, lower / half_back);
     const double ndc_upper = std::max(upper / half_front, upper / half_back);
-    return pixels_between((1.0 + ndc_lower) * 0.5 * size_.width - 0.5, (1.0 + ndc_upper) * 0.5 * size_.width - 0.5,
-                          size_.width);
+    const auto column = [this](double ndc) { return (1.0 + ndc - shift_.x) * 0.5 * size_.width - 0.5; };
+    return pixels_between(column(ndc_lower), column(ndc_upper), size_.width);
 }
 
 Screen::Span Screen::rows(double lower, double upper, double front, double back) const {
@@ -62,8 +63,8 @@ Screen::Span Screen::rows(double lower, double upper, double front, double back)
     const double half_front = half_height(front), half_back = half_height(back);
     const double ndc_lower = std::min(lower / half_front, lower / half_back);
     const double ndc_upper = std::max(upper / half_front, upper / half_back);
-    return pixels_between((1.0 - ndc_upper) * 0.5 * size_.height - 0.5, (1.0 - ndc_lower) * 0.5 * size_.height - 0.5,
-                          size_.height);
+    const auto row = [this](double ndc) { return (1.0 - ndc + shift_.y) * 0.5 * size_.height - 0.5; };
+    return pixels_between(row(ndc_upper), row(ndc_lower), size_.height);
 }
 
 } // namespace sheetsplat::reference

@@ -96,6 +96,13 @@ void require_near(double near) {
     }
 }
 
+void require_shift(const Vec2& shift) {
+    if (!std::isfinite(shift.x) || !std::isfinite(shift.y)) {
+        throw InvalidInput(Complaint{unusable(owner, "shift"), text_of(shift.x) + ", " + text_of(shift.y),
+                                     "two finite numbers of heights of the picture, right and up"});
+    }
+}
+
 } // namespace
 
 Camera Camera::orthographic(const Vec3& eye, const Vec3& target, const Vec3& up, double height) {
@@ -114,12 +121,13 @@ Camera Camera::orthographic(const Vec3& eye, const Vec3& target, const Vec3& up,
 }
 
 Camera Camera::perspective(const Vec3& eye, const Vec3& target, const Vec3& up, double fov_y,
-                           std::optional<double> near) {
+                           std::optional<double> near, const Vec2& shift) {
     const Axes axes = look_at(eye, target, up);
     require_fov(fov_y);
     const double scale = largest_component(eye - target);
     const double depth = near.value_or(default_near_share * (scale * glm::length((eye - target) / scale)));
     require_near(depth);
+    require_shift(shift);
     Camera camera;
     camera.projection_ = Projection::perspective;
     camera.eye_ = eye;
@@ -130,6 +138,7 @@ Camera Camera::perspective(const Vec3& eye, const Vec3& target, const Vec3& up, 
     camera.back_ = axes.back;
     camera.fov_y_ = fov_y;
     camera.near_ = depth;
+    camera.shift_ = shift;
     return camera;
 }
 

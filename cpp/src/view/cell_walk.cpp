@@ -10,12 +10,12 @@ namespace {
 
 using ScreenBounds = EllipsoidView::ScreenBounds;
 
-/// Half the picture with its border, pixels from the optical axis.
+/// The picture with its border, pixels from the optical axis.
 struct Window {
-    double x, y;
+    double left, right, top, bottom;
 
     [[nodiscard]] bool misses(const ScreenBounds& b) const {
-        return !b.unbounded && (b.left > x || b.right < -x || b.top > y || b.bottom < -y);
+        return !b.unbounded && (b.left > right || b.right < left || b.top > bottom || b.bottom < top);
     }
 };
 
@@ -38,8 +38,9 @@ CellTraversal CellTraversal::of(const EllipsoidView& view, const SpatialGrid& gr
         return result;
     }
     // One more than the border, for rounding.
-    const Window window{0.5 * frame.size.width + Tile::border + 1.0 + wider_px,
-                        0.5 * frame.size.height + Tile::border + 1.0 + wider_px};
+    const double border = Tile::border + 1.0 + wider_px;
+    const Window window{-frame.axis_x - border, frame.size.width - frame.axis_x + border, -frame.axis_y - border,
+                        frame.size.height - frame.axis_y + border};
     const std::size_t all_cells = starts == nullptr ? grid.cells() : starts->cells();
     std::vector<std::uint32_t> count(all_cells + 1, 0);
     struct Found {

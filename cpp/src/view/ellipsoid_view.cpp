@@ -197,9 +197,7 @@ SectionGroup EllipsoidView::group(std::size_t i, const Depths& depths, double sp
     if (sampling_ == Sampling::slab) {
         if (frame_->projection == Projection::perspective) {
             // The ray's own slope moves it through the section's plane as well.
-            ray += glm::length(glm::dvec2(0.5 * frame_->pixel * frame_->size.width,
-                                          0.5 * frame_->pixel * frame_->size.height)) *
-                   depths.half / shortest;
+            ray += frame_->largest_slope() * depths.half / shortest;
         }
         const double width = std::sqrt(field_->kernel().falloff) * ray * step_s;
         if (precise) {
@@ -284,8 +282,8 @@ PixelBox EllipsoidView::pixels(const ScreenBounds& bounds, const Frame& frame, c
     if (bounds.unbounded) {
         return {0, 0, tile.target_width(), tile.target_height()};
     }
-    const double axis_x = 0.5 * frame.size.width - tile.x + Tile::border;
-    const double axis_y = 0.5 * frame.size.height - tile.y + Tile::border;
+    const double axis_x = frame.axis_x - tile.x + Tile::border;
+    const double axis_y = frame.axis_y - tile.y + Tile::border;
     const double left = bounds.left + axis_x - wider_px, right = bounds.right + axis_x + wider_px;
     const double top = bounds.top + axis_y - wider_px, bottom = bounds.bottom + axis_y + wider_px;
     // What lies between the centres of pixels as a whole is never seen.

@@ -30,8 +30,7 @@ std::int32_t SlicesInFront::last(int column, int row) const {
 }
 
 KeptSlices::KeptSlices(const Scene& scene, const DrawPlan& plan, const Camera& camera, const Frame& frame)
-    : half_columns_(0.5 * frame.size.width), half_rows_(0.5 * frame.size.height), pixel_(frame.pixel),
-      lowest_(-rounding * frame.slice_spacing),
+    : axis_x_(frame.axis_x), axis_y_(frame.axis_y), pixel_(frame.pixel), lowest_(-rounding * frame.slice_spacing),
       in_front_(plan.depth_limit && scene.depth_limit ? &*scene.depth_limit : nullptr, frame) {
     const double spacing = frame.slice_spacing;
     const double depth = frame.first_depth;
@@ -55,8 +54,8 @@ KeptSlices::KeptSlices(const Scene& scene, const DrawPlan& plan, const Camera& c
 }
 
 SliceRun KeptSlices::at(int column, int row) const {
-    const double x = (column + 0.5 - half_columns_) * pixel_;
-    const double y = (half_rows_ - row - 0.5) * pixel_;
+    const double x = (column + 0.5 - axis_x_) * pixel_;
+    const double y = (axis_y_ - row - 0.5) * pixel_;
     double first = -no_end, last = in_front_.last(column, row);
     for (const Plane& plane : planes_) {
         const double start = plane.start.at(x, y) - lowest_;
@@ -76,8 +75,7 @@ SliceRun KeptSlices::at(int column, int row) const {
 }
 
 OwnedSlices::OwnedSlices(const Part& part, const Camera& camera, const Frame& frame)
-    : half_columns_(0.5 * frame.size.width), half_rows_(0.5 * frame.size.height), pixel_(frame.pixel),
-      slices_(static_cast<double>(frame.slices)) {
+    : axis_x_(frame.axis_x), axis_y_(frame.axis_y), pixel_(frame.pixel), slices_(static_cast<double>(frame.slices)) {
     const double spacing = frame.slice_spacing, depth = frame.first_depth;
     for (int axis = 0; axis < 3; ++axis) {
         const double lower = part.cell.lower[axis] - camera.eye()[axis];
@@ -99,8 +97,8 @@ OwnedSlices::OwnedSlices(const Part& part, const Camera& camera, const Frame& fr
 }
 
 SliceRun OwnedSlices::at(int column, int row) const {
-    const double x = (column + 0.5 - half_columns_) * pixel_;
-    const double y = (half_rows_ - row - 0.5) * pixel_;
+    const double x = (column + 0.5 - axis_x_) * pixel_;
+    const double y = (axis_y_ - row - 0.5) * pixel_;
     double first = -1.0, last = slices_;
     for (const Axis& axis : axes_) {
         const double start = axis.start[0] + x * axis.start[1] + y * axis.start[2];

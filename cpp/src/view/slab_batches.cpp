@@ -45,10 +45,11 @@ class SliceSpan {
 /// Rows that lie outside the picture as a whole are skipped; single samples are sorted out when vertices are made.
 bool row_outside(const FieldView& view, const Frame& frame, const Vec3& a, const Vec3& b) {
     if (frame.projection == Projection::orthographic) {
-        const double half_width = 0.5 * frame.pixel * (frame.size.width + 2) + view.extent_x;
-        const double half_height = 0.5 * frame.pixel * (frame.size.height + 2) + view.extent_y;
-        return std::min(a.x, b.x) > half_width || std::max(a.x, b.x) < -half_width ||
-               std::min(a.y, b.y) > half_height || std::max(a.y, b.y) < -half_height;
+        // The border's far edges.
+        const double left = frame.eye_x(-1.5), right = frame.eye_x(frame.size.width + 0.5);
+        const double top = frame.eye_y(-1.5), bottom = frame.eye_y(frame.size.height + 0.5);
+        return std::min(a.x, b.x) > right + view.extent_x || std::max(a.x, b.x) < left - view.extent_x ||
+               std::min(a.y, b.y) > top + view.extent_y || std::max(a.y, b.y) < bottom - view.extent_y;
     }
     return false;
 }
@@ -141,8 +142,8 @@ VertexMaker::VertexMaker(const FieldView& view, const Frame& frame, const Tile& 
     : view_(&view), frame_(&frame), tile_(tile), layout_(layout), wider_(wider_px) {
     half_x_ = view.extent_x / frame.pixel + wider_;
     half_y_ = view.extent_y / frame.pixel + wider_;
-    origin_x_ = 0.5 * frame.size.width - tile.x + Tile::border;
-    origin_y_ = 0.5 * frame.size.height - tile.y + Tile::border;
+    origin_x_ = frame.axis_x - tile.x + Tile::border;
+    origin_y_ = frame.axis_y - tile.y + Tile::border;
 }
 
 VertexMaker::Placed VertexMaker::place(const Vec3& eye, double value, double first_depth, double last_depth) const {

@@ -79,7 +79,7 @@ class CameraPath:
         shares: Floats = (found - found[0]) / (found[-1] - found[0])
         return shares
 
-    def _interpolated(self) -> tuple[bool, Any, Any, Any]:
+    def _interpolated(self) -> tuple[bool, Any, Any, Any, Any]:
         """Return whether the target is fixed, and the interpolators of position, rotation and lengths."""
         from scipy.interpolate import CubicSpline, PchipInterpolator  # type: ignore[import-untyped]
         from scipy.spatial.transform import Rotation, RotationSpline  # type: ignore[import-untyped]
@@ -103,7 +103,8 @@ class CameraPath:
         else:
             slopes = [(math.tan(math.radians(one.fov_y) / 2), one.near) for one in keys]
             lengths = [(distance, *more) for distance, more in zip(distances, slopes, strict=True)]
-        return around, CubicSpline(times, eyes), turns, PchipInterpolator(times, np.log(np.array(lengths)))
+        ends = PchipInterpolator(times, np.log(np.array(lengths)))
+        return around, CubicSpline(times, eyes), turns, ends, PchipInterpolator(times, [one.shift for one in keys])
 
     @property
     def keys(self) -> tuple[Camera, ...]:
@@ -123,7 +124,7 @@ class CameraPath:
         exact = np.flatnonzero(self._times == at)
         if len(exact):
             return self._keys[int(exact[0]) % len(self._keys)]
-        around, eyes, turns, lengths = self._interpolators
+        around, eyes, turns, lengths, shifts = self._interpolators
         axes = turns(at).as_matrix()
         up, back = axes[:, 1], axes[:, 2]
         distance, *ends = np.exp(lengths(at)).tolist()
@@ -135,7 +136,8 @@ class CameraPath:
             target = eye - distance * back
         if self._keys[0].kind == "orthographic":
             return Camera.orthographic(eye, target, up, height=ends[0])
-        return Camera.perspective(eye, target, up, fov_y=2 * math.degrees(math.atan(ends[0])), near=ends[1])
+        angle = 2 * math.degrees(math.atan(ends[0]))
+        return Camera.perspective(eye, target, up, fov_y=angle, near=ends[1], shift=tuple(shifts(at).tolist()))
 
     def cameras(self, count: int) -> list[Camera]:
         """Return cameras at equal steps of time, from the first key to the last; a closed path leaves out the last.
@@ -184,7 +186,7 @@ def turned(camera: Camera, axis: Floats, degrees: float) -> Camera:
     up = turn.apply(np.asarray(camera.up))
     if camera.kind == "orthographic":
         return Camera.orthographic(eye, target, up, height=camera.height)
-    return Camera.perspective(eye, target, up, fov_y=camera.fov_y, near=camera.near)
+    return Camera.perspective(eye, target, up, fov_y=camera.fov_y, near=camera.near, shift=camera.shift)
 
 
 def turns(camera: Camera, axis: Floats, frames: int, degrees: float) -> list[Camera]:

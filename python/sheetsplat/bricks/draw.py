@@ -107,17 +107,11 @@ def draw_brick(
     InvalidInput, Unsupported, OutOfMemory, Cancelled
         As `Renderer.render`.
     """
-    rect, drawn = view.footprint(number), view.window(number)
-    if rect is None or drawn is None:
+    drawn = view.window(number)
+    if drawn is None:
         return empty(view)
-    (left, top, right, bottom), camera = drawn
-    x0, y0, x1, y1 = rect
-    cut = (slice(y0 - top, y1 - top), slice(x0 - left, x1 - left))
-    if in_front is not None and drawn[0] != rect:
-        # Pixels outside of the footprint are finished.
-        around = np.ones((bottom - top, right - left), np.float32)
-        around[cut] = in_front
-        in_front = around
+    rect, camera = drawn
+    left, top, right, bottom = rect
     scene = _scene(view, number, field, view.depths_of(number), in_front)
     if view.depth_limit is not None:
         scene = scene.with_depth_limit(np.ascontiguousarray(view.depth_limit[top:bottom, left:right]))
@@ -125,7 +119,7 @@ def draw_brick(
     image = renderer.native.render(scene=scene, camera=camera.native, size=size, **_also(view), progress=progress)
 
     def of(array: NDArray[np.float32] | None, dtype: type = np.float32) -> NDArray[np.floating] | None:
-        return None if array is None else np.array(array[cut], dtype)
+        return None if array is None else np.array(array, dtype)
 
     scalar = of(image.scalar, np.float64 if view.mode in ("xray", "average") else np.float32)
     counts = of(image.counts)

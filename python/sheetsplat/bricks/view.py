@@ -175,8 +175,9 @@ class BrickView:
         """Longest way of a ray through a unit of depth."""
         if self.camera.kind == "orthographic":
             return 1.0
-        half = math.tan(math.radians(self.camera.fov_y) / 2.0)
-        return math.sqrt(1.0 + half * half * (1.0 + (self.size[0] / self.size[1]) ** 2))
+        width, height = self.size
+        x, y = 0.5 * width / height + abs(self.camera.shift[0]), 0.5 + abs(self.camera.shift[1])
+        return math.hypot(1.0, self._unit_pixel() * height * math.hypot(x, y))
 
     def _region(self, number: int) -> Bounds | None:
         """Return the box of the points of a brick that can be seen, or None."""
@@ -282,7 +283,8 @@ class BrickView:
                 return np.empty(0), np.empty(0)
             x, y = x / depth, y / depth
         pixel = self._unit_pixel()
-        return x / pixel + 0.5 * width, 0.5 * height - y / pixel
+        to_right, above = (height * one for one in self.camera.shift)
+        return x / pixel + 0.5 * width - to_right, 0.5 * height - y / pixel + above
 
     def footprint(self, number: int) -> Rect | None:
         """Return the rectangle of pixels that a brick can change, or None where there are none."""
@@ -298,23 +300,12 @@ class BrickView:
         return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
 
     def window(self, number: int) -> tuple[Rect, Camera] | None:
-        """Return the pixels that are drawn for a brick, and their camera; None where it changes none.
-
-        They are its footprint; in perspective the smallest rectangle around it with the picture's middle in its own.
-        """
+        """Return the pixels of a brick's footprint and their camera; None where it changes none."""
         rect = self.footprint(number)
         if rect is None:
             return None
         x0, y0, x1, y1 = rect
-        width, height = self.size
-        if self.camera.kind == "orthographic":
-            return rect, window_of(self.camera, self.size, (x0, y0), (x1 - x0, y1 - y0))
-        across, down = min(x0, width - x1), min(y0, height - y1)
-        seen = self.camera
-        half = math.tan(0.5 * math.radians(seen.fov_y)) * (1.0 - 2.0 * down / height)
-        fov_y = math.degrees(2.0 * math.atan(half)) if down else seen.fov_y
-        camera = Camera.perspective(seen.eye, seen.target, seen.up, fov_y=fov_y, near=seen.near)
-        return (across, down, width - across, height - down), camera
+        return rect, window_of(self.camera, self.size, (x0, y0), (x1 - x0, y1 - y0))
 
     def outline(self, number: int) -> NDArray[np.bool_]:
         """Return which pixels of its footprint a brick can change, (h, w): those whose rays meet its cell."""

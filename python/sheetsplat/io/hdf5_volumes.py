@@ -39,7 +39,11 @@ def kind_of(source: Source) -> str:
             return found
         if any(name.startswith("PartType") for name in file):
             return "particles"
-        return "volume" if any(map(_is_volume, walk(source.path, file))) else "particles"
+        if any(map(_is_volume, walk(source.path, file))):
+            return "volume"
+        # What the file is about may be in another one.
+        walk(source.path, file, strict=True)
+        return "particles"
 
 
 def read(source: Source, name: str | None = None) -> Volume:
@@ -60,7 +64,8 @@ def read(source: Source, name: str | None = None) -> Volume:
 def _chosen(source: Source, file: Any, name: str | None) -> Any:
     """Return the dataset that is asked for, else the only volume."""
     path, wanted = source.path, source.inner or name
-    known = [one for one in walk(path, file) if _is_volume(one)]
+    # Where nothing is chosen, what is in other files is no reason to take what is in this one.
+    known = [one for one in walk(path, file, strict=wanted is None) if _is_volume(one)]
     names = listed([f"{one.name} {one.shape}" for one in known])
     if wanted is not None:
         chosen = inside(path, file, wanted)

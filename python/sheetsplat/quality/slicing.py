@@ -126,6 +126,7 @@ def _rays(camera: Camera, size: tuple[int, int]) -> _Rays:
         shifts = camera.height * (across[:, None] * right + above[:, None] * up)
         return _Rays(eye + shifts, np.tile(-back, (len(across), 1)), -math.inf)
     height = 2.0 * math.tan(0.5 * math.radians(camera.fov_y))
+    across, above = across + camera.shift[0], above + camera.shift[1]
     along = height * (across[:, None] * right + above[:, None] * up) - back
     return _Rays(np.tile(eye, (len(across), 1)), along, camera.near)
 

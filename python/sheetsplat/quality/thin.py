@@ -237,7 +237,8 @@ def _in_picture(
     away = points - np.asarray(camera.eye)
     depth = -(away @ back)
     width = pixel * np.maximum(depth, 0.0) if camera.kind == "perspective" else pixel
-    inside = (np.abs(away @ right) <= 0.5 * size[0] * width) & (np.abs(away @ up) <= 0.5 * size[1] * width)
+    x, y = (one * size[1] * width for one in camera.shift)
+    inside = (np.abs(away @ right - x) <= 0.5 * size[0] * width) & (np.abs(away @ up - y) <= 0.5 * size[1] * width)
     if camera.kind == "perspective":
         inside &= depth > camera.near
     return depth, inside

@@ -27,7 +27,9 @@ def data_table(field: Mapping[str, Any], group: int | None) -> dict[str, Any]:
 
 def camera_table(camera: Camera) -> dict[str, Any]:
     """Return the table of a camera with its eye."""
-    ends = ("height",) if camera.kind == "orthographic" else ("fov_y", "near")
+    ends = (
+        ("height",) if camera.kind == "orthographic" else ("fov_y", "near", *(("shift",) if any(camera.shift) else ()))
+    )
     vectors = {name: list(getattr(camera, name)) for name in ("eye", "target", "up")}
     return {"projection": camera.kind, **vectors, **{name: getattr(camera, name) for name in ends}}
 

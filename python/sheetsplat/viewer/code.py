@@ -144,7 +144,8 @@ def _camera(camera: Camera) -> _Expression:
     first = f"ss.Camera.{camera.kind}({camera.eye}, {camera.target}, {camera.up}, "
     if camera.kind == "orthographic":
         return _Expression(f"{first}height={camera.height!r})")
-    return _Expression(f"{first}fov_y={camera.fov_y!r}, near={camera.near!r})")
+    shift = f", shift={camera.shift!r}" if any(camera.shift) else ""
+    return _Expression(f"{first}fov_y={camera.fov_y!r}, near={camera.near!r}{shift})")
 
 
 def _text(value: Any) -> str | None:

@@ -270,11 +270,11 @@ def _list(what: str, value: object) -> list[Any]:
 
 
 def _camera(value: object) -> Camera:
-    given = _mapping("camera", value, ("kind", "eye", "target", "up", "height", "fov_y", "near"))
+    given = _mapping("camera", value, ("kind", "eye", "target", "up", "height", "fov_y", "near", "shift"))
     kind = choice("view: camera", given.get("kind"), ("orthographic", "perspective"))
     needed = ("eye", "target", "height" if kind == "orthographic" else "fov_y")
     _mapping("camera", value, tuple(given), needed)
-    names = (*needed, "up", *(("near",) if kind == "perspective" else ()))
+    names = (*needed, "up", *(("near", "shift") if kind == "perspective" else ()))
     return Camera.of_arguments(kind, {name: given[name] for name in names if given.get(name) is not None})
 
 
@@ -283,7 +283,7 @@ def camera_parts(camera: Camera) -> dict[str, Any]:
     parts = {"kind": camera.kind, "eye": camera.eye, "target": camera.target, "up": camera.world_axes()[1]}
     if camera.kind == "orthographic":
         return {**parts, "height": camera.height}
-    return {**parts, "fov_y": camera.fov_y}
+    return {**parts, "fov_y": camera.fov_y, "shift": camera.shift}
 
 
 def _optional(check: Callable[[Any], Any]) -> Callable[[Any], Any]:

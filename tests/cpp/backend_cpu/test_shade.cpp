@@ -179,6 +179,8 @@ Case random_case(Random& random, Mode mode, bool preintegration, bool perspectiv
     c.scene.transfer_function = random_function(random, points, unit);
     c.scene.iso_values = {single(random.uniform(0.1, 0.6)) * unit};
     c.frame.size = {random.whole(40, 70), random.whole(30, 60)};
+    c.frame.axis_x = 0.5 * c.frame.size.width;
+    c.frame.axis_y = 0.5 * c.frame.size.height;
     c.frame.projection = perspective ? Projection::perspective : Projection::orthographic;
     c.frame.slice_spacing = random.uniform(0.3, 2.0);
     c.frame.reference_length = random.chance(0.4) ? c.frame.slice_spacing : random.uniform(0.3, 3.0);

@@ -86,6 +86,14 @@ TEST(Camera, perspective) {
     expect_right_handed(camera);
 }
 
+TEST(Camera, shift_is_kept_and_finite) {
+    const Vec3 eye(0.0, 0.0, 5.0), target(0.0), up(0.0, 1.0, 0.0);
+    EXPECT_EQ(Camera::perspective(eye, target, up, 30.0).shift(), Vec2(0.0));
+    EXPECT_EQ(Camera::perspective(eye, target, up, 30.0, 0.1, Vec2(0.5, -3.0)).shift(), Vec2(0.5, -3.0));
+    EXPECT_THROW(Camera::perspective(eye, target, up, 30.0, 0.1, Vec2(nan, 0.0)), InvalidInput);
+    EXPECT_THROW(Camera::perspective(eye, target, up, 30.0, 0.1, Vec2(0.0, infinity)), InvalidInput);
+}
+
 TEST(Camera, refuses_what_has_no_meaning) {
     const Vec3 eye{1.0, 2.0, 3.0};
     const auto orthographic = [](const Vec3& from, const Vec3& to, const Vec3& up, double height) {

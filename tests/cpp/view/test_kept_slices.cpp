@@ -14,6 +14,8 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 Frame frame_of(Size size) {
     Frame frame;
     frame.size = size;
+    frame.axis_x = 0.5 * size.width;
+    frame.axis_y = 0.5 * size.height;
     frame.first_depth = 5.0;
     frame.slice_spacing = 0.5;
     frame.slices = 10;

@@ -177,6 +177,7 @@ TEST(EllipsoidView, FilterLeavesHugeKernelsAndKeepsTheMassOfTinyOnes) {
     // The slices of so wide a field would be too many: the frame is made by hand.
     Frame frame;
     frame.size = {64, 64};
+    frame.axis_x = frame.axis_y = 32.0;
     frame.pixel = 0.04;
     frame.slice_spacing = 0.1;
     frame.slices = 10;

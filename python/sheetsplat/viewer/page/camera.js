@@ -1,4 +1,4 @@
-// Cameras as the session knows them: {kind, eye, target, up, height or fov_y}; `up` is at right angles to the view.
+// Cameras as the session knows them: {kind, eye, target, up, height or fov_y and shift}; `up` is at right angles to the view.
 // No function changes what it is given.
 
 const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
@@ -24,6 +24,9 @@ function axesOf(camera) {
   const right = unit(cross(camera.up, back));
   return { right, up: cross(back, right), back, distance: length(away) };
 }
+
+/** Returns how far the middle of the picture lies to the right of the target and above it, in heights of the picture. */
+const shiftOf = (camera) => camera.shift ?? [0, 0];
 
 /** World units from the bottom of the picture to the top, in the plane through the target. */
 function worldHeight(camera) {
@@ -54,7 +57,8 @@ function panned(camera, across, upwards) {
 
 /** Enlarges by a factor, about a point of the picture given in shares of its height from its middle. */
 function zoomed(camera, factor, across = 0, upwards = 0) {
-  const kept = panned(camera, -across * (1 - 1 / factor), -upwards * (1 - 1 / factor));
+  const [x, y] = shiftOf(camera);
+  const kept = panned(camera, -(across + x) * (1 - 1 / factor), -(upwards + y) * (1 - 1 / factor));
   if (camera.kind === "orthographic") return { ...kept, height: camera.height / factor };
   const { back, distance } = axesOf(kept);
   return { ...kept, eye: add(kept.target, scaled(back, distance / factor)) };
@@ -99,5 +103,7 @@ function placeOf(camera, size, point) {
     if (depth <= 1e-3 * distance) return null;
     scale *= distance / depth;
   }
-  return [size[0] / 2 + dot(from, right) * scale, size[1] / 2 - dot(from, up) * scale, depth, scale];
+  const [x, y] = shiftOf(camera);
+  const middle = [size[0] / 2 - x * size[1], size[1] / 2 + y * size[1]];
+  return [middle[0] + dot(from, right) * scale, middle[1] - dot(from, up) * scale, depth, scale];
 }

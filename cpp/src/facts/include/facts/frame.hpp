@@ -15,6 +15,8 @@ struct Frame {
     Projection projection = Projection::orthographic;
     Size size{};
     double pixel = 1.0;         ///< width of a pixel: world units (orthographic), per unit of depth (perspective)
+    double axis_x = 0.0;        ///< where the optical axis meets the picture: pixels from its left edge
+    double axis_y = 0.0;        ///< ... and from its upper one
     double slice_spacing = 1.0; ///< world units
     double reference_length = 1.0;
     double near = 0.0;            ///< perspective: slices at depth <= near do not exist
@@ -30,6 +32,12 @@ struct Frame {
     /// Width of a pixel in world units where it is smallest and largest over all slices.
     [[nodiscard]] double smallest_pixel() const;
     [[nodiscard]] double largest_pixel() const;
+    /// Eye x and y of what the pixel of a column and a row looks at: world units (orthographic), per unit of depth
+    /// (perspective).
+    [[nodiscard]] double eye_x(double column) const { return (column + 0.5 - axis_x) * pixel; }
+    [[nodiscard]] double eye_y(double row) const { return (axis_y - row - 0.5) * pixel; }
+    /// How far the ray that moves sideways most does so per unit of depth; 0 in orthographic.
+    [[nodiscard]] double largest_slope() const;
     /// Largest s = 1 / cos(theta) over the picture (conventions, section 4).
     [[nodiscard]] double largest_slant() const;
 };

@@ -18,6 +18,7 @@ class Screen {
     [[nodiscard]] int height() const { return size_.height; }
     [[nodiscard]] bool perspective() const { return perspective_; }
 
+    /// Where a pixel is: from the optical axis, right and up, in half heights (half widths) of the picture.
     [[nodiscard]] double ndc_x(int column) const { return ndc_x_[static_cast<std::size_t>(column + 1)]; }
     [[nodiscard]] double ndc_y(int row) const { return ndc_y_[static_cast<std::size_t>(row + 1)]; }
     /// Half the picture's height (width) in world units at a depth.
@@ -55,6 +56,7 @@ class Screen {
     bool perspective_;
     double half_height_; ///< of the picture: in world units, or per unit of depth in perspective
     double aspect_;
+    Vec2 shift_; ///< of the picture's middle, ndc
     std::vector<double> ndc_x_, ndc_y_;
 };
 

@@ -51,7 +51,7 @@ class OwnedSlices {
         double lower, upper; ///< of the cell, from the eye
     };
     std::vector<Axis> axes_; ///< those along which the cell ends
-    double half_columns_, half_rows_;
+    double axis_x_, axis_y_;
     double pixel_;
     double slices_;
 };
@@ -76,9 +76,9 @@ class KeptSlices {
         Height start, step; ///< world units
     };
     std::vector<Plane> planes_;
-    double half_columns_, half_rows_; ///< of the picture, pixels
-    double pixel_;                    ///< width of a pixel, as Frame has it
-    double lowest_;                   ///< height of what still counts as kept
+    double axis_x_, axis_y_; ///< as Frame has them
+    double pixel_;           ///< width of a pixel, as Frame has it
+    double lowest_;          ///< height of what still counts as kept
     SlicesInFront in_front_;
 };
 

@@ -188,6 +188,7 @@ SCENES: dict[str, tuple[str, Any, str, tuple[str, ...], dict[str, Any]]] = {
     "xray": ("cartesian", 9, "perspective", ("coverage",), {"mode": "xray"}),
     "mip": ("cartesian", 9, "orthographic", (), {"mode": "mip"}),
     "minimum": ("cartesian", 9, "perspective", (), {"mode": "minimum"}),
+    "minimum of one brick": ("cartesian", 64, "orthographic", (), {"mode": "minimum"}),
     "average": ("cartesian", 9, "orthographic", (), {"mode": "average"}),
     "uneven": ("uneven", 9, "orthographic", ("depth",), LIT),
     "uneven surface": ("uneven", 9, "perspective", (), {**LIT, "mode": "isosurface", "iso_value": 0.4}),

@@ -279,6 +279,7 @@ void plan_extremes(const Scene& scene, const ViewFacts& view, Effects& effects, 
                                 : plan.sampling != Sampling::point ? "slices are means over slabs"
                                 : plan.cuts()                      ? "points of slices are cut off"
                                 : plan.owned                       ? "a part of a whole is drawn"
+                                : plan.counts                      ? "slices that count are counted, a part by a part"
                                 : plan.filter                      ? "the filter widens kernels"
                                 : plan.coverage || plan.weight     ? "weights are summed"
                                 : view.frame.slices == 0           ? "there are no slices"

@@ -112,9 +112,6 @@ class BrickView:
                 given[length] = whole.default_slice_spacing
         renderer = checked("Renderer", {"backend": "auto", **(settings or {})}, RendererClassOptions)
         _refuse(given, renderer)
-        if given["mode"] == "minimum" and renderer["backend"] != "gl":
-            # Rays that look up the least count no slices, by which the parts of bricks are merged.
-            renderer = {**renderer, "effects": {"ray_extremes": False, **(renderer["effects"] or {})}}
         return cls(partition, whole, transfer_function, given, camera, size, outputs, depth_limit, renderer, lattice)
 
     def replace(self, **changes: Any) -> BrickView:

@@ -1,6 +1,7 @@
 // What the plan of backend cpu holds, when it takes float64, and what it refuses.
 #include <algorithm>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -169,7 +170,15 @@ TEST(PlanOfCpu, ExtremesAreLookedUpWhereThatTakesLess) {
     scene.mode = Mode::minimum;
     view.extremes = ExtremeFacts{0.0, 0.05, 0.01};
     EXPECT_TRUE(plan_of(scene, view).ray_extremes);
+    // A part of a whole says where any slice counts, which rays do not; they say the largest number of one.
+    const double everywhere = std::numeric_limits<double>::infinity();
+    scene.part = Part{{Vec3(-everywhere), Vec3(everywhere)}};
+    plan = plan_of(scene, view);
+    EXPECT_FALSE(plan.ray_extremes);
+    EXPECT_NE(ray_extremes(plan).reason.find("slices that count"), std::string::npos) << ray_extremes(plan).reason;
     scene.mode = Mode::mip;
+    EXPECT_TRUE(plan_of(scene, view).ray_extremes);
+    scene.part.reset();
     view.extremes = ExtremeFacts{0.02, 1.0, 1.0};
     RendererOptions options;
     options.effects = {{"ray_extremes", false}};

@@ -1,6 +1,7 @@
 // How rays of light run through a grid of absorption, and which parts of the grid are looked at (view/light_march).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -30,7 +31,8 @@ class Rays {
         std::size_t stride = 1; ///< elements of the grid from one to the next
         int elements = 1, rays = 1;
         double first = 0.0, per_plane = 0.0;
-        [[nodiscard]] double offset(int plane) const { return first - plane * per_plane; }
+        /// At least 1, which rounding alone would miss: element 0 looks at the ray before its own.
+        [[nodiscard]] double offset(int plane) const { return std::max(1.0, first - plane * per_plane); }
     };
 
     Rays(const LightVolume& grid, const Vec3& towards_light, double slice_spacing);

@@ -10,6 +10,7 @@
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
 
+#include "light_rays.hpp"
 #include "view/light_blocks.hpp"
 #include "view/surface_lines.hpp"
 
@@ -141,6 +142,24 @@ bool near_matter(const LightVolume& volume, int u, int v, int w) {
         }
     }
     return false;
+}
+
+TEST(LightMarch, EveryElementHasARayBeforeItsOwn) {
+    // The last plane has an offset of 1, or of what rounding leaves of it: less for one light in twenty.
+    std::mt19937 random(3);
+    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+    for (int number = 0; number < 1000; ++number) {
+        const std::array<int, 3> counts{3 + number % 50, 4 + number % 31, 5 + number % 23};
+        const LightVolume volume{Vec3(0.0), {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)}, counts, {}};
+        const light_march::Rays rays(volume, glm::normalize(Vec3(uniform(random), uniform(random), uniform(random))),
+                                     0.7);
+        for (int plane = 0; plane < rays.planes(); ++plane) {
+            for (const light_march::Rays::Axis& axis : {rays.columns(), rays.rows()}) {
+                ASSERT_GE(light_march::between(axis.offset(plane)).whole, 1) << number << ", plane " << plane;
+                ASSERT_LE(light_march::between(axis.offset(plane)).whole + axis.elements + 2, axis.rays) << number;
+            }
+        }
+    }
 }
 
 TEST(LightMarch, NearMatterLightIsWhatItIsEverywhere) {

@@ -284,14 +284,15 @@ struct SecondOrder {
             const V faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
             const V over_all = hn::Mul(exponent_at<perspective>(d, slab, x, row.y), faded);
             const V over_half = hn::Mul(over_all, half);
+            const RampHalves<typename Slab<T>::D> ramps =
+                ramp_halves(d, slab.group.ramps, front, between_them, back, seen);
             C whole, first, second;
-            const auto opacity = [&](V from, V to, V over, C& looks) {
-                return opacity_of_absorption(
-                    d, hn::Mul(over, ramp_absorption(d, slab.group.ramps, from, to, seen, looks)));
+            const auto opacity = [&](const auto& sum, V over, C& looks) {
+                return opacity_of_absorption(d, hn::Mul(over, absorption_of(d, sum, looks)));
             };
-            const V whole_alpha = opacity(front, back, over_all, whole);
-            const V first_alpha = opacity(front, between_them, over_half, first);
-            const V second_alpha = hn::Mul(opacity(between_them, back, over_half, second), hn::Sub(one, first_alpha));
+            const V whole_alpha = opacity(ramps.whole, over_all, whole);
+            const V first_alpha = opacity(ramps.front, over_half, first);
+            const V second_alpha = hn::Mul(opacity(ramps.back, over_half, second), hn::Sub(one, first_alpha));
             const V four = hn::Set(d, T(4)), third = hn::Set(d, T(1) / T(3));
             const auto step = [&](V halves, V once) { return hn::Mul(hn::MulSub(four, halves, once), third); };
             const V alpha = hn::Min(step(hn::Add(first_alpha, second_alpha), whole_alpha), one);

@@ -8,6 +8,9 @@
 #define SHEETSPLAT_CPU_RAMP_INL
 #endif
 
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <limits>
 
 #include "backend_cpu/shading.hpp"
@@ -166,49 +169,109 @@ HWY_NOINLINE void walk_stretches(D d, const RampTable<T>& table, const Ramps<D>&
     }
 }
 
-/// The first and the last stretch of each ramp, and by integrals what lies between them.
+/// Values at which ramps end, and where there are many stretches those that they are in: where they begin and end, how
+/// far into them the values are, colours, and absorption as a polynomial of that.
+template <class D>
+struct RampPlace {
+    using V = hn::Vec<D>;
+    static constexpr int terms = RampTable<hn::TFromD<D>>::degree + 1;
+    V rho, x;
+    V from, to, per_width;
+    Color<D> color, color_step;
+    V terms_of_absorption[terms];
+    LaneRecords<D> records;
+};
+
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_NOINLINE void add_ends(D d, const RampTable<T>& table, const Ramps<D>& ramps, RampSum<D>& sum) {
-    const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+HWY_NOINLINE void find_place(D d, const RampTable<T>& table, V rho, RampPlace<D>& place) {
+    place.rho = rho;
+    if (table.records.empty()) {
+        return;
+    }
     const T* numbers = table.records.data();
-    const auto find = [&](V rho, LaneRecords<D>& records, RampNumbers<D>& s) {
-        look_in_cells(d, table.cells, rho, records);
-        V none;
-        load_four(d, numbers, records.at, s.from, s.to, s.per_width, none);
-        if (!hn::AllFalse(d, hn::Ge(rho, s.to))) {
-            find_onwards(d, numbers, RampTable<T>::record, rho, records);
-            load_four(d, numbers, records.at, s.from, s.to, s.per_width, none);
+    V none;
+    look_in_cells(d, table.cells, rho, place.records);
+    load_four(d, numbers, place.records.at, place.from, place.to, place.per_width, none);
+    if (!hn::AllFalse(d, hn::Ge(rho, place.to))) {
+        find_onwards(d, numbers, RampTable<T>::record, table.cells.records.back(), rho, place.records);
+        load_four(d, numbers, place.records.at, place.from, place.to, place.per_width, none);
+    }
+    Color<D>& color = place.color;
+    Color<D>& step = place.color_step;
+    load_four(d, numbers + 4, place.records.at, color.red, step.red, color.green, step.green);
+    load_four(d, numbers + 8, place.records.at, color.blue, step.blue, none, none);
+    V* terms = place.terms_of_absorption;
+    for (int n = 0; n < RampPlace<D>::terms; n += 4) {
+        load_four(d, numbers + RampTable<T>::first_term + n, place.records.at, terms[n], terms[n + 1], terms[n + 2],
+                  terms[n + 3]);
+    }
+    // The outermost stretches reach to the largest numbers: differences from there are large, not infinite.
+    place.x = hn::Min(hn::Mul(hn::Sub(rho, place.from), place.per_width), hn::Set(d, T(1)));
+}
+
+/// Adds what a ramp has between two places x of one stretch, times its share.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void add_within(D d, const RampPlace<D>& stretch, V a, V b, V share, RampSum<D>& sum) {
+    // The mean of x^n is (a^n + a^(n-1) b + ... + b^n) / (n + 1), in which nothing cancels; terms hold the divisor.
+    V powers = hn::Add(a, b), power = a;
+    V plain = hn::MulAdd(stretch.terms_of_absorption[1], powers, stretch.terms_of_absorption[0]);
+    V weighted = hn::Mul(stretch.terms_of_absorption[0], hn::Mul(powers, hn::Set(d, T(0.5))));
+    for (int n = 1; n < RampPlace<D>::terms; ++n) {
+        power = hn::Mul(power, a);
+        powers = hn::MulAdd(b, powers, power);
+        const V& term = stretch.terms_of_absorption[n];
+        weighted =
+            hn::MulAdd(hn::Mul(term, hn::Set(d, static_cast<T>(n + 1) / static_cast<T>(n + 2))), powers, weighted);
+        if (n + 1 < RampPlace<D>::terms) {
+            plain = hn::MulAdd(stretch.terms_of_absorption[n + 1], powers, plain);
         }
-        load_four(d, numbers + 4, records.at, s.opacity, s.opacity_step, s.clearness, s.clearness_step);
-        load_four(d, numbers + 8, records.at, s.color.red, s.color_step.red, s.color.green, s.color_step.green);
-        load_four(d, numbers + 12, records.at, s.color.blue, s.color_step.blue, none, none);
+    }
+    plain = hn::Max(plain, hn::Zero(d));
+    sum.absorption = hn::MulAdd(share, plain, sum.absorption);
+    const auto add = [&](V color, V step, V& to) SHEETSPLAT_CPU_INLINE {
+        to = hn::MulAdd(share, hn::MulAdd(color, plain, hn::Mul(step, weighted)), to);
     };
-    LaneRecords<D> first_records, last_records;
-    RampNumbers<D> first, last;
-    find(ramps.low, first_records, first);
-    const auto longer = hn::AndNot(ramps.flat, hn::And(ramps.wanted, hn::Ge(ramps.high, first.to)));
-    const V end = hn::Min(ramps.high, first.to);
-    const V share = hn::IfThenElse(ramps.flat, one, hn::Mul(hn::Sub(end, ramps.low), ramps.per_span));
-    add_part(d, first, ramps.low, end, hn::IfThenElseZero(ramps.wanted, share), sum);
+    add(stretch.color.red, stretch.color_step.red, sum.color.red);
+    add(stretch.color.green, stretch.color_step.green, sum.color.green);
+    add(stretch.color.blue, stretch.color_step.blue, sum.color.blue);
+}
+
+/// From the stretch that a ramp begins in to the one that it ends in, and by integrals what lies between them.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_NOINLINE void add_between(D d, const RampTable<T>& table, const RampPlace<D>& first, const RampPlace<D>& last,
+                              const Ramps<D>& ramps, RampSum<D>& sum) {
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+    const auto up = hn::Ge(last.rho, first.rho);
+    const V low = hn::IfThenElse(up, first.to, last.to);
+    const auto longer = hn::AndNot(ramps.flat, hn::And(ramps.wanted, hn::Ge(ramps.high, low)));
+    // The stretch's own end on the way to the other one; where both are the same, the other place.
+    const V whole = hn::IfThenElseZero(ramps.wanted, one);
+    const V end = hn::IfThenElse(longer, hn::IfThenElseZero(up, one), hn::IfThenElse(ramps.flat, first.x, last.x));
+    const V way = hn::IfThenElseZero(longer, hn::Abs(hn::Sub(hn::IfThenElse(up, first.to, first.from), first.rho)));
+    add_within(d, first, first.x, end, hn::IfThenElse(longer, hn::Mul(way, ramps.per_span), whole), sum);
     if (hn::AllFalse(d, longer)) {
         return;
     }
-    find(ramps.high, last_records, last);
-    // (Ramps that end where they began may be in the outermost stretch, which starts at the smallest number.)
-    const V way = hn::IfThenElseZero(longer, hn::Sub(ramps.high, last.from));
-    add_part(d, last, last.from, ramps.high, hn::Mul(way, ramps.per_span), sum);
-    // From where the stretch after the first one starts to where the last one does.
-    const V factor = hn::IfThenElseZero(longer, ramps.per_span);
-    V none, whole[2][4], rest[2][4];
-    for (int side = 0; side < 2; ++side) {
-        const T* from = numbers + (side == 0 ? RampTable<T>::record : 0);
-        const LaneRecords<D>& records = side == 0 ? first_records : last_records;
-        load_four(d, from + 12, records.at, none, none, whole[side][0], rest[side][0]);
-        load_four(d, from + 16, records.at, whole[side][1], rest[side][1], whole[side][2], rest[side][2]);
-        load_four(d, from + 20, records.at, whole[side][3], rest[side][3], none, none);
+    const V begin = hn::IfThenElse(up, zero, one);
+    const V rest = hn::IfThenElseZero(longer, hn::Abs(hn::Sub(last.rho, hn::IfThenElse(up, last.from, last.to))));
+    add_within(d, last, last.x, begin, hn::Mul(rest, ramps.per_span), sum);
+    // From where the stretch after the lower one starts to where the upper one does.
+    constexpr auto record = static_cast<std::int32_t>(RampTable<T>::record);
+    LaneRecords<D> lower, upper;
+    for (std::size_t lane = 0; lane < hn::MaxLanes(D()); ++lane) {
+        lower.at[lane] = std::min(first.records.at[lane], last.records.at[lane]) + record;
+        upper.at[lane] = std::max(first.records.at[lane], last.records.at[lane]);
     }
-    const auto add = [&](int which, V& to) {
-        const V between = hn::Add(hn::Sub(whole[1][which], whole[0][which]), hn::Sub(rest[1][which], rest[0][which]));
+    const V factor = hn::IfThenElseZero(longer, ramps.per_span);
+    V from[2][4], lost[2][4];
+    for (int side = 0; side < 2; ++side) {
+        const T* numbers = table.records.data() + RampTable<T>::first_integral;
+        const LaneRecords<D>& records = side == 0 ? lower : upper;
+        load_four(d, numbers, records.at, from[side][0], lost[side][0], from[side][1], lost[side][1]);
+        load_four(d, numbers + 4, records.at, from[side][2], lost[side][2], from[side][3], lost[side][3]);
+    }
+    const auto add = [&](int which, V& to) SHEETSPLAT_CPU_INLINE {
+        const V between = hn::Add(hn::Sub(from[1][which], from[0][which]), hn::Sub(lost[1][which], lost[0][which]));
         to = hn::MulAdd(between, factor, to);
     };
     add(0, sum.absorption);
@@ -218,12 +281,12 @@ HWY_NOINLINE void add_ends(D d, const RampTable<T>& table, const Ramps<D>& ramps
     sum.absorption = hn::Max(sum.absorption, zero);
 }
 
-/// Mean absorption per reference length over the linear ramp between two values, and the colour that goes with it.
+/// Over the linear ramp between the values of two places, per reference length.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_INLINE V ramp_absorption(D d, const RampTable<T>& table, V rho_from, V rho_to, hn::Mask<D> wanted,
-                             Color<D>& color) {
+HWY_INLINE RampSum<D> ramp_sum(D d, const RampTable<T>& table, const RampPlace<D>& first, const RampPlace<D>& last,
+                               hn::Mask<D> wanted) {
     const V zero = hn::Zero(d), one = hn::Set(d, T(1));
-    const V low = hn::Min(rho_from, rho_to), high = hn::Max(rho_from, rho_to);
+    const V low = hn::Min(first.rho, last.rho), high = hn::Max(first.rho, last.rho);
     const V span = hn::Sub(high, low);
     // Where the reciprocal would overflow the ramp is as good as one value.
     const auto flat = hn::Lt(span, hn::Set(d, std::numeric_limits<T>::min() * T(16)));
@@ -232,11 +295,68 @@ HWY_INLINE V ramp_absorption(D d, const RampTable<T>& table, V rho_from, V rho_t
     if (table.records.empty()) {
         walk_stretches(d, table, ramps, sum);
     } else {
-        add_ends(d, table, ramps, sum);
+        add_between(d, table, first, last, ramps, sum);
     }
-    const V divisor = hn::IfThenElse(hn::Gt(sum.absorption, zero), sum.absorption, one);
+    return sum;
+}
+
+/// Mean absorption per reference length, and the colour that goes with it.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V absorption_of(D d, const RampSum<D>& sum, Color<D>& color) {
+    const V divisor = hn::IfThenElse(hn::Gt(sum.absorption, hn::Zero(d)), sum.absorption, hn::Set(d, hn::TFromD<D>(1)));
     color = {hn::Div(sum.color.red, divisor), hn::Div(sum.color.green, divisor), hn::Div(sum.color.blue, divisor)};
     return sum.absorption;
+}
+
+/// Of the linear ramp between two values.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE V ramp_absorption(D d, const RampTable<T>& table, V rho_from, V rho_to, hn::Mask<D> wanted,
+                             Color<D>& color) {
+    RampPlace<D> first, last;
+    find_place(d, table, rho_from, first);
+    find_place(d, table, rho_to, last);
+    return absorption_of(d, ramp_sum(d, table, first, last, wanted), color);
+}
+
+/// Of the ramp from `first` by way of `middle` to `last`: its two halves, and the whole one as if there were no middle.
+template <class D>
+struct RampHalves {
+    RampSum<D> whole, front, back;
+};
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE RampHalves<D> ramp_halves(D d, const RampTable<T>& table, V first_rho, V middle_rho, V last_rho,
+                                     hn::Mask<D> wanted) {
+    RampPlace<D> first, middle, last;
+    find_place(d, table, first_rho, first);
+    find_place(d, table, middle_rho, middle);
+    find_place(d, table, last_rho, last);
+    RampHalves<D> found;
+    found.front = ramp_sum(d, table, first, middle, wanted);
+    found.back = ramp_sum(d, table, middle, last, wanted);
+    // Where the middle lies between the ends, the whole ramp is what the halves have, each as long as it is.
+    const V to_middle = hn::Abs(hn::Sub(middle_rho, first_rho)), onwards = hn::Abs(hn::Sub(last_rho, middle_rho));
+    const V both = hn::Add(to_middle, onwards);
+    const auto inside =
+        hn::And(hn::Ge(middle_rho, hn::Min(first_rho, last_rho)), hn::Le(middle_rho, hn::Max(first_rho, last_rho)));
+    const auto some = hn::Gt(both, hn::Set(d, std::numeric_limits<T>::min() * T(16)));
+    const V share = hn::Div(hn::IfThenElseZero(some, to_middle), hn::IfThenElse(some, both, hn::Set(d, T(1))));
+    const auto mixed = [&](V front, V back) SHEETSPLAT_CPU_INLINE {
+        return hn::MulAdd(share, front, hn::Mul(hn::Sub(hn::Set(d, T(1)), share), back));
+    };
+    found.whole = {mixed(found.front.absorption, found.back.absorption),
+                   {mixed(found.front.color.red, found.back.color.red),
+                    mixed(found.front.color.green, found.back.color.green),
+                    mixed(found.front.color.blue, found.back.color.blue)}};
+    const auto outside = hn::AndNot(inside, wanted);
+    if (!hn::AllFalse(d, outside)) {
+        const RampSum<D> own = ramp_sum(d, table, first, last, outside);
+        const auto chosen = [&](V of_halves, V of_its_own)
+                                SHEETSPLAT_CPU_INLINE { return hn::IfThenElse(outside, of_its_own, of_halves); };
+        found.whole = {chosen(found.whole.absorption, own.absorption),
+                       {chosen(found.whole.color.red, own.color.red), chosen(found.whole.color.green, own.color.green),
+                        chosen(found.whole.color.blue, own.color.blue)}};
+    }
+    return found;
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

@@ -127,8 +127,11 @@ HWY_INLINE void look_in_cells(D d, const Cells<T>& cells, V rho, LaneRecords<D>&
     const hn::Rebind<std::int32_t, D> di;
     constexpr std::size_t lanes = hn::MaxLanes(D());
     const V inside = hn::Min(hn::Max(rho, hn::Set(d, cells.first)), hn::Set(d, cells.last));
-    const V cell = hn::Min(hn::Mul(hn::Sub(inside, hn::Set(d, cells.first)), hn::Set(d, cells.per_unit)),
-                           hn::Set(d, cells.last_cell));
+    const V among = hn::Min(hn::Mul(hn::Sub(inside, hn::Set(d, cells.first)), hn::Set(d, cells.per_unit)),
+                            hn::Set(d, cells.last_cell));
+    // (Values beyond the last start are many where a picture is saturated.)
+    const V beyond = hn::Set(d, cells.last_cell + T(1));
+    const V cell = hn::IfThenElse(hn::Ge(rho, hn::Set(d, cells.last)), beyond, among);
     HWY_ALIGN std::int32_t numbers[lanes];
     if constexpr (sizeof(T) == 4) {
         hn::StoreU(hn::ConvertTo(di, cell), di, numbers);
@@ -141,16 +144,30 @@ HWY_INLINE void look_in_cells(D d, const Cells<T>& cells, V rho, LaneRecords<D>&
 }
 
 /// Continues the search to the stretch that each value is in, since stretches may end inside a cell. The second number
-/// of a record, of `size` numbers, is where its stretch ends.
+/// of a record, of `size` numbers, is where its stretch ends; last: the record of the last stretch, which has no end.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_NOINLINE void find_onwards(D d, const T* table, std::int32_t size, V rho, LaneRecords<D>& records) {
+HWY_NOINLINE void find_onwards(D d, const T* table, std::int32_t size, std::int32_t last, V rho,
+                               LaneRecords<D>& records) {
     constexpr std::size_t lanes = hn::MaxLanes(D());
     HWY_ALIGN T values[lanes];
     hn::StoreU(rho, d, values);
     for (std::size_t lane = 0; lane < lanes; ++lane) {
-        while (values[lane] >= table[records.at[lane] + 1]) {
-            records.at[lane] += size;
+        // In growing steps, then back in falling ones: a cell may hold many stretches.
+        std::int32_t at = records.at[lane], step = size;
+        const auto past_end = [&](std::int32_t record) { return values[lane] >= table[record + 1]; };
+        if (!past_end(at)) {
+            continue;
         }
+        while (at + step <= last && past_end(at + step)) {
+            at += step;
+            step *= 2;
+        }
+        for (; step >= size; step /= 2) {
+            if (at + step <= last && past_end(at + step)) {
+                at += step;
+            }
+        }
+        records.at[lane] = at + size;
     }
 }
 
@@ -174,7 +191,7 @@ class TableInMemory {
         V from, to, opacity, slope;
         load_four(d, records, place.records.at, from, to, opacity, slope);
         if (HWY_UNLIKELY(!hn::AllFalse(d, hn::Ge(rho, to)))) {
-            find_onwards(d, records, TransferTable<T>::record, rho, place.records);
+            find_onwards(d, records, TransferTable<T>::record, table_.cells.records.back(), rho, place.records);
             load_four(d, records, place.records.at, from, to, opacity, slope);
         }
         place.beyond = hn::Max(hn::Sub(rho, from), hn::Zero(d));

@@ -103,9 +103,8 @@ Cells<T> make_cells(const std::vector<T>& starts, int record) {
             made.records[cell] = static_cast<std::int32_t>(n - 1) * record;
         }
     }
-    for (; cell < count; ++cell) {
-        made.records[cell] = static_cast<std::int32_t>(starts.size() - 1) * record;
-    }
+    made.records.resize(cell);
+    made.records.resize(count + 1, static_cast<std::int32_t>(starts.size() - 1) * record);
     return made;
 }
 
@@ -155,32 +154,92 @@ std::vector<RampStretch<T>> ramps_of(const std::vector<TransferPoint>& points) {
     return ramps;
 }
 
-/// Means over a stretch of absorption and of its product with the share of the way: Gauss-Legendre where 1 - opacity
-/// changes by less than a factor of two, else the logarithm's own integrals.
-struct StretchMeans {
-    double plain = 0.0, weighted = 0.0;
-
-    StretchMeans(double opacity, double opacity_step, double clear, double clear_step) {
-        const double to = clear + clear_step;
-        if (std::max(clear, to) > 2.0 * std::min(clear, to)) {
-            const double a = clear * std::log(clear), b = to * std::log(to);
-            plain = 1.0 - (b - a) / clear_step;
-            weighted = (0.25 * clear_step * (to + clear) - 0.5 * (to * b - clear * a) + clear * (b - a - clear_step)) /
-                       (clear_step * clear_step);
-            return;
+/// Cuts a stretch where 1 - opacity has changed by most_change, as evenly as the number format allows.
+template <class T>
+void cut(const RampStretch<T>& whole, std::vector<RampStretch<T>>& pieces) {
+    const double from = static_cast<double>(whole.from), width = static_cast<double>(whole.to) - from;
+    const double clear = static_cast<double>(whole.clearness), step = static_cast<double>(whole.clearness_step);
+    const auto looks_at = [&](double value) {
+        const double x = (value - from) / width;
+        TransferPoint point;
+        point.value = value;
+        // Near 0 opacity has the digits, near 1 what it leaves.
+        const double opacity = static_cast<double>(whole.opacity) + x * static_cast<double>(whole.opacity_step);
+        point.opacity = opacity < 0.5 ? opacity : 1.0 - (clear + x * step);
+        for (int c = 0; c < 3; ++c) {
+            point.color[c] = static_cast<double>(whole.color[c]) + x * static_cast<double>(whole.color_step[c]);
         }
-        constexpr double places[] = {0.425562830509184395, 0.283302302935376405, 0.160295215850487797,
-                                     0.0674683166555077446, 0.0130467357414141399};
-        constexpr double shares[] = {0.147762112357376435, 0.134633359654998178, 0.109543181257991022,
-                                     0.0747256745752902966, 0.0333356721543440688};
-        for (int n = 0; n < 5; ++n) {
-            for (const double x : {places[n], 1.0 - places[n]}) {
-                const double a = opacity + opacity_step * x;
-                const double tau = a < 0.5 ? -std::log1p(-a) : -std::log(clear + clear_step * x);
-                plain += shares[n] * tau;
-                weighted += shares[n] * tau * x;
+        return point;
+    };
+    const double change = std::log((clear + step) / clear);
+    const auto count = static_cast<int>(std::ceil(std::abs(change) / std::log(most_change)));
+    TransferPoint before = looks_at(from);
+    for (int n = 1; n <= count; ++n) {
+        const double share = clear * std::expm1(change * n / count) / step;
+        const auto end = n < count ? static_cast<T>(from + std::clamp(share, 0.0, 1.0) * width) : whole.to;
+        if (static_cast<double>(end) > before.value) {
+            const TransferPoint after = looks_at(static_cast<double>(end));
+            pieces.push_back(ramp<T>(before.value, after.value, before, after, false));
+            before = after;
+        }
+    }
+}
+
+template <class T>
+std::vector<RampStretch<T>> cut_all(const std::vector<RampStretch<T>>& stretches) {
+    std::vector<RampStretch<T>> pieces;
+    for (const RampStretch<T>& s : stretches) {
+        const double from = static_cast<double>(s.clearness), to = from + static_cast<double>(s.clearness_step);
+        if (std::max(from, to) > most_change * std::min(from, to)) {
+            cut(s, pieces);
+        } else {
+            pieces.push_back(s);
+        }
+    }
+    return pieces;
+}
+
+/// -ln(1 - opacity) over a stretch, as a polynomial of the share x of its width: by interpolation at the ends and at
+/// Chebyshev's points between them.
+template <int degree>
+struct AbsorptionTerms {
+    long double term[degree + 1] = {};
+
+    template <class T>
+    explicit AbsorptionTerms(const RampStretch<T>& s) {
+        const auto at = [&](long double x) {
+            const long double opacity =
+                static_cast<long double>(s.opacity) + x * static_cast<long double>(s.opacity_step);
+            const long double clear =
+                static_cast<long double>(s.clearness) + x * static_cast<long double>(s.clearness_step);
+            return opacity < 0.5L ? -std::log1p(-opacity) : -std::log(clear);
+        };
+        long double x[degree + 1], difference[degree + 1];
+        for (int n = 0; n <= degree; ++n) {
+            x[n] = 0.5L - 0.5L * std::cos(3.14159265358979323846L * static_cast<long double>(n) / degree);
+            difference[n] = at(x[n]);
+        }
+        // Newton's divided differences, then Horner's scheme over polynomials.
+        for (int order = 1; order <= degree; ++order) {
+            for (int n = degree; n >= order; --n) {
+                difference[n] = (difference[n] - difference[n - 1]) / (x[n] - x[n - order]);
             }
         }
+        for (int n = degree; n >= 0; --n) {
+            for (int power = degree; power > 0; --power) {
+                term[power] = term[power - 1] - x[n] * term[power];
+            }
+            term[0] = difference[n] - x[n] * term[0];
+        }
+    }
+
+    /// The mean of the polynomial times x^power over the stretch.
+    [[nodiscard]] long double mean(int power) const {
+        long double sum = 0.0L;
+        for (int n = 0; n <= degree; ++n) {
+            sum += term[n] / static_cast<long double>(n + 1 + power);
+        }
+        return sum;
     }
 };
 
@@ -226,6 +285,7 @@ RampTable<T> make_ramp_table(const TransferFunction& function, double value_unit
     if (table.stretches.size() <= most_stretches_to_walk) {
         return table;
     }
+    table.stretches = cut_all(table.stretches);
     constexpr auto record = static_cast<std::size_t>(RampTable<T>::record);
     const std::size_t count = table.stretches.size();
     table.records.assign((count + 1) * record, T(0));
@@ -235,27 +295,27 @@ RampTable<T> make_ramp_table(const TransferFunction& function, double value_unit
         const RampStretch<T>& s = table.stretches[n];
         starts.push_back(s.from);
         T* out = table.records.data() + n * record;
-        const T numbers[] = {s.from,      s.to,
-                             s.per_width, T(0),
-                             s.opacity,   s.opacity_step,
-                             s.clearness, s.clearness_step,
-                             s.color[0],  s.color_step[0],
-                             s.color[1],  s.color_step[1],
-                             s.color[2],  s.color_step[2]};
+        const T numbers[] = {s.from,          s.to,       s.per_width,     T(0),       s.color[0],
+                             s.color_step[0], s.color[1], s.color_step[1], s.color[2], s.color_step[2]};
         std::copy(std::begin(numbers), std::end(numbers), out);
+        const AbsorptionTerms<RampTable<T>::degree> absorption(s);
+        for (int power = 0; power <= RampTable<T>::degree; ++power) {
+            out[RampTable<T>::first_term + power] =
+                static_cast<T>(absorption.term[power] / static_cast<long double>(power + 1));
+        }
         for (std::size_t k = 0; k < 4; ++k) {
-            out[14 + 2 * k] = static_cast<T>(sums[k]);
-            out[15 + 2 * k] = static_cast<T>(sums[k] - static_cast<long double>(out[14 + 2 * k]));
+            T* integral = out + RampTable<T>::first_integral + 2 * k;
+            integral[0] = static_cast<T>(sums[k]);
+            integral[1] = static_cast<T>(sums[k] - static_cast<long double>(integral[0]));
         }
         // The outermost stretches have no end: no ramp goes all through them.
         if (n > 0 && n + 1 < count) {
-            const StretchMeans means(static_cast<double>(s.opacity), static_cast<double>(s.opacity_step),
-                                     static_cast<double>(s.clearness), static_cast<double>(s.clearness_step));
-            const double width = static_cast<double>(s.to) - static_cast<double>(s.from);
-            sums[0] += width * means.plain;
+            const long double width = static_cast<long double>(s.to) - static_cast<long double>(s.from);
+            const long double plain = absorption.mean(0), weighted = absorption.mean(1);
+            sums[0] += width * plain;
             for (std::size_t c = 0; c < 3; ++c) {
-                sums[c + 1] += width * (static_cast<double>(s.color[c]) * means.plain +
-                                        static_cast<double>(s.color_step[c]) * means.weighted);
+                sums[c + 1] += width * (static_cast<long double>(s.color[c]) * plain +
+                                        static_cast<long double>(s.color_step[c]) * weighted);
             }
         }
     }

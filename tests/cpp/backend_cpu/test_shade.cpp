@@ -406,7 +406,8 @@ void expect_numbers() {
         Random random(9);
         for (int k = 0; k < 200; ++k) {
             const Mode mode = k % 4 == 3 ? Mode::isosurface : Mode::composite;
-            Case c = random_case(random, mode, k % 4 == 2, random.chance(0.5), random.chance(0.3) ? 1 : 6);
+            const int points = random.chance(0.3) ? 1 : random.chance(0.3) ? 40 : 6;
+            Case c = random_case(random, mode, k % 4 == 2, random.chance(0.5), points);
             const double large = sizeof(T) == 4 ? 1e12 : 1e100;
             if (random.chance(0.5)) {
                 c.frame.pixel = random.chance(0.5)                              ? 1e-15

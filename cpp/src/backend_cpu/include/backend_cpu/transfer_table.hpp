@@ -11,10 +11,10 @@
 namespace sheetsplat::backend_cpu {
 
 /// Where to look for the stretch that a value is in: the cell of a value, put between first and last, is
-/// (value - first) * per_unit, rounded down and not above last_cell.
+/// (value - first) * per_unit, rounded down and not above last_cell; from `last` on last_cell + 1.
 template <class T>
 struct Cells {
-    /// Of each cell the place, in records, of the stretch that its smallest values are in.
+    /// Of each cell the place, in records, of the stretch that its smallest values are in; last that of the last one.
     std::vector<std::int32_t> records;
     T first = T(0), last = T(0), per_unit = T(0), last_cell = T(0);
 };
@@ -49,15 +49,18 @@ struct RampStretch {
     T color[3] = {}, color_step[3] = {};
 };
 
-/// All stretches of RampStretch, from the smallest number to the largest.
+/// All stretches of RampStretch, from the smallest number to the largest. Where there are many they are looked up, and
+/// cut where 1 - opacity changes by more than most_change: over each, absorption -ln(1 - opacity) is a polynomial of
+/// the share of its width, within the rounding of T.
 template <class T>
 struct RampTable {
     std::vector<RampStretch<T>> stretches;
-    /// Numbers of one stretch: from, to, per_width, 0 | opacity, step, clearness, step | red, step, green, step | blue,
-    /// step, then the integrals over rho up to `from` of absorption and of absorption times red, green and blue, each
-    /// as a number and what it has lost: two more fours and a half. One record more than stretches; only where there
-    /// are many.
-    static constexpr int record = 24;
+    static constexpr int degree = sizeof(T) == 4 ? 3 : 7;
+    /// Numbers of one stretch: from, to, per_width, 0 | red, step, green, step | blue, step, 0, 0 | the polynomial's
+    /// terms, that of x^n divided by n + 1 | the integrals over rho up to `from` of absorption and of absorption times
+    /// red, green and blue, each as a number and what it has lost. One record more than stretches; only where there are
+    /// many.
+    static constexpr int first_term = 12, first_integral = first_term + degree + 1, record = first_integral + 8;
     std::vector<T> records;
     Cells<T> cells;
 };

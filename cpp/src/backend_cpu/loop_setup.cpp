@@ -23,6 +23,42 @@ T divisor(double w0) {
                                      static_cast<double>(std::numeric_limits<T>::max())));
 }
 
+/// The integral of exp(-k t^2) over 0 < t < s, divided by s, in powers of 2 s^2 - 1: by interpolation at Chebyshev's
+/// points.
+template <class T>
+void integrate_profile(double k, PartProfile<T>& profile) {
+    constexpr int terms = slab_terms<T>;
+    profile.integrates = k <= largest_integrated_falloff;
+    if (!profile.integrates) {
+        return;
+    }
+    constexpr long double pi = 3.14159265358979323846L;
+    const long double root = std::sqrt(static_cast<long double>(k));
+    long double samples[terms];
+    for (int n = 0; n < terms; ++n) {
+        const long double place = std::cos(pi * (n + 0.5L) / terms);
+        const long double s = std::sqrt(0.5L * (place + 1.0L));
+        samples[n] = 0.5L * std::sqrt(pi) * std::erf(root * s) / (root * s);
+    }
+    // Chebyshev's polynomials in powers, each from the two before.
+    long double sum[terms] = {}, here[terms] = {1.0L}, before[terms] = {};
+    for (int order = 0; order < terms; ++order) {
+        long double share = 0.0L;
+        for (int n = 0; n < terms; ++n) {
+            share += samples[n] * std::cos(pi * order * (n + 0.5L) / terms);
+        }
+        share *= (order == 0 ? 1.0L : 2.0L) / terms;
+        long double next[terms] = {};
+        for (int power = 0; power < terms; ++power) {
+            sum[power] += share * here[power];
+            next[power] = (power > 0 ? (order == 0 ? 1.0L : 2.0L) * here[power - 1] : 0.0L) - before[power];
+        }
+        std::copy(here, here + terms, before);
+        std::copy(next, next + terms, here);
+    }
+    std::transform(sum, sum + terms, profile.integral, [](long double term) { return static_cast<T>(term); });
+}
+
 } // namespace
 
 template <class T>
@@ -94,6 +130,9 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
         profile.falloff_log2 = static_cast<T>(k * log2_e);
         profile.edge = static_cast<T>(source.kernel().edge());
         profile.root_falloff = static_cast<T>(std::sqrt(k));
+        if (setup.slab) {
+            integrate_profile(k, profile);
+        }
         profile.pivot = static_cast<double>(pivot(field)) * plan.unit_of(field);
         profile.means = setup.means && is_divided(field);
         if (!group.threshold && is_divided(field)) {

@@ -53,6 +53,13 @@ HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, co
                 return add_upright_slabs<sums>(splat, section, extra.weight, shape, count, box);
             }
         }
+        if constexpr (!slopes) {
+            const T way2 = shape.d1 * shape.d1 + shape.d2 * shape.d2 + shape.ds * shape.ds;
+            if (!splat.setup.perspective && splat.profile.integrates &&
+                splat.profile.root_falloff * std::sqrt(way2) >= shortest_leaning_slab<T>) {
+                return add_leaning_slabs<sums>(splat, section, extra.weight, shape, count, box);
+            }
+        }
         return splat.setup.perspective ? add_slabs<sums, true>(splat, section, extra.weight, shape, count, box)
                                        : add_slabs<sums, false>(splat, section, extra.weight, shape, count, box);
     }

@@ -331,6 +331,99 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
     return drawn;
 }
 
+/// Means over the slabs of a leaning kernel in an orthographic view. Along each ray, with s the way from its nearest
+/// approach in the unit sphere and p that approach's distance, the lowered profile's integral
+///     exp(-k p^2) (integral of exp(-k t^2) over 0 < t < s)  -  exp(-k) s
+/// is taken at the slabs' ends, or where the ray leaves the kernel: neighbouring slabs share one, and what depends on
+/// the ray alone is found once for all slabs.
+template <Sums sums, class D, class T, bool slopes>
+HWY_INLINE int leaning_slabs(D d, Splat<T, slopes>& splat, const Section<T>& section, T weight_t,
+                             const RowShape<T>& shape, int count, const Rect& box, const SlabBounds<T>& bounds) {
+    using V = hn::Vec<D>;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1)), two = hn::Set(d, T(2));
+    const V value = hn::Set(d, section.value), weight = hn::Set(d, weight_t);
+    const V minus_k = hn::Set(d, -splat.profile.falloff_log2);
+    const T way2 = shape.d1 * shape.d1 + shape.d2 * shape.d2 + shape.ds * shape.ds, way_t = std::sqrt(way2);
+    const T per_way_t = T(1) / way_t;
+    const V way = hn::Set(d, way_t), per_way = hn::Set(d, per_way_t), per_way2 = hn::Set(d, per_way_t * per_way_t);
+    const V edge = hn::Set(d, splat.profile.edge * per_way_t);
+    const V w1 = hn::Set(d, shape.d1), w2 = hn::Set(d, shape.d2), w3 = hn::Set(d, shape.ds);
+    const T along = static_cast<T>(splat.n - section.first);
+    const T a1 = section.a1 + along * shape.d1, a2 = section.a2 + along * shape.d2;
+    const T q3_t = section.s + along * shape.ds;
+    bool any[covered_slices] = {};
+    for (int y = box.y0; y < box.y1; ++y) {
+        const int x0 = bounds.first[y - box.y0], x1 = bounds.past[y - box.y0];
+        const T q2_t = shape.Y2 * static_cast<T>(y) + a2;
+        const V b = hn::Set(d, shape.Y1 * static_cast<T>(y) + a1);
+        const V q2 = hn::Set(d, q2_t), q3 = hn::Set(d, q3_t);
+        const T c1 = q2_t * shape.ds - q3_t * shape.d2;
+        const V c1_squared = hn::Set(d, c1 * c1), others = hn::Set(d, q2_t * shape.d2 + q3_t * shape.ds);
+        const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * splat.targets[0].stride;
+        for (int x = x0 & ~(lanes - 1); x < x1; x += lanes) {
+            const V q1 = hn::MulAdd(hn::Set(d, shape.X), hn::Iota(d, static_cast<T>(x)), b);
+            // By the cross product: nothing cancels there.
+            const V c2 = hn::MulSub(q3, w1, hn::Mul(q1, w3)), c3 = hn::MulSub(q1, w2, hn::Mul(q2, w1));
+            const V p2 = hn::Mul(hn::MulAdd(c2, c2, hn::MulAdd(c3, c3, c1_squared)), per_way2);
+            const V inside = hn::Sub(one, p2);
+            const auto met = hn::Gt(inside, zero);
+            if (hn::AllFalse(d, met)) {
+                continue;
+            }
+            const V half_chord = hn::Sqrt(hn::Max(inside, zero)), back = hn::Neg(half_chord);
+            const V here = hn::Mul(hn::MulAdd(q1, w1, others), per_way);
+            const V far = hn::Set(d, T(1e6));
+            const T entered = hn::GetLane(hn::MinOfLanes(d, hn::IfThenElse(met, hn::Sub(back, here), far)));
+            const T left = hn::GetLane(hn::MaxOfLanes(d, hn::IfThenElse(met, hn::Sub(half_chord, here), hn::Neg(far))));
+            const int first = whole(std::floor(entered * per_way_t + T(0.5)), 0, count);
+            const int past = whole(std::ceil(left * per_way_t - T(0.5)) + T(1), 0, count);
+            const V bell = hn::Mul(exp2_nonpositive(d, hn::Mul(minus_k, p2)), per_way);
+            V end;
+            const auto integral_to = [&](int number) SHEETSPLAT_CPU_INLINE {
+                const V at = hn::MulAdd(hn::Set(d, static_cast<T>(number) - T(0.5)), way, here);
+                end = hn::Min(hn::Max(at, back), half_chord);
+                const V place = hn::MulSub(hn::Mul(end, end), two, one);
+                return hn::Mul(end, hn::MulSub(bell, polynomial(d, place, splat.profile.integral), edge));
+            };
+            V before = integral_to(first);
+            for (int slice = first; slice < past; ++slice) {
+                const V begin = end, after = integral_to(slice + 1);
+                any[slice] = true;
+                add_reached<sums>(d, hn::Sub(after, before), hn::Gt(end, begin), value, weight,
+                                  splat.targets[slice].value + row + x,
+                                  sums != Sums::values ? splat.targets[slice].weight + row + x : nullptr);
+                before = after;
+            }
+        }
+    }
+    int drawn = 0;
+    for (int slice = 0; slice < count; ++slice) {
+        if (any[slice]) {
+            const Rect part = bounds.of_slab(static_cast<double>(along) + slice);
+            splat.single[slice].add(part.empty() ? box : part);
+            ++drawn;
+        }
+    }
+    return drawn;
+}
+
+template <Sums sums, class T, bool slopes>
+HWY_INLINE int add_leaning_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
+                                 int count, const Rect& box) {
+    if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
+        return 0;
+    }
+    const SlabBounds<T> bounds(section, shape, box);
+    // Wide vectors hold rays that cross other slabs.
+    const T way2 = shape.d1 * shape.d1 + shape.d2 * shape.d2 + shape.ds * shape.ds;
+    const bool alike = std::abs(shape.X * shape.d1) * T(8) < way2;
+    if (alike && box.x1 - box.x0 > 24) {
+        return leaning_slabs<sums>(hn::CappedTag<T, 16>(), splat, section, weight, shape, count, box, bounds);
+    }
+    return leaning_slabs<sums>(hn::CappedTag<T, 8>(), splat, section, weight, shape, count, box, bounds);
+}
+
 /// The slabs of a kernel along rays that are one of its axes: where they end along it, from back to front as q3 falls,
 /// and the Gaussian's integral from 0 to there, over a slab's thickness.
 template <class T>

@@ -90,6 +90,16 @@ constexpr T thinnest_slab = sizeof(T) == 4 ? T(0.75) : T(0.03);
 template <class T>
 constexpr T shortest_slab = sizeof(T) == 4 ? T(0.5) : T(1e-3);
 
+/// The same of kernels that lean.
+template <class T>
+constexpr T shortest_leaning_slab = sizeof(T) == 4 ? T(0.25) : T(1e-3);
+
+/// Terms of the Gaussian's integral as a polynomial, and the largest falloff for which what is left out is below the
+/// rounding of T.
+template <class T>
+constexpr int slab_terms = sizeof(T) == 4 ? 13 : 24;
+constexpr double largest_integrated_falloff = 8.0;
+
 // Transfer functions. ShadeSlab.is_the_formula_in_float32 (functions of few and of many stretches)
 
 /// Stretches of a pre-integrated transfer function that are gone through one after the other; of more each ramp looks

@@ -24,6 +24,10 @@ struct PartProfile {
     T falloff_log2 = 0; ///< k log2(e)
     T edge = 0;         ///< exp(-k)
     T root_falloff = 0; ///< sqrt(k)
+    /// The integral of exp(-k t^2) over 0 < t < s, divided by s: a polynomial of 2 s^2 - 1, constant term first, for s
+    /// up to 1; where it has terms enough.
+    T integral[slab_terms<T>] = {};
+    bool integrates = false;
     int value_channel = 0;
     int weight_channel = -1; ///< -1: weights are not summed
     /// The first of three: derivatives over columns, rows and slices. -1: not summed.

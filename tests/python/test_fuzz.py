@@ -213,9 +213,9 @@ def test_a_killed_run_goes_on(tmp_path: Path) -> None:
     """Killed and stopped runs count each case once, as one run does."""
     environment = {**os.environ, "PYTHONPATH": str(TESTS)}
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    subprocess.run(command(whole, "--cases", "800"), env=environment, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(command(whole, "--cases", "1600"), env=environment, check=True, stdout=subprocess.DEVNULL)
     for number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT):
-        run = subprocess.Popen(command(parts, "--cases", "800"), env=environment, stdout=subprocess.DEVNULL)
+        run = subprocess.Popen(command(parts, "--cases", "1600"), env=environment, stdout=subprocess.DEVNULL)
         try:
             before = counts(parts) if (parts / "summary.json").exists() else None
             end = time.monotonic() + 60
@@ -227,9 +227,9 @@ def test_a_killed_run_goes_on(tmp_path: Path) -> None:
             run.send_signal(number)
             run.wait(60)
         assert counts(parts) != counts(whole)
-    subprocess.run(command(parts, "--cases", "800"), env=environment, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(command(parts, "--cases", "1600"), env=environment, check=True, stdout=subprocess.DEVNULL)
     assert counts(parts) == counts(whole)
-    assert counts(whole)["begun"] == [] and sum(one["cases"] for one in list(counts(whole).values())[:3]) == 800
+    assert counts(whole)["begun"] == [] and sum(one["cases"] for one in list(counts(whole).values())[:3]) == 1600
 
 
 def test_the_clock_leaves_out_what_a_process_was_stopped() -> None:

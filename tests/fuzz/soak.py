@@ -226,6 +226,9 @@ def viewer(case: Case, folder: Path) -> Outcome:
 def _cluster() -> Any:
     """Return a client of two worker processes; they end with this process."""
     distributed: Any = importlib.import_module("distributed")
+    # What the scheduler remembers of tasks that are done would look like growth.
+    logs = {"admin.low-level-log-length": 10, "admin.log-length": 10, "diagnostics.computations.max-history": 1}
+    importlib.import_module("dask").config.set({f"distributed.{name}": length for name, length in logs.items()})
 
     cluster = distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=logging.CRITICAL
@@ -258,6 +261,7 @@ def bricks(case: Case, folder: Path) -> Outcome:
     }
     brick = int(rng.integers(4, 30))
     whole = ss.render(ss.open_bricks(values, brick=brick), **options)
+    sizes = []
     for _ in range(_ROUNDS):
         if case["kills"] and rng.random() < 0.2:
             worker = list(client.run(os.getpid).values())[0]
@@ -269,7 +273,9 @@ def bricks(case: Case, folder: Path) -> Outcome:
             return Outcome(
                 "wrong", "bricks: another picture", f"RMSE {off:g}, {options}, bricks of {brick}, {values.shape}"
             )
-    return RIGHT
+        sizes.append(resident())
+    grown = _grown(sizes)
+    return Outcome("wrong", "bricks: memory grows", grown) if grown else RIGHT
 
 
 _RUNS: dict[str, Callable[[Case, Path], Outcome]] = {

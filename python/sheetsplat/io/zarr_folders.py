@@ -143,6 +143,11 @@ def _unpacked_size(codec: str, stream: BinaryIO, most: int) -> int:
     return _frame_size(head)
 
 
+def _blosc_size(head: bytes) -> int:
+    """Return how long a chunk of Blosc says that it is; its library reads so far, whatever there is."""
+    return int(struct.unpack_from("<I", head, 12)[0]) if len(head) >= 16 else 16
+
+
 def _frame_size(head: bytes) -> int:
     """Return the size that the header of a zstd frame states (RFC 8878, section 3.1.1.1); 2^62 where it does not."""
     if len(head) < 6 or head[:4] != b"\x28\xb5\x2f\xfd":
@@ -183,6 +188,9 @@ class _ChunkCheck:
         if not self.packer or (self.packer in ("zlib", "gzip") and size * DEFLATE_RATIO <= self.much):
             return
         with open(where, "rb") as stream:
+            if self.packer == "blosc" and (stated := _blosc_size(stream.read(16))) > size:
+                raise unreadable(self.path, f"a chunk of {size} bytes", f"{stated}, as its header says")
+            stream.seek(0)
             found = _unpacked_size(self.packer, stream, self.most)
         if found > self.most:
             raise unreadable(self.path, f"a chunk that unpacks to {found} bytes or more", f"at most {self.most}")

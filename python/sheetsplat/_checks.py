@@ -5,7 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 import operator
+import os
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,7 +43,7 @@ def number(what: str, value: object) -> float:
         raise complain(unusable(what), shown(value), "a number")
     try:
         return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
+    except Exception:  # Objects of others raise whatever they like.
         raise complain(unusable(what), shown(value), "a number") from None
 
 
@@ -65,6 +67,16 @@ def truth(what: str, value: object) -> bool:
     return bool(value)
 
 
+def is_off(value: object) -> bool:
+    """Return whether an option that may be switched has the value None, False or 0."""
+    return value is None or (isinstance(value, bool | np.bool_ | int | float) and not value)
+
+
+def is_auto(value: object) -> bool:
+    """Return whether an option is the word "auto"; arrays would compare each of their entries."""
+    return isinstance(value, str) and value == "auto"
+
+
 def names(what: str, value: object, known: Sequence[str]) -> tuple[str, ...]:
     """Return one name, or several, out of `known`, or InvalidInput."""
     if isinstance(value, str):
@@ -81,7 +93,7 @@ def parts(what: str, value: object, wanted: str, most: int) -> list[Any]:
     try:
         if not isinstance(value, str | bytes):
             return list(itertools.islice(value, most + 1))  # type: ignore[call-overload]
-    except TypeError:
+    except Exception:  # Objects of others raise whatever they like.
         pass
     raise complain(unusable(what), shown(value), wanted)
 
@@ -140,11 +152,11 @@ def as_array(failed: str | Words, value: object, wanted: str) -> np.ndarray[Any,
     """Return `numpy.asarray(value)`; InvalidInput for what is no array, OutOfMemory where it does not fit."""
     try:
         return np.asarray(value)
-    except (ValueError, TypeError, OverflowError, RecursionError) as error:
-        raise complain(failed, f"{type(value).__name__}: {error}", wanted) from None
     except MemoryError:
         found = f"{shown(value)}, for which there is not enough memory"
         raise complain(failed, found, wanted, _FEWER, kind=OutOfMemory) from None
+    except Exception as error:  # Objects of others raise whatever they like.
+        raise complain(failed, f"{type(value).__name__}: {error}", wanted) from None
 
 
 def numbers(what: str, value: object, wanted: str) -> np.ndarray[Any, Any]:
@@ -197,7 +209,7 @@ def image_size(value: object) -> tuple[int, int]:
         if any(isinstance(part, bool | np.bool_) for part in parts):
             raise TypeError
         width, height = map(operator.index, parts)
-    except (TypeError, ValueError):
+    except Exception:  # Objects of others raise whatever they like.
         raise complain("the size of the picture cannot be used", shown(value), wanted, option="size") from None
     if not (1 <= width < 2**31 and 1 <= height < 2**31):
         raise complain("the size of the picture cannot be used", shown((width, height)), wanted, option="size")
@@ -245,11 +257,23 @@ def whole(what: str, value: object, wanted: str = "a whole number") -> int:
         if isinstance(value, bool | np.bool_):
             raise TypeError
         result = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
+    except Exception:  # Objects of others raise whatever they like.
         raise complain(unusable(what), shown(value), wanted) from None
     if not -(2**31) <= result < 2**31:
         raise complain(unusable(what), shown(result), "a whole number of 32 bits")
     return result
+
+
+def file_path(failed: str, value: object, wanted: str) -> Path:
+    """Return a path, or InvalidInput for what names no file on this system."""
+    try:
+        if isinstance(value, str | os.PathLike):
+            name: str = os.fsdecode(value)
+            if name and b"\0" not in os.fsencode(name):
+                return Path(name)
+    except Exception:  # Objects of others raise whatever they like; and some texts are no names.
+        pass
+    raise complain(failed, shown(value), wanted)
 
 
 def instance(what: str, value: object, kind: type) -> None:

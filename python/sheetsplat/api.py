@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sheetsplat._checks import choice, color, image_size, instance, names, parts, shown, whole
+from sheetsplat._checks import choice, color, image_size, instance, is_auto, is_off, names, parts, shown, whole
 from sheetsplat._objects import kind_of_object
 from sheetsplat.camera import Camera
 from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
@@ -65,7 +65,7 @@ def _given(group: type, options: Any) -> dict[str, Any]:
     given = pick_given(group, options)
     given.pop("quality", None)
     switched = ("prefilter", "log", "offset", "resample")
-    return {name: value for name, value in given.items() if value or name not in switched}
+    return {name: value for name, value in given.items() if name not in switched or not is_off(value)}
 
 
 @documented(OpenOptions, chooses=True)
@@ -235,7 +235,7 @@ def _scene(opened: Opened, options: Any, outputs: Iterable[str], quality: Choice
     ignored = unused(mode, [*asked, *outputs])
     if ignored:
         warn(f"mode {mode} does not use these options: " + option_refs(ignored))
-    if look.get("depth_cue") == "auto":
+    if is_auto(look.get("depth_cue")):
         # Made when the camera is known.
         del look["depth_cue"]
     look.pop("filter", None)
@@ -317,8 +317,9 @@ def prepare(data: Data | Dataset | BccVolume | Scene | Opened, **options: Unpack
     camera = picture["camera"]
     if camera is None:
         camera = compose_camera(scene, size, **pick(CameraOptions, options))
+    instance("render: camera", camera, Camera)
     _warn_of_replaced(options, picture["projection"])
-    if picture["depth_cue"] == "auto":
+    if is_auto(picture["depth_cue"]):
         scene = scene.replace(depth_cue=fitting_depth_cue(scene, camera))
     scene = quality.finished(scene, camera, size)
     if renderer is None:

@@ -20,8 +20,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sheetsplat._checks import optional_number, shown, triple
-from sheetsplat.errors import complain
+from sheetsplat import _memory
+from sheetsplat._checks import as_array, choice, optional_number, shown, triple, truth
+from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import RegularField
 
 Vector = tuple[float, float, float]
@@ -33,6 +34,8 @@ _DEGREES = {"quintic": 5, "cubic": 3, "linear": 1, "nearest": 0}
 _ROLL_OFF = 0.12
 # Values computed at once, in bytes of float32.
 _CHUNK_BYTES = 16 << 20
+# Beyond this many of a volume's longest edge, a cell of a lattice has no sample of the volume.
+_LARGEST_CELL = 100.0
 
 
 @runtime_checkable
@@ -223,17 +226,26 @@ def resample_to_bcc(
     spacing = (1.0, 1.0, 1.0) if spacing is None else triple("resample_to_bcc: spacing", spacing)
     origin = (0.0, 0.0, 0.0) if origin is None else triple("resample_to_bcc: origin", origin)
     a = optional_number("resample_to_bcc: a", a)
-    samples = np.asarray(values)
+    samples = as_array(failed, values, "samples along k, j and i")
     if samples.ndim != 3 or samples.size == 0:
         raise complain(failed, f"shape {samples.shape}", "samples along k, j and i, at least one along each")
     if samples.dtype.kind not in "buif":
         raise complain(failed, f"samples of type {samples.dtype}", "real numbers")
-    if method not in METHODS:
-        raise complain(failed, f"method {method!r}", f"one of {', '.join(METHODS)}")
-    wanted = np.dtype(np.uint8 if samples.dtype.kind == "b" else samples.dtype) if dtype is None else np.dtype(dtype)
+    choice("resample_to_bcc: method", method, METHODS)
+    truth("resample_to_bcc: band_limit", band_limit)
+    own = np.dtype(np.uint8) if samples.dtype.kind == "b" else samples.dtype
+    try:
+        wanted = own if dtype is None else np.dtype(dtype)
+    except Exception:  # Objects of others raise whatever they like.
+        raise complain(failed, f"a result of type {shown(dtype)}", "whole or floating-point numbers") from None
     if wanted.kind not in "uif":
         raise complain(failed, f"a result of type {wanted}", "whole or floating-point numbers")
     lattice = BccLattice.matching(samples.shape, spacing, origin, a)
+    largest = max(count * step for count, step in zip(reversed(samples.shape), spacing, strict=True))
+    if lattice.a > _LARGEST_CELL * largest:
+        wanted_a = f"at most {_LARGEST_CELL:g} times the volume's longest edge, {largest:g}"
+        raise complain(unusable("resample_to_bcc: a"), f"{lattice.a:g}", wanted_a)
+    _memory.require(2 * samples.size * np.dtype(np.float32).itemsize, "the volume on a BCC lattice")
 
     weights = [_matrix(method, samples.shape[2 - c], _positions(lattice, c, spacing, origin)) for c in range(3)]
     # Values are filtered relative to the middle of their range, so that float32 loses nothing of a large offset.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import pixels
-from sheetsplat._checks import shown
+from sheetsplat._checks import shown, truth
 from sheetsplat._matplotlib import module_of, require_matplotlib
 from sheetsplat.errors import complain, unusable
 from sheetsplat.options.scene import surfaces_of
@@ -207,6 +207,8 @@ def _label(text: str) -> str:
 def _check_title(function: str, title: object) -> None:
     if title is not None and not isinstance(title, str):
         raise complain(unusable(f"{function}: title"), shown(title), "a text, or None")
+    if title is not None and any("\ud800" <= letter <= "\udfff" for letter in title):
+        raise complain(unusable(f"{function}: title"), shown(title), "a text of letters")
     if title is not None and not _is_mathematics(title):
         wanted = "a text whose parts between dollar signs are TeX"
         raise complain(unusable(f"{function}: title"), shown(title), wanted, r"write \$ for a dollar sign")
@@ -216,6 +218,7 @@ def to_axes(image: Image, ax: Any, *, colorbar: bool, title: str | None) -> Any:
     """Show a picture in axes; see `Image.to_axes`."""
     require_matplotlib()
     _check_title("Image.to_axes", title)
+    truth("Image.to_axes: colorbar", colorbar)
     if ax is not None and not isinstance(ax, module_of("axes").Axes):
         wanted = "axes of matplotlib, or None for a new figure"
         raise complain(unusable("Image.to_axes: ax"), f"{type(ax).__name__}, {shown(ax)}", wanted)
@@ -261,6 +264,8 @@ def annotated(image: Image, *, colorbar: bool, axes: bool, scale_bar: bool, titl
     """Return a figure of a picture; see `Image.annotated`."""
     require_matplotlib()
     _check_title("Image.annotated", title)
+    for name, given in (("colorbar", colorbar), ("axes", axes), ("scale_bar", scale_bar)):
+        truth(f"Image.annotated: {name}", given)
     from PIL import Image as Pillow
 
     width, height = image.size

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from sheetsplat import _sheetsplat, pixels
-from sheetsplat._checks import numbers, shown
+from sheetsplat._checks import file_path, numbers, shown, truth
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Unsupported, complain, unusable
 from sheetsplat.fields import has_values_at_points
@@ -334,14 +333,13 @@ class Image:
         """
         import sheetsplat.io.pictures as pictures
 
-        if not isinstance(path, str | os.PathLike) or "\0" in os.fsdecode(path):
-            wanted = "a path that ends with " + pictures.listed_suffixes()
-            raise complain("the picture cannot be saved", shown(path), wanted)
-        target = Path(os.fsdecode(path))
+        wanted = "a path that ends with " + pictures.listed_suffixes()
+        target = file_path("the picture cannot be saved", path, wanted)
+        described = truth("Image.save: metadata", metadata)
         if pictures.check_suffix(target) in pictures.FLOATS:
             pictures.save_array(self.pixels, target)
             return
-        described = metadata and self._depth_limit is None and target.suffix.lower() == ".png"
+        described = described and self._depth_limit is None and target.suffix.lower() == ".png"
         text = self._description() if described else ""
         pictures.save_raster(self._raster(target.suffix.lower()), target, text)
 
@@ -350,7 +348,10 @@ class Image:
         from sheetsplat.io.pictures import png_bytes
         from sheetsplat.io.png_text import KEYWORD
 
-        own = {KEYWORD: text} if metadata and (text := self._description()) else {}
+        described = truth("Image.to_png: metadata", metadata)
+        if not isinstance(texts, Mapping) or not all(isinstance(one, str) for pair in texts.items() for one in pair):
+            raise complain(unusable("Image.to_png: texts"), shown(texts), "texts by their keywords")
+        own = {KEYWORD: text} if described and (text := self._description()) else {}
         return png_bytes(self._raster(".png"), {**own, **texts})
 
     def _description(self) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sheetsplat import _sheetsplat
+from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import STRONGEST, choice, color, nearest_names, number, numbers, parts, shown, strength
 from sheetsplat.errors import complain, unusable
 from sheetsplat.opacity_words import PRESETS, opacities_of
@@ -27,6 +27,7 @@ _COLORS = 256
 
 def _table(values: Any, what: str, wanted: str) -> Floats:
     table = numbers(what, values, wanted)
+    _memory.require(table.size * np.dtype(np.float64).itemsize, f"a copy of {what}")
     scale = 255.0 if np.asarray(values).dtype == np.uint8 else 1.0
     return table.astype(np.float64) / scale
 
@@ -148,11 +149,12 @@ class TransferFunction:
 
     def __init__(self, points: ArrayLike) -> None:
         wanted = "rows of five numbers: value, r, g, b, opacity"
-        rows = numbers("TransferFunction: points", points, wanted).astype(np.float64, copy=False)
-        if rows.size == 0:
-            rows = rows.reshape(0, 5)
-        if rows.ndim != 2 or rows.shape[1] != 5:
-            raise complain("TransferFunction: the points cannot be used", f"an array of shape {rows.shape}", wanted)
+        found = numbers("TransferFunction: points", points, wanted)
+        if found.size == 0:
+            found = found.reshape(0, 5)
+        if found.ndim != 2 or found.shape[1] != 5:
+            raise complain("TransferFunction: the points cannot be used", f"an array of shape {found.shape}", wanted)
+        rows = found.astype(np.float64, copy=False)
         for strong in rows[:, 1:4][np.abs(rows[:, 1:4]) > STRONGEST][:1].tolist():
             strength("TransferFunction: a colour", strong)
         self.native = _sheetsplat.TransferFunction(np.ascontiguousarray(rows))
@@ -204,8 +206,9 @@ class TransferFunction:
         both = []
         for what, given, columns in (("colors", colors, 4), ("opacities", opacities, 2)):
             wanted = f"rows of {columns} numbers, the first of which do not fall"
-            rows = numbers(f"TransferFunction.from_curves: {what}", given, wanted).astype(np.float64, copy=False)
-            flat = rows.ndim != 2 or rows.shape[1] != columns or not len(rows)
+            found = numbers(f"TransferFunction.from_curves: {what}", given, wanted)
+            flat = found.ndim != 2 or found.shape[1] != columns or not len(found)
+            rows = np.empty((0, columns)) if flat else found.astype(np.float64, copy=False)
             if flat or not np.all(np.isfinite(rows)) or np.any(np.diff(rows[:, 0]) < 0):
                 raise complain(unusable(f"TransferFunction.from_curves: {what}"), shown(given), wanted)
             both.append(rows)

@@ -107,7 +107,7 @@ def _given_truth(truth: Image | ArrayLike | None, base: Base) -> measure.Truth |
         return None
     try:
         values = np.asarray(pixels_of(truth), dtype=np.float64)
-    except (TypeError, ValueError):
+    except Exception:  # Objects of others raise whatever they like.
         raise complain(unusable("accuracy: truth"), shown(truth), "a picture") from None
     expected: tuple[int, ...] = (base.size[1], base.size[0])
     if base.scene.mode in COLORED:

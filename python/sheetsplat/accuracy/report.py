@@ -9,10 +9,9 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from itertools import groupby
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sheetsplat._checks import shown
+from sheetsplat._checks import file_path, shown
 from sheetsplat._json import plain
 from sheetsplat.accuracy.knobs import BEST, GIVEN, INTERPOLATED, KNOBS, SLICES
 from sheetsplat.errors import complain
@@ -266,9 +265,7 @@ class AccuracyReport(_Figures):
         """
         from sheetsplat.accuracy.plot import draw
 
-        if not isinstance(path, str | os.PathLike) or "\0" in os.fsdecode(path):
-            raise complain("the plot cannot be saved", shown(path), "a path that ends with .png, .svg or .pdf")
-        draw(self, Path(os.fsdecode(path)))
+        draw(self, file_path("the plot cannot be saved", path, "a path that ends with .png, .svg or .pdf"))
 
     def table(self) -> Table:
         """Return the report as a table of the package rich."""

@@ -18,7 +18,7 @@ from typing import Any, overload
 import numpy as np
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import shown, truth
+from sheetsplat._checks import file_path, shown, truth
 from sheetsplat._time_left import time_left
 from sheetsplat.animation.drawing import (
     Drawn,
@@ -366,15 +366,13 @@ class Animation(Sequence[Image]):
         Error
             Where the file cannot be written, and what drawing raises.
         """
-        if not isinstance(path, str | os.PathLike) or "\0" in os.fsdecode(path) or not os.fsdecode(path):
-            raise complain(
-                "the film cannot be saved", shown(path), f"a folder, or a path with {listed_suffixes(SUFFIXES)}"
-            )
+        wanted = f"a folder, or a path with {listed_suffixes(SUFFIXES)}"
+        target = file_path("the film cannot be saved", path, wanted)
         if not self._frames:
             raise complain("the film cannot be saved", "no frames", "at least one")
         if progress is not None and not callable(progress):
             raise complain(unusable("Animation: progress"), shown(progress), "a function of one number, or None")
-        target = Path(os.fsdecode(path))
+        described = truth("Animation: metadata", metadata)
         rate = self._fps if fps is None else rate_of("Animation: fps", fps)
         count = self._workers if workers is None else workers_of("Animation: workers", workers)
         chosen = self._client if client is None else client_of("Animation: client", client)
@@ -385,7 +383,7 @@ class Animation(Sequence[Image]):
             self._save_video(target, rate, count, chosen, call)
         elif target.suffix == "" or target.is_dir():
             self._save_folder(
-                target, count, chosen, call, overwrite=truth("Animation: overwrite", overwrite), metadata=metadata
+                target, count, chosen, call, overwrite=truth("Animation: overwrite", overwrite), metadata=described
             )
         else:
             wanted = f"{', '.join(SUFFIXES)}, or a folder"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import api
+from sheetsplat._checks import is_auto
 from sheetsplat.animation.sources import SharedLook
 from sheetsplat.animation.steps import Steps
 from sheetsplat.bricks.needs import bricked_field, one_backend
@@ -128,7 +129,7 @@ def one_look(
             everything = [_largest(volumes)] if volumes is not None else alone
             shown = [opened.of(one).fields[0] for one in everything]
             seen = compose_camera(scene.replace(field=shown), picture.size, **pick(CameraOptions, options))
-        if options.get("depth_cue") == "auto":
+        if is_auto(options.get("depth_cue")):
             scene = scene.replace(depth_cue=fitting_depth_cue(scene, seen)).with_quality(scene.quality)
     scene, renderer = settled(api.Prepared(scene, seen, picture.size, picture.renderer))
     return SharedLook(scene, of_data, kernel, floor, look), seen, picture.size, renderer

@@ -9,7 +9,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from sheetsplat._checks import shown, whole
+from sheetsplat._checks import choice, is_off, shown, truth, whole
 from sheetsplat.bricks.kernel_pieces import KERNELS, READING, pieces_of
 from sheetsplat.bricks.lattice import PREFILTER_MARGIN, LatticeSpec
 from sheetsplat.bricks.levels import LevelStore, coarsen_brick, most_levels
@@ -27,6 +27,7 @@ from sheetsplat.io.kernels import log_base
 from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of, folder_of, kernels_of, levels_of
 from sheetsplat.options.core import check_names, definitions, documented
 from sheetsplat.options.data import KernelOptions, PlacementOptions
+from sheetsplat.options.quality import QUALITIES
 from sheetsplat.quality.choose import Choice
 
 _log = logging.getLogger("sheetsplat")
@@ -87,7 +88,8 @@ def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> Bri
     levels = levels_of("open_bricks: levels", given.pop("levels", definitions(OpenBricksOptions)["levels"].default))
     scratch = folder_of("open_bricks: scratch", given.pop("scratch", None))
     client = cluster_of("open_bricks: client", given.pop("client", None))
-    given = {name: value for name, value in given.items() if value or name not in ("log", "offset", "resample")}
+    switched = ("log", "offset", "resample")
+    given = {name: value for name, value in given.items() if name not in switched or not is_off(value)}
     pieces = pieces_of(path_or_array, given, client)
     if pieces is not None:
         _refuse({"levels": levels} if levels else {}, ("levels",), "kernels")
@@ -169,7 +171,9 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
         raise complain(unusable("open_bricks: levels"), asked, wanted, option="levels")
     partition = partition_lattice(LatticeSpec(source.shape, lattice=lattice), cut.brick)
     # A quality may choose a prefilter by what is found.
-    filtered = given.get("prefilter", given.get("quality") != "draft" and "normalization" not in given)
+    quality = choice("open_bricks: quality", given.get("quality", "good"), QUALITIES)
+    filtered = given.get("prefilter", quality != "draft" and "normalization" not in given)
+    filtered = truth("open_bricks: prefilter", filtered)
     plan = SurveyPlan.of(source.shape, lattice, _AROUND + (PREFILTER_MARGIN if filtered else 0))
     if client is None:
         found = merge_surveys([survey_of(source, partition, number, plan) for number in range(len(partition))])

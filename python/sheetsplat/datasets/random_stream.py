@@ -7,8 +7,13 @@ arithmetic.
 
 from __future__ import annotations
 
+import operator
+
 import numpy as np
 from numpy.typing import NDArray
+
+from sheetsplat._checks import shown
+from sheetsplat.errors import complain
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _FIRST = np.uint64(0xBF58476D1CE4E5B9)
@@ -32,7 +37,11 @@ class Stream:
 
     def __init__(self, seed: int) -> None:
         # The seed is hashed first, so that neighbouring seeds give unrelated numbers.
-        start = np.array([seed & 0xFFFFFFFFFFFFFFFF], dtype=np.uint64)
+        try:
+            lowest = operator.index(seed) & 0xFFFFFFFFFFFFFFFF
+        except Exception:  # Objects of others raise whatever they like.
+            raise complain("the seed cannot be used", shown(seed), "a whole number") from None
+        start = np.array([lowest], dtype=np.uint64)
         self._state = _mix(start + _GOLDEN)
         self._drawn = 0
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import shown
+from sheetsplat._checks import shown, truth
 from sheetsplat.errors import complain, option_ref, unusable
 
 from ._cells import Neighbourhoods, cell_blocks, grid_cells
@@ -290,7 +290,7 @@ def _fit(
     ratio = overlap
     if blocks is None:
         simplices, beside, spare = _tetrahedra(points)
-        if trim:
+        if truth("delaunay: trim", trim):
             keep = _trimmed(points, simplices, beside)
             trimmed = int((~keep).sum())
             simplices = simplices[keep]

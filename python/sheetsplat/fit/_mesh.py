@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sheetsplat._checks import shown
+from sheetsplat._checks import file_path, shown
 from sheetsplat.errors import complain, unusable
 
 from ._kernels import Floats, Numbers, spans
@@ -45,7 +44,7 @@ def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
     from sheetsplat.io.mesh_files import read_triangles
     from sheetsplat.io.source import Source
 
-    with Source(Path(path)) as source:
+    with Source(file_path("the mesh cannot be read", path, "the path of a mesh")) as source:
         return read_triangles(source)
 
 
@@ -231,8 +230,14 @@ def winding_numbers(points: ArrayLike, vertices: ArrayLike, triangles: ArrayLike
     >>> np.round(ss.fit.winding_numbers([(0.1, 0.1, 0.1), (1, 1, 1)], vertices, triangles), 6).tolist()
     [1.0, 0.0]
     """
-    at = np.asarray(points, dtype=np.float64)
-    corners = np.asarray(vertices, dtype=np.float64)[np.asarray(triangles)]
+    what = "winding_numbers"
+    at, ends = places(what, points), places(what, vertices, "vertices")
+    wanted = f"rows of three whole numbers from 0 to below {len(ends)}, (T, 3)"
+    indices = numbers(what, triangles, "triangles")
+    is_right = indices.ndim == 2 and indices.shape[1] == 3 and indices.dtype.kind in "iu"
+    if not is_right or not ((indices >= 0) & (indices < len(ends))).all():
+        raise complain(unusable(f"{what}: triangles"), shown(triangles), wanted)
+    corners = ends[indices]
     result = np.zeros(len(at))
     for first, last in spans(np.full(len(at), len(corners)), _CHUNK):
         a, b, c = (corners[None, :, n] - at[first:last, None] for n in range(3))

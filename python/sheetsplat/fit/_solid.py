@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import number
+from sheetsplat._checks import number, truth
 from sheetsplat.errors import complain
 from sheetsplat.notices import warn
 
@@ -87,8 +87,8 @@ def _fill(mesh: ClosedMesh, spacing: float, levels: int, *, shares: bool = False
     A cell is divided unless it and all cells of its size around it are full, so that sizes of neighbours differ by a
     factor of 2 at most. Without `shares`, smallest cells whose centre is inside are full, and others are left out.
     """
-    origin, shape = _grid(mesh, spacing, levels, 1 if shares else 0)
-    if shares:
+    origin, shape = _grid(mesh, spacing, levels, 1 if truth("solid: shares", shares) else 0)
+    if truth("solid: shares", shares):
         share = _shares(mesh, origin, spacing, shape)
     else:
         # In cavities the winding numbers of shells cancel.
@@ -242,6 +242,7 @@ def solid(
     >>> kernels = ss.fit.solid(vertices, triangles, kernels=200)
     """
     mesh = close(_WHAT, vertices, triangles)
+    shares = truth(f"{_WHAT}: shares", shares)
     levels = count_of(_WHAT, "levels", levels, 1, _LEVELS)
     overlap = positive(_WHAT, "overlap", overlap)
     falloff = positive(_WHAT, "falloff", falloff)

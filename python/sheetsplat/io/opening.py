@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from sheetsplat import _memory
-from sheetsplat._checks import shown
+from sheetsplat._checks import is_off, shown
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.io.axes import tell_units
@@ -79,7 +79,14 @@ def read_volume(
     >>> ss.io.read_volume("cube.npy").values.shape
     (8, 8, 8)
     """
-    options = given(shape=shape, dtype=dtype, offset=offset or None, name=name, resample=resample or None, step=step)
+    options = given(
+        shape=shape,
+        dtype=dtype,
+        offset=None if is_off(offset) else offset,
+        name=name,
+        resample=None if is_off(resample) else resample,
+        step=step,
+    )
     with opened(path) as source:
         found = format_of(source, raw_options="shape" in options or "dtype" in options)
         if found.scattered:

@@ -207,7 +207,10 @@ def _by_numbers(path: Path) -> list[tuple[int, str]]:
 
 def opened(path: str | os.PathLike[str]) -> Source | Folder:
     """Open a file, a folder, or a part of either: FILE:/part. Errors are those of `Source`."""
-    text = os.fspath(path)
+    try:
+        text = os.fspath(path)
+    except Exception:  # Objects of others raise whatever they like.
+        raise complain("the data cannot be read", shown(path), "a path") from None
     file, colon, inner = text.rpartition(":/")
     if not colon or os.path.lexists(text) or not os.path.exists(file):
         file, inner = text, ""

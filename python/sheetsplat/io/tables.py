@@ -7,14 +7,13 @@ import os
 import warnings
 import zipfile
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import instance, shown
+from sheetsplat._checks import file_path, instance, shown
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.io import numpy_files, pictures
@@ -130,7 +129,7 @@ def save_npz(field: EllipsoidField, path: str | os.PathLike[str]) -> None:
     array([1.])
     """
     instance("save_npz: the field", field, EllipsoidField)
-    target = Path(path)
+    target = file_path("the field cannot be saved", path, "a path that ends with .npz")
     if target.suffix.lower() != ".npz":
         raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npz")
     names = ("centers", "scales", "rotations", "values", "weights", "normalization", *_NUMBERS)

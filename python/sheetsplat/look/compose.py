@@ -8,6 +8,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from sheetsplat._checks import truth
 from sheetsplat.effects import AmbientOcclusion
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
@@ -76,7 +77,8 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         scene_options.setdefault("slice_spacing", spacing)
     if look is not None and look.reference_length is not None and mode in COLORED:
         scene_options.setdefault("reference_length", look.reference_length)
-    lit = options.get("shading") in (None, True) and mode in COLORED
+    shading = options.get("shading")
+    lit = (shading is None or truth("render: shading", shading)) and mode in COLORED
     if mode not in COLORED:
         _set_scalar_colors(scene_options, options)
     scene_options.setdefault("lights", (HEAD_LIGHT,) if lit else ())

@@ -41,7 +41,8 @@ def in_decades(fields: Sequence[Field], look: Mapping[str, Any], log: object) ->
         The option of this name: only None asks.
     """
     same = list(fields)
-    if log is not None or len(same) != 1 or look.get("mode", "composite") not in COLORED:
+    mode = look.get("mode", "composite")
+    if log is not None or len(same) != 1 or not (isinstance(mode, str) and mode in COLORED):
         return same
     if _holds_pairs(look.get("opacity")) or any(look.get(name) is not None for name in _IN_VALUES):
         return same

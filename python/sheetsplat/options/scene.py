@@ -5,7 +5,19 @@ from typing import Annotated, Any, Literal, TypedDict, get_args
 
 import numpy as np
 
-from sheetsplat._checks import Vector, choice, color, instance, number, optional_number, parts, shown, truth, whole
+from sheetsplat._checks import (
+    Vector,
+    choice,
+    color,
+    instance,
+    is_auto,
+    number,
+    optional_number,
+    parts,
+    shown,
+    truth,
+    whole,
+)
 from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
 from sheetsplat.errors import complain, unusable
 from sheetsplat.light import Light, Material
@@ -96,10 +108,11 @@ def _samples(what: str, value: object) -> int:
 
 def _filter(what: str, value: object) -> str | None:
     """Return "ewa" or None; "off" is another name of None."""
-    if value == "auto":
+    if is_auto(value):
         wanted = '"ewa", "off" or None'
         raise complain(unusable(what), '"auto"', wanted, "give it to sheetsplat.render, which knows the camera")
-    return None if value in (None, "off") else choice(what, value, get_args(Filter))
+    is_none = value is None or (isinstance(value, str) and value == "off")
+    return None if is_none else choice(what, value, get_args(Filter))
 
 
 def surfaces_of(iso_value: IsoValue | None) -> tuple[tuple[float, float], ...]:

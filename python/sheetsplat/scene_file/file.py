@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from sheetsplat import _sheetsplat, api
-from sheetsplat._checks import shown
+from sheetsplat._checks import file_path, shown
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Error, complain, unusable
 from sheetsplat.fields import Field
@@ -99,11 +99,11 @@ class SceneFile:
         Error
             Where the file cannot be read.
         """
-        file = Path(path)
+        file = file_path("the scene cannot be read", path, "the path of a scene file")
         failed = f"{file} cannot be read"
-        if not file.is_file():
-            raise complain(failed, "no such file", "a scene file", kind=Error)
         try:
+            if not file.is_file():
+                raise complain(failed, "no such file", "a scene file", kind=Error)
             with file.open("rb") as stream:
                 content = stream.read(LONGEST + 1)
         except OSError as error:
@@ -501,7 +501,7 @@ class SceneFile:
         Error
             Where the file cannot be written.
         """
-        target = Path(path)
+        target = file_path("the scene cannot be saved", path, f"a path that ends with {SUFFIX}")
         if target.suffix.lower() != SUFFIX:
             raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", SUFFIX)
         text = self.to_toml(target.resolve().parent)

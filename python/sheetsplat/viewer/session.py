@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sheetsplat._checks import Triple
+from sheetsplat._checks import Triple, is_auto
 from sheetsplat.api import Prepared
 from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
@@ -73,7 +73,7 @@ class Session:
         base = shown.base(0, 0)
         options = shown.options
         quality = "good" if options.get("quality") is None else options["quality"]
-        changes = {"depth_cue": Cue()} if options.get("depth_cue") == "auto" else {}
+        changes = {"depth_cue": Cue()} if is_auto(options.get("depth_cue")) else {}
         self._first = State(shown.camera(base.scene, size), base.scene.mode, quality, changes=changes)
         self._state = self._good = self._first
         self._size = self._framed_for = size

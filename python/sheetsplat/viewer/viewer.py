@@ -7,10 +7,9 @@ import os
 import sys
 import threading
 import webbrowser
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from sheetsplat._checks import instance, shown, whole
+from sheetsplat._checks import file_path, image_size, instance, shown, truth, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import complain, unusable
 from sheetsplat.options.core import check_names, documented
@@ -103,7 +102,7 @@ class Viewer:
         size
             (width, height) in pixels; that of the page unless given.
         """
-        return self._session.picture(size)
+        return self._session.picture(None if size is None else image_size(size))
 
     def save(self, path: str | os.PathLike[str], size: tuple[int, int] | None = None) -> None:
         """Write the picture that is shown, as `Image.save` does, or the scene as a scene file.
@@ -116,7 +115,7 @@ class Viewer:
         size
             As for `render`.
         """
-        if Path(os.fsdecode(path)).suffix.lower() == ".toml":
+        if file_path("the picture cannot be saved", path, "a path").suffix.lower() == ".toml":
             self._session.scene_file().save(path)
         else:
             self.render(size).save(path)
@@ -225,12 +224,13 @@ def view(
         raise complain(unusable("view: port"), str(number), "from 0 to 65535")
     if not isinstance(host, str) or not host:
         raise complain(unusable("view: host"), shown(host), 'an address such as "127.0.0.1"')
+    opens = None if browser is None else truth("view: browser", browser)
     session = Session(Shown(data, options, choices, times), _SIZE)
     viewer = Viewer(session, host, number)
     notebook = in_notebook()
-    if notebook and not browser:
+    if notebook and not opens:
         # What is missing is told here, not where the notebook displays it.
         assert viewer.widget is not None
-    elif browser or (browser is None and not notebook):
+    elif opens or (opens is None and not notebook):
         viewer.open_browser()
     return viewer

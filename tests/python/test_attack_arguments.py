@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 from collections.abc import Callable
@@ -68,6 +69,14 @@ FOUND: dict[str, Callable[[], object]] = {
     "colours of terabytes": lambda: ss.ScalarColors(WIDE),
     "curves of terabytes": lambda: ss.TransferFunction.from_curves(WIDE, [(0, 1)]),
     "a volume of terabytes": lambda: ss.resample_to_bcc(WIDE),
+    "steps without an end": lambda: ss.animate(itertools.repeat(SAMPLES)),
+    "a mode of a series that is an array": lambda: ss.animate([SAMPLES, SAMPLES], mode=TRUTHS),
+    "a client that raises": lambda: ss.open_bricks(SAMPLES, client=values.RaisesOnEverything()),
+    "a lattice of bricks that is an array": lambda: ss.open_bricks(SAMPLES, lattice=TRUTHS),
+    "a shape without an end": lambda: ss.fit.delaunay(SAMPLES.reshape(-1, 3), np.ones(72), shape=range(10**18)),
+    "a truth of 400 digits": lambda: ss.accuracy(
+        ss.Scene(FIELD, [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)]), ss.Camera.fit(FIELD), size=(8, 8), truth=10**400
+    ),
     "a browser that is an array": lambda: ss.view(SAMPLES, browser=TRUTHS),
 }
 

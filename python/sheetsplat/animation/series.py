@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import api
-from sheetsplat._checks import is_auto
+from sheetsplat._checks import choice, is_auto
 from sheetsplat.animation.sources import SharedLook
 from sheetsplat.animation.steps import Steps
 from sheetsplat.bricks.needs import bricked_field, one_backend
@@ -20,7 +20,7 @@ from sheetsplat.look.decades import in_decades
 from sheetsplat.look.strays import without_strays
 from sheetsplat.notices import muted
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import definitions, pick, pick_given
+from sheetsplat.options.core import MODES, definitions, pick, pick_given
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.picture import LookOptions
 from sheetsplat.quality.choose import Choice
@@ -114,6 +114,8 @@ def one_look(
     alone = [one[0] for one in fields]
     volumes = _alike(alone)
     shared = _mixed(volumes) if volumes is not None else max(alone, key=_width)
+    if look.get("mode") is not None:
+        choice("animate: mode", look["mode"], MODES)
     shared = in_decades([shared], look, options.get("log"))[0]
     floor = shared.quantity.floor if shared.quantity.floor != alone[0].quantity.floor else None
     shared = without_strays([shared], look, framed=False)[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields import Field
 from sheetsplat.io.opening import time_steps
 from sheetsplat.io.xarray_data import time_axis
+from sheetsplat.options.film import MOST_FRAMES
 from sheetsplat.scene import Scene
 from sheetsplat.scene_file.file import SUFFIX, SceneFile
 
@@ -95,9 +97,12 @@ def steps_of(data: Any, options: Mapping[str, Any]) -> Steps:
     if kind is not None or isinstance(sizes, int) or callable(getattr(data, "field", None)):
         return _Listed([data], is_series=False)
     try:
-        return _Listed(list(data))
-    except TypeError:
+        found = list(itertools.islice(data, MOST_FRAMES + 1))
+    except Exception:  # Objects of others raise whatever they like.
         raise complain("the film cannot be made", f"{type(data).__name__}, {shown(data)}", _WANTED) from None
+    if len(found) > MOST_FRAMES:
+        raise complain("the film cannot be made", f"more than {MOST_FRAMES} steps", "fewer")
+    return _Listed(found)
 
 
 def _of_xarray(data: Any, scalar: str | None) -> Steps:

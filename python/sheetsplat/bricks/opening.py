@@ -9,7 +9,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from sheetsplat._checks import choice, is_off, shown, truth, whole
+from sheetsplat._checks import choice, is_off, truth, whole
 from sheetsplat.bricks.kernel_pieces import KERNELS, READING, pieces_of
 from sheetsplat.bricks.lattice import PREFILTER_MARGIN, LatticeSpec
 from sheetsplat.bricks.levels import LevelStore, coarsen_brick, most_levels
@@ -162,10 +162,7 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     placed: dict[str, Any] = {"spacing": source.spacing, "origin": source.origin}
     placed |= {name: given[name] for name in names if name in given}
     lattice = placed.get("lattice", "cartesian")
-    if lattice not in ("cartesian", "bcc"):
-        raise complain(
-            "open_bricks: lattice cannot be used", shown(lattice), "one of: cartesian, bcc", option="lattice"
-        )
+    choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))
     if cut.levels and lattice != "cartesian":
         asked, wanted = f"{cut.levels} for the lattice {lattice}", "none: levels are of cartesian lattices"
         raise complain(unusable("open_bricks: levels"), asked, wanted, option="levels")

@@ -128,7 +128,7 @@ def _grid(points: ArrayLike, values: ArrayLike, shape: object) -> tuple[Any, Any
     data = numbers(_WHAT, values, "values")
     if shape is None:
         return array, data, None
-    parts = list(shape) if isinstance(shape, Sequence | np.ndarray) else []
+    parts = list(shape[:4]) if isinstance(shape, Sequence) or (isinstance(shape, np.ndarray) and shape.ndim) else []
     if len(parts) != 3 or not all(isinstance(part, int | np.integer) and not isinstance(part, bool) for part in parts):
         raise complain(unusable(f"{_WHAT}: shape"), shown(shape), "three whole numbers, (nk, nj, ni)")
     nk, nj, ni = map(int, parts)

@@ -11,6 +11,7 @@ import time
 ATTACKS = {
     "messages": "messages",
     "lines": "lines",
+    "many_pages": "lines",
     "slow_readers": "lines",
     "frames_of_a_session": "lines",
     "kills_of_workers": "bricks",
@@ -18,7 +19,11 @@ ATTACKS = {
     "hostile_arrays": "bricks",
     "given_up": "bricks",
     "full_disks_of_workers": "bricks",
+    "lost_schedulers": "bricks",
     "kills_of_films": "films",
+    "full_disks_of_films": "films",
+    "two_films_in_one_folder": "films",
+    "odd_names": "films",
     "rubbish_frames": "films",
     "foreign_arguments": "arguments",
 }

@@ -9,6 +9,7 @@ PYBIND11_MODULE(_sheetsplat, module) {
     register_error();
     register_field(module);
     register_transfer_function(module);
+    register_light(module);
     register_scene(module);
     register_camera(module);
     register_plan(module);

@@ -1,9 +1,15 @@
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <stdexcept>
 #include <thread>
+#include <utility>
+#include <vector>
+
+#include <pybind11/numpy.h>
 
 #include "convert.hpp"
 #include "registrars.hpp"
@@ -86,6 +92,8 @@ class Watch {
     bool seen_ = false;
 };
 
+using Grid = py::array_t<float, py::array::c_style | py::array::forcecast>;
+
 /// A renderer serves one thread at a time: others wait, without the GIL.
 class LockedRenderer {
   public:
@@ -123,6 +131,44 @@ class LockedRenderer {
                                                   const py::object& progress) {
         return draw<ErrorEstimate>(
             progress, [&](const Progress& watch) { return renderer_.estimate_error(image, scene, camera, watch); });
+    }
+
+    LightPlan plan_light(const Scene& part, const Camera& camera, std::array<int, 2> size) {
+        refuse_held();
+        const Released release;
+        const Hold hold(*this);
+        return renderer_.plan_light(part, camera, {size[0], size[1]});
+    }
+
+    py::list light_pieces(const Scene& part, const Camera& camera, std::array<int, 2> size, const LightPlan& light,
+                          const py::object& progress) {
+        const auto pieces = draw<std::vector<LightPiece>>(progress, [&](const Progress& watch) {
+            return renderer_.light_pieces(part, camera, {size[0], size[1]}, light, watch);
+        });
+        py::list found;
+        for (const LightPiece& piece : *pieces) {
+            const auto& [u, v, w] = piece.first;
+            const auto& [columns, rows, planes] = piece.counts;
+            found.append(py::make_tuple(piece.grid, py::make_tuple(w, v, u),
+                                        py::array_t<float>({planes, rows, columns}, piece.values.data())));
+        }
+        return found;
+    }
+
+    std::shared_ptr<LightVolumes> light_volumes(const LightPlan& light, const std::vector<Grid>& values,
+                                                const py::object& progress) {
+        std::vector<LightVolume> grids;
+        for (std::size_t number = 0; number < light.grids.size(); ++number) {
+            grids.push_back(laid_out(light.grids[number], light.surfaces));
+            std::vector<float>& to = grids.back().values;
+            const Grid& from = values.at(number);
+            if (static_cast<std::size_t>(from.size()) != to.size()) {
+                throw std::invalid_argument("values of another size than the grid's");
+            }
+            std::copy(from.data(), from.data() + from.size(), to.begin());
+        }
+        return draw<LightVolumes>(
+            progress, [&](const Progress& watch) { return renderer_.light_volumes(light, std::move(grids), watch); });
     }
 
   private:
@@ -217,6 +263,12 @@ void register_renderer(py::module_& module) {
              py::arg("coverage"), py::arg("depth"), py::arg("progress"))
         .def("estimate_error", &LockedRenderer::estimate_error, py::arg("image"), py::arg("scene"), py::arg("camera"),
              py::kw_only(), py::arg("progress"))
+        .def("plan_light", &LockedRenderer::plan_light, py::arg("part"), py::arg("camera"), py::kw_only(),
+             py::arg("size"))
+        .def("light_pieces", &LockedRenderer::light_pieces, py::arg("part"), py::arg("camera"), py::kw_only(),
+             py::arg("size"), py::arg("light"), py::arg("progress"))
+        .def("light_volumes", &LockedRenderer::light_volumes, py::arg("light"), py::arg("grids"), py::kw_only(),
+             py::arg("progress"))
         .def("begin_stages", &LockedRenderer::begin_stages, py::arg("scene"), py::arg("camera"), py::kw_only(),
              py::arg("size"), py::arg("coverage"), py::arg("depth"), py::arg("first_seconds"), py::keep_alive<0, 1>())
         .def("next_stage", &LockedRenderer::next_stage, py::arg("stages"), py::kw_only(), py::arg("progress"));

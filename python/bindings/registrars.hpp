@@ -10,6 +10,7 @@ void register_field(pybind11::module_& module);
 void register_transfer_function(pybind11::module_& module);
 void register_scene(pybind11::module_& module);
 void register_camera(pybind11::module_& module);
+void register_light(pybind11::module_& module);
 void register_plan(pybind11::module_& module);
 void register_image(pybind11::module_& module);
 void register_renderer(pybind11::module_& module);

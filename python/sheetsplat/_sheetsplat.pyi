@@ -167,6 +167,8 @@ class Scene:
         centres: _Corners,
         depths: tuple[float, float],
         in_front: NDArray[np.float32] | None,
+        supports: _Corners | None = None,
+        light: LightVolumes | None = None,
     ) -> Scene: ...
     @property
     def slice_distance(self) -> float: ...
@@ -174,6 +176,17 @@ class Scene:
     def reference_distance(self) -> float: ...
     @property
     def centres(self) -> _Corners: ...
+
+class LightPlan:
+    @property
+    def shapes(self) -> list[tuple[int, int, int]]: ...
+    @property
+    def step(self) -> float: ...
+
+class LightVolumes:
+    def __init__(self) -> None: ...
+    @property
+    def nbytes(self) -> int: ...
 
 class Camera:
     @staticmethod
@@ -309,6 +322,23 @@ class Renderer:
     def estimate_error(
         self, image: Image, scene: Scene, camera: Camera, *, progress: Callable[[float], object] | None
     ) -> ErrorEstimate: ...
+    def plan_light(self, part: Scene, camera: Camera, *, size: tuple[int, int]) -> LightPlan: ...
+    def light_pieces(
+        self,
+        part: Scene,
+        camera: Camera,
+        *,
+        size: tuple[int, int],
+        light: LightPlan,
+        progress: Callable[[float], object] | None,
+    ) -> list[tuple[int, tuple[int, int, int], NDArray[np.float32]]]: ...
+    def light_volumes(
+        self,
+        light: LightPlan,
+        grids: Sequence[NDArray[np.float32]],
+        *,
+        progress: Callable[[float], object] | None,
+    ) -> LightVolumes: ...
     def begin_stages(
         self,
         scene: Scene,

@@ -9,9 +9,11 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from bricked_volumes import blob
 
 import sheetsplat as ss
 
@@ -127,6 +129,25 @@ def _skip_without_gl(request: pytest.FixtureRequest) -> None:
         reason = request.getfixturevalue("_gl_reason")
         if reason:
             pytest.skip(reason)
+
+
+@pytest.fixture(scope="module")
+def samples() -> Any:
+    """Return the volume that tests of bricks draw."""
+    return blob()
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """Return a client of two processes of one thread each."""
+    distributed = pytest.importorskip("distributed", reason="no distributed: pip install 'sheetsplat[distributed]'")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        ) as made,
+        distributed.Client(made) as client,
+    ):
+        yield client
 
 
 @pytest.fixture

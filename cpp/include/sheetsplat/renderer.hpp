@@ -6,9 +6,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/image.hpp"
+#include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/render_plan.hpp"
 #include "sheetsplat/scene.hpp"
 
@@ -71,6 +73,17 @@ class Renderer {
     /// The same in stages, as Stages makes them. False where on_stage ended it before the last one.
     bool render_progressive(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
                             const OnStage& on_stage, const Progress& progress = {});
+
+    /// Of a whole that is drawn in parts, how its light volumes are made: of a scene of any of its parts, with
+    /// Part::supports. Without grids where the picture has neither shadows nor ambient occlusion. Throws as plan.
+    [[nodiscard]] LightPlan plan_light(const Scene& part, const Camera& camera, Size size);
+    /// What a part holds of the plan's grids. What the pieces of all parts have in common adds up. Throws as render.
+    [[nodiscard]] std::vector<LightPiece> light_pieces(const Scene& part, const Camera& camera, Size size,
+                                                       const LightPlan& light, const Progress& progress = {});
+    /// Light volumes of grids with the pieces of all parts: of each grid its volume (laid_out). Throws OutOfMemory,
+    /// Cancelled.
+    [[nodiscard]] LightVolumes light_volumes(const LightPlan& light, std::vector<LightVolume> grids,
+                                             const Progress& progress = {}) const;
 
   private:
     friend class Stages;

@@ -80,6 +80,8 @@ class DepthLimit {
     double nearest_, farthest_;
 };
 
+struct LightVolumes;
+
 /// What a picture needs to know where the fields of its scene are a part of larger ones: a brick, with what its
 /// neighbours' kernels add to it (conventions, section 11). Belongs to one camera and size.
 struct Part {
@@ -93,6 +95,10 @@ struct Part {
     /// Opacity of each pixel in front of the part, h * w, row 0 at the top: pixels stop, and reach one half, with it.
     /// The picture's colours are what the part adds, its opacities those of both. Null: none.
     std::shared_ptr<const std::vector<float>> in_front{};
+    /// World-aligned box of all supports of the whole: Renderer::plan_light needs it.
+    Box supports{};
+    /// What shadows and ambient occlusion of the whole leave of light: pictures with them need it.
+    std::shared_ptr<const LightVolumes> light{};
 
     /// True where some points are not drawn.
     [[nodiscard]] bool cuts() const;

@@ -199,27 +199,12 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
                                 "make the picture or the field smaller"});
 }
 
-/// A volume of zeros with an element for each pixel and a plane for every few slices, the first one on slice 0.
-void lay_out(const Job& job, int every, std::int64_t planes, LightVolume& volume) {
-    const Frame& frame = *job.frame;
-    const Camera& camera = *job.camera;
-    volume.counts = {frame.size.width, frame.size.height, static_cast<int>(planes)};
-    volume.per_step = {camera.right_world() / frame.pixel, -camera.up_world() / frame.pixel,
-                       -camera.back_world() / (frame.slice_spacing * every)};
-    volume.origin = camera.eye() + frame.eye_x(0) * camera.right_world() + frame.eye_y(0) * camera.up_world() -
-                    frame.first_depth * camera.back_world();
-    try {
-        volume.values.assign(volume.index(0, 0, volume.counts[2]), 0.0F);
-    } catch (const std::bad_alloc&) {
-        out_of_memory();
-    }
+/// An element a pixel, in rows, and a plane for every few slices.
+SliceRecord record_of(const Job& job, SliceRecord::Of what, int every, float* values) {
+    const auto row = static_cast<std::size_t>(job.frame->size.width);
+    const std::size_t plane = row * static_cast<std::size_t>(job.frame->size.height);
+    return {what, values, row, plane, (job.frame->slices + every - 1) / every, every};
 }
-
-/// Elements from row to row and from plane to plane.
-struct Strides {
-    std::size_t row, plane;
-};
-Strides strides_of(const LightVolume& volume) { return {volume.index(0, 1, 0), volume.index(0, 0, 1)}; }
 
 /// Ends a task of a picture that has failed in another task, whose error is the one that is thrown.
 struct Ended {};
@@ -516,20 +501,12 @@ void CpuRenderer::render(const Job& job, Image& image) {
     state_->draw_in(job.plan->precision, job, nullptr, tell, image);
 }
 
-void CpuRenderer::absorb(const Job& job, int every, LightVolume& volume) {
-    const std::int64_t planes = (job.frame->slices + every - 1) / every + 1;
-    lay_out(job, every, planes, volume);
-    const Strides strides = strides_of(volume);
-    record(job, {SliceRecord::Of::absorption, volume.values.data(), strides.row, strides.plane, planes, every});
+void CpuRenderer::absorb(const Job& job, int every, float* values) {
+    record(job, record_of(job, SliceRecord::Of::absorption, every, values));
 }
 
-void CpuRenderer::sample(const Job& job, LightVolume& volume) {
-    const Frame& frame = *job.frame;
-    lay_out(job, 1, frame.slices + 2, volume);
-    volume.origin += frame.slice_spacing * job.camera->back_world();
-    const Strides strides = strides_of(volume);
-    record(job,
-           {SliceRecord::Of::rho, volume.values.data() + strides.plane, strides.row, strides.plane, frame.slices, 1});
+void CpuRenderer::sample(const Job& job, float* values) {
+    record(job, record_of(job, SliceRecord::Of::rho, 1, values));
 }
 
 void CpuRenderer::record(const Job& job, const SliceRecord& record) {

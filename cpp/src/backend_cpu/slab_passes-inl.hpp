@@ -277,8 +277,9 @@ HWY_NOINLINE void absorb(const Slab<T>& slab) {
         const Columns kept = slab.columns_kept(y, 0);
         for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
             const V rho = slab.rho(d, 1, y, x);
-            const M visible =
+            const M seen =
                 slab.reached(d, slab.within(d, hn::And(hn::Gt(rho, below), hn::Lt(rho, above)), x, kept), 0, y, x);
+            const M visible = slab.owned(d, seen, y, x);
             if (hn::AllFalse(d, visible)) {
                 continue;
             }

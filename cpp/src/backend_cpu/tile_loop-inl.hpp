@@ -92,7 +92,7 @@ class TileLoop {
             }
         }
         if (records(SliceRecord::Of::absorption)) {
-            record_until((setup_.record->planes - 1) * setup_.record->every);
+            record_before(setup_.record->planes * setup_.record->every);
         }
         // What is left in the ring would be found by the next tile.
         ring_.release_all();
@@ -344,21 +344,22 @@ class TileLoop {
         }
     }
 
-    /// Writes what light has lost so far to the planes up to slice n.
-    void record_until(std::int64_t n) {
+    /// Writes what light has lost to the planes that end before slice n, each of which begins at 0.
+    void record_before(std::int64_t n) {
         const SliceRecord& record = *setup_.record;
-        for (; recorded_ < record.planes && recorded_ * record.every <= n; ++recorded_) {
+        for (; recorded_ < record.planes && (recorded_ + 1) * record.every <= n; ++recorded_) {
             float* out = in_record(recorded_);
-            const T* sums = scratch_.planes.alpha;
+            T* sums = scratch_.planes.alpha;
             for (int y = 0; y < shape_.height; ++y, out += record.row, sums += shape_.stride) {
                 std::transform(sums, sums + shape_.width, out, [](T sum) { return static_cast<float>(sum); });
+                std::fill(sums, sums + shape_.width, T(0));
             }
         }
     }
 
     void shade(std::int64_t n) {
         if (records(SliceRecord::Of::absorption)) {
-            record_until(n);
+            record_before(n);
         }
         const auto* here = ring_.find(n);
         const auto* after = setup_.intervals ? ring_.find(n + 1) : nullptr;

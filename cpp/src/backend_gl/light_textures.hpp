@@ -9,8 +9,8 @@
 #include "gl/objects.hpp"
 #include "gl/program.hpp"
 #include "sheetsplat/camera.hpp"
+#include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/scene.hpp"
-#include "view/light_volume.hpp"
 
 namespace sheetsplat::backend_gl {
 

@@ -10,10 +10,10 @@
 #include "plan/filtered_lattices.hpp"
 #include "plan/make_plan.hpp"
 #include "sheetsplat/image.hpp"
+#include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "view/ellipsoid_view.hpp"
 #include "view/field_view.hpp"
-#include "view/light_volume.hpp"
 
 namespace sheetsplat {
 

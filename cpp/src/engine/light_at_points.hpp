@@ -13,8 +13,8 @@
 #include "light_volumes.hpp"
 #include "point_values.hpp"
 #include "reference/clip.hpp"
+#include "sheetsplat/light_volume.hpp"
 #include "view/light_blocks.hpp"
-#include "view/light_volume.hpp"
 #include "view/surface_lines.hpp"
 
 namespace sheetsplat {

@@ -10,8 +10,8 @@
 #include "draw.hpp"
 #include "point_values.hpp"
 #include "sheetsplat/image.hpp"
+#include "sheetsplat/light_volume.hpp"
 #include "view/light_blocks.hpp"
-#include "view/light_volume.hpp"
 
 namespace sheetsplat {
 

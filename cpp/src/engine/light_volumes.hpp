@@ -9,15 +9,14 @@
 #include <memory>
 #include <vector>
 
-#include "draw.hpp"
-#include "view/light_volume.hpp"
+#include "light_grids.hpp"
+#include "sheetsplat/light_volume.hpp"
 
 namespace sheetsplat {
 
-/// Whether the steps of a grid are small enough for the smallest kernels of a scene.
-bool shows_kernels(const Scene& scene, const LightVolume& grid);
-/// Whether a grid of absorption is 0 only where nothing is, but for what is smaller than its cells.
-bool shows_matter(const Scene& scene, const DrawPlan& plan, const LightVolume& absorption);
+/// Light volumes of grids that others have filled: of each grid of the plan its volume. Throws OutOfMemory, Cancelled.
+LightVolumes light_volumes_of(const LightPlan& light, std::vector<LightVolume> grids, int threads,
+                              const Progress& progress);
 
 /// Keeps volumes between pictures: those of world lights, of ambient occlusion and of rho serve every view of a
 /// scene.

@@ -112,6 +112,23 @@ void require_in_front(const Scene& scene, Size size) {
     }
 }
 
+const LightVolumes& light_of_part(const Part& part) {
+    if (!part.light) {
+        // Light is dimmed by matter that may lie anywhere in the whole.
+        throw Unsupported(Complaint{"a part of a whole cannot be drawn with shadows or ambient occlusion",
+                                    "no light volumes of the whole", "those that Renderer::light_volumes makes",
+                                    "give them, or draw the whole"});
+    }
+    return *part.light;
+}
+
+void require_part(const Scene& scene) {
+    if (!scene.part) {
+        throw InvalidInput(Complaint{"light of a whole cannot be drawn in parts", "a scene that is no part of a whole",
+                                     "a part of a whole", ""});
+    }
+}
+
 } // namespace
 
 Renderer::State::State(const RendererOptions& options) : options_(options), backends_(options.device) {}
@@ -191,7 +208,8 @@ void Renderer::State::draw(const Request& request, const Prepared& prepared, con
     Indexed indexed = find_drawn(request, prepared, drawn_like);
     image.stats["seconds_index"] = seconds_since(indexing);
     if ((prepared.plan.shadows || prepared.plan.ambient_occlusion) && !prepared.plan.blank) {
-        indexed.volumes = light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
+        indexed.volumes = request.scene.part ? light_of_part(*request.scene.part)
+                                             : light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
     }
     if (prepared.plan.blank) {
         leave_blank(request, image);
@@ -210,13 +228,34 @@ void Renderer::State::draw(const Request& request, const Prepared& prepared, con
     stats["bytes"] = stats["bytes_index"] + stats["bytes_view"] + stats["bytes_device"];
 }
 
+LightPlan Renderer::State::plan_light(const Request& request) {
+    require_part(request.scene);
+    if (request.scene.part->supports.empty()) {
+        throw InvalidInput(Complaint{"light of a whole cannot be planned", "no box of all supports of the whole",
+                                     "Part::supports", ""});
+    }
+    const Prepared prepared = prepare(request);
+    const DrawPlan& plan = prepared.plan;
+    return (plan.shadows || plan.ambient_occlusion) && !plan.blank ? make_light_plan(request, prepared, reach())
+                                                                   : LightPlan{};
+}
+
+std::vector<LightPiece> Renderer::State::light_pieces(const Request& request, const LightPlan& light) {
+    require_part(request.scene);
+    const PollScope polling([&request] { report_progress(request.progress, 0.0); });
+    const Prepared prepared = prepare(request);
+    const Indexed indexed = find_drawn(request, prepared, prepared.frame);
+    return pieces_of(light, request, prepared, indexed, backends_.cpu());
+}
+
 bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bool anew) {
     // Nothing of the last scene's fields is kept.
     if (measured_ && measured_->view.scene.fields != request.scene.fields) {
         measured_.reset();
         light_probe_ = LightErrorProbe();
     }
-    if (plan.backend == Backend::reference ||
+    // (Lines to lights pass kernels that a part does not have.)
+    if (plan.backend == Backend::reference || request.scene.part ||
         std::none_of(plan.error_budget.begin(), plan.error_budget.end(), is_of_model)) {
         return false;
     }
@@ -301,6 +340,23 @@ RenderPlan Renderer::plan(const Scene& scene, const Camera& camera, Size size, c
 Image Renderer::render(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs,
                        const Progress& progress) {
     return state_->render_chosen({scene, camera, size, outputs, progress, state_->options()});
+}
+
+LightPlan Renderer::plan_light(const Scene& part, const Camera& camera, Size size) {
+    const Outputs none;
+    const Progress quiet;
+    return state_->plan_light({part, camera, size, none, quiet, state_->options()});
+}
+
+std::vector<LightPiece> Renderer::light_pieces(const Scene& part, const Camera& camera, Size size,
+                                               const LightPlan& light, const Progress& progress) {
+    const Outputs none;
+    return state_->light_pieces({part, camera, size, none, progress, state_->options()}, light);
+}
+
+LightVolumes Renderer::light_volumes(const LightPlan& light, std::vector<LightVolume> grids,
+                                     const Progress& progress) const {
+    return light_volumes_of(light, std::move(grids), state_->options().threads, progress);
 }
 
 } // namespace sheetsplat

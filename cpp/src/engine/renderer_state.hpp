@@ -41,6 +41,9 @@ struct Renderer::State {
     ErrorEstimate estimate_error(const Image& image, const Scene& shown, const Camera& camera,
                                  const Progress& progress);
 
+    LightPlan plan_light(const Request& request);
+    std::vector<LightPiece> light_pieces(const Request& request, const LightPlan& light);
+
     /// The scene with the fields of a level in the place of its own.
     Scene at_level(Scene scene, const Level& level, const Progress& progress);
 

@@ -305,12 +305,6 @@ void Scene::validate() const {
     }
     if (part) {
         check_part(*part);
-        // Light is dimmed by matter that may lie anywhere in the whole.
-        const Words alone = "of fields that are a part of larger ones";
-        const Words advice = "draw the whole, or leave it out";
-        require(!shadows, together, option_ref("shadows", "true") + " " + alone, "no shadows there", advice);
-        require(!ambient_occlusion, together, option_ref("ambient_occlusion") + " " + alone,
-                "no ambient occlusion there", advice);
     }
     check_effects(*this);
 }

@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/types.hpp"
-#include "view/light_volume.hpp"
 
 namespace sheetsplat::light_march {
 

@@ -1,10 +1,13 @@
-#include "view/light_volume.hpp"
+#include "sheetsplat/light_volume.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <new>
 
 #include <glm/geometric.hpp>
+
+#include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
 
@@ -37,6 +40,23 @@ LightVolume::Around LightVolume::around(const Vec3& elements) const {
         found.greatest = std::max(found.greatest, value);
     }
     return found;
+}
+
+LightVolume laid_out(const LightGrid& grid, bool of_rho) {
+    const double deep = grid.spacing * grid.every;
+    LightVolume volume;
+    volume.per_step = {Vec3(1.0 / grid.step, 0.0, 0.0), Vec3(0.0, -1.0 / grid.step, 0.0), Vec3(0.0, 0.0, -1.0 / deep)};
+    // A plane lies in the middle of its slices.
+    volume.origin = grid.first + Vec3(0.0, 0.0, 0.5 * (grid.every + 1) * grid.spacing);
+    volume.counts = grid.counts(of_rho);
+    try {
+        volume.values.assign(volume.index(0, 0, volume.counts[2]), 0.0F);
+    } catch (const std::bad_alloc&) {
+        throw OutOfMemory(Complaint{"shadows or ambient occlusion cannot be drawn", "not enough memory",
+                                    "memory for the opacity along rays to lights",
+                                    "leave out " + option_ref("shadows") + " and " + option_ref("ambient_occlusion")});
+    }
+    return volume;
 }
 
 } // namespace sheetsplat

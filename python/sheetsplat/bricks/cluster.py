@@ -25,7 +25,8 @@ from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import Columns, Segments, Store
 from sheetsplat.bricks.kernel_survey import KernelSurvey
 from sheetsplat.bricks.levels import LevelStore
-from sheetsplat.bricks.needs import may_show
+from sheetsplat.bricks.light import light_key, planned_light
+from sheetsplat.bricks.needs import may_dim, may_show, source_key
 from sheetsplat.bricks.partial import Finished, empty, finish
 from sheetsplat.bricks.partition import Nested, Partition, leaves
 from sheetsplat.bricks.probe import Probing
@@ -34,7 +35,10 @@ from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan
 from sheetsplat.bricks.tasks import (
     coarsen_one,
     finish_picture,
+    light_brick,
+    make_light,
     merge_brick_surveys,
+    merge_light,
     merge_parts,
     merge_piece_surveys,
     merge_segments,
@@ -115,6 +119,7 @@ class _Cluster:
         self._checked: set[str] = set()
         self._places: dict[tuple[str, int], str] = {}
         self._sent: dict[str, Any] = {}
+        self._kept: dict[bytes, tuple[Any, frozenset[str]]] = {}
 
     def check(self) -> None:
         """Raise an error where there is no worker, or one with another version of this package."""
@@ -152,6 +157,19 @@ class _Cluster:
             found = self.workers[number % len(self.workers)]
             self._places[(token, number)] = found
         return found
+
+    def kept(self, key: bytes, make: Callable[[], Any]) -> Any:
+        """Return the future of what one picture made for those after it, which another one makes anew."""
+        found, workers = self._kept.get(key, (None, frozenset()))
+        # What is made by workers that are gone would be waited for in vain.
+        if found is None or found.status not in ("pending", "finished") or not workers <= set(self.workers):
+            found = make()
+        self._kept = {key: (found, frozenset(self.workers))}
+        return found
+
+    def drop_unfinished(self) -> None:
+        """Give up what was to be kept and is not made yet, unless a picture waits for it."""
+        self._kept = {key: kept for key, kept in self._kept.items() if kept[0].status == "finished"}
 
     def sent(self, client: Any, source: Any) -> Any:
         """Return what tasks take for a source: one with large arrays is sent to the workers once."""
@@ -312,6 +330,7 @@ class Pending:
         for one in self._tasks:
             one.release()
         self._tasks = []
+        _cluster(self._client).drop_unfinished()
 
 
 class _Tasks:
@@ -348,10 +367,20 @@ class _Tasks:
 
     def merged(self, name: str, function: Callable[..., Any], tasks: Sequence[Any]) -> list[Any]:
         """Submit merges of results in their order, a few at a time; return all tasks, the last one last."""
-        level = list(tasks)
-        while len(level) > 1:
-            level = [self.anywhere(name, function, *level[at : at + _MERGED]) for at in range(0, len(level), _MERGED)]
+        level = self._merged(name, function, tasks, 1)
         return [*tasks, level[0]]
+
+    def merged_into(
+        self, merge: tuple[str, Callable[..., Any]], last: tuple[str, Callable[..., Any]], tasks: Sequence[Any]
+    ) -> Any:
+        """Submit merges of results in their order, and what makes something of the last few; return that."""
+        return self.anywhere(*last, *self._merged(*merge, tasks, _MERGED))
+
+    def _merged(self, name: str, function: Callable[..., Any], tasks: Sequence[Any], left: int) -> list[Any]:
+        level = list(tasks)
+        while len(level) > left:
+            level = [self.anywhere(name, function, *level[at : at + _MERGED]) for at in range(0, len(level), _MERGED)]
+        return level
 
 
 def _each(
@@ -429,18 +458,35 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
         Where there is no worker, or the scheduler is gone.
     """
     source: Any = field.source
+    view = planned_light(view, field)
     shown = [number for number in view.order() if may_show(field, view, number)]
+    dimming = [] if view.light is None else [n for n in range(len(view.partition)) if may_dim(field, view, n)]
     behind = {} if view.any_order else covering(view, shown)
     tree = _without(view.nested(), set(shown))
+
+    of_light = 0
+
+    def light_by(cluster: _Cluster, tasks: _Tasks) -> Any:
+        if view.light is None:
+            return None
+
+        def make() -> Any:
+            nonlocal of_light
+            of_light = len(dimming)
+            pieces = [tasks.place("light-brick", light_brick, number) for number in dimming]
+            return tasks.merged_into(("merge-light", merge_light), ("make-light", make_light), pieces)
+
+        return cluster.kept(light_key(view, source_key(field)), make)
 
     def submit(cluster: _Cluster) -> list[Any]:
         tasks = _Tasks(client, cluster, source, view)
         if tree is None:
             return [tasks.anywhere("merge", _blank)]
+        light = light_by(cluster, tasks)
         drawn: dict[int, Any] = {}
         for number in shown:
             before = (drawn[one] for one in behind.get(number, ()))
-            drawn[number] = tasks.place("render-brick", render_brick, number, *before)
+            drawn[number] = tasks.place("render-brick", render_brick, number, light, *before)
 
         def merged(nested: Nested, parts: Sequence[Any]) -> Any:
             return tasks.anywhere("merge", merge_parts, nested, *parts)
@@ -456,6 +502,7 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
             "bricks_coarse": float(coarse),
             "bricks_read": float(reads),
             "bytes_read": float(count),
+            "bricks_of_light": float(of_light),
         }
 
     return Pending(client, source.name, submit, convert)

@@ -38,8 +38,13 @@ def renderer_of(settings: Mapping[str, Any]) -> Renderer:
     )
 
 
-def _scene(
-    view: BrickView, number: int, field: Field, depths: tuple[float, float], in_front: NDArray[np.float32] | None
+def native_part(
+    view: BrickView,
+    number: int,
+    field: Field,
+    depths: tuple[float, float],
+    in_front: NDArray[np.float32] | None = None,
+    light: Any = None,
 ) -> Any:
     """Return the native scene of one brick, sliced between two depths, without its depth limit."""
     options = dict(view.options)
@@ -47,7 +52,9 @@ def _scene(
     if in_front is None:
         options["opacity_stop"] = 1.0
     native = Scene(field, view.transfer_function, **options).native
-    return native.with_part(cell=view.cell(number), centres=view.whole.centres, depths=depths, in_front=in_front)
+    return native.with_part(
+        cell=view.cell(number), centres=view.whole.centres, depths=depths, in_front=in_front, light=light
+    )
 
 
 def _also(view: BrickView) -> dict[str, bool]:
@@ -60,7 +67,7 @@ def way_of_drawing(view: BrickView, number: int, field: Field, renderer: Rendere
     Any brick of a lattice says what the whole calls for. Of scattered kernels each looks at its own: the whole needs
     float64 where one of them does (`agreed`).
     """
-    scene = _scene(view, number, field, view.depths(), None)
+    scene = native_part(view, number, field, view.depths())
     if view.depth_limit is not None:
         scene = scene.with_depth_limit(view.depth_limit)
     plan = renderer.native.plan(scene=scene, camera=view.camera.native, size=view.size, **_also(view))
@@ -83,6 +90,7 @@ def draw_brick(
     renderer: Renderer,
     in_front: NDArray[np.float32] | None = None,
     progress: Progress | None = None,
+    light: Any = None,
 ) -> Partial:
     """Return what one brick adds to a picture.
 
@@ -101,6 +109,8 @@ def draw_brick(
         exact. Alone unless given: then no stop ends a pixel.
     progress
         As for `Renderer.render`.
+    light
+        Light volumes of all bricks (`bricks.light`), where the picture has shadows or ambient occlusion.
 
     Raises
     ------
@@ -112,7 +122,7 @@ def draw_brick(
         return empty(view)
     rect, camera = drawn
     left, top, right, bottom = rect
-    scene = _scene(view, number, field, view.depths_of(number), in_front)
+    scene = native_part(view, number, field, view.depths_of(number), in_front, light)
     if view.depth_limit is not None:
         scene = scene.with_depth_limit(np.ascontiguousarray(view.depth_limit[top:bottom, left:right]))
     size = (right - left, bottom - top)
@@ -145,7 +155,11 @@ def is_hidden(view: BrickView, number: int, in_front: NDArray[np.float32]) -> bo
 
 
 def render_bricks(
-    view: BrickView, field_of: FieldOf, renderer: Renderer | None = None, progress: Progress | None = None
+    view: BrickView,
+    field_of: FieldOf,
+    renderer: Renderer | None = None,
+    progress: Progress | None = None,
+    light: Any = None,
 ) -> Finished:
     """Return a picture that is drawn brick after brick, from front to back, in this process.
 
@@ -162,6 +176,8 @@ def render_bricks(
         A new one unless given, of the backend and precision that the whole calls for.
     progress
         Called with the share of bricks that are done; False stops.
+    light
+        As for `draw_brick`.
 
     Raises
     ------
@@ -190,7 +206,7 @@ def render_bricks(
         def told(share: float) -> object:
             return progress is None or progress((done + share) / count)
 
-        part = draw_brick(view, number, field, drawing, before, told)
+        part = draw_brick(view, number, field, drawing, before, told, light)
         if before is not None and part.rgba is not None:
             before[:] = part.rgba[..., 3]
         return part

@@ -26,6 +26,8 @@ Draw = Callable[[BrickView, "Progress | None"], Finished]
 # Of the error of slices, the share that the picture at half their distance shows: errors of first order leave a half
 # of themselves in both, those of second order a quarter.
 _PLAIN, _SMOOTH = 1.0, 0.75
+# What the plan expects of light that is looked up in volumes: all pictures of a view have it.
+_OF_LIGHT = ("shadows from a volume", "occlusion from a volume")
 # Of all that is done, what the picture at half the slice distance is.
 _HALVED_WORK = 0.5
 
@@ -78,10 +80,10 @@ def _with(view: BrickView, **options: float) -> BrickView:
 
 
 def _of_pictures(
-    view: BrickView, plan: RenderPlan, drawn: Finished, others: tuple[Finished, Finished, Finished]
+    view: BrickView, plan: RenderPlan, drawn: Finished, further: tuple[Finished, Finished, Finished]
 ) -> ErrorEstimate:
-    """Return the estimate: `others` are at half the slice distance, in float64, and without a stop."""
-    finer, exact, whole = others
+    """Return the estimate: `further` are at half the slice distance, in float64, and without a stop."""
+    finer, exact, whole = further
     largest = 1.0 if finer.scalar is None else max(1.0, float(finer.scalar.max(initial=0.0)))
     smooth = view.mode in ("mip", "minimum", "isosurface") or (
         view.mode == "composite" and bool(view.options["preintegration"])
@@ -94,14 +96,20 @@ def _of_pictures(
         stopped = _squares(exact, whole, largest)
         budget["opacity stop"] = _root(stopped)
         total = total + stopped
-    arithmetic, foreseen = _root(rounded), plan.expected_error
+    of_light = {cause: part for cause, part in plan.error_budget.items() if cause in _OF_LIGHT}
+    others = {cause: part for cause, part in plan.error_budget.items() if cause not in _OF_LIGHT}
+    arithmetic, foreseen = _root(rounded), math.hypot(*others.values())
     if view.allowed is not None:
         # The others are drawn with all samples; rounding is far less.
         budget["coarser levels"] = arithmetic
     elif foreseen > 0.0:
-        budget |= {cause: arithmetic * part / foreseen for cause, part in plan.error_budget.items()}
+        budget |= {cause: arithmetic * part / foreseen for cause, part in others.items()}
     elif arithmetic > 0.0:
         budget["arithmetic"] = arithmetic
+    for cause, part in of_light.items():
+        spread = _by_opacity(drawn, part)
+        budget[cause] = _root(spread)
+        total = total + spread
     return ErrorEstimate(_root(total), budget, np.sqrt(total).astype(np.float32))
 
 
@@ -112,6 +120,14 @@ def _squares(one: Finished, other: Finished, scale: float) -> NDArray[np.float64
     found = np.square((first.astype(np.float64) - second) / scale)
     result: NDArray[np.float64] = found if found.ndim == 2 else found.mean(axis=2)
     return result
+
+
+def _by_opacity(drawn: Finished, error: float) -> NDArray[np.float64]:
+    """Return squares of an error, (h, w), in proportion to those of opacity; nothing where there is none."""
+    assert drawn.rgba is not None
+    found = np.square(drawn.rgba[..., 3].astype(np.float64))
+    mean = float(found.mean()) if found.size else 0.0
+    return found * (error**2 / mean if mean > 0.0 else 0.0)
 
 
 def _root(squares: NDArray[np.float64]) -> float:

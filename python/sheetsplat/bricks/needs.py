@@ -124,15 +124,31 @@ def _factors(field: BrickedField, values: tuple[float, float]) -> tuple[float, f
     return middle - half, middle + half
 
 
+def source_key(field: BrickedField | BrickedKernels) -> Any:
+    """Return what is the same for the same samples or kernels."""
+    return (field.source if isinstance(field.source, BrickSource) else _kernels(field.source)).key
+
+
 def may_show(field: BrickedField | BrickedKernels, view: BrickView, number: int) -> bool:
     """Return whether a brick can add anything to a picture, by the ranges of all samples that it depends on."""
     if view.footprint(number) is None:
         return False
+    found = _range_of(field, view, number)
+    return found is not None and view.may_show(found)
+
+
+def may_dim(field: BrickedField | BrickedKernels, view: BrickView, number: int) -> bool:
+    """Return whether a brick, seen or not, can dim light that passes it."""
+    found = _range_of(field, view, number)
+    return found is not None and view.may_dim(found)
+
+
+def _range_of(field: BrickedField | BrickedKernels, view: BrickView, number: int) -> tuple[float, float] | None:
+    """Return bounds of the factors of all kernels that reach a brick; None: there are none."""
     if isinstance(field, BrickedKernels):
-        found = _kernels(field.source).value_range(number, view.margin(number))
-        return found is not None and view.may_show(found)
+        return _kernels(field.source).value_range(number, view.margin(number))
     assert view.lattice is not None
-    return view.may_show(factors_in(field, view.lattice.to_read(view.samples(number))))
+    return factors_in(field, view.lattice.to_read(view.samples(number)))
 
 
 def factors_in(field: BrickedField, samples: Box) -> tuple[float, float]:

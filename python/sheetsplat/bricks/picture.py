@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from numpy.typing import ArrayLike
 
+from sheetsplat._sheetsplat import LightVolumes
 from sheetsplat.bricks.draw import render_bricks, renderer_of
 from sheetsplat.bricks.error import Draw, estimate_error
-from sheetsplat.bricks.needs import bricked_field, field_of, may_show, planned, view_of
+from sheetsplat.bricks.light import light_key, light_of, planned_light
+from sheetsplat.bricks.needs import bricked_field, field_of, may_dim, may_show, planned, source_key, view_of
 from sheetsplat.bricks.partial import Finished
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.view import BrickView
@@ -23,6 +25,7 @@ from sheetsplat.look.empty import warn_of_unseen
 from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
 from sheetsplat.recipe import Recipe
+from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import averaged
 
@@ -124,15 +127,20 @@ def _draw_here(
     before = residents().counts
     reads, bytes_read, coarse = before.reads, before.bytes_read, before.coarse
     drawn = 0
+    view, renderer = planned_light(view, field), renderer_of(view.settings)
+
+    def read(number: int) -> Field:
+        return field_of(field.source, view, number)  # type: ignore[arg-type]
 
     def made(number: int) -> Field | None:
         nonlocal drawn
         if not may_show(field, view, number):
             return None
         drawn += 1
-        return field_of(field.source, view, number)  # type: ignore[arg-type]
+        return read(number)
 
-    finished = render_bricks(view, made, renderer_of(view.settings), progress)
+    light, dimming = _light_here(field, view, read, renderer, progress)
+    finished = render_bricks(view, made, renderer, progress, light)
     counts = residents().counts
     return finished, {
         "bricks": float(len(view.partition)),
@@ -140,7 +148,34 @@ def _draw_here(
         "bricks_read": float(counts.reads - reads),
         "bytes_read": float(counts.bytes_read - bytes_read),
         "bricks_coarse": float(counts.coarse - coarse),
+        "bricks_of_light": float(dimming),
     }
+
+
+# The light volumes of the last picture of this process, by what they depend on.
+_last_light: list[tuple[bytes, LightVolumes | None]] = []
+
+
+def _light_here(
+    field: BrickedField | BrickedKernels,
+    view: BrickView,
+    read: Callable[[int], Field],
+    renderer: Renderer,
+    progress: Progress | None,
+) -> tuple[LightVolumes | None, int]:
+    """Return the light volumes of a picture, and of how many bricks they were made now."""
+    if view.light is None:
+        return None, 0
+    key = light_key(view, source_key(field))
+    for known, light in tuple(_last_light):
+        if known == key:
+            return light, 0
+    dimming = [number for number in range(len(view.partition)) if may_dim(field, view, number)]
+    # Nothing is drawn yet.
+    told = None if progress is None else lambda _: progress(0.0)
+    light = light_of(view, dimming, read, renderer, told)
+    _last_light[:] = [(key, light)]
+    return light, len(dimming)
 
 
 def finished_image(

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat._sheetsplat import LightVolumes
 from sheetsplat.bricks.draw import draw_brick, is_hidden, renderer_of
 from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import Columns, Segments, Store
 from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys, sorted_piece
 from sheetsplat.bricks.kernel_survey import survey_of as survey_of_piece
 from sheetsplat.bricks.levels import LevelStore, coarsen_brick
+from sheetsplat.bricks.light import LightPieces, light_volumes, merged_pieces, pieces_of
 from sheetsplat.bricks.needs import field_of
 from sheetsplat.bricks.partial import Finished, Partial, finish, merge
 from sheetsplat.bricks.partition import Nested, Partition
@@ -76,7 +78,7 @@ class Drawn:
     counts: tuple[int, ...]
 
 
-def render_brick(view: BrickView, source: Any, number: int, *before: Drawn) -> Drawn:
+def render_brick(view: BrickView, source: Any, number: int, light: LightVolumes | None, *before: Drawn) -> Drawn:
     """Draw a brick behind others that cover some of its pixels."""
     with naming(_brick_text(source, view.partition, number)):
         in_front = None if view.any_order else _in_front(view, number, [one.part for one in before])
@@ -85,7 +87,7 @@ def render_brick(view: BrickView, source: Any, number: int, *before: Drawn) -> D
         counts = residents().counts
         reads, count, coarse = counts.reads, counts.bytes_read, counts.coarse
         field = field_of(source, view, number)
-        part = draw_brick(view, number, field, renderer_of(view.settings), in_front, is_wanted)
+        part = draw_brick(view, number, field, renderer_of(view.settings), in_front, is_wanted, light)
         return Drawn(part, (counts.reads - reads, counts.bytes_read - count, 1, counts.coarse - coarse))
 
 
@@ -124,6 +126,23 @@ def merge_parts(view: BrickView, nested: Nested, *parts: Drawn) -> Drawn:
 def finish_picture(view: BrickView, drawn: Drawn) -> tuple[Finished, tuple[int, ...]]:
     """Return the picture of all parts, and what was done for it."""
     return finish(view, drawn.part), drawn.counts
+
+
+def light_brick(view: BrickView, source: Any, number: int) -> LightPieces:
+    """Return what a brick holds of the grids that light volumes are made from."""
+    with naming(_brick_text(source, view.partition, number)):
+        return pieces_of(view, number, field_of(source, view, number), renderer_of(view.settings), is_wanted)
+
+
+def merge_light(_: Any, *parts: LightPieces) -> LightPieces:
+    """Return what several bricks hold together."""
+    return merged_pieces(parts)
+
+
+def make_light(view: BrickView, *parts: LightPieces) -> LightVolumes:
+    """Return the light volumes of a view, from what all bricks hold."""
+    with naming("light of a picture in bricks"):
+        return light_volumes(view, parts, renderer_of(view.settings), is_wanted)
 
 
 def survey_brick(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> BrickSurvey:

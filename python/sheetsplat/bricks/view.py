@@ -33,6 +33,8 @@ _ROUNDING = 1.001
 _NEAR = 1e-6
 # Standard deviation of the EWA filter in pixels and slice distances.
 _FILTER = 0.5
+# Slice distances around surfaces in which light looks at the field.
+_AROUND_SURFACES = 3.0
 # Slices around a brick that are there for gradients, intervals and slabs at its border; more than these look at.
 _AROUND = 4.0
 # Slice distances by which all faces between bricks are moved. Faces lie midway between samples, where slices of views
@@ -67,6 +69,8 @@ class BrickView:
         As for `Renderer.render`.
     settings
         All options of `Renderer`.
+    light
+        How the light volumes of all bricks are made (`bricks.light`); None: there are none.
     """
 
     partition: Partition
@@ -82,6 +86,7 @@ class BrickView:
     levels: tuple[LatticeSpec, ...] = ()
     allowed: float | None = None
     largest_sample: float = 1.0
+    light: Any = None
 
     @classmethod
     def of(
@@ -102,7 +107,7 @@ class BrickView:
         Raises
         ------
         Unsupported
-            For shadows, ambient occlusion, max_error and max_seconds: a brick does not have what they need.
+            For max_error and max_seconds: a brick does not have what they need.
         InvalidInput
             As `Scene` and `Renderer`.
         """
@@ -111,7 +116,7 @@ class BrickView:
             if given[length] is None:
                 given[length] = whole.default_slice_spacing
         renderer = checked("Renderer", {"backend": "auto", **(settings or {})}, RendererClassOptions)
-        _refuse(given, renderer)
+        _refuse(renderer)
         return cls(partition, whole, transfer_function, given, camera, size, outputs, depth_limit, renderer, lattice)
 
     def replace(self, **changes: Any) -> BrickView:
@@ -128,6 +133,12 @@ class BrickView:
     def is_scalar(self) -> bool:
         """Whether the picture is one of numbers, without colours."""
         return self.mode in SCALAR
+
+    @property
+    def is_dimmed(self) -> bool:
+        """Whether matter dims light: shadows or ambient occlusion were asked for."""
+        asked = bool(self.options["shadows"]) or self.options["ambient_occlusion"] is not None
+        return asked and not self.is_scalar
 
     @property
     def any_order(self) -> bool:
@@ -219,7 +230,8 @@ class BrickView:
         if self.options["filter"] is None:
             return 0.0
         deviation = _FILTER * math.sqrt(2.0 * self.whole.falloff)
-        return deviation * max(self._pixel(depth), self.slice_spacing)
+        step = 0.0 if self.light is None else self.light.step
+        return deviation * max(self._pixel(depth), self.slice_spacing, step)
 
     @property
     def _gradients(self) -> bool:
@@ -246,6 +258,8 @@ class BrickView:
             steps = 2.0
         if self.options["sampling"] == "slab":
             steps += 0.5
+        if self.is_dimmed and self.mode == "isosurface":
+            steps = max(steps, _AROUND_SURFACES)
         sideways = self._pixel(depth) if self._gradients else 0.0
         along = (steps + _MOVED) * self.slice_spacing * self._slant()
         return _ROUNDING * (along + sideways + self._widening(depth)) + 1e-9 * self.whole.largest_reach
@@ -337,21 +351,41 @@ class BrickView:
         """Return whether kernels with factors in a range, all that reach a brick, can show anything at all."""
         if "coverage" in self.outputs or self.mode in ("minimum", "average"):
             return True
-        factor = self._largest_sum
-        if not math.isfinite(factor):
+        low, high = self._scalars(value_range)
+        if math.isinf(high):
             return True
-        low, high = (factor * min(value_range[0], 0.0), factor * max(value_range[1], 0.0))
         if self.mode == "xray":
             return low < 0.0 or high > 0.0
         if self.mode == "mip":
             return high > 0.0
-        # The cubic through four slices leaves the range of the two in its middle by an eighth of the spread at most.
-        bent = self.options["preintegration"] == "second_order"
-        more = (high - low) * (0.125 if bent else 1e-5)
-        low, high = (low - more if bent or low < 0.0 else 0.0), (high + more if bent or high > 0.0 else 0.0)
+        low, high = self._widened(low, high)
         if self.mode == "isosurface":
             return any(low < value <= high for value, _ in surfaces_of(self.options["iso_value"]))
         return shows(self.transfer_function, low, high)
+
+    def may_dim(self, value_range: tuple[float, float]) -> bool:
+        """Return whether kernels with factors in a range, all that reach a brick, can dim light that passes it."""
+        low, high = self._scalars(value_range)
+        if math.isinf(high):
+            return True
+        if self.mode == "isosurface":
+            # Where it is below all surfaces the scalar says where between two bricks one is.
+            return low < 0.0 or high > 0.0
+        return shows(self.transfer_function, *self._widened(low, high))
+
+    def _scalars(self, value_range: tuple[float, float]) -> tuple[float, float]:
+        """Return bounds of the scalar, 0 included, where the factors of kernels are in a range."""
+        factor = self._largest_sum
+        if not math.isfinite(factor):
+            return -math.inf, math.inf
+        return factor * min(value_range[0], 0.0), factor * max(value_range[1], 0.0)
+
+    def _widened(self, low: float, high: float) -> tuple[float, float]:
+        """Return bounds of what is looked up of scalars within bounds."""
+        # The cubic through four slices leaves the range of the two in its middle by an eighth of the spread at most.
+        bent = self.options["preintegration"] == "second_order"
+        more = (high - low) * (0.125 if bent else 1e-5)
+        return (low - more if bent or low < 0.0 else 0.0), (high + more if bent or high > 0.0 else 0.0)
 
     @property
     def _largest_sum(self) -> float:
@@ -369,25 +403,13 @@ def shows(function: TransferFunction, low: float, high: float) -> bool:
     return bool(max(ends.max(), inside.max(initial=0.0)) > 0.0)
 
 
-def _refuse(options: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
-    wrong = {
-        "shadows": options["shadows"],
-        "ambient_occlusion": options["ambient_occlusion"] is not None,
-        "max_error": settings["max_error"] is not None,
-        "max_seconds": settings["max_seconds"] is not None,
-    }
-    reasons = {
-        "shadows": "matter anywhere in the field may cast them, and a brick holds its own surroundings alone",
-        "ambient_occlusion": "matter far away may cause it, and a brick holds its own surroundings alone",
-        "max_error": "settings are chosen by trial pictures of the whole field",
-        "max_seconds": "settings are chosen by trial pictures of the whole field",
-    }
-    for name, given in wrong.items():
-        if given:
+def _refuse(settings: Mapping[str, Any]) -> None:
+    for name in ("max_error", "max_seconds"):
+        if settings[name] is not None:
             raise complain(
                 "a picture cannot be drawn in bricks",
                 option_ref(name),
-                "a picture without it: " + reasons[name],
+                "a picture without it: settings are chosen by trial pictures of the whole field",
                 "leave it out, or draw the field in one piece",
                 kind=Unsupported,
                 option=name,

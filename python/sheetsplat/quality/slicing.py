@@ -55,14 +55,7 @@ def can_be_estimated(scene: Scene) -> bool:
     """Return whether the error of a scene's slices is that of the light in a volume."""
     volumes = all(isinstance(one, RegularField) and one.size for one in scene.fields)
     lit = scene.mode == "composite" and len(scene.groups) == 1 and bool(scene.lights)
-    return volumes and lit and all(_can_be_read(scene, one) for one in scene.fields)
-
-
-def _can_be_read(scene: Scene, field: Field) -> bool:
-    """Return whether values at points are to be had; a volume in bricks is read for none that cannot be drawn."""
-    if not isinstance(field, BrickedField):
-        return True
-    return field.can_be_probed and not scene.options["shadows"] and scene.options["ambient_occlusion"] is None
+    return volumes and lit and all(not isinstance(one, BrickedField) or one.can_be_probed for one in scene.fields)
 
 
 def has_lit_kernels(scene: Scene) -> bool:

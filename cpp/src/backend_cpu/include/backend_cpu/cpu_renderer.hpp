@@ -12,10 +12,10 @@
 #include "index/visible_runs.hpp"
 #include "plan/make_plan.hpp"
 #include "sheetsplat/image.hpp"
+#include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "view/ellipsoid_view.hpp"
 #include "view/field_view.hpp"
-#include "view/light_volume.hpp"
 
 namespace sheetsplat::backend_cpu {
 
@@ -65,16 +65,15 @@ class CpuRenderer {
     /// Fills the picture and adds to its stats: kernels_drawn, bytes_view, bytes_device, seconds_bucket, seconds_draw,
     /// tiles, threads, buckets_reused. Throws OutOfMemory, Cancelled, Error; it can be used again after each.
     void render(const Job& job, Image& image);
-    /// What light loses on its way through the scene: -ln of what is left of it before slice m every, m = 0, 1, ... up
-    /// to one at or behind the last slice, for each pixel of an orthographic view. The plan must be one of slices that
-    /// are points, unlit. What was sorted for pictures stays. Throws as render does.
-    void absorb(const Job& job, int every, LightVolume& volume);
-    /// rho over the plan's value_unit of each slice of an orthographic view, between two planes of zeros. The plan must
-    /// be one of slices that are points, unlit. What was sorted for pictures stays. Throws as render does.
-    void sample(const Job& job, LightVolume& volume);
+    /// What light loses in slices of an orthographic view, as -ln of what is left of it: sums over so many slices,
+    /// the first ones first. values: zeros, an element a pixel in rows, a plane for each sum. The plan must be one of
+    /// slices that are points, unlit. What was sorted for pictures stays. Throws as render does.
+    void absorb(const Job& job, int every, float* values);
+    /// The same of rho over the plan's value_unit, a plane for each slice.
+    void sample(const Job& job, float* values);
 
   private:
-    /// Draws into a volume in place of a picture.
+    /// Draws into planes in place of a picture.
     void record(const Job& job, const SliceRecord& record);
 
     struct State;

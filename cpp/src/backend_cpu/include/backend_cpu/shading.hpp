@@ -8,8 +8,8 @@
 #include "backend_cpu/transfer_table.hpp"
 #include "facts/frame.hpp"
 #include "sheetsplat/camera.hpp"
+#include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/scene.hpp"
-#include "view/light_volume.hpp"
 
 namespace sheetsplat {
 struct DrawPlan;

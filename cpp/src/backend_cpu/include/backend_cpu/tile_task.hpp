@@ -61,15 +61,14 @@ struct GroupSheets {
 /// Where numbers of all slices are written in place of a picture: an element a pixel, in rows.
 struct SliceRecord {
     enum class Of {
-        absorption, ///< what light has lost on its way to a slice, as -ln of what is left
+        absorption, ///< what light loses, as -ln of what is left: sums over slices
         rho,        ///< in the sheets' unit
     };
     Of of = Of::absorption;
     float* values = nullptr;
     std::size_t row = 0, plane = 0; ///< elements from row to row and from plane to plane
-    /// Of absorption a plane for every few slices, the last one at or behind the end; of rho a plane for each slice.
     std::int64_t planes = 0;
-    std::int64_t every = 1; ///< slices from plane to plane
+    std::int64_t every = 1; ///< slices of a plane; of rho 1
 };
 
 /// The same for all tiles of a picture.

@@ -10,9 +10,9 @@
 #include "plan/make_plan.hpp"
 #include "sheetsplat/device.hpp"
 #include "sheetsplat/image.hpp"
+#include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "view/cell_walk.hpp"
-#include "view/light_volume.hpp"
 #include "view/slab_batches.hpp"
 
 namespace sheetsplat::backend_gl {

@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <vector>
 
+#include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/types.hpp"
-#include "view/light_volume.hpp"
 
 namespace sheetsplat {
 

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "base/threads.hpp"
+#include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/types.hpp"
-#include "view/light_volume.hpp"
 
 namespace sheetsplat {
 

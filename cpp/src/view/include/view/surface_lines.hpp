@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "sheetsplat/camera.hpp"
+#include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/scene.hpp"
-#include "view/light_volume.hpp"
 
 namespace sheetsplat {
 

@@ -1,9 +1,11 @@
 // What light finds on its way, sampled on a grid in the world: made once for several views, looked up by all backends
-// that draw shadows and ambient occlusion. Source: conventions, section 10.
+// that draw shadows and ambient occlusion. Parts of a whole fill the grids that these volumes are made of, each in its
+// cell. Source: conventions, sections 10 and 11.
 #pragma once
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -49,5 +51,47 @@ struct LightVolumes {
     /// faces nothing reaches. Lines towards lights are followed through it (view/surface_lines.hpp).
     std::vector<std::shared_ptr<const LightVolume>> groups;
 };
+
+/// A grid along the world's axes: elements from one to the next along x and against y, planes of whole slices of a view
+/// along z, against z. Of absorption, -ln(1 - alpha) of a slice distance, a mean over the slices from plane to plane;
+/// or of rho, a slice a plane.
+struct LightGrid {
+    double wanted = 1.0;  ///< the step that was asked for, world units
+    double step = 1.0;    ///< along x and y: larger where there would be too many elements
+    double spacing = 1.0; ///< of slices
+    int every = 1;        ///< slices from plane to plane
+    Vec3 first{0.0};      ///< x and y of the first element, z of the first slice
+    Size size{};          ///< elements along x and y
+    std::int64_t slices = 0;
+    bool shows_matter = false; ///< it is 0 only where nothing is, but for what is smaller than its cells
+
+    /// Elements along each direction of a volume: there is a plane before the slices, and of rho one behind them.
+    [[nodiscard]] std::array<int, 3> counts(bool of_rho) const {
+        return {size.width, size.height, static_cast<int>((slices + every - 1) / every) + (of_rho ? 2 : 1)};
+    }
+};
+
+/// How the light volumes of a picture are made.
+struct LightPlan {
+    double slice_spacing = 1.0; ///< of the picture, world units
+    bool surfaces = false;      ///< mode isosurface: grids of rho, of each group; else of absorption
+    std::vector<LightGrid> grids{};
+    std::vector<Vec3> lights{};  ///< towards each light of which shadows are drawn: world, unit length
+    std::size_t light_grid = 0;  ///< from which they are made
+    double radius = 0.0;         ///< of ambient occlusion, in slice distances; 0: none
+    std::size_t open_grid = 0;   ///< from which openness is made,
+    bool open_is_halved = false; ///< on a grid of twice the step
+};
+
+/// What a part of a whole holds of a grid: a box of its elements.
+struct LightPiece {
+    std::size_t grid = 0;               ///< of LightPlan::grids
+    std::array<int, 3> first{0, 0, 0};  ///< of the grid's elements
+    std::array<int, 3> counts{0, 0, 0}; ///< how many along each direction
+    std::vector<float> values{};        ///< the first direction's fastest
+};
+
+/// A grid of zeros. Throws OutOfMemory.
+LightVolume laid_out(const LightGrid& grid, bool of_rho);
 
 } // namespace sheetsplat

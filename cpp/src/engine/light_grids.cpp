@@ -1,0 +1,406 @@
+#include "light_grids.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include "backend_choice.hpp"
+#include "plan/limits_common.hpp"
+#include "view/surface_lines.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+/// Grids are this much coarser until they fit.
+constexpr double coarser = 1.25;
+/// Elements of a grid that shows all kernels in the radius of the smallest one.
+constexpr double least_radius_of_cells = 2.0;
+/// Of a step or a slice distance: what only touches does not depend on rounding.
+constexpr double touching = 1e-6;
+
+double least_semi_axis(const Field& field) {
+    const EllipsoidField* ellipsoids = as_ellipsoids(&field);
+    if (ellipsoids != nullptr) {
+        return ellipsoids->scale_range()[0];
+    }
+    const Vec3 axes = as_regular(&field)->semi_axes_world();
+    return std::min({axes.x, axes.y, axes.z});
+}
+
+/// Whether matter may be thinner than kernels are: opaque in a narrow range of rho, or cut.
+bool is_cut(const Scene& scene) {
+    const std::vector<Group> groups = scene.groups();
+    return !scene.clip.empty() || std::any_of(groups.begin(), groups.end(),
+                                              [](const Group& group) { return group.transfer_function->has_steps(); });
+}
+
+/// The plan with which the opacity along a light is computed: point sampling, no shading, no outputs beside opacity.
+DrawPlan through(const DrawPlan& plan, const Scene& scene) {
+    DrawPlan made = plan;
+    made.mode = Mode::composite;
+    made.sampling = Sampling::point;
+    made.projection = Projection::orthographic;
+    made.preintegration = made.second_order = false;
+    made.gradient = made.lit = made.analytic_gradient = made.gradient_opacity = false;
+    made.specular = made.two_sided = made.depth_cue = made.shadows = made.ambient_occlusion = false;
+    made.stop = made.coverage = made.depth = false;
+    made.depth_limit = false; // It belongs to the picture's rays.
+    const std::vector<Group> groups = scene.groups();
+    made.empty_test = std::any_of(groups.begin(), groups.end(), [](const Group& group) {
+        return !group.transfer_function->transparent_over(0.0, 0.0);
+    });
+    made.weight = made.threshold || made.empty_test;
+    return made;
+}
+
+/// The plan with which rho of a group of fields is sampled.
+DrawPlan through_group(const DrawPlan& plan, const Scene& scene, const Group& group) {
+    DrawPlan made = through(plan, scene);
+    made.empty_test = false;
+    made.field_units.clear(); // Iso values hold for all groups.
+    made.own_sheets.assign(scene.fields.size(), -1);
+    int divided = 0;
+    for (std::size_t field = group.first; field < group.last; ++field) {
+        if (scene.fields[field]->normalization() == Normalization::threshold) {
+            made.own_sheets[field] = divided++;
+        }
+    }
+    // A single quotient needs no sheets of its own.
+    made.threshold = made.weight = divided > 0 && group.last - group.first == 1;
+    if (divided == 0 || made.threshold) {
+        made.own_sheets.clear();
+    }
+    return made;
+}
+
+/// Step of the grids on which light is kept: a slice distance, or twice, four times ... as much where pixels are
+/// larger. Few different values, so that a camera that moves a little closer can use the same volumes.
+double light_step(const Frame& frame) {
+    const double pixels = std::clamp(frame.smallest_pixel() / frame.slice_spacing, 1.0, 1e6);
+    return frame.slice_spacing * std::exp2(std::floor(std::log2(pixels)));
+}
+
+/// Grid step of ambient occlusion, which is a mean over directions and may be coarser: a quarter of its radius, up to
+/// two slice distances or half of the step that pixels call for.
+double open_step(const Frame& frame, double steps) {
+    const double most = std::max(2.0, 0.5 * light_step(frame) / frame.slice_spacing);
+    return frame.slice_spacing * std::exp2(std::floor(std::log2(std::clamp(0.25 * steps, 1.0, most))));
+}
+
+/// Grid step of rho in mode isosurface, in slice distances: half of one moves the edges of shadows by a few hundredths
+/// of a sample distance.
+constexpr double scalar_step = 0.5;
+
+/// The box of all supports.
+Box supports_of(const Scene& scene, const Reach& reach) {
+    if (scene.part) {
+        return scene.part->supports;
+    }
+    const Vec3 middle = scene.centres_world().centre();
+    Box all;
+    for (int axis = 0; axis < 3; ++axis) {
+        Vec3 direction(0.0);
+        direction[axis] = 1.0;
+        double lower = std::numeric_limits<double>::infinity(), upper = -lower;
+        for (const auto& field : scene.fields) {
+            if (field->size() > 0) {
+                const auto [behind, ahead] =
+                    reach ? reach(*field, middle, direction) : field->reach_along(middle, direction);
+                lower = std::min(lower, behind);
+                upper = std::max(upper, ahead);
+            }
+        }
+        all.lower[axis] = middle[axis] + lower;
+        all.upper[axis] = middle[axis] + upper;
+    }
+    return all;
+}
+
+Camera along_z(const Vec3& eye, double height) {
+    return Camera::orthographic(eye, eye - Vec3(0.0, 0.0, 1.0), Vec3(0.0, 1.0, 0.0), height);
+}
+
+/// A grid of all supports with elements of about `wanted`, or as many as fit. Along z these are whole slice distances;
+/// cubes: as across it, a slice each.
+LightGrid grid_around(const Box& supports, const Request& request, const DrawPlan& plan, double wanted,
+                      double most_elements, bool cubes = false) {
+    Scene scene = request.scene;
+    LightGrid grid;
+    grid.wanted = grid.step = wanted;
+    const Vec3 lengths = supports.extent();
+    // Beyond an edge lies an element that nothing reaches: what is outside of the grid has its number.
+    const auto count = [](double length, double pitch) { return std::ceil(length / pitch - touching) + 3.0; };
+    for (;; grid.step *= coarser) {
+        grid.every = cubes ? 1 : static_cast<int>(std::clamp(std::round(grid.step / scene.slice_distance()), 1.0, 1e6));
+        grid.spacing = cubes ? grid.step : scene.slice_distance();
+        const double wide = count(lengths.x, grid.step), high = count(lengths.y, grid.step);
+        const double deep = count(lengths.z, grid.spacing * grid.every);
+        if (wide * high * deep <= most_elements && wide < 16384.0 && high < 16384.0) {
+            grid.size = {static_cast<int>(wide), static_cast<int>(high)};
+            break;
+        }
+    }
+    const Vec3 middle = supports.centre();
+    grid.first.x = middle.x - 0.5 * (grid.size.width - 1) * grid.step;
+    grid.first.y = middle.y + 0.5 * (grid.size.height - 1) * grid.step;
+    // The slices of a view along z, of which those that only touch a support are there.
+    Frame widened;
+    widened.slice_spacing = grid.spacing;
+    double longer = touching * grid.spacing;
+    for (const auto& field : scene.fields) {
+        longer = std::max(longer, plan.filter ? filter_width(widened, field->kernel(), 0.0).along : 0.0);
+    }
+    const Camera camera = along_z(middle, grid.step * grid.size.height);
+    constexpr double everywhere = std::numeric_limits<double>::infinity();
+    Part whole{{Vec3(-everywhere), Vec3(everywhere)}, scene.centres_world(), {}};
+    whole.depths = {middle.z - supports.upper.z - longer, middle.z - supports.lower.z + longer};
+    scene.reference_length = scene.reference_distance();
+    scene.slice_spacing = grid.spacing;
+    scene.part = whole;
+    const Frame frame = make_frame(scene, camera, grid.size);
+    grid.first.z = middle.z - frame.first_depth;
+    grid.slices = frame.slices;
+    return grid;
+}
+
+/// A box of a grid's elements and the slices in it.
+struct Cut {
+    std::array<int, 2> first{0, 0};
+    Size size{};
+    std::int64_t first_slice = 0, slices = 0; ///< of whole planes
+    /// Points along z, lower <= z < upper, that count.
+    double lower = -std::numeric_limits<double>::infinity(), upper = std::numeric_limits<double>::infinity();
+
+    [[nodiscard]] bool empty() const { return size.width < 1 || size.height < 1 || slices < 1; }
+};
+
+/// What of a grid lies in a cell. A face that two cells share divides elements and slices alike for both.
+Cut cut_of(const LightGrid& grid, const Box& cell) {
+    // The first element at or above a face, or below one, of a row that rises, or falls.
+    const auto rising = [](double start, double step, double face, double count) {
+        return std::clamp(std::ceil((face - start) / step), 0.0, count);
+    };
+    const auto falling = [](double start, double step, double face, double count) {
+        return std::clamp(std::floor((start - face) / step) + 1.0, 0.0, count);
+    };
+    const double wide = grid.size.width, high = grid.size.height;
+    const double x0 = rising(grid.first.x, grid.step, cell.lower.x, wide);
+    const double x1 = rising(grid.first.x, grid.step, cell.upper.x, wide);
+    const double y0 = falling(grid.first.y, grid.step, cell.upper.y, high);
+    const double y1 = falling(grid.first.y, grid.step, cell.lower.y, high);
+    const auto slices = static_cast<double>(grid.slices);
+    const double z0 = falling(grid.first.z, grid.spacing, cell.upper.z, slices);
+    const double z1 = falling(grid.first.z, grid.spacing, cell.lower.z, slices);
+    Cut cut;
+    cut.first = {static_cast<int>(x0), static_cast<int>(y0)};
+    cut.size = {static_cast<int>(x1 - x0), static_cast<int>(y1 - y0)};
+    if (z0 < z1) {
+        const double every = grid.every;
+        const double first = std::floor(z0 / every) * every, last = std::min(std::ceil(z1 / every) * every, slices);
+        cut.first_slice = static_cast<std::int64_t>(first);
+        cut.slices = static_cast<std::int64_t>(last - first);
+        cut.upper = z0 > first ? grid.first.z - (z0 - 0.5) * grid.spacing : cut.upper;
+        cut.lower = z1 < last ? grid.first.z - (z1 - 0.5) * grid.spacing : cut.lower;
+    }
+    return cut;
+}
+
+Cut all_of(const LightGrid& grid) {
+    Cut all;
+    all.size = grid.size;
+    all.slices = grid.slices;
+    return all;
+}
+
+std::size_t planes_of(const LightGrid& grid, const Cut& cut) {
+    return static_cast<std::size_t>((cut.slices + grid.every - 1) / grid.every);
+}
+
+/// Draws what is in a cut of a grid into its elements, which are 0. group: whose rho is drawn; null: absorption.
+void fill(const LightGrid& grid, const Cut& cut, const Group* group, const Request& asked, const Prepared& prepared,
+          const Indexed& indexed, backend_cpu::CpuRenderer& processor, float* values) {
+    Scene scene = asked.scene;
+    scene.reference_length = scene.reference_distance();
+    scene.slice_spacing = grid.spacing;
+    scene.depth_limit.reset();
+    DrawPlan plan = group == nullptr ? through(prepared.plan, scene) : through_group(prepared.plan, scene, *group);
+    plan.owned = scene.part && group == nullptr;
+    if (scene.part) {
+        constexpr double everywhere = std::numeric_limits<double>::infinity();
+        scene.part->cell = {Vec3(-everywhere, -everywhere, cut.lower), Vec3(everywhere, everywhere, cut.upper)};
+        scene.part->in_front.reset();
+        plan.owned = plan.owned && scene.part->cuts();
+    }
+    if (group != nullptr) {
+        scene.later_groups.clear(); // The fields of other groups are left out below.
+    }
+    const auto half = [](int count) { return 0.5 * (count - 1); };
+    const double deep = 0.5 * static_cast<double>(cut.slices - 1) * grid.spacing;
+    const Vec3 eye(grid.first.x + (cut.first[0] + half(cut.size.width)) * grid.step,
+                   grid.first.y - (cut.first[1] + half(cut.size.height)) * grid.step,
+                   grid.first.z - static_cast<double>(cut.first_slice) * grid.spacing - deep);
+    const Camera camera = along_z(eye, grid.step * cut.size.height);
+    Frame frame;
+    frame.projection = Projection::orthographic;
+    frame.size = cut.size;
+    frame.pixel = 2.0 * camera.half_height() / cut.size.height;
+    frame.axis_x = 0.5 * cut.size.width;
+    frame.axis_y = 0.5 * cut.size.height;
+    frame.slice_spacing = grid.spacing;
+    frame.reference_length = *scene.reference_length;
+    frame.near = -std::numeric_limits<double>::infinity();
+    frame.first_depth = -deep;
+    frame.slices = cut.slices;
+
+    const Request request = asked.with(scene);
+    std::vector<FieldView> lattices;
+    for (const std::size_t field : prepared.view_fields) {
+        lattices.push_back(make_field_view(*as_regular(scene.fields[field].get()), camera, frame, Sampling::point,
+                                           plan.unit_of(field), filter_of(plan)));
+    }
+    const std::vector<EllipsoidView> scattered = views_of(indexed, plan, camera, frame, Sampling::point);
+    backend_cpu::Job job = cpu_job(request, prepared, indexed, lattices, scattered, camera, frame, plan);
+    // Light comes before the picture, of which nothing is done yet.
+    const Progress nothing_yet =
+        request.progress ? Progress([&request](double) { return request.progress(0.0); }) : Progress();
+    job.progress = &nothing_yet;
+    if (group == nullptr) {
+        processor.absorb(job, grid.every, values);
+        const std::size_t elements =
+            planes_of(grid, cut) * static_cast<std::size_t>(cut.size.width) * static_cast<std::size_t>(cut.size.height);
+        const float per_slice = 1.0F / static_cast<float>(grid.every);
+        std::transform(values, values + elements, values, [per_slice](float sum) { return per_slice * sum; });
+        return;
+    }
+    const auto of_others = [&group](const auto& part) {
+        return part.field < group->first || part.field >= group->last;
+    };
+    job.regular.erase(std::remove_if(job.regular.begin(), job.regular.end(), of_others), job.regular.end());
+    job.ellipsoids.erase(std::remove_if(job.ellipsoids.begin(), job.ellipsoids.end(), of_others), job.ellipsoids.end());
+    processor.sample(job, values);
+}
+
+LightVolume whole_on(const LightGrid& grid, const Group* group, const Request& request, const Prepared& prepared,
+                     const Indexed& indexed, backend_cpu::CpuRenderer& processor) {
+    LightVolume volume = laid_out(grid, group != nullptr);
+    fill(grid, all_of(grid), group, request, prepared, indexed, processor,
+         volume.values.data() + volume.index(0, 0, 1));
+    return volume;
+}
+
+} // namespace
+
+bool shows_kernels(const Scene& scene, double step) {
+    return std::all_of(scene.fields.begin(), scene.fields.end(), [step](const auto& field) {
+        return field->size() == 0 || least_semi_axis(*field) >= least_radius_of_cells * step;
+    });
+}
+
+bool shows_kernels(const Scene& scene, const LightVolume& grid) {
+    double step = 0.0;
+    for (const Vec3& per_step : grid.per_step) {
+        step = std::max(step, 1.0 / glm::length(per_step));
+    }
+    return shows_kernels(scene, step);
+}
+
+bool shows_matter(const Scene& scene, const DrawPlan& plan, const LightVolume& absorption) {
+    return !plan.filter && shows_kernels(scene, absorption) && !is_cut(scene);
+}
+
+LightPlan make_light_plan(const Request& request, const Prepared& prepared, const Reach& reach) {
+    const Scene& scene = request.scene;
+    const Frame& frame = prepared.frame;
+    LightPlan light;
+    light.slice_spacing = frame.slice_spacing;
+    light.surfaces = prepared.plan.mode == Mode::isosurface;
+    const std::size_t volumes =
+        light.surfaces ? scene.groups().size() : (prepared.plan.shadows ? scene.lights.size() : 0) + 2;
+    const double elements = std::min(static_cast<double>(most_light_elements),
+                                     static_cast<double>(most_light_elements_of_all) / static_cast<double>(volumes));
+    if (frame.slices == 0) {
+        return light;
+    }
+    const Box supports = supports_of(scene, reach);
+    if (light.surfaces) {
+        light.grids.assign(
+            volumes, grid_around(supports, request, prepared.plan, scalar_step * frame.slice_spacing, elements, true));
+        return light;
+    }
+    // Kernels that a part does not have may be smaller.
+    const bool known = !scene.part || std::all_of(scene.fields.begin(), scene.fields.end(),
+                                                  [](const auto& field) { return as_regular(field.get()) != nullptr; });
+    const auto grid_of = [&](double step) {
+        for (std::size_t number = 0; number < light.grids.size(); ++number) {
+            if (light.grids[number].wanted == step) {
+                return number;
+            }
+        }
+        LightGrid grid = grid_around(supports, request, prepared.plan, step, elements);
+        grid.shows_matter = known && !prepared.plan.filter && !is_cut(scene) &&
+                            shows_kernels(scene, std::max(grid.step, grid.spacing * grid.every));
+        light.grids.push_back(grid);
+        return light.grids.size() - 1;
+    };
+    if (prepared.plan.shadows) {
+        for (const Light& one : scene.lights) {
+            light.lights.push_back(world_direction(one, request.camera));
+        }
+        light.light_grid = grid_of(light_step(frame));
+    }
+    if (prepared.plan.ambient_occlusion) {
+        light.radius = occlusion_steps(*scene.ambient_occlusion, frame.slice_spacing);
+        const double step = open_step(frame, light.radius);
+        // From a grid twice as fine where slices are, and there is none of this step.
+        light.open_is_halved =
+            !(prepared.plan.shadows && light_step(frame) == step) && step >= 2.0 * frame.slice_spacing;
+        light.open_grid = grid_of(light.open_is_halved ? 0.5 * step : step);
+    }
+    return light;
+}
+
+LightVolume absorption_on(const LightGrid& grid, const Request& request, const Prepared& prepared,
+                          const Indexed& indexed, backend_cpu::CpuRenderer& processor) {
+    return whole_on(grid, nullptr, request, prepared, indexed, processor);
+}
+
+LightVolume rho_on(const LightGrid& grid, const Group& group, const Request& request, const Prepared& prepared,
+                   const Indexed& indexed, backend_cpu::CpuRenderer& processor) {
+    return whole_on(grid, &group, request, prepared, indexed, processor);
+}
+
+std::vector<LightPiece> pieces_of(const LightPlan& light, const Request& request, const Prepared& prepared,
+                                  const Indexed& indexed, backend_cpu::CpuRenderer& processor) {
+    std::vector<LightPiece> pieces;
+    const std::vector<Group> groups = request.scene.groups();
+    for (std::size_t number = 0; number < light.grids.size(); ++number) {
+        const LightGrid& grid = light.grids[number];
+        const Cut cut = cut_of(grid, request.scene.part->cell);
+        if (cut.empty()) {
+            continue;
+        }
+        const std::size_t planes = planes_of(grid, cut);
+        LightPiece piece;
+        piece.grid = number;
+        piece.first = {cut.first[0], cut.first[1], static_cast<int>(cut.first_slice / grid.every) + 1};
+        piece.counts = {cut.size.width, cut.size.height, static_cast<int>(planes)};
+        piece.values.assign(
+            planes * static_cast<std::size_t>(cut.size.width) * static_cast<std::size_t>(cut.size.height), 0.0F);
+        fill(grid, cut, light.surfaces ? &groups[number] : nullptr, request, prepared, indexed, processor,
+             piece.values.data());
+        if (std::any_of(piece.values.begin(), piece.values.end(), [](float value) { return value != 0.0F; })) {
+            pieces.push_back(std::move(piece));
+        }
+    }
+    return pieces;
+}
+
+} // namespace sheetsplat

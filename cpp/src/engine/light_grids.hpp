@@ -1,0 +1,34 @@
+// The grids along the world's axes on which light volumes are made, and what a picture's kernels put there: absorption,
+// or rho in mode isosurface. Of a part of a whole, what its cell holds. Source: conventions, sections 10 and 11.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "draw.hpp"
+#include "sheetsplat/light_volume.hpp"
+
+namespace sheetsplat {
+
+/// Whether the steps of a grid are small enough for the smallest kernels of a scene.
+bool shows_kernels(const Scene& scene, double step);
+/// The same of the grid of a volume.
+bool shows_kernels(const Scene& scene, const LightVolume& grid);
+/// Whether a grid of absorption is 0 only where nothing is, but for what is smaller than its cells.
+bool shows_matter(const Scene& scene, const DrawPlan& plan, const LightVolume& absorption);
+
+/// What the light volumes of a picture are made from. Of a part: those of the whole, which Part::supports holds.
+LightPlan make_light_plan(const Request& request, const Prepared& prepared, const Reach& reach);
+
+/// -ln(1 - alpha) of a slice distance, of all fields.
+LightVolume absorption_on(const LightGrid& grid, const Request& request, const Prepared& prepared,
+                          const Indexed& indexed, backend_cpu::CpuRenderer& processor);
+/// rho of a group of fields over DrawPlan::value_unit.
+LightVolume rho_on(const LightGrid& grid, const Group& group, const Request& request, const Prepared& prepared,
+                   const Indexed& indexed, backend_cpu::CpuRenderer& processor);
+/// What lies in the cell of a part, of which elsewhere is nothing: boxes of elements that belong to no other part. (Of
+/// planes of several slices two parts may each have some.) Pieces of zeros are left out.
+std::vector<LightPiece> pieces_of(const LightPlan& light, const Request& request, const Prepared& prepared,
+                                  const Indexed& indexed, backend_cpu::CpuRenderer& processor);
+
+} // namespace sheetsplat

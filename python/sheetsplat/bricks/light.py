@@ -1,0 +1,215 @@
+"""Shadows and ambient occlusion of fields in bricks: light volumes of the whole, made of what each brick holds.
+
+A light volume is made from a grid along the axes of the world, of absorption, or of the scalar in mode isosurface
+(``cpp/src/engine/light_grids.cpp``). Every brick fills the elements in its cell; the pieces of all bricks add up to the
+grid of one process, and from it come the same volumes, which all bricks are drawn with.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat._checks import Bounds
+from sheetsplat._sheetsplat import LightVolumes
+from sheetsplat.bricks.draw import native_part, renderer_of
+from sheetsplat.bricks.partition import EVERYWHERE
+from sheetsplat.bricks.view import BrickView
+from sheetsplat.fields import Field
+from sheetsplat.options.renderer import Progress
+from sheetsplat.renderer import Renderer
+from sheetsplat.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A box of the elements of a grid.
+
+    Attributes
+    ----------
+    first
+        The first element, [w, v, u].
+    values
+        float32, [w, v, u].
+    """
+
+    first: tuple[int, int, int]
+    values: NDArray[np.float32]
+
+    @property
+    def last(self) -> tuple[int, int, int]:
+        """The element behind the last one, [w, v, u]."""
+        w, v, u = (start + count for start, count in zip(self.first, self.values.shape, strict=True))
+        return w, v, u
+
+    def add_to(self, values: NDArray[np.float32], first: tuple[int, int, int]) -> None:
+        """Add it to a larger box."""
+        inside = tuple(
+            slice(start - outer, start - outer + count)
+            for start, outer, count in zip(self.first, first, self.values.shape, strict=True)
+        )
+        values[inside] += self.values
+
+
+#: What some bricks hold: a box of each grid, by its number; none where all of it is 0.
+LightPieces = dict[int, Piece]
+
+
+def planned_light(view: BrickView, field: Field) -> BrickView:
+    """Return the view with how its light volumes are made.
+
+    Parameters
+    ----------
+    view
+        The picture.
+    field
+        Any field with the kernels' options, which is not read.
+
+    Raises
+    ------
+    InvalidInput, Unsupported
+        As `Renderer.plan`.
+    """
+    if not view.is_dimmed:
+        return view.replace(light=None)
+    native = Scene(field, view.transfer_function, **view.options).native.with_part(
+        cell=EVERYWHERE, centres=view.whole.centres, depths=view.depths(), in_front=None, supports=_supports(view)
+    )
+    return view.replace(light=renderer_of(view.settings).native.plan_light(native, view.camera.native, size=view.size))
+
+
+def _supports(view: BrickView) -> Bounds:
+    boxes = np.asarray(view.whole.supports)
+    return tuple(boxes[:, 0].min(axis=0).tolist()), tuple(boxes[:, 1].max(axis=0).tolist())
+
+
+def pieces_of(
+    view: BrickView, number: int, field: Field, renderer: Renderer, progress: Progress | None = None
+) -> LightPieces:
+    """Return what a brick holds of the grids of a view.
+
+    Raises
+    ------
+    InvalidInput, Unsupported, OutOfMemory, Cancelled
+        As `Renderer.render`.
+    """
+    native = native_part(view, number, field, view.depths())
+    found = renderer.native.light_pieces(
+        native, view.camera.native, size=view.size, light=view.light, progress=progress
+    )
+    return {grid: Piece(first, values) for grid, first, values in found}
+
+
+def merged_pieces(parts: Iterable[LightPieces]) -> LightPieces:
+    """Return what several bricks hold together."""
+    boxes: dict[int, list[Piece]] = {}
+    for part in parts:
+        for grid, piece in part.items():
+            boxes.setdefault(grid, []).append(piece)
+    return {grid: _joined(found) for grid, found in boxes.items()}
+
+
+def _joined(pieces: list[Piece]) -> Piece:
+    if len(pieces) == 1:
+        return pieces[0]
+    first = reduce(_least, (piece.first for piece in pieces))
+    last = reduce(_most, (piece.last for piece in pieces))
+    values = np.zeros([end - start for start, end in zip(first, last, strict=True)], np.float32)
+    for piece in pieces:
+        piece.add_to(values, first)
+    return Piece(first, values)
+
+
+def _least(one: tuple[int, int, int], other: tuple[int, int, int]) -> tuple[int, int, int]:
+    return min(one[0], other[0]), min(one[1], other[1]), min(one[2], other[2])
+
+
+def _most(one: tuple[int, int, int], other: tuple[int, int, int]) -> tuple[int, int, int]:
+    return max(one[0], other[0]), max(one[1], other[1]), max(one[2], other[2])
+
+
+def light_volumes(
+    view: BrickView, parts: Iterable[LightPieces], renderer: Renderer, progress: Progress | None = None
+) -> LightVolumes:
+    """Return the light volumes of a view.
+
+    Parameters
+    ----------
+    view
+        The picture, as `planned_light` returns it.
+    parts
+        What all bricks hold, always in the same order.
+    renderer, progress
+        As for `Renderer.render`.
+
+    Raises
+    ------
+    OutOfMemory, Cancelled
+        As `Renderer.render`.
+    """
+    grids = [np.zeros(shape, np.float32) for shape in view.light.shapes]
+    for part in parts:
+        for number, piece in part.items():
+            piece.add_to(grids[number], (0, 0, 0))
+    return renderer.native.light_volumes(view.light, grids, progress=progress)
+
+
+def light_of(
+    view: BrickView,
+    numbers: Iterable[int],
+    field_of: Callable[[int], Field | None],
+    renderer: Renderer,
+    progress: Progress | None = None,
+) -> LightVolumes | None:
+    """Return the light volumes of a view, made brick after brick in this process; None where it needs none.
+
+    Parameters
+    ----------
+    view
+        The picture, as `planned_light` returns it.
+    numbers
+        The bricks that may dim light.
+    field_of
+        Makes the field of a brick, as for `render_bricks`.
+    renderer, progress
+        As for `Renderer.render`.
+
+    Raises
+    ------
+    InvalidInput, Unsupported, OutOfMemory, Cancelled
+        As `Renderer.render`.
+    """
+    if view.light is None:
+        return None
+
+    def parts() -> Iterator[LightPieces]:
+        for number in numbers if view.light.shapes else ():
+            field = field_of(number)
+            if field is not None:
+                yield pieces_of(view, number, field, renderer, progress)
+
+    return light_volumes(view, parts(), renderer, progress)
+
+
+def light_key(view: BrickView, key: Any) -> bytes:
+    """Return what is the same for views with the same light volumes.
+
+    Parameters
+    ----------
+    view
+        The picture, as `planned_light` returns it.
+    key
+        The same for the same samples or kernels.
+    """
+    names = ("mode", "reference_length", "filter", "clip")
+    looks = (view.transfer_function.points[:, [0, 4]], [view.options[name] for name in names])
+    cells = [brick.cell for brick in view.partition.bricks]
+    told = pickle.dumps((key, view.light, looks, cells, view.levels, view.allowed, view.settings), 5)
+    return hashlib.blake2b(told, digest_size=16).digest()

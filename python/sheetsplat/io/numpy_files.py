@@ -6,6 +6,7 @@ Samples are read here, because numpy.load allocates the memory that a header cla
 from __future__ import annotations
 
 import math
+import sys
 import warnings
 import zipfile
 from pathlib import Path
@@ -121,10 +122,19 @@ def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], 
                 sizes = tuple(shape) if 0 in shape else checked_shape(source.path, shape, f"shape of {name}")
                 values = _payload(source, entry, stream).array(dtype, math.prod(sizes))
                 if text:
-                    texts[name] = str(values[0])
+                    texts[name] = _text(source, name, values)
                 else:
                     arrays[name] = values.reshape(sizes, order="F" if first_fastest else "C")
     return arrays, texts
+
+
+def _text(source: Source, name: str, values: NDArray[Any]) -> str:
+    """Return the text of an array of one. NumPy makes strings that Python cannot read of numbers beyond Unicode."""
+    order = {"<": "little", ">": "big"}.get(values.dtype.byteorder, sys.byteorder)
+    try:
+        return values.tobytes().decode("utf-32-le" if order == "little" else "utf-32-be").rstrip("\0")
+    except UnicodeDecodeError:
+        raise unreadable(source.path, f"numbers in the text {name!r} that are no characters", "Unicode") from None
 
 
 def _only_volume(source: Source, archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo]) -> str:

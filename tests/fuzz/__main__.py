@@ -11,6 +11,7 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
+import sheetsplat as ss
 from fuzz import cases
 from fuzz.book import Book
 from fuzz.cases import Case
@@ -56,6 +57,14 @@ def _parser() -> argparse.ArgumentParser:
     add("--again", type=Path, metavar="FILE", help="judge the failure that a file keeps again, and nothing else")
     add("--list", action="store_true", help="list the parts and their kinds")
     return parser
+
+
+def _without_folders(text: str) -> str:
+    """Return a text with files named from the folder that they were installed in: failures are read elsewhere too."""
+    folders = {str(Path(__file__).parents[2]), str(Path(ss.__file__).parents[1]), sys.prefix, sys.base_prefix}
+    for folder in sorted(folders, key=len, reverse=True):
+        text = text.replace(folder + os.sep, "")
+    return text
 
 
 class Attack:
@@ -123,7 +132,7 @@ class Attack:
             "kind": kind,
             "seed": result.seed,
             "what": outcome.what,
-            "text": outcome.text.splitlines(),
+            "text": _without_folders(outcome.text).splitlines(),
             "case": case,
         }
         cases.save(self.book.folder / "failures" / name, content)

@@ -148,20 +148,13 @@ def test_kernels_have_no_levels():
 
 
 @pytest.mark.slow
-def test_a_cluster_makes_and_draws_levels(tmp_path):
-    distributed = pytest.importorskip("distributed", reason="no distributed: pip install 'sheetsplat[distributed]'")
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-        ) as made,
-        distributed.Client(made) as client,
-    ):
-        options = {"brick": 16, "levels": 2, "quality": "draft"}
-        bricked = ss.open_bricks(smooth(), client=client, scratch=tmp_path, **options)
-        drawn = ss.render(bricked, size=SIZE, quality="draft", client=client)
-        alone = ss.render(ss.open_bricks(smooth(), **options), size=SIZE, quality="draft")
-        assert drawn.stats["bricks_coarse"] == alone.stats["bricks_coarse"] > 0
-        assert rmse(drawn, alone) <= 1e-6
+def test_a_cluster_makes_and_draws_levels(tmp_path, cluster):
+    options = {"brick": 16, "levels": 2, "quality": "draft"}
+    bricked = ss.open_bricks(smooth(), client=cluster, scratch=tmp_path, **options)
+    drawn = ss.render(bricked, size=SIZE, quality="draft", client=cluster)
+    alone = ss.render(ss.open_bricks(smooth(), **options), size=SIZE, quality="draft")
+    assert drawn.stats["bricks_coarse"] == alone.stats["bricks_coarse"] > 0
+    assert rmse(drawn, alone) <= 1e-6
     assert list(tmp_path.iterdir())
     del bricked, drawn
     assert not list(tmp_path.iterdir())

@@ -105,6 +105,7 @@ def test_a_planted_fault_is_found_made_smaller_and_kept(way: str, tmp_path: Path
     assert found["kinds"]["csv"]["verdicts"]["wrong"] == failure["count"] == 1
     kept = cases.load(tmp_path / "failures" / failure["files"][0])
     assert kept["what"] == what and kept["text"] or way == "exits"
+    assert str(Path(__file__).parents[2]) not in "".join(kept["text"])
     spoiled = kept["case"]["files"][kept["case"]["spoiled"]]
     assert MARK in spoiled
     if way not in SLOW:
@@ -299,6 +300,11 @@ def test_what_was_found_and_mended_stays_so(path: Path, tmp_path: Path) -> None:
     kept = cases.load(path)
     outcome = judged(PARTS[kept["part"]](), kept["case"], tmp_path)
     assert not outcome.is_wrong, f"{outcome.what}\n{outcome.text}"
+
+
+@pytest.mark.parametrize("path", KEPT, ids=lambda path: path.stem)
+def test_kept_failures_name_no_folder(path: Path) -> None:
+    assert not [line for line in cases.load(path)["text"] if 'File "/' in line]
 
 
 def test_the_command_judges_a_kept_failure_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -207,6 +207,16 @@ def test_demo_says_where_the_picture_is(tmp_path, monkeypatch):
     assert read_picture(tmp_path / "sheetsplat-demo.png").any()
 
 
+def test_demo_renders_in_a_quality(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    pictures = {}
+    for quality, wanted in ((), "good"), (("--quality", "draft"), "draft"):
+        report = json.loads(run("demo", "--size", "24x24", *quality, *BACKEND, "--json").stdout)
+        assert report["plan"]["quality"]["name"] == wanted
+        pictures[wanted] = read_picture(tmp_path / "sheetsplat-demo.png")
+    assert (pictures["good"] != pictures["draft"]).any()
+
+
 def test_demo_looks_at_the_backend_before_it_makes_data(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     small = ["--size", "16x16", "--dataset", "marschner_lobb"]

@@ -10,6 +10,7 @@ import click
 from sheetsplat.cli.options import apply, as_json, common, single
 from sheetsplat.cli.output import progress_bar, report_json, say
 from sheetsplat.options.picture import PictureOptions
+from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.renderer import Backend, RendererOptions
 
 _DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "jet")
@@ -25,6 +26,7 @@ _DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "j
     help="The picture: .png, .jpg, .tif, .webp, .exr or .npy.",
 )
 @click.option("--dataset", type=click.Choice(_DATASETS), default="tubes", show_default=True, help="Generated data set.")
+@apply(single(QualityOptions, "quality"))
 @apply(single(PictureOptions, "size"))
 @apply(single(RendererOptions, "backend", "threads"))
 @as_json
@@ -32,6 +34,7 @@ _DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "j
 def command(
     output: Path,
     dataset: str,
+    quality: str,
     size: tuple[int, int],
     backend: Backend,
     threads: int | None,
@@ -43,6 +46,7 @@ def command(
     from sheetsplat._checks import image_size
     from sheetsplat.framing import compose_camera
     from sheetsplat.io import pictures
+    from sheetsplat.quality.choose import scene_of_quality
     from sheetsplat.renderer import Renderer
 
     pictures.check_suffix(output)
@@ -51,8 +55,9 @@ def command(
     renderer = Renderer(backend, threads=threads)
     began = time.perf_counter()
     say(f"making {dataset} ...", quiet=quiet)
-    scene = datasets.DATASETS[dataset]().scene()
-    camera = compose_camera(scene, image_size(size))
+    own = datasets.DATASETS[dataset]().scene()
+    camera = compose_camera(own, image_size(size))
+    scene = scene_of_quality(own, quality, camera, image_size(size))
     with progress_bar(dataset, quiet=quiet) as progress:
         image = renderer.render(scene, camera, size=image_size(size), progress=progress)
     image.save(output)

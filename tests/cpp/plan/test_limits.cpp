@@ -206,12 +206,12 @@ const std::vector<Limit> of_float32{
          c.scene.transfer_function =
              TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.4 / x, {1, 1, 1}, 1.0}, {5.0 / x, {1, 1, 1}, 1.0}});
      }},
-    // The root of 33.5 kernels at a point, over the window.
+    // The root of 33.5 kernels at a point, times values of 1/2 from their middle, over the window.
     {"noise_of_derivatives", 1.29, 1.31,
      [](Case& c, double x) {
          make_quotients(c);
          c.scene.gradient = Gradient::analytic;
-         c.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {std::sqrt(33.5) / x, {1, 1, 1}, 0.01}});
+         c.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.5 * std::sqrt(33.5) / x, {1, 1, 1}, 0.01}});
      }},
     {"alike", 4990, 5010, [](Case& c, double x) { c.view.overlap.alike = x; }},
     {"alike_lit", 198, 202,
@@ -472,12 +472,12 @@ const std::vector<Limit> of_gl{
          make_analytic(c);
          set_weight_range(c, x);
      }},
-    // The root of 33.5 kernels at a point, over the semi-axis in reference lengths.
+    // The root of 33.5 kernels at a point, times values of 1/2 from their middle, over the semi-axis in reference lengths.
     {"noise_of_derivatives", 34.7, 35.3,
      [](Case& c, double x) {
          make_quotients(c);
          make_analytic(c);
-         c.view.screen_px.smallest = std::sqrt(33.5) / x;
+         c.view.screen_px.smallest = 0.5 * std::sqrt(33.5) / x;
      }},
     {"derived_aspect", 63, 65,
      [](Case& c, double x) {

@@ -12,7 +12,7 @@ import sheetsplat as ss
 
 from .cases import SIZE, Refused, add, case, chance, lattice, upright
 
-MAGNIFIED = Refused(ss.Unsupported, r"a reference length is 29\d+ pixels or semi-axes")
+MAGNIFIED = Refused(ss.Unsupported, r"a reference length is 2880 pixels or semi-axes")
 THIN = {"needles": lambda aspect: (1, 1 / aspect, 1 / aspect), "disks": lambda aspect: (1, 1, 1 / aspect)}
 
 

@@ -4,19 +4,16 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 
 #include "plan/make_plan.hpp"
 #include "sheetsplat/field.hpp"
 
 namespace sheetsplat {
 
-/// What is subtracted from a field's values: the middle of the range of values where its absolute
-/// value is greater than the width of the range, else 0.
+/// What is subtracted from a field's values: the middle of their range, from which the largest is least.
 inline double pivot_of(const Field& field) {
     const std::array<double, 2> range = field.value_range();
-    const double middle = 0.5 * range[0] + 0.5 * range[1];
-    return std::abs(middle) > range[1] - range[0] ? middle : 0.0;
+    return 0.5 * range[0] + 0.5 * range[1];
 }
 
 /// Whether backend gl counts values of fields that are divided from their pivots. Modes that show rho itself have no

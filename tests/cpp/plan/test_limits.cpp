@@ -631,7 +631,7 @@ TEST(GlChooses, SeparableUpTo) {
 }
 
 TEST(GlChooses, CountsFromTheMiddleFrom) {
-    for (const auto& [ratio, apart] : {std::pair{7.9, false}, std::pair{8.1, true}}) {
+    for (const auto& [ratio, apart] : {std::pair{1.95, false}, std::pair{2.05, true}}) {
         Case one = ellipsoid_case();
         one.scene.fields = {ellipsoids(1.0, 1.0, 1.0, 5.0, ratio - 0.7)};
         one.scene.transfer_function = ramp(0.01, 0.01, ratio - 0.7);

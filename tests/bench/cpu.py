@@ -1,4 +1,4 @@
-"""Backend cpu beside VTK on six scenes: time, growth, memory and error."""
+"""Backend cpu beside VTK on eight scenes: time, growth, memory and error."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _least(timing: Timing, prefix: str = "") -> Row:
     }
 
 
-# ------------------------------------------------------------------------------------------------- the six scenes
+# ------------------------------------------------------------------------------------------------- the scenes
 
 
 def _opacity(name: str, rgba: NDArray[np.float32]) -> float:
@@ -123,7 +123,7 @@ class _Run:
         sides: list[_Side] = []
         remarks: list[str] = []
         assert self.vtk is not None
-        for caster in CASTERS:
+        for caster in case.casters:
             self.options.say(f"{case.title}: VTK, {caster}")
             try:
                 self.vtk.show(caster, volume, look)
@@ -144,7 +144,7 @@ class _Run:
 
     def beside(self, case: Case, shaded: bool, volume: Volume | None) -> tuple[Row, dict[Caster, Timing], Timing]:
         """Time ours and VTK's casters in turn on one scene."""
-        size, cameras = self.options.size, case.cameras()
+        size, cameras = case.picture(self.options.size), case.cameras()
         kind = "shaded" if shaded else "flat"
         self.options.say(f"{case.title}, {kind}")
         scene, ours, renderer = case.scene(shaded=shaded), Timing(), self.renderer()
@@ -153,6 +153,9 @@ class _Run:
         look = Look(case.points, case.unit, case.distance, MATERIAL if shaded else None, size, threads)
         sides, remarks = ([], []) if self.vtk is None or volume is None else self.sides(case, volume, look, cameras)
         pictures: list[ss.Image] = []
+        forget_peak()
+        if self.vtk is not None:
+            self.vtk.forget_peak()
         for _ in range(self.options.views):
             pictures = ours.round(renderer, scene, cameras, size)
             for side in sides:
@@ -177,6 +180,10 @@ class _Run:
                 row["vtk_opacity"] = statistics.fmean(float(rgba[..., 3].mean()) for rgba in side.pictures)
                 pairs = zip(pictures, side.pictures, strict=True)
                 row["apart"] = math.sqrt(statistics.fmean(rms(ours.rgba - rgba) ** 2 for ours, rgba in pairs))
+        if case.alone and self.vtk is not None:
+            remarks.append(
+                f"peak memory of the process while drawing: ours {resident('VmHWM') / 2**20:.0f} MB, VTK's {self.vtk.peak / 2**20:.0f}"
+            )
         if remarks:
             row["remark"] = "; ".join(remarks)
         shown = [[picture.rgba for picture in pictures[:2]], *(side.pictures[:2] for side in sides)]

@@ -381,19 +381,19 @@ def in_new_process(function: Callable[..., dict[str, Any]], **arguments: Any) ->
     return found
 
 
-def resident(name: str = "VmRSS") -> int:
-    """Return bytes of this process in memory: VmRSS now, or VmHWM, their peak.
+def resident(name: str = "VmRSS", process: int | str = "self") -> int:
+    """Return bytes of a process in memory: VmRSS now, or VmHWM, their peak.
 
     The peak of getrusage would begin with the size of the parent process.
     """
-    with open("/proc/self/status", encoding="ascii") as status:
+    with open(f"/proc/{process}/status", encoding="ascii") as status:
         return 1024 * next(int(line.split()[1]) for line in status if line.startswith(f"{name}:"))
 
 
-def forget_peak() -> None:
-    """Let VmHWM count from here on, where the system allows it."""
+def forget_peak(process: int | str = "self") -> None:
+    """Let VmHWM of a process count from here on, where the system allows it."""
     try:
-        with open("/proc/self/clear_refs", "w", encoding="ascii") as mark:
+        with open(f"/proc/{process}/clear_refs", "w", encoding="ascii") as mark:
             mark.write("5")
     except OSError:
         pass

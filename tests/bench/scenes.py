@@ -1,4 +1,4 @@
-"""Scattered kernels, and the six scenes that backend cpu and VTK both draw; scattered kernels on a grid for VTK."""
+"""Scattered kernels, and the scenes that backend cpu and VTK both draw; scattered kernels on a grid for VTK."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation  # type: ignore[import-untyped]
 import sheetsplat as ss
 from bench.measure import away, orbit_angles, orthographic
 from bench.report import Options
-from bench.vtk_casters import Caster, Volume
+from bench.vtk_casters import CASTERS, Caster, Volume
 from sheetsplat import datasets
 from sheetsplat.datasets.random_stream import Stream
 from sheetsplat.fields import Field
@@ -123,6 +123,10 @@ class Case:
         Accumulated opacity at which a pixel ends.
     peer
         VTK's caster whose time is compared.
+    alone
+        Whether VTK's other caster is left out.
+    zoom
+        Edge of the picture over that of the other scenes.
     """
 
     name: str
@@ -137,6 +141,17 @@ class Case:
     lower: tuple[float, float, float] = (0.0, 0.0, 0.0)
     opacity_stop: float = 1.0
     peer: Caster = "gpu"
+    alone: bool = False
+    zoom: float = 1.0
+
+    @property
+    def casters(self) -> tuple[Caster, ...]:
+        """Casters of VTK that draw it."""
+        return (self.peer,) if self.alone else tuple(CASTERS)
+
+    def picture(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Return the size of its pictures where others have `size`."""
+        return round(self.zoom * size[0]), round(self.zoom * size[1])
 
     def scene(self, *, shaded: bool = True, **others: Any) -> ss.Scene:
         """Return the scene; `others` are options of :class:`sheetsplat.Scene` and win."""
@@ -171,6 +186,12 @@ def _ball(options: Options) -> Case:
     return _of_dataset("ball", "noisy ball", made, tuple(made.suggested["points"]), 0.6)
 
 
+def _large(options: Options, name: str, points: tuple[Point, ...]) -> Case:
+    made = datasets.noisy_ball(options.edge(512))
+    case = _of_dataset(name, f"noisy ball of bytes, {name}", made, points, 0.7)
+    return replace(case, alone=True, zoom=2.0)
+
+
 def _signal(options: Options, name: str, edge: int, share: float) -> Case:
     # From 0.6 on, half of the samples are visible or next to visible ones: 1.08 million of 128^3.
     points = ((0.0, 0.9, 0.55, 0.2, 0.0), (0.6, 0.9, 0.55, 0.2, 0.0), (1.0, 0.95, 0.9, 0.8, 0.3))
@@ -201,6 +222,9 @@ CASES: dict[str, Callable[[Options], Case]] = {
     "ml128": lambda options: _signal(options, "ml128", 128, 0.8),
     "ml256": lambda options: _signal(options, "ml256", 256, 1.0),
     "tubes": _tubes,
+    # The middle of the ball's range becomes opaque within about ten samples, and within one.
+    "large": lambda options: _large(options, "large", ((40.0, 0.2, 0.3, 0.6, 0.0), (220.0, 1.0, 0.85, 0.6, 0.5))),
+    "opaque": lambda options: _large(options, "opaque", ((90.0, 0.2, 0.3, 0.6, 0.0), (110.0, 1.0, 0.85, 0.6, 1.0))),
     "spheres": _spheres,
     "ellipsoids": _ellipsoids,
 }

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sheetsplat as ss
+from bench.measure import forget_peak, resident
 
 Caster = Literal["cpu", "gpu"]
 
@@ -144,6 +145,15 @@ class Vtk:
             (look.points, look.unit, look.distance, material, look.size, look.threads),
         )
         return str(told)
+
+    @property
+    def peak(self) -> int:
+        """The most bytes that its process had in memory since `forget_peak`."""
+        return resident("VmHWM", self._process.pid)
+
+    def forget_peak(self) -> None:
+        """Let `peak` count from here on."""
+        forget_peak(self._process.pid)
 
     def forget(self) -> None:
         """Release what is shown."""

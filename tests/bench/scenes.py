@@ -229,6 +229,8 @@ CASES: dict[str, Callable[[Options], Case]] = {
     "ellipsoids": _ellipsoids,
 }
 SCATTERED = ("spheres", "ellipsoids")
+#: Those whose reference would take minutes.
+LARGE = ("large", "opaque")
 
 
 def axes_of(field: ss.EllipsoidField) -> NDArray[np.float64]:

@@ -77,6 +77,7 @@ void GlRenderer::render(const Job& job, Image& image) {
     if (!state_->resources) {
         state_->resources = std::make_unique<Resources>(state_->context->api(), capabilities());
     }
+    gl::require_room(0, "a picture by OpenGL");
     SliceLoopHooks& hooks = slice_loop_hooks();
     Resources& resources = *state_->resources;
     resources.set_sources(hooks.sources());

@@ -130,7 +130,9 @@ std::uint64_t left_in_control_groups(const std::string& proc) {
     return least;
 }
 
-std::uint64_t left_in_address_space() {
+} // namespace
+
+std::uint64_t available_address_space() {
     rlimit limit{};
     if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) {
         return unlimited;
@@ -141,8 +143,6 @@ std::uint64_t left_in_address_space() {
     return allowed - std::min(allowed, used);
 }
 
-} // namespace
-
 std::uint64_t available_memory_in(const std::string& proc) {
     std::uint64_t least = left_in_control_groups(proc);
     if (const auto free_kib = read_entry(proc + "/meminfo", "MemAvailable:")) {
@@ -151,7 +151,7 @@ std::uint64_t available_memory_in(const std::string& proc) {
     return least;
 }
 
-std::uint64_t available_memory() { return std::min(available_memory_in("/proc"), left_in_address_space()); }
+std::uint64_t available_memory() { return std::min(available_memory_in("/proc"), available_address_space()); }
 
 std::uint64_t checked_product(std::uint64_t a, std::uint64_t b, const std::string& what) {
     if (b != 0 && a > std::numeric_limits<std::uint64_t>::max() / b) {

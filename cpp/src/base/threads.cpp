@@ -4,14 +4,19 @@
 #include <sched.h>
 #endif
 #if defined(__unix__) || defined(__APPLE__)
+#include <pthread.h>
 #include <unistd.h>
 #endif
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <new>
 #include <system_error>
 #include <utility>
+
+#include "base/memory.hpp"
+#include "base/poll.hpp"
 
 namespace sheetsplat {
 
@@ -25,6 +30,32 @@ long this_process() {
 #else
     return 0;
 #endif
+}
+
+/// The C library keeps the thread-local data of a library that was loaded late in memory that a thread asks for when it
+/// first looks at them, and ends the process where there is none. So threads look at once, with room left.
+constexpr std::uint64_t room_for_own_data = 1 << 20;
+
+void take_own_data() {
+    static_cast<void>(std::uncaught_exceptions());
+    poll();
+}
+
+/// Address space that glibc takes for a thread's own heap at its first allocation: it asks for 128 MiB, and keeps 64 of
+/// them. Threads that find less share the heap of the others, and leave nothing for the picture.
+constexpr std::uint64_t room_for_a_heap = 128ULL << 20;
+
+/// Address space that a thread takes before it does anything.
+std::uint64_t room_for_a_thread() {
+    std::size_t stack = 0;
+#if defined(__unix__) || defined(__APPLE__)
+    pthread_attr_t attributes;
+    if (pthread_attr_init(&attributes) == 0) {
+        pthread_attr_getstacksize(&attributes, &stack);
+        pthread_attr_destroy(&attributes);
+    }
+#endif
+    return stack + room_for_a_heap;
 }
 
 } // namespace
@@ -41,18 +72,31 @@ int usable_threads() {
 }
 
 ThreadPool::ThreadPool(int threads) : process_(this_process()) {
-    workers_.reserve(static_cast<std::size_t>(std::max(0, threads - 1)));
-    for (int thread = 1; thread < threads; ++thread) {
-        try {
-            workers_.emplace_back([this, thread] { work(thread); });
-        } catch (const std::system_error&) {
-            // The system has no more threads: the picture is the same with fewer.
-            break;
-        } catch (const std::bad_alloc&) {
-            // Threads that run already keep their owner.
-            break;
-        }
+    if (available_address_space() < room_for_own_data) {
+        require_memory(room_for_own_data, "threads", "raise the limit on the process's address space");
     }
+    take_own_data();
+    workers_.reserve(static_cast<std::size_t>(std::max(0, threads - 1)));
+    // Where the system has no more threads, the picture is the same with fewer.
+    for (int thread = 1; thread < threads && start(thread); ++thread) {}
+}
+
+bool ThreadPool::start(int thread) {
+    if (available_address_space() < room_for_a_thread()) {
+        return false;
+    }
+    try {
+        workers_.emplace_back([this, thread] { work(thread); });
+    } catch (const std::system_error&) {
+        return false;
+    } catch (const std::bad_alloc&) {
+        // Threads that run already keep their owner.
+        return false;
+    }
+    // One after the other: the next one asks what this one left.
+    std::unique_lock<std::mutex> lock(mutex_);
+    end_.wait(lock, [&] { return settled_ == workers_.size(); });
+    return true;
 }
 
 ThreadPool::~ThreadPool() {
@@ -100,8 +144,11 @@ void ThreadPool::fail() {
 }
 
 void ThreadPool::work(int thread) {
+    take_own_data();
     unsigned long seen = 0;
     std::unique_lock<std::mutex> lock(mutex_);
+    ++settled_;
+    end_.notify_one();
     while (true) {
         begin_.wait(lock, [&] { return quit_ || round_ != seen; });
         if (quit_) {

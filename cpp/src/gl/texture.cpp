@@ -23,6 +23,11 @@ void bind_for_work(const Api& gl, GLenum target, GLuint name) {
 
 } // namespace
 
+std::size_t bytes_of(const Format& format, int width, int height, int layers) {
+    return static_cast<std::size_t>(width) * static_cast<std::size_t>(height) *
+           static_cast<std::size_t>(std::max(layers, 1)) * format.bytes;
+}
+
 void delete_texture(const Api& gl, GLuint name) { gl.DeleteTextures(1, &name); }
 
 Texture::Texture(const Api& gl, GLenum internal_format, int width, int height, int layers)
@@ -37,6 +42,7 @@ Texture::Texture(const Api& gl, GLenum internal_format, int width, int height, i
         throw Unsupported(Complaint{"a texture is larger than this device supports", in_pixels(width, height),
                                     "at most " + in_pixels(largest, largest), "render smaller tiles"});
     }
+    require_room(bytes_of(format, width, height, layers), "a texture of " + in_pixels(width, height) + " pixels");
     check_errors(gl, "before a texture was made");
 
     GLuint name = 0;
@@ -73,11 +79,7 @@ Texture::Texture(const Api& gl, GLenum internal_format, int width, int height, i
 }
 
 std::size_t Texture::bytes() const {
-    if (!handle_) {
-        return 0;
-    }
-    return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_) *
-           static_cast<std::size_t>(std::max(layers_, 1)) * format_of(internal_format_).bytes;
+    return handle_ ? bytes_of(format_of(internal_format_), width_, height_, layers_) : 0;
 }
 
 void Texture::upload(GLenum format, GLenum type, const void* pixels) const {

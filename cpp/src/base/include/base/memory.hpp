@@ -18,6 +18,9 @@ std::uint64_t available_memory();
 /// 1 where they do not tell.
 std::uint64_t available_memory_in(const std::string& proc);
 
+/// The limit on this process's address space less what is used of it; 2^64 - 1 where there is none.
+std::uint64_t available_address_space();
+
 /// a * b, or OutOfMemory that names `what` where it does not fit 64 bits.
 std::uint64_t checked_product(std::uint64_t a, std::uint64_t b, const std::string& what);
 

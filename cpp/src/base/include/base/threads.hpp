@@ -19,8 +19,8 @@ int usable_threads();
 /// The caller's thread is one of them. Not to be used by two threads at once.
 class ThreadPool {
   public:
-    /// threads >= 1, the caller's included. Throws OutOfMemory where the system grants no thread at all beyond it
-    /// (fewer than asked for are accepted).
+    /// threads >= 1, the caller's included. Where the system has no room for so many there are fewer. Throws
+    /// OutOfMemory where there is none for what the caller's own thread needs.
     explicit ThreadPool(int threads);
     ~ThreadPool();
     ThreadPool(const ThreadPool&) = delete;
@@ -40,6 +40,7 @@ class ThreadPool {
     [[nodiscard]] bool failed() const { return failed_.load(std::memory_order_relaxed); }
 
   private:
+    bool start(int thread);
     void work(int thread);
     void drain(int thread, const std::function<void()>& poll = {});
     void fail();
@@ -55,6 +56,7 @@ class ThreadPool {
     std::exception_ptr error_;
     unsigned long round_ = 0;
     int busy_ = 0;
+    std::size_t settled_ = 0; ///< threads that have all that they need
     bool quit_ = false;
 };
 

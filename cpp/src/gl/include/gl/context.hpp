@@ -85,6 +85,10 @@ class Current {
     void* previous_ = nullptr;
 };
 
+/// Throws OutOfMemory where a limit on the address space of this process leaves less than `bytes` for `what` and what a
+/// driver takes by itself while it draws: drivers that draw on the processor end the process where they find less.
+void require_room(std::uint64_t bytes, const std::string& what);
+
 /// Throws Error (OutOfMemory for GL_OUT_OF_MEMORY) with the names of the pending GL errors and `where`, if there are
 /// any.
 void check_errors(const Api& gl, const char* where);

@@ -543,6 +543,30 @@ def test_skipped_parts_have_a_budget(tmp_path, monkeypatch):
         assert np.array_equal(ss.open(path, prefilter=False).values, VALUES)
 
 
+def test_packed_tables_have_a_budget(tmp_path, monkeypatch):
+    """No header says how many rows a table has: a small packed one that repeats itself is not read to its end."""
+    from sheetsplat.io import source
+
+    path = tmp_path / "a.csv.gz"
+    rows = b"".join(b"%d,%d,%d,%d\n" % (n, n % 7, n % 11, n) for n in range(1000))
+    path.write_bytes(gzip.compress(b"x,y,z,value\n" + rows))
+    assert len(ss.io.read_scattered(path).values) == 1000
+    same = gzip.compress(b"1,2,3,4\n" * 1_000_000, 9)
+    path.write_bytes(gzip.compress(b"x,y,z,value\n") + same * 60)
+    began = time.process_time()
+    with pytest.raises(ss.InvalidInput, match="more than 200 times as long as the file"):
+        ss.open(path)
+    assert time.process_time() - began < 10.0
+    # Few bytes may repeat themselves, and files that are not packed.
+    path.write_bytes(gzip.compress(b"x,y,z,value\n") + same)
+    assert len(ss.io.read_scattered(path).values) == 1_000_000
+    monkeypatch.setattr(source, "_UNPACKED", 0)
+    with pytest.raises(ss.InvalidInput, match="does not repeat itself"):
+        ss.open(path)
+    path.write_bytes(b"x,y,z,value\n" + b"1,2,3,4\n" * 1000)
+    assert len(ss.io.read_scattered(path).values) == 1000
+
+
 def test_metaimage_says_what_its_samples_and_lengths_are(tmp_path):
     def opened(**fields):
         path = tmp_path / "a.mha"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,8 @@ from sheetsplat.io.records import Floats
 Where = Path | str
 _MOST_NAMES = 60
 _LONGEST_TEXT = 200
+# Rows of a table that are looked at between two answers to Ctrl-C.
+_PIECE = 1 << 18
 
 
 def unreadable(
@@ -91,24 +93,40 @@ def require_rows(path: Where, count: int, columns: int = 8) -> None:
     _memory.require(count * columns * 8, f"{count} points of {path}")
 
 
+def pieces(count: int) -> Iterator[slice]:
+    """Yield the rows of a table in pieces, between which Ctrl-C is answered."""
+    for first in range(0, count, _PIECE):
+        yield slice(first, min(first + _PIECE, count))
+
+
+def _not_finite(rows: Floats) -> tuple[int, int]:
+    """Return how many rows are not finite, and the first one."""
+    wrong, first = 0, 0
+    for piece in pieces(len(rows)):
+        part = rows[piece]
+        if not np.isfinite(part).all():
+            bad = ~np.isfinite(part.reshape(len(part), -1)).all(axis=1)
+            first = first if wrong else piece.start + int(np.argmax(bad))
+            wrong += int(bad.sum())
+    return wrong, first
+
+
 def finite_points(path: Where, points: Floats) -> Floats:
     """Return the points, or InvalidInput that names the first one that is not finite."""
-    wrong = ~np.isfinite(points).all(axis=1)
-    if wrong.any():
-        first = int(np.argmax(wrong))
+    wrong, first = _not_finite(points)
+    if wrong:
         where = ", ".join(f"{part:g}" for part in points[first])
         raise unreadable(
-            path, f"{int(wrong.sum())} positions that are not finite, the first at {first}: ({where})", "finite numbers"
+            path, f"{wrong} positions that are not finite, the first at {first}: ({where})", "finite numbers"
         )
     return points
 
 
 def finite_values(path: Where, scalar: str, values: Floats, why: str = "", advice: str | Words = "") -> Floats:
     """Return the values, or InvalidInput that names the first one that is not finite."""
-    wrong = ~np.isfinite(values)
-    if wrong.any():
-        first = int(np.argmax(wrong))
-        found = f"{int(wrong.sum())} of {values.size} values not finite, the first at {first}: {values[first]:g}"
+    wrong, first = _not_finite(values)
+    if wrong:
+        found = f"{wrong} of {values.size} values not finite, the first at {first}: {values[first]:g}"
         raise complain(
             f"the scalar {scalar!r} of {path} cannot be used",
             found + (f" ({why})" if why else ""),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import Error, complain, option_ref
-from sheetsplat.io.checks import Where, listed, unreadable
+from sheetsplat.io.checks import Where, listed, pieces, unreadable
 from sheetsplat.io.records import Floats
 
 _PART = re.compile(r"(.+)_([xyz]|\d{1,3})")
@@ -71,7 +71,11 @@ def scalar_names(widths: Mapping[str, int]) -> tuple[str, ...]:
 
 def column_of(rows: NDArray[Any], column: int | None) -> Floats:
     """Return one column of rows as float64, or their lengths where the column is None."""
-    if column is None:
-        return np.asarray(np.sqrt(np.square(rows, dtype=np.float64).sum(axis=1)))
-    picked = rows if rows.ndim == 1 else rows[:, column]
-    return picked.astype(np.float64)
+    made = np.empty(len(rows))
+    for piece in pieces(len(rows)):
+        part = rows[piece]
+        if column is None:
+            made[piece] = np.sqrt(np.square(part, dtype=np.float64).sum(axis=1))
+        else:
+            made[piece] = part if part.ndim == 1 else part[:, column]
+    return made

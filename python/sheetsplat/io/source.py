@@ -28,6 +28,8 @@ _MOST_FILES = 100_000
 _NUMBERS = re.compile("([0-9]{1,18})")
 # Bytes that are unpacked at once: Ctrl-C waits for them, some 30 ms where bzip2 packed noise.
 _CHUNK = 1 << 19
+# What a packed text without a header may unpack to: tables of numbers that differ are packed to a hundredth at best.
+_UNPACKED, _REPEATED = 1 << 26, 200
 #: Most bytes before the samples that are unpacked and thrown away: more than headers of other programs have.
 MOST_SKIPPED = 1 << 28
 
@@ -159,6 +161,15 @@ class Source(contextlib.ExitStack):
             count += len(piece)
         self.stream.seek(0)
         return count
+
+    def refuse_repetition(self) -> None:
+        """Raise InvalidInput where a packed text has grown so much that it says the same over and over.
+
+        For formats whose headers do not promise how much there is.
+        """
+        if self.packed and self.stream.tell() > max(_UNPACKED, _REPEATED * self._file.tell()):
+            found = f"a packed text that is more than {_REPEATED} times as long as the file"
+            raise complain(f"{self.path} cannot be read", found, "one that does not repeat itself", "unpack it first")
 
     def at_most(self) -> int:
         """Return an upper bound on the bytes that are left, exact for plain files."""

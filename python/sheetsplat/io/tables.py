@@ -17,7 +17,7 @@ from sheetsplat._checks import file_path, instance, shown
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.io import numpy_files, pictures
-from sheetsplat.io.checks import Where, finite_points, finite_values, listed, unreadable
+from sheetsplat.io.checks import Where, finite_points, finite_values, listed, pieces, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
@@ -164,6 +164,7 @@ def _rows(source: Source, part: str | None, columns: int) -> Floats:
     row = 0
     while True:
         piece = source.stream.read(_CHUNK)
+        source.refuse_repetition()
         # For the numbers, and their text during parsing.
         _memory.require(8 * len(piece) + 8 * columns * row, f"the rows of {source.path}", _FEWER)
         whole, cut, rest = (rest + piece).rpartition(b"\n") if piece else (rest, b"", b"")
@@ -176,7 +177,12 @@ def _rows(source: Source, part: str | None, columns: int) -> Floats:
         if not piece:
             break
     _memory.require(8 * columns * row, f"{row} rows of {source.path}", _FEWER)
-    return np.concatenate(blocks) if blocks else np.empty((0, columns))
+    table = np.empty((row, columns))
+    # Block by block, so that Ctrl-C need not wait for all of them.
+    for block in reversed(blocks):
+        table[row - len(block) : row] = block
+        row -= len(block)
+    return table
 
 
 def _numbers(source: Source, text: bytes, part: str | None, columns: int, row: int) -> Floats:
@@ -244,8 +250,12 @@ def _of_columns(
     name, base, column = choose_scalar(where, scalar, preferred, widths)
 
     def picked(*names: str) -> Floats | None:
-        parts = [columns[at[one]].astype(np.float64) for one in names if one in at]
-        return np.stack(parts, axis=1) if parts else None
+        parts = [columns[at[one]] for one in names if one in at]
+        made = np.empty((len(parts[0]), len(parts))) if parts else None
+        for piece in pieces(len(parts[0]) if parts else 0):
+            for column, part in enumerate(parts):
+                made[piece, column] = part[piece]  # type: ignore[index]
+        return made
 
     points = picked("x", "y", "z")
     assert points is not None

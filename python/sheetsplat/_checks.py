@@ -276,6 +276,22 @@ def file_path(failed: str, value: object, wanted: str) -> Path:
     raise complain(failed, shown(value), wanted)
 
 
+def suffix_of(value: object) -> str:
+    """Return the suffix of a path in small letters, "" for everything that is none."""
+    try:
+        return Path(os.fsdecode(value)).suffix.lower() if isinstance(value, str | os.PathLike) else ""
+    except Exception:  # Objects of others raise whatever they like.
+        return ""
+
+
+def attribute(value: object, name: str) -> Any:
+    """Return an attribute, None where there is none."""
+    try:
+        return getattr(value, name, None)
+    except Exception:  # Objects of others raise whatever they like.
+        return None
+
+
 def instance(what: str, value: object, kind: type) -> None:
     """Raise InvalidInput unless `value` is a `kind`."""
     if not isinstance(value, kind):

@@ -12,7 +12,19 @@ from typing import TYPE_CHECKING, Any, Protocol, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sheetsplat._checks import choice, color, image_size, instance, is_auto, is_off, names, parts, shown, whole
+from sheetsplat._checks import (
+    attribute,
+    choice,
+    color,
+    image_size,
+    instance,
+    is_auto,
+    is_off,
+    names,
+    parts,
+    shown,
+    whole,
+)
 from sheetsplat._objects import kind_of_object
 from sheetsplat.camera import Camera
 from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
@@ -141,7 +153,7 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
     """
     given = _given(OpenOptions, options)
     # Generated data sets, and other objects with a method field().
-    maker = None if isinstance(data, np.ndarray) else getattr(data, "field", None)
+    maker = None if isinstance(data, np.ndarray) else attribute(data, "field")
     if callable(maker):
         data = maker()
     if isinstance(data, str | os.PathLike) or kind_of_object(data) is not None:

@@ -14,6 +14,7 @@ from sheetsplat._checks import (
     Bounds,
     Triple,
     Vector,
+    attribute,
     choice,
     image_size,
     measurable,
@@ -44,12 +45,11 @@ def bounds_of(thing: object) -> Bounds:
         # A field without a kernel has no box.
         there = [one for one in thing if not (isinstance(one, Field) and one.size == 0)]
         return joined_bounds([bounds_of(one) for one in there or thing])
-    bounds: Any = getattr(thing, "bounds", None)
-    if callable(bounds):
-        bounds = bounds()
+    bounds = attribute(thing, "bounds")
     try:
+        bounds = bounds() if callable(bounds) else bounds
         corners = np.asarray(bounds, dtype=np.float64)
-    except (TypeError, ValueError):
+    except Exception:  # Objects of others raise whatever they like.
         corners = np.empty(0)
     if bounds is None or corners.shape != (2, 3) or not np.all(corners[0] <= corners[1]):
         raise complain("Camera.fit: this cannot be looked at", shown(thing if bounds is None else bounds), wanted)

@@ -28,7 +28,10 @@ from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions
 
 _SECONDS = 20
+# Objects that are called, and parameters, by the function's name or "" for all, that take functions: what a function of
+# the caller raises is the caller's.
 _CALLED = ("type", "raising function", "function", "raises", "raises on everything")
+_CALL = {("", "cmap"), ("", "progress"), ("", "opacity"), ("fit.solid", "values")}
 # The first parameter, whatever its name is.
 _FIRST = "the first"
 # Of address space: whoever makes a list of a range without an end is told so before the machine is full.
@@ -250,8 +253,8 @@ def foreign_arguments(seed: int, count: int) -> Tally:
                 except _Late:
                     tally.failed(f"{said}: longer than {_SECONDS} s")
                 except Exception as error:  # Whatever else is raised is what is looked for.
-                    # What a function of the caller raises is the caller's.
-                    own = {"cmap", "progress", "opacity"} & {one for one, kind in chosen.items() if kind in _CALLED}
+                    called = [at for at, kind in chosen.items() if kind in _CALLED]
+                    own = any({("", at), (one, at)} & _CALL for at in called)
                     if not own and not _is_of_python(error):
                         last = traceback.extract_tb(error.__traceback__)[-1]
                         place = f"{Path(last.filename).name}:{last.lineno}"

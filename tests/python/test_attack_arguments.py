@@ -77,6 +77,11 @@ FOUND: dict[str, Callable[[], object]] = {
     "a truth of 400 digits": lambda: ss.accuracy(
         ss.Scene(FIELD, [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)]), ss.Camera.fit(FIELD), size=(8, 8), truth=10**400
     ),
+    "something to look at that raises": lambda: ss.Camera.fit(values.RaisesOnEverything()),
+    "a film of what raises": lambda: ss.turntable(values.RaisesOnEverything(), size=8),
+    "a film's client that raises": lambda: ss.turntable(SAMPLES, client=values.RaisesOnEverything()),
+    "an opacity that raises": lambda: ss.render(SAMPLES, opacity=values.RaisesOnEverything()),
+    "a radius of 400 digits": lambda: ss.EllipsoidField(CORNERS, -(10**400), values=1),
     "a browser that is an array": lambda: ss.view(SAMPLES, browser=TRUTHS),
 }
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
 
 from sheetsplat import api
 from sheetsplat._checks import direction as axis_or_vector
-from sheetsplat._checks import number, shown
+from sheetsplat._checks import number, shown, suffix_of
 from sheetsplat.animation.film import Animation, Frame, PictureFrame, SceneFrame
 from sheetsplat.animation.framing import turning_camera
 from sheetsplat.animation.path import CameraPath, turns
@@ -33,7 +31,7 @@ _SUFFIX = ".toml"
 
 def _prepared(data: Any, options: dict[str, Any]) -> api.Prepared:
     """Return the first picture of data, or of a scene file."""
-    if isinstance(data, str | os.PathLike) and Path(data).suffix.lower() == _SUFFIX:
+    if suffix_of(data) == _SUFFIX:
         data = SceneFile.read(data)
     return data.prepare(**options) if isinstance(data, SceneFile) else api.prepare(data, **options)
 
@@ -83,7 +81,7 @@ def turntable(data: Any, **options: Unpack[TurntableOptions]) -> Animation:
 
 
 def _has_eye(data: Any) -> bool:
-    if isinstance(data, str | os.PathLike) and Path(data).suffix.lower() == _SUFFIX:
+    if suffix_of(data) == _SUFFIX:
         data = SceneFile.read(data)
     return isinstance(data, SceneFile) and data.camera is not None
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sheetsplat._checks import shown
+from sheetsplat._checks import attribute, shown, suffix_of
 from sheetsplat._objects import kind_of_object
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields import Field
@@ -77,7 +77,7 @@ class _OfFile(Steps):
 
 def steps_of(data: Any, options: Mapping[str, Any]) -> Steps:
     """Return the steps of anything but a function; `options`: those of `sheetsplat.open` that were given."""
-    if isinstance(data, str | os.PathLike) and Path(data).suffix.lower() != SUFFIX:
+    if isinstance(data, str | os.PathLike) and suffix_of(data) != SUFFIX:
         chosen = time_steps(data, {name: one for name, one in options.items() if one is not None})
         if len(chosen) > 1:
             return _OfFile(chosen)
@@ -90,11 +90,11 @@ def steps_of(data: Any, options: Mapping[str, Any]) -> Steps:
         if not data:
             raise complain("the film cannot be made", "no data", "at least one step")
         return _Listed(data)
-    sizes = getattr(data, "ndim", None)
+    sizes = attribute(data, "ndim")
     if sizes == 4:
         array = data
         return Steps(len(array), lambda number: array[number])
-    if kind is not None or isinstance(sizes, int) or callable(getattr(data, "field", None)):
+    if kind is not None or isinstance(sizes, int) or callable(attribute(data, "field")):
         return _Listed([data], is_series=False)
     try:
         found = list(itertools.islice(data, MOST_FRAMES + 1))

@@ -153,7 +153,7 @@ class EllipsoidField(Field):
         count = len(places)
         if isinstance(scales, int | float) and not isinstance(scales, bool):
             # One radius for all.
-            scales = np.full(len(places), float(scales))
+            scales = np.full(len(places), number("EllipsoidField: scales", scales))
         sizes = _rows("scales", scales, "(N, 3) or (N,) semi-axes", (3,), ())
         turns = None
         if rotations is not None:

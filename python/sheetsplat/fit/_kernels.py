@@ -23,7 +23,7 @@ _PAIRS = 1 << 19
 
 def profile(squared: Floats, falloff: float) -> Floats:
     """Return the kernel's profile g at squared distances in units of its support (conventions, section 2)."""
-    lowered = (np.exp(-falloff * squared) - np.exp(-falloff)) * (-1.0 / np.expm1(-falloff))
+    lowered = (np.expm1(-falloff * squared) - np.expm1(-falloff)) / -np.expm1(-falloff)
     return np.asarray(np.maximum(lowered, 0.0), dtype=np.float64)
 
 

@@ -55,8 +55,8 @@ def _holds_pairs(opacity: object) -> bool:
         return False
     try:
         return np.ndim(opacity) == 2  # type: ignore[arg-type]
-    except (ValueError, TypeError, MemoryError):
-        # Whoever reads the option says what is wrong with it.
+    except Exception:
+        # Objects of others raise whatever they like; whoever reads the option says what is wrong with it.
         return False
 
 

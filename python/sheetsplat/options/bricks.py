@@ -3,7 +3,7 @@
 import os
 from typing import Annotated, Any, TypedDict
 
-from sheetsplat._checks import shown, whole
+from sheetsplat._checks import attribute, shown, whole
 from sheetsplat.errors import complain, unusable
 from sheetsplat.options.core import CommandLine, Option
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
@@ -54,11 +54,7 @@ def folder_of(what: str, value: object) -> str | None:
 
 def cluster_of(what: str, value: Any) -> Any:
     """Return a client of dask.distributed, or None; InvalidInput for anything else."""
-    try:
-        is_client = all(callable(getattr(value, name, None)) for name in ("submit", "scheduler_info"))
-    except Exception:  # Objects of others raise whatever they like.
-        is_client = False
-    if value is not None and not is_client:
+    if value is not None and not all(callable(attribute(value, name)) for name in ("submit", "scheduler_info")):
         wanted = "a client of dask.distributed"
         advice = "from dask.distributed import Client; Client(n_workers=4, threads_per_worker=1)"
         raise complain(unusable(what), f"{type(value).__name__}, {shown(value)}", wanted, advice)

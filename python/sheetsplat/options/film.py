@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, TypedDict
 
-from sheetsplat._checks import Vector, number, shown, whole
+from sheetsplat._checks import Vector, attribute, number, shown, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import complain, unusable
 from sheetsplat.options.camera import CameraOptions
@@ -47,7 +47,7 @@ def rate_of(what: str, value: object) -> float:
 
 def client_of(what: str, value: Any) -> Any:
     """Return what frames can be submitted to, or None; InvalidInput for anything else."""
-    if value is not None and not callable(getattr(value, "submit", None)):
+    if value is not None and not callable(attribute(value, "submit")):
         wanted = "a client of dask.distributed, or an executor of concurrent.futures"
         raise complain(unusable(what), f"{type(value).__name__}, {shown(value)}", wanted)
     return value

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from sheetsplat._checks import shown
+from sheetsplat._checks import shown, suffix_of
 from sheetsplat.api import Opened, Prepared, prepare
 from sheetsplat.camera import Camera
 from sheetsplat.errors import complain, unusable
@@ -277,8 +277,7 @@ def _scene_file_of(data: object) -> SceneFile | None:
     """Return the scene file that data are, or that they name."""
     if isinstance(data, SceneFile):
         return data
-    is_name = isinstance(data, str | os.PathLike) and os.fsdecode(data).lower().endswith(SUFFIX)
-    return SceneFile.read(os.fsdecode(data)) if is_name else None  # type: ignore[arg-type]
+    return SceneFile.read(os.fsdecode(data)) if suffix_of(data) == SUFFIX else None  # type: ignore[arg-type]
 
 
 # Options that are meant for the mode that was asked for.

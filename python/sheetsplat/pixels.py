@@ -12,8 +12,8 @@ from sheetsplat.scalar_colors import ScalarColors
 
 #: Behind pictures without a background, where a format or a figure has no transparency.
 WHITE = (1.0, 1.0, 1.0)
-# Rows are converted in float64, as many at a time as have so many numbers.
-_AT_ONCE = 1 << 22
+# Rows are converted in float64, as many at a time as have so many numbers: few enough for the nearest cache.
+_AT_ONCE = 1 << 14
 
 
 def straight(picture: NDArray[np.float32], colors: ScalarColors, limits: tuple[float, float]) -> NDArray[np.float32]:
@@ -28,7 +28,10 @@ def levels(picture: NDArray[np.float32], colors: ScalarColors, limits: tuple[flo
     """Return the same as whole numbers from 0 to `most`, 255 or 65535, halves upwards."""
     made = np.empty((*picture.shape[:2], 4), np.uint8 if most == 255 else np.uint16)
     for rows, part in _parts(picture, colors, limits):
-        made[rows] = np.floor(part * most + 0.5)
+        part *= most
+        part += 0.5
+        # What is no less than 0 is cut off as `floor` does.
+        made[rows] = part
     return made
 
 
@@ -56,8 +59,12 @@ def _parts(
 
 def _straight_colors(part: NDArray[np.float32]) -> NDArray[np.float64]:
     found = part.astype(np.float64)
-    alpha = found[..., 3:]
-    np.divide(found[..., :3], alpha, out=found[..., :3], where=alpha > 0)
-    found[..., :3] *= alpha > 0
+    alpha = found[..., 3]
+    # Where there is no opacity there is no colour: anything finite becomes 0, anything else NaN.
+    divisor = np.where(alpha > 0, alpha, np.inf)
+    with np.errstate(invalid="ignore"):
+        for channel in range(3):
+            found[..., channel] /= divisor
     # NaN becomes 0.
-    return np.clip(np.nan_to_num(found, nan=0.0), 0.0, 1.0)
+    np.fmax(found, 0.0, out=found)
+    return np.minimum(found, 1.0, out=found)

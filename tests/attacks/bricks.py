@@ -25,6 +25,9 @@ from attacks import Tally
 SIZE = (40, 32)
 _SHAPE = (30, 34, 28)
 _PATIENCE = 60.0
+# Seconds in which a killed worker comes back, on machines that are busy with other things too. A LocalCluster gives one
+# up for good that is away for longer than 15 s unless it is told otherwise.
+_RETURN = 600.0
 
 
 def samples(kind: Any = np.uint8) -> Any:
@@ -37,9 +40,11 @@ def samples(kind: Any = np.uint8) -> Any:
 @contextmanager
 def cluster(workers: int = 3) -> Iterator[Any]:
     """Yield a client of small processes of one thread each, which a nanny starts again."""
+    import dask
     import distributed
 
     with (
+        dask.config.set({"distributed.deploy.lost-worker-timeout": f"{_RETURN:.0f}s"}),
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -91,7 +96,7 @@ def kills_of_workers(seed: int, count: int) -> Tally:
                 tally.failed(f"after {before} kills: {type(error).__name__}: {error}")
             for one in timers:
                 one.join()
-            client.wait_for_workers(3, timeout=_PATIENCE)
+            client.wait_for_workers(3, timeout=_RETURN)
     return tally
 
 

@@ -233,3 +233,12 @@ def soup(rng):
 def block():
     """Return the positions of 9 x 9 x 9 samples, 1 apart."""
     return np.mgrid[0:9, 0:9, 0:9].reshape(3, -1).T.astype(float)
+
+
+@pytest.fixture
+def opened():
+    """Return a function that opens a session of data, closed in the end."""
+    from viewer_pages import opened_sessions
+
+    with opened_sessions() as make:
+        yield make

@@ -14,6 +14,7 @@ from bricks_in_memory import BOUND, LIT, Bricked, camera_of, differences, field_
 import sheetsplat as ss
 from sheetsplat.bricks.draw import render_bricks, renderer_of
 from sheetsplat.bricks.light import light_of, merged_pieces, pieces_of, planned_light
+from sheetsplat.bricks.resident import residents
 
 # LIT has a light of the camera and one of the world.
 SHADOWS: dict[str, Any] = {**LIT, "shadows": True}
@@ -185,6 +186,29 @@ def test_the_error_of_light_in_bricks_is_stated(samples: Any, options: dict[str,
     off = rmse(image, exact)
     print(options, off, stated)
     assert off <= image.error.rmse
+
+
+def _reads(*, forget: bool) -> int:
+    """Return how often this process read bricks; `forget`: it has to read them again."""
+    if forget:
+        residents().clear()
+    return residents().counts.reads
+
+
+@pytest.mark.slow
+def test_reads_for_light_are_counted(cluster: Any, samples: Any) -> None:
+    options = {
+        "size": PICTURE,
+        "quality": "draft",
+        "shadows": True,
+        "lights": (ss.Light((1.0, 2.0, 1.0), space="world"),),
+    }
+    bricked = ss.open_bricks(samples, brick=16, client=cluster, quality="draft")
+    before = sum(cluster.run(_reads, forget=True).values())
+    first, second = (ss.render(bricked, client=cluster, **options) for _ in range(2))
+    assert first.stats["bricks_read"] == sum(cluster.run(_reads, forget=False).values()) - before
+    assert first.stats["bricks_read"] >= first.stats["bricks_of_light"] > 0 and first.stats["bytes_read"] > 0
+    assert second.stats["bricks_read"] == second.stats["bytes_read"] == 0
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ bricks add is merged on the workers along the k-d tree, so that the bits of a pi
 from __future__ import annotations
 
 import itertools
+import threading
 import time
 import uuid
 import weakref
@@ -34,6 +35,7 @@ from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan
 from sheetsplat.bricks.tasks import (
     coarsen_one,
+    counts_of,
     finish_picture,
     light_brick,
     make_light,
@@ -58,8 +60,8 @@ from sheetsplat.options.renderer import Progress
 
 # Parts that one task merges, at most: fewer tasks, and what they take still fits.
 _MERGED = 8
-# Seconds between two looks at whether all is done, and at how much is.
-_SHORT, _LOOK = 0.005, 0.05
+# Seconds between two looks at how much is done.
+_LOOK = 0.05
 # Seconds between two looks at which workers there are, and how many may be lost in one picture.
 _WATCH = 0.5
 _PATIENCE = 10.0
@@ -253,7 +255,6 @@ class Pending:
         self._client, self._what, self._submit, self._convert = client, what, submit, convert
         self._tasks: list[Any] = []
         self._lost: list[str] = []
-        self._told = 0.0
         self._begin()
 
     def _begin(self) -> None:
@@ -262,7 +263,9 @@ class Pending:
         self._workers = set(cluster.workers)
         with _connected(self._client):
             self._tasks = self._submit(cluster)
-        self._watched = time.monotonic()
+            done = threading.Event()
+            self._tasks[-1].add_done_callback(lambda _: done.set())
+        self._done, self._watched = done, time.monotonic()
 
     def result(self, progress: Progress | None = None) -> Any:
         """Return the result; where `progress` returns False, or Ctrl-C is pressed, all tasks are cancelled.
@@ -279,7 +282,7 @@ class Pending:
                 with _connected(self._client):
                     while not self._tasks[-1].done() and self._all_there():
                         self._tell(progress)
-                        time.sleep(_SHORT)
+                        self._done.wait(_LOOK)
                     if self._tasks[-1].status in ("finished", "error"):
                         found = self._convert(self._tasks[-1].result())
                         break
@@ -317,9 +320,8 @@ class Pending:
         self._begin()
 
     def _tell(self, progress: Progress | None) -> None:
-        if progress is None or time.monotonic() - self._told < _LOOK:
+        if progress is None:
             return
-        self._told = time.monotonic()
         done = sum(one.status == "finished" for one in self._tasks)
         if progress(done / max(len(self._tasks), 1)) is False:
             raise complain("the picture was given up", option_ref("progress") + " returned False", kind=Cancelled)
@@ -343,15 +345,18 @@ class _Tasks:
     source
         What the tasks read.
     shared
-        What else all of them take: it is sent once.
+        What else all of them take.
+    count
+        How many bricks or pieces there are: what is shared by several is sent once, and is one object for all of them.
     """
 
-    def __init__(self, client: Any, cluster: _Cluster, source: Any, shared: Any) -> None:
+    def __init__(self, client: Any, cluster: _Cluster, source: Any, shared: Any, count: int) -> None:
         self._client, self._cluster, self._source = client, cluster, source
         self._run, self._names = uuid.uuid4().hex, itertools.count()
-        self._sent = cluster.sent(client, source)
-        # As a task, whose result is made again where a worker takes it along.
-        self._shared = client.submit(same, shared, key=f"plan-{self._run}")
+        self._sent, self._shared = cluster.sent(client, source), shared
+        if count > 1:
+            # As a task, whose result is made again where a worker takes it along.
+            self._shared = client.submit(same, shared, key=f"plan-{self._run}")
 
     def place(self, name: str, function: Callable[..., Any], number: int, *more: Any) -> Any:
         """Submit ``function(shared, source, number, *more)`` to the worker that a brick or a piece is asked of."""
@@ -390,7 +395,7 @@ def _each(
     """Return what a task says of each brick or piece, merged."""
 
     def submit(cluster: _Cluster) -> list[Any]:
-        tasks = _Tasks(client, cluster, source, shared)
+        tasks = _Tasks(client, cluster, source, shared, count)
         return tasks.merged(*merge, [tasks.place(*task, number) for number in range(count)])
 
     return Pending(client, source.name, submit, lambda one: one).result()
@@ -438,7 +443,7 @@ def probe(
     """Return what `Probing.sums` says of the points in each of some bricks; raises what `survey` does."""
 
     def submit(cluster: _Cluster) -> list[Any]:
-        tasks = _Tasks(client, cluster, source, probing)
+        tasks = _Tasks(client, cluster, source, probing, len(jobs))
         asked = [tasks.place("probe-brick", probe_brick, number, places) for number, places in jobs.items()]
         return tasks.merged("merge-values", merge_values, asked)
 
@@ -479,10 +484,11 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
         return cluster.kept(light_key(view, source_key(field)), make)
 
     def submit(cluster: _Cluster) -> list[Any]:
-        tasks = _Tasks(client, cluster, source, view)
+        tasks = _Tasks(client, cluster, source, view, len(shown) + len(dimming))
         if tree is None:
             return [tasks.anywhere("merge", _blank)]
         light = light_by(cluster, tasks)
+        reads = tasks.anywhere("count-light", counts_of, light) if of_light else None
         drawn: dict[int, Any] = {}
         for number in shown:
             before = (drawn[one] for one in behind.get(number, ()))
@@ -491,7 +497,8 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
         def merged(nested: Nested, parts: Sequence[Any]) -> Any:
             return tasks.anywhere("merge", merge_parts, nested, *parts)
 
-        return [*drawn.values(), tasks.anywhere("merge", finish_picture, _submitted(tree, drawn, merged))]
+        nested, parts = _level(tree, drawn, merged)
+        return [*drawn.values(), tasks.anywhere("merge", finish_picture, nested, reads, *parts)]
 
     def convert(found: tuple[Finished, tuple[int, ...]]) -> tuple[Finished, dict[str, float]]:
         finished, (reads, count, done, coarse) = found
@@ -522,16 +529,23 @@ def _without(nested: Nested, shown: set[int]) -> Nested | None:
     return front, back
 
 
-def _submitted(nested: Nested, drawn: Mapping[int, Any], submit: Callable[[Nested, Sequence[Any]], Any]) -> Any:
+#: Submits the merge of parts, whose numbers count them.
+_Merge = Callable[[Nested, Sequence[Any]], Any]
+
+
+def _submitted(nested: Nested, drawn: Mapping[int, Any], submit: _Merge) -> Any:
     """Return the future of all parts merged, a few at a time."""
+    return drawn[nested] if isinstance(nested, int) else submit(*_level(nested, drawn, submit))
+
+
+def _level(nested: Nested, drawn: Mapping[int, Any], submit: _Merge) -> tuple[Nested, list[Any]]:
+    """Return what the last merge of all parts takes, after the others were submitted."""
     numbers = leaves(nested)
-    if len(numbers) == 1:
-        return drawn[numbers[0]]
     if len(numbers) <= _MERGED:
         places = {number: place for place, number in enumerate(numbers)}
-        return submit(_renumbered(nested, places), [drawn[number] for number in numbers])
+        return _renumbered(nested, places), [drawn[number] for number in numbers]
     assert not isinstance(nested, int)
-    return submit((0, 1), [_submitted(one, drawn, submit) for one in nested])
+    return (0, 1), [_submitted(one, drawn, submit) for one in nested]
 
 
 def _renumbered(nested: Nested, places: Mapping[int, int]) -> Nested:

@@ -22,20 +22,19 @@ from sheetsplat.scene import Scene
 FieldOf = Callable[[int], Field | None]
 
 
-@lru_cache(maxsize=4)
-def _renderer(settings: tuple[tuple[str, Any], ...]) -> Renderer:
+@lru_cache(maxsize=8)
+def _renderer(settings: tuple[tuple[str, Any], ...], _: str) -> Renderer:
     plain: dict[str, Any] = {name: dict(value) if name == "effects" else value for name, value in settings}
     return Renderer(**plain)
 
 
-def renderer_of(settings: Mapping[str, Any]) -> Renderer:
-    """Return the renderer of this process with some settings, which keeps what it found of bricks."""
-    return _renderer(
-        tuple(
-            (name, tuple(sorted(value.items())) if isinstance(value, Mapping) else value)
-            for name, value in settings.items()
-        )
+def renderer_of(settings: Mapping[str, Any], of: str = "bricks") -> Renderer:
+    """Return the renderer of this process with some settings, which keeps what it found of bricks, or of wholes."""
+    pairs = tuple(
+        (name, tuple(sorted(value.items())) if isinstance(value, Mapping) else value)
+        for name, value in settings.items()
     )
+    return _renderer(pairs, of)
 
 
 def native_part(

@@ -82,7 +82,8 @@ def planned_light(view: BrickView, field: Field) -> BrickView:
     native = Scene(field, view.transfer_function, **view.options).native.with_part(
         cell=EVERYWHERE, centres=view.whole.centres, depths=view.depths(), in_front=None, supports=_supports(view)
     )
-    return view.replace(light=renderer_of(view.settings).native.plan_light(native, view.camera.native, size=view.size))
+    renderer = renderer_of(view.settings, "wholes").native
+    return view.replace(light=renderer.plan_light(native, view.camera.native, size=view.size))
 
 
 def _supports(view: BrickView) -> Bounds:

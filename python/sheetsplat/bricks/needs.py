@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sheetsplat.bricks.draw import renderer_of
 from sheetsplat.bricks.kernel_source import KernelSource
 from sheetsplat.bricks.lattice import Box, LatticeSpec
 from sheetsplat.bricks.level_choice import level_of
@@ -23,7 +24,6 @@ from sheetsplat.fields import BrickedField, BrickedKernels, Field, RegularField
 from sheetsplat.limits import Depths
 from sheetsplat.plan import RenderPlan
 from sheetsplat.quality.choose import allowed_error
-from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import fine_depths, fine_size
 
@@ -196,8 +196,9 @@ def planned(scene: Scene, view: BrickView) -> tuple[BrickView, RenderPlan]:
         cell=everywhere, centres=view.whole.centres, depths=view.whole.depths(view.camera), in_front=None
     )
     also = {name: name in view.outputs for name in ("coverage", "depth")}
-    renderer = Renderer(**view.settings)
-    plan = renderer.native.plan(scene=native, camera=view.camera.native, size=view.size, **also)
+    plan = renderer_of(view.settings, "wholes").native.plan(
+        scene=native, camera=view.camera.native, size=view.size, **also
+    )
     if plan.precision == "float64":
         view = view.replace(settings={**view.settings, "precision": "float64"})
     return view, RenderPlan.of_native(plan, scene.notes, scene.quality, scene.supersampling)

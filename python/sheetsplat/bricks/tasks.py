@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._sheetsplat import LightVolumes
 from sheetsplat.bricks.draw import draw_brick, is_hidden, renderer_of
 from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import Columns, Segments, Store
 from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys, sorted_piece
 from sheetsplat.bricks.kernel_survey import survey_of as survey_of_piece
 from sheetsplat.bricks.levels import LevelStore, coarsen_brick
-from sheetsplat.bricks.light import LightPieces, light_volumes, merged_pieces, pieces_of
+from sheetsplat.bricks.light import light_volumes, merged_pieces, pieces_of
 from sheetsplat.bricks.needs import field_of
 from sheetsplat.bricks.partial import Finished, Partial, finish, merge
 from sheetsplat.bricks.partition import Nested, Partition
@@ -78,7 +77,7 @@ class Drawn:
     counts: tuple[int, ...]
 
 
-def render_brick(view: BrickView, source: Any, number: int, light: LightVolumes | None, *before: Drawn) -> Drawn:
+def render_brick(view: BrickView, source: Any, number: int, light: Lit | None, *before: Drawn) -> Drawn:
     """Draw a brick behind others that cover some of its pixels."""
     with naming(_brick_text(source, view.partition, number)):
         in_front = None if view.any_order else _in_front(view, number, [one.part for one in before])
@@ -87,7 +86,8 @@ def render_brick(view: BrickView, source: Any, number: int, light: LightVolumes 
         counts = residents().counts
         reads, count, coarse = counts.reads, counts.bytes_read, counts.coarse
         field = field_of(source, view, number)
-        part = draw_brick(view, number, field, renderer_of(view.settings), in_front, is_wanted, light)
+        volumes = None if light is None else light.light
+        part = draw_brick(view, number, field, renderer_of(view.settings), in_front, is_wanted, volumes)
         return Drawn(part, (counts.reads - reads, counts.bytes_read - count, 1, counts.coarse - coarse))
 
 
@@ -120,29 +120,61 @@ def merge_parts(view: BrickView, nested: Nested, *parts: Drawn) -> Drawn:
             return parts[one].part
         return merge(merged(one[0]), merged(one[1]))
 
-    return Drawn(merged(nested), tuple(np.sum([one.counts for one in parts], axis=0).tolist()))
+    return Drawn(merged(nested), _sum(*(one.counts for one in parts)))
 
 
-def finish_picture(view: BrickView, drawn: Drawn) -> tuple[Finished, tuple[int, ...]]:
-    """Return the picture of all parts, and what was done for it."""
-    return finish(view, drawn.part), drawn.counts
+def _sum(*counts: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(map(sum, zip(*counts, strict=True)))
 
 
-def light_brick(view: BrickView, source: Any, number: int) -> LightPieces:
+def finish_picture(
+    view: BrickView, nested: Nested, of_light: tuple[int, int] | None, *parts: Drawn
+) -> tuple[Finished, tuple[int, ...]]:
+    """Merge the last parts; return the picture, and what was done for it; `of_light`: what `counts_of` says."""
+    drawn = merge_parts(view, nested, *parts)
+    reads, count = of_light or (0, 0)
+    return finish(view, drawn.part), _sum(drawn.counts, (reads, count, 0, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Lit:
+    """What some bricks hold of the grids of light, or the light volumes of all; and how much was read for it."""
+
+    light: Any
+    reads: int = 0
+    bytes_read: int = 0
+
+    @classmethod
+    def of(cls, light: Any, parts: Sequence[Lit]) -> Lit:
+        """Return what was made of parts."""
+        return cls(light, sum(one.reads for one in parts), sum(one.bytes_read for one in parts))
+
+
+def light_brick(view: BrickView, source: Any, number: int) -> Lit:
     """Return what a brick holds of the grids that light volumes are made from."""
     with naming(_brick_text(source, view.partition, number)):
-        return pieces_of(view, number, field_of(source, view, number), renderer_of(view.settings), is_wanted)
+        counts = residents().counts
+        reads, count = counts.reads, counts.bytes_read
+        field = field_of(source, view, number)
+        pieces = pieces_of(view, number, field, renderer_of(view.settings), is_wanted)
+        return Lit(pieces, counts.reads - reads, counts.bytes_read - count)
 
 
-def merge_light(_: Any, *parts: LightPieces) -> LightPieces:
+def merge_light(_: Any, *parts: Lit) -> Lit:
     """Return what several bricks hold together."""
-    return merged_pieces(parts)
+    return Lit.of(merged_pieces(one.light for one in parts), parts)
 
 
-def make_light(view: BrickView, *parts: LightPieces) -> LightVolumes:
+def make_light(view: BrickView, *parts: Lit) -> Lit:
     """Return the light volumes of a view, from what all bricks hold."""
     with naming("light of a picture in bricks"):
-        return light_volumes(view, parts, renderer_of(view.settings), is_wanted)
+        made = light_volumes(view, [one.light for one in parts], renderer_of(view.settings), is_wanted)
+        return Lit.of(made, parts)
+
+
+def counts_of(_: Any, light: Lit) -> tuple[int, int]:
+    """Return how much was read for light: reads, and bytes."""
+    return light.reads, light.bytes_read
 
 
 def survey_brick(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> BrickSurvey:

@@ -31,6 +31,9 @@ _WORKERS = click.option(
     type=click.IntRange(1, MOST_WORKERS),
     help="Draw FILE in bricks by so many processes of this machine, which share its memory.",
 )
+# Seconds that a worker that ended may take to come back: a busy machine takes longer than the 15 s after which a
+# LocalCluster gives it up for good.
+_RETURN = 600
 _SCHEDULER = click.option(
     "--scheduler",
     cls=GroupedOption,
@@ -91,6 +94,7 @@ def started(count: int) -> Iterator[Any]:
     from sheetsplat.errors import Error, complain, missing_package
 
     try:
+        import dask.config
         from distributed import Client, LocalCluster
     except ImportError as error:
         raise missing_package("processes that draw bricks cannot be started", error) from error
@@ -110,7 +114,8 @@ def started(count: int) -> Iterator[Any]:
             )
     except (OSError, RuntimeError, TimeoutError) as error:
         raise complain("processes that draw bricks cannot be started", str(error), f"{count}", kind=Error) from error
-    with cluster, connect(cluster) as client:
+    lasting = {"distributed.deploy.lost-worker-timeout": f"{_RETURN}s"}
+    with dask.config.set(lasting), cluster, connect(cluster) as client:
         yield client
 
 

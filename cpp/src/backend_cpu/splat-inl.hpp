@@ -29,14 +29,6 @@ HWY_INLINE bool is_upright(const RowShape<T>& shape) {
     return shape.Y1 == T(0) && shape.d1 == T(0) && shape.d2 == T(0);
 }
 
-/// Kernels of one shape that are products, but for those next to the eye.
-template <Sums sums, class T>
-HWY_INLINE int add_products_or_ellipses(Splat<T, false>& splat, const Section<T>& section, T weight,
-                                        const ProductView<T>& view, int count) {
-    const int drawn = add_products<sums>(splat, section, weight, view, count);
-    return drawn >= 0 ? drawn : add_ellipses<sums>(splat, section, weight, view.shape, count);
-}
-
 template <Sums sums, class T, bool slopes>
 HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, const SectionExtra<T>& extra,
                           const RowShape<T>& shape, int count) {
@@ -71,7 +63,10 @@ HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, co
             const Rect& seen = splat.live.rect;
             const Rect box{std::max<int>(extra.x0, seen.x0), std::max<int>(extra.y0, seen.y0),
                            std::min<int>(extra.x1, seen.x1), std::min<int>(extra.y1, seen.y1)};
-            return add_products_in<sums>(box, T(0), T(0), splat, section, extra.weight,
+            if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
+                return 0;
+            }
+            return add_one_product<sums>(ProductBox<T>(box, T(0), T(0)), splat, section, extra.weight,
                                          product_view<T>(splat, shape, T(0), T(0), nullptr), count);
         }
     }

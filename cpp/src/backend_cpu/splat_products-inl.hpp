@@ -21,6 +21,7 @@
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
 #include "math-inl.hpp"
+#include "splat_ellipses-inl.hpp"
 #include "splat_target-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -195,7 +196,7 @@ struct ProductPlaces {
 /// exp2(-falloff (X u + A)^2) at `count` columns of each section.
 template <class D, class T = hn::TFromD<D>>
 HWY_INLINE void bells_of_columns(D d, T falloff_log2, const ProductPlaces<T>& first, const ProductPlaces<T>& more,
-                                 int count, int sections, T* out) {
+                                 int count, int sections, T* out, int stride) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const auto minus_k = hn::Set(d, -falloff_log2);
     for (int i = 0; i < count; i += lanes) {
@@ -204,7 +205,7 @@ HWY_INLINE void bells_of_columns(D d, T falloff_log2, const ProductPlaces<T>& fi
         const auto further = hn::MulAdd(hn::Set(d, more.step_x), pixel, hn::Set(d, more.at_x));
         for (int section = 0; section < sections; ++section) {
             const auto q = hn::MulAdd(hn::Set(d, static_cast<T>(section)), further, here);
-            hn::Store(exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q, q))), d, out + section * most_edge + i);
+            hn::Store(exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q, q))), d, out + section * stride + i);
         }
     }
 }
@@ -212,7 +213,7 @@ HWY_INLINE void bells_of_columns(D d, T falloff_log2, const ProductPlaces<T>& fi
 /// The factors along y at `count` rows of each section.
 template <class D, class T = hn::TFromD<D>>
 HWY_INLINE void bells_of_rows(D d, T falloff_log2, const ProductPlaces<T>& first, const ProductPlaces<T>& more,
-                              int count, int sections, T* out) {
+                              int count, int sections, T* out, int stride) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const auto minus_k = hn::Set(d, -falloff_log2);
     for (int i = 0; i < count; i += lanes) {
@@ -227,7 +228,7 @@ HWY_INLINE void bells_of_rows(D d, T falloff_log2, const ProductPlaces<T>& first
             const auto m = hn::MulAdd(hn::Set(d, number), m_further, m_here);
             const auto r2 =
                 hn::MulAdd(m, hn::Add(m, hn::Set(d, T(2) * A)), hn::MulAdd(q, q, hn::Set(d, height * height)));
-            hn::Store(exp2_nonpositive(d, hn::Mul(minus_k, r2)), d, out + section * most_edge + i);
+            hn::Store(exp2_nonpositive(d, hn::Mul(minus_k, r2)), d, out + section * stride + i);
         }
     }
 }
@@ -330,63 +331,79 @@ HWY_INLINE void add_product_rows(D d, const Splat<T, slopes>& splat, const Bells
     });
 }
 
-/// Adds the slices from n on, `count` of them, of a kernel that lies in `box`. x_c, y_c: whole numbers, of the pixel
-/// that the kernel's centre is in; where it does not lean, any.
-template <Sums sums, class T, bool slopes>
-HWY_INLINE int add_products_in(const Rect& box, T x_c, T y_c, Splat<T, slopes>& splat, const Section<T>& section,
-                               T weight, const ProductView<T>& view, int count) {
-    static_assert(!slopes, "derivatives are not products");
-    const RowShape<T>& shape = view.shape;
-    if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
-        return 0;
+/// Columns and rows of a small kernel, at most: those of a section are the two halves of sixteen numbers.
+constexpr int small_px = 8;
+
+/// The factors of a small kernel.
+template <class T>
+HWY_INLINE void bells_of_small(T falloff_log2, const ProductPlaces<T>& first, const ProductPlaces<T>& more, bool leans,
+                               int sections, T* out) {
+    const hn::CappedTag<T, 2 * small_px> both;
+    if (hn::Lanes(both) < 2 * small_px) {
+        const hn::CappedTag<T, small_px> half;
+        bells_of_columns(half, falloff_log2, first, more, small_px, sections, out, 2 * small_px);
+        bells_of_rows(half, falloff_log2, first, more, small_px, sections, out + small_px, 2 * small_px);
+    } else if (leans) {
+        bells_of_both<true>(both, falloff_log2, first, more, sections, out);
+    } else {
+        bells_of_both<false>(both, falloff_log2, first, more, sections, out);
     }
-    const hn::CappedTag<T, 16> wide;
-    const int width = box.x1 - box.x0, height = box.y1 - box.y0;
-    const int start = start_of<T>(box.x0, box.x1, narrowest_lanes<T>(width));
-    const T from_first = static_cast<T>(splat.n - section.first);
-    ProductPlaces<T> first, more;
+}
+
+/// Where a kernel is drawn: the pixels that it can touch, and the column that vectors start at. x_c, y_c: whole
+/// numbers, of the pixel that the kernel's centre is in; where it does not lean, any.
+template <class T>
+struct ProductBox {
+    Rect box;
+    int start;
+    T x_c, y_c;
+
+    ProductBox(const Rect& touched, T column, T row)
+        : box(touched), start(start_of<T>(touched.x0, touched.x1, narrowest_lanes<T>(touched.x1 - touched.x0))),
+          x_c(column), y_c(row) {}
+    [[nodiscard]] HWY_INLINE bool small() const { return box.x1 - start <= small_px && box.y1 - box.y0 <= small_px; }
+};
+
+template <class T>
+HWY_INLINE void find_places(const ProductBox<T>& at, const Section<T>& section, const ProductView<T>& view,
+                            T from_first, ProductPlaces<T>& first, ProductPlaces<T>& more) {
+    const RowShape<T>& shape = view.shape;
     first.step_x = shape.X * view.depth;
     first.step_y = shape.Y2 * view.depth;
     first.step_m = shape.Y1 * view.depth;
     more.step_x = shape.X * view.spread;
     more.step_y = shape.Y2 * view.spread;
     more.step_m = shape.Y1 * view.spread;
-    first.at_x = section.a1 + from_first * shape.d1 + first.step_m * y_c;
-    more.at_x = shape.d1 + more.step_m * y_c;
-    first.A = first.at_x + first.step_x * x_c;
-    more.A = more.at_x + more.step_x * x_c;
-    first.at_x += first.step_x * static_cast<T>(start);
-    more.at_x += more.step_x * static_cast<T>(start);
-    first.at_y = section.a2 + from_first * shape.d2 + first.step_y * static_cast<T>(box.y0);
-    more.at_y = shape.d2 + more.step_y * static_cast<T>(box.y0);
-    first.m = first.step_m * (static_cast<T>(box.y0) - y_c);
-    more.m = more.step_m * (static_cast<T>(box.y0) - y_c);
+    const T y0 = static_cast<T>(at.box.y0);
+    first.at_x = section.a1 + from_first * shape.d1 + first.step_m * at.y_c;
+    more.at_x = shape.d1 + more.step_m * at.y_c;
+    first.A = first.at_x + first.step_x * at.x_c;
+    more.A = more.at_x + more.step_x * at.x_c;
+    first.at_x += first.step_x * static_cast<T>(at.start);
+    more.at_x += more.step_x * static_cast<T>(at.start);
+    first.at_y = section.a2 + from_first * shape.d2 + first.step_y * y0;
+    more.at_y = shape.d2 + more.step_y * y0;
+    first.m = first.step_m * (y0 - at.y_c);
+    more.m = more.step_m * (y0 - at.y_c);
     first.s = section.s + from_first * shape.ds;
     more.s = shape.ds;
-    BellRoom<T> room;
-    const T k = splat.profile.falloff_log2;
-    Bells<T> bells{room.x, room.y, most_edge};
-    if (hn::Lanes(wide) == 16 && box.x1 - start <= 8 && height <= 8) {
-        if (view.lean == nullptr) {
-            bells_of_both<false>(wide, k, first, more, count, room.x);
-        } else {
-            bells_of_both<true>(wide, k, first, more, count, room.x);
-        }
-        bells = {room.x, room.x + 8, 16};
-    } else {
-        bells_of_columns(wide, k, first, more, box.x1 - start, count, room.x);
-        bells_of_rows(wide, k, first, more, height, count, room.y);
-    }
+}
+
+/// Adds the slices from n on, `count` of them, of a kernel whose factors are known.
+template <Sums sums, class T, bool slopes>
+HWY_INLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Splat<T, slopes>& splat, T value, T weight,
+                            const ProductView<T>& view, int count) {
+    const Rect& box = at.box;
     splat.through[count - 1].add(box);
-    in_narrowest<T>(width, [&](auto d) {
+    in_narrowest<T>(box.x1 - box.x0, [&](auto d) {
         const auto add = [&](const auto& lean) {
-            add_product_rows<sums>(d, splat, bells, lean, section.value, weight, start, box.x1, box.y0, box.y1, count);
+            add_product_rows<sums>(d, splat, bells, lean, value, weight, at.start, box.x1, box.y0, box.y1, count);
         };
         if (view.lean == nullptr) {
             add(NoLean<T>());
             return;
         }
-        const int u = start - static_cast<int>(x_c), v = box.y0 - static_cast<int>(y_c);
+        const int u = at.start - static_cast<int>(at.x_c), v = box.y0 - static_cast<int>(at.y_c);
         const T* table = view.lean->at(u, v);
         if (view.spread == T(0)) {
             add(SharedLean<T>{table, view.lean->stride(), 0});
@@ -394,33 +411,159 @@ HWY_INLINE int add_products_in(const Rect& box, T x_c, T y_c, Splat<T, slopes>& 
             add(EachLean<T>{table, view.lean->stride(), view.lean->apart()});
         }
     });
+}
+
+/// Adds the slices from n on, `count` of them, of a kernel.
+template <Sums sums, class T, bool slopes>
+HWY_INLINE int add_one_product(const ProductBox<T>& at, Splat<T, slopes>& splat, const Section<T>& section, T weight,
+                               const ProductView<T>& view, int count) {
+    static_assert(!slopes, "derivatives are not products");
+    ProductPlaces<T> first, more;
+    find_places(at, section, view, static_cast<T>(splat.n - section.first), first, more);
+    BellRoom<T> room;
+    const T k = splat.profile.falloff_log2;
+    Bells<T> bells{room.x, room.y, most_edge};
+    if (at.small()) {
+        bells_of_small(k, first, more, view.lean != nullptr, count, room.x);
+        bells = {room.x, room.x + small_px, 2 * small_px};
+    } else {
+        const hn::CappedTag<T, 16> wide;
+        bells_of_columns(wide, k, first, more, at.box.x1 - at.start, count, room.x, most_edge);
+        bells_of_rows(wide, k, first, more, at.box.y1 - at.box.y0, count, room.y, most_edge);
+    }
+    add_product<sums>(at, bells, splat, section.value, weight, view, count);
     return count;
 }
 
-/// Adds the slices from n on, `count` of them, of a kernel; -1 where it is so near that its reach does not hold.
-template <Sums sums, class T, bool slopes>
-HWY_INLINE int add_products(Splat<T, slopes>& splat, const Section<T>& section, T weight, const ProductView<T>& view,
-                            int count) {
-    const RowShape<T>& shape = view.shape;
-    // Slices from the first one to n and from there to the kernel's centre, and its depth.
-    const T from_first = static_cast<T>(splat.n - section.first), to_centre = section.s * view.deep - from_first;
-    const T centre = view.depth + to_centre * view.spread;
-    if (!(centre > T(2) * view.deep * view.spread)) {
-        return -1;
+/// Some kernels of one shape that are products, measured in vectors that hold a kernel a lane.
+template <class T>
+class ProductBatch {
+  public:
+    static constexpr int room = 16;
+
+    ProductBatch(const ProductView<T>& view, std::int32_t last_slice) : view_(view), last_slice_(last_slice) {}
+
+    /// The kernel of each number, 1 to `room` of them; n: the slice that they are drawn from on.
+    HWY_INLINE void measure(const Section<T>* sections, const std::uint32_t* numbers, int number, std::int32_t n,
+                            const Rect& seen) {
+        for (int kernel = 0; kernel < room; ++kernel) {
+            const Section<T>& section = sections[numbers[std::min(kernel, number - 1)]];
+            a1_[kernel] = section.a1;
+            a2_[kernel] = section.a2;
+            s_[kernel] = section.s;
+            first_[kernel] = static_cast<T>(section.first);
+        }
+        const hn::CappedTag<T, room> d;
+        using V = hn::Vec<decltype(d)>;
+        const RowShape<T>& shape = view_.shape;
+        const auto all = [&](T value) SHEETSPLAT_CPU_INLINE { return hn::Set(d, value); };
+        const auto clamped = [&](V at, int low, int high) SHEETSPLAT_CPU_INLINE {
+            return hn::Min(hn::Max(at, all(static_cast<T>(low))), all(static_cast<T>(high)));
+        };
+        const V one = all(T(1)), near = all(T(2) * view_.deep * view_.spread);
+        for (int kernel = 0; kernel < room; kernel += static_cast<int>(hn::Lanes(d))) {
+            const V s = hn::Load(d, s_ + kernel), first = hn::Load(d, first_ + kernel);
+            const V further = hn::Floor(hn::Mul(hn::Add(one, s), all(view_.deep)));
+            hn::Store(hn::Min(hn::Add(first, hn::Max(further, hn::Neg(one))), all(static_cast<T>(last_slice_))), d,
+                      last_ + kernel);
+            // Slices from the first one to the kernel's centre, and its depth.
+            const V to_centre = hn::Mul(s, all(view_.deep));
+            const V from_here = hn::Sub(hn::Add(to_centre, first), all(static_cast<T>(n)));
+            const V centre = hn::MulAdd(from_here, all(view_.spread), all(view_.depth));
+            const V holds = hn::IfThenElseZero(hn::Gt(centre, near), one);
+            const V per_depth = hn::Div(one, hn::IfThenElse(hn::Gt(centre, near), centre, one));
+            const V q1 = hn::MulAdd(to_centre, all(shape.d1), hn::Load(d, a1_ + kernel));
+            const V q2 = hn::MulAdd(to_centre, all(shape.d2), hn::Load(d, a2_ + kernel));
+            const V y = hn::Neg(hn::Mul(hn::Mul(q2, all(view_.per_Y)), per_depth));
+            const V x = hn::Sub(hn::Neg(hn::Mul(hn::Mul(q1, all(view_.per_X)), per_depth)),
+                                hn::Mul(all(shape.Y1 * view_.per_X), y));
+            const V half_x = hn::Mul(all(view_.reach_x), per_depth), half_y = hn::Mul(all(view_.reach_y), per_depth);
+            const auto put = [&](V at, T* out) SHEETSPLAT_CPU_INLINE { hn::Store(at, d, out + kernel); };
+            put(clamped(hn::Ceil(hn::Sub(x, half_x)), seen.x0, seen.x1), x0_);
+            put(clamped(hn::Ceil(hn::Sub(y, half_y)), seen.y0, seen.y1), y0_);
+            put(clamped(hn::Add(hn::Floor(hn::Add(x, half_x)), one), seen.x0, seen.x1), x1_);
+            put(clamped(hn::Add(hn::Floor(hn::Add(y, half_y)), one), seen.y0, seen.y1), y1_);
+            // The centre is not far outside the box, which it lies in the middle of unless that is cut.
+            put(hn::Floor(hn::Add(x, all(T(0.5)))), x_c_);
+            put(hn::Floor(hn::Add(y, all(T(0.5)))), y_c_);
+            put(holds, holds_);
+        }
     }
-    const T per_depth = T(1) / centre;
-    const T middle_y = -(section.a2 + (from_first + to_centre) * shape.d2) * view.per_Y * per_depth;
-    const T middle_x =
-        -(section.a1 + (from_first + to_centre) * shape.d1) * view.per_X * per_depth - shape.Y1 * view.per_X * middle_y;
-    const T half_x = view.reach_x * per_depth, half_y = view.reach_y * per_depth;
-    const Rect& seen = splat.live.rect;
-    const Rect box{whole(std::ceil(middle_x - half_x), seen.x0, seen.x1),
-                   whole(std::ceil(middle_y - half_y), seen.y0, seen.y1),
-                   whole(std::floor(middle_x + half_x) + T(1), seen.x0, seen.x1),
-                   whole(std::floor(middle_y + half_y) + T(1), seen.y0, seen.y1)};
-    // The centre is not far outside the box, which it lies in the middle of unless that is cut.
-    return add_products_in<sums>(box, std::floor(middle_x + T(0.5)), std::floor(middle_y + T(0.5)), splat, section,
-                                 weight, view, count);
+
+    /// The last slice that a kernel meets.
+    [[nodiscard]] HWY_INLINE std::int32_t last(int kernel) const { return static_cast<std::int32_t>(last_[kernel]); }
+
+    /// Whether a kernel is not so near that its reach is another one.
+    [[nodiscard]] HWY_INLINE bool holds(int kernel) const { return holds_[kernel] > T(0); }
+    [[nodiscard]] HWY_INLINE Rect box(int kernel) const {
+        return {static_cast<int>(x0_[kernel]), static_cast<int>(y0_[kernel]), static_cast<int>(x1_[kernel]),
+                static_cast<int>(y1_[kernel])};
+    }
+    [[nodiscard]] HWY_INLINE ProductBox<T> place(int kernel) const {
+        return ProductBox<T>(box(kernel), x_c_[kernel], y_c_[kernel]);
+    }
+
+  private:
+    const ProductView<T>& view_;
+    const std::int32_t last_slice_;
+    HWY_ALIGN T a1_[room], a2_[room], s_[room], first_[room];
+    HWY_ALIGN T x0_[room], y0_[room], x1_[room], y1_[room]; ///< pixels that it can touch
+    HWY_ALIGN T x_c_[room], y_c_[room];                     ///< the pixel that its centre is in
+    HWY_ALIGN T last_[room], holds_[room];
+};
+
+/// Draws the kernel of each number on slice n and those behind it. Calls draw_again(last slice, number) for each that
+/// is drawn or only met later. Returns how many sections were drawn.
+template <Sums sums, class T, bool slopes, class DrawAgain>
+HWY_INLINE int add_product_batch(Splat<T, slopes>& splat, ProductBatch<T>& batch, const ProductView<T>& view,
+                                 const Section<T>* sections, const std::uint32_t* numbers, int number, T weight,
+                                 const DrawAgain& draw_again) {
+    constexpr int room = ProductBatch<T>::room;
+    batch.measure(sections, numbers, number, splat.n, splat.live.rect);
+    int drawn = 0;
+    // The factors of all small kernels first: their rows do not wait for them.
+    int small[room], counts[room];
+    int smalls = 0, most = 0;
+    for (int kernel = 0; kernel < number; ++kernel) {
+        const std::int32_t last = batch.last(kernel);
+        const int count = std::min(last + 1 - splat.n, covered_slices);
+        if (count <= 0) {
+            continue;
+        }
+        draw_again(last, numbers[kernel]);
+        const Section<T>& section = sections[numbers[kernel]];
+        if (!batch.holds(kernel)) {
+            drawn += add_ellipses<sums>(splat, section, weight, view.shape, count);
+            continue;
+        }
+        const Rect box = batch.box(kernel);
+        if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
+            continue;
+        }
+        drawn += count;
+        const ProductBox<T> at = batch.place(kernel);
+        if (!at.small()) {
+            add_one_product<sums>(at, splat, section, weight, view, count);
+            continue;
+        }
+        small[smalls] = kernel;
+        counts[smalls++] = count;
+        most = std::max(most, count);
+    }
+    HWY_ALIGN T bells[room * covered_slices * 2 * small_px];
+    constexpr int apart = covered_slices * 2 * small_px;
+    for (int i = 0; i < smalls; ++i) {
+        const Section<T>& section = sections[numbers[small[i]]];
+        ProductPlaces<T> first, more;
+        find_places(batch.place(small[i]), section, view, static_cast<T>(splat.n - section.first), first, more);
+        bells_of_small(splat.profile.falloff_log2, first, more, view.lean != nullptr, most, bells + i * apart);
+    }
+    for (int i = 0; i < smalls; ++i) {
+        const T* of_kernel = bells + i * apart;
+        add_product<sums>(batch.place(small[i]), Bells<T>{of_kernel, of_kernel + small_px, 2 * small_px}, splat,
+                          sections[numbers[small[i]]].value, weight, view, counts[i]);
+    }
+    return drawn;
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

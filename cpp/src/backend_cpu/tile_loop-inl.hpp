@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <limits>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "backend_cpu/tile_task.hpp"
@@ -218,36 +219,22 @@ class TileLoop {
                 alike && !plain && !slopes && are_products(setup_, profile, kernels, shape_, n, lean_[part]);
             const ProductView<T> view =
                 product_view(splat_part, first_shape, kernels.reach_x, kernels.reach_y, &lean_[part]);
-            const auto draw_alike = [&](auto upright, auto sums, std::uint32_t number) {
+            const auto draw_upright = [&](auto sums, std::uint32_t number) {
                 const Section<T>& section = kernels.sections[number];
                 const std::int64_t last = last_of(section, view.deep, kernels.last_slice);
                 const int count = slices_left(last);
                 if (count > 0) {
-                    int drawn = 0;
-                    if constexpr (upright.value) {
-                        drawn = add_spheres<sums.value>(splat_part, section, kernels.weight, first_shape, view.per_X,
-                                                        count);
-                    } else {
-                        drawn = add_products_or_ellipses<sums.value>(splat_part, section, kernels.weight, view, count);
-                    }
-                    drawn_ += static_cast<std::uint64_t>(drawn);
+                    drawn_ += static_cast<std::uint64_t>(
+                        add_spheres<sums.value>(splat_part, section, kernels.weight, first_shape, view.per_X, count));
                     draw_again(last, number);
                 }
             };
-            // Calls use(draw) with how kernels of this part are drawn.
+            // Calls use(draw) with how single kernels of this part are drawn.
             const auto with_way = [&](const auto& use) {
-                const auto in_way = [&](auto upright) {
-                    return with_sums<T, slopes>(profile, [&](auto sums) SHEETSPLAT_CPU_INLINE {
-                        return use([&](std::uint32_t number) { draw_alike(upright, sums, number); });
-                    });
-                };
                 if (plain) {
-                    return in_way(std::true_type());
-                }
-                if constexpr (!slopes) {
-                    if (products) {
-                        return in_way(std::false_type());
-                    }
+                    return with_sums<T, slopes>(profile, [&](auto sums) SHEETSPLAT_CPU_INLINE {
+                        return use([&](std::uint32_t number) { draw_upright(sums, number); });
+                    });
                 }
                 return use(draw);
             };
@@ -261,23 +248,64 @@ class TileLoop {
             while (past < kernels.sections.size() && kernels.sections[past].first <= n) {
                 ++past;
             }
-            const bool all_drawn = with_way([&](const auto& draw_one) {
+            const auto for_each_waiting = [&](const auto& visit) {
                 for (std::size_t entry = 0; entry < waiting; ++entry) {
-                    if (again[entry].part == part) {
-                        draw_one(again[entry].section);
-                        if (given_up(1)) {
-                            return false;
-                        }
-                    }
-                }
-                for (; next < past && !batches; ++next) {
-                    draw_one(static_cast<std::uint32_t>(next));
-                    if (given_up(1)) {
+                    if (again[entry].part == part && !visit(again[entry].section)) {
                         return false;
                     }
                 }
                 return true;
-            });
+            };
+            const auto draw_each = [&](const auto& draw_one) {
+                const auto visit = [&](std::uint32_t number) {
+                    draw_one(number);
+                    return !given_up(1);
+                };
+                if (!for_each_waiting(visit)) {
+                    return false;
+                }
+                for (; next < past && !batches; ++next) {
+                    if (!visit(static_cast<std::uint32_t>(next))) {
+                        return false;
+                    }
+                }
+                return true;
+            };
+            const auto draw_products = [&](auto sums) SHEETSPLAT_CPU_INLINE {
+                ProductBatch<T> batch(view, kernels.last_slice);
+                std::uint32_t numbers[ProductBatch<T>::room];
+                int together = 0;
+                const auto draw_them = [&] {
+                    if (together > 0) {
+                        drawn_ += static_cast<std::uint64_t>(
+                            add_product_batch<sums.value>(splat_part, batch, view, kernels.sections.data(), numbers,
+                                                          together, kernels.weight, draw_again));
+                    }
+                    return !given_up(static_cast<unsigned>(std::exchange(together, 0)));
+                };
+                const auto visit = [&](std::uint32_t number) {
+                    numbers[together++] = number;
+                    return together < ProductBatch<T>::room || draw_them();
+                };
+                if (!for_each_waiting(visit)) {
+                    return false;
+                }
+                for (; next < past; ++next) {
+                    if (!visit(static_cast<std::uint32_t>(next))) {
+                        return false;
+                    }
+                }
+                return draw_them();
+            };
+            const auto draw_all = [&] {
+                if constexpr (!slopes) {
+                    if (products) {
+                        return with_sums<T, slopes>(profile, draw_products);
+                    }
+                }
+                return with_way(draw_each);
+            };
+            const bool all_drawn = draw_all();
             if (!all_drawn) {
                 return false;
             }

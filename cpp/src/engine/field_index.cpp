@@ -96,6 +96,9 @@ std::array<double, 2> semi_axes_of(const Field& field) {
     return {std::min({axes.x, axes.y, axes.z}), std::max({axes.x, axes.y, axes.z})};
 }
 
+/// Of parts that are not drawn now, what takes more than the so-manieth part of their memory is dropped.
+constexpr std::size_t little_of_part = 4;
+
 /// Rounding of what the filter widens supports by.
 constexpr double filter_rounding = 1e-9;
 
@@ -177,7 +180,7 @@ const RunsEntry& FieldIndex::runs_of(std::size_t number, const Scene& scene, con
     VisibilityQuery query = query_of(number, scene, plan, frame);
     const std::size_t copy = copies_before(scene, number);
     const auto found = std::find_if(runs_.begin(), runs_.end(), [&](const std::unique_ptr<RunsEntry>& entry) {
-        return entry->field == field && entry->copy == copy;
+        return entry->copy == copy && entry->field.lock() == field;
     });
     if (found != runs_.end()) {
         if ((*found)->decided.answers(query)) {
@@ -208,7 +211,7 @@ const RunsEntry& FieldIndex::runs_of(std::size_t number, const Scene& scene, con
 
 GridEntry* FieldIndex::find_grid(const Field* field, std::size_t copy) const {
     for (const auto& entry : grids_) {
-        if (entry->field.get() == field && entry->copy == copy) {
+        if (entry->copy == copy && entry->field.lock().get() == field) {
             return entry.get();
         }
     }
@@ -277,9 +280,15 @@ std::array<double, 2> FieldIndex::reach_along(const Field& field, const Vec3& fr
     return reach;
 }
 
-void FieldIndex::forget_others(const std::vector<std::shared_ptr<const Field>>& fields) {
-    keep_fields(runs_, fields);
-    keep_fields(grids_, fields);
+void FieldIndex::forget_others(const std::vector<std::shared_ptr<const Field>>& fields, bool parts) {
+    const auto takes_little = [parts](std::size_t bytes, const Field& field) {
+        return parts && bytes <= field.memory() / little_of_part;
+    };
+    keep_fields(runs_, fields,
+                [&](const RunsEntry& entry, const Field& field) { return takes_little(entry.runs.bytes(), field); });
+    keep_fields(grids_, fields, [&](const GridEntry& entry, const Field& field) {
+        return entry.kernels.get() != &field && takes_little(entry.bytes(), field);
+    });
 }
 
 } // namespace sheetsplat

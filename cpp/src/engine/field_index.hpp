@@ -28,7 +28,7 @@ struct Decision {
 
 /// Which samples of a lattice are drawn.
 struct RunsEntry {
-    std::shared_ptr<const Field> field;
+    std::weak_ptr<const Field> field;
     std::size_t copy = 0; ///< how often the scene holds the field before
     Decision decided;
     VisibleRuns runs;
@@ -37,7 +37,7 @@ struct RunsEntry {
 
 /// Scattered kernels with their grid, and which of them are drawn.
 struct GridEntry {
-    std::shared_ptr<const Field> field;            ///< of the scene
+    std::weak_ptr<const Field> field;              ///< of the scene
     std::size_t copy = 0;                          ///< how often the scene holds the field before
     std::shared_ptr<const EllipsoidField> kernels; ///< the field itself, or a lattice's kernels one by one
     SpatialGrid grid;
@@ -60,8 +60,8 @@ class FieldIndex {
     const GridEntry& grid_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame);
     /// Field::reach_along, by way of the field's grid where there is one.
     [[nodiscard]] std::array<double, 2> reach_along(const Field& field, const Vec3& from, const Vec3& direction) const;
-    /// Drops what belongs to other fields.
-    void forget_others(const std::vector<std::shared_ptr<const Field>>& fields);
+    /// Drops what belongs to other fields. As FieldSurveys::forget_others; of `parts` what takes little beside them.
+    void forget_others(const std::vector<std::shared_ptr<const Field>>& fields, bool parts);
 
   private:
     [[nodiscard]] GridEntry* find_grid(const Field* field, std::size_t copy) const;

@@ -150,7 +150,7 @@ Prepared Renderer::State::prepare(const Request& request) {
     Prepared prepared;
     prepared.frame = make_frame(scene, request.camera, request.size, reach());
     check_picture_memory(request.size, request.outputs);
-    surveys_.forget_others(levels_.keep(scene));
+    surveys_.forget_others(levels_.keep(scene), scene.part.has_value());
     const ViewFacts facts = view_facts(scene, request.camera, prepared.frame, surveys_);
     prepared.plan = backends_.choose_plan(request, facts);
     prepared.work = work_of(scene, facts);
@@ -175,7 +175,7 @@ Scene Renderer::State::at_level(Scene scene, const Level& level, const Progress&
 
 Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prepared, const Frame& drawn_like) {
     const Scene& scene = request.scene;
-    index_.forget_others(levels_.keep(scene));
+    index_.forget_others(levels_.keep(scene), scene.part.has_value());
     Indexed indexed;
     for (const std::size_t field : prepared.view_fields) {
         // Nothing has looked at the samples of a level yet, and what the stage's own frame calls for is found soon.

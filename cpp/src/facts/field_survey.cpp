@@ -44,7 +44,7 @@ WeightFacts survey_filtered_weights(const EllipsoidField& field, const FilterWid
 
 const FieldSurvey& FieldSurveys::of(const std::shared_ptr<const Field>& field) {
     for (const auto& survey : surveys_) {
-        if (survey->field == field) {
+        if (survey->field.lock() == field) {
             return *survey;
         }
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -201,6 +202,10 @@ class BrickView:
 
     def depths(self) -> tuple[float, float]:
         """Return the nearest and the farthest depth that kernels of the whole reach."""
+        return self._depths
+
+    @cached_property
+    def _depths(self) -> tuple[float, float]:
         longer = 0.0
         if self.options["filter"] is not None:
             longer = _FILTER * math.sqrt(2.0 * self.whole.falloff) * self.slice_spacing

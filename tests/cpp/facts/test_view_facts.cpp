@@ -139,5 +139,33 @@ TEST(ViewFacts, GatherTheExtremesOfAllFields) {
     EXPECT_LT(view_facts(scene, camera, coarse, surveys).weights.at(scattered.get()).most, 2.0) << "kernels flatten";
 }
 
+TEST(FieldSurveys, OthersAreDroppedUnlessTheyAreSparedAndExist) {
+    const auto field = [] {
+        EllipsoidArrays arrays;
+        arrays.centers = {Vec3(0.0)};
+        arrays.radii = {1.0};
+        arrays.values = {1.0};
+        return std::make_shared<const EllipsoidField>(std::move(arrays));
+    };
+    const std::shared_ptr<const Field> drawn = field(), other = field();
+    std::shared_ptr<const Field> gone = field();
+    std::vector<std::unique_ptr<FieldSurvey>> entries;
+    for (const auto& one : {other, drawn, gone}) {
+        entries.push_back(std::make_unique<FieldSurvey>());
+        entries.back()->field = one;
+    }
+    gone.reset();
+    const auto left = [&](bool spared) {
+        keep_fields(entries, {drawn}, [spared](const FieldSurvey&, const Field&) { return spared; });
+        std::vector<std::shared_ptr<const Field>> fields;
+        for (const auto& entry : entries) {
+            fields.push_back(entry->field.lock());
+        }
+        return fields;
+    };
+    EXPECT_EQ(left(true), (std::vector<std::shared_ptr<const Field>>{other, drawn}));
+    EXPECT_EQ(left(false), std::vector<std::shared_ptr<const Field>>{drawn});
+}
+
 } // namespace
 } // namespace sheetsplat

@@ -27,18 +27,20 @@ WeightFacts survey_weights(const EllipsoidField& field);
 WeightFacts survey_filtered_weights(const EllipsoidField& field, const FilterWidth& width);
 
 struct FieldSurvey {
-    std::shared_ptr<const Field> field;
+    std::weak_ptr<const Field> field;
     KernelFacts kernels;                ///< scattered fields
     std::optional<WeightFacts> weights; ///< weighted ones
     std::optional<double> lattice_peak; ///< lattices: largest W / C anywhere
 };
 
-/// Drops entries of other fields.
-template <class Entry>
-void keep_fields(std::vector<std::unique_ptr<Entry>>& entries,
-                 const std::vector<std::shared_ptr<const Field>>& fields) {
+/// Drops entries of other fields, but not those of fields that still exist which are `spared`.
+template <class Entry, class Spared>
+void keep_fields(std::vector<std::unique_ptr<Entry>>& entries, const std::vector<std::shared_ptr<const Field>>& fields,
+                 Spared&& spared) {
     const auto unused = [&](const std::unique_ptr<Entry>& entry) {
-        return std::find(fields.begin(), fields.end(), entry->field) == fields.end();
+        const std::shared_ptr<const Field> field = entry->field.lock();
+        return field == nullptr ||
+               (std::find(fields.begin(), fields.end(), field) == fields.end() && !spared(*entry, *field));
     };
     entries.erase(std::remove_if(entries.begin(), entries.end(), unused), entries.end());
 }
@@ -47,8 +49,11 @@ void keep_fields(std::vector<std::unique_ptr<Entry>>& entries,
 class FieldSurveys {
   public:
     const FieldSurvey& of(const std::shared_ptr<const Field>& field);
-    /// Drops what belongs to other fields.
-    void forget_others(const std::vector<std::shared_ptr<const Field>>& fields) { keep_fields(surveys_, fields); }
+    /// Drops what belongs to other fields. Parts of a whole come one after the other, again for each picture: what
+    /// belongs to `parts` stays while they exist.
+    void forget_others(const std::vector<std::shared_ptr<const Field>>& fields, bool parts) {
+        keep_fields(surveys_, fields, [parts](const FieldSurvey&, const Field&) { return parts; });
+    }
 
   private:
     std::vector<std::unique_ptr<FieldSurvey>> surveys_;

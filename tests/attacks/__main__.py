@@ -26,6 +26,10 @@ ATTACKS = {
     "odd_names": "films",
     "rubbish_frames": "films",
     "foreign_arguments": "arguments",
+    "ends_of_viewers": "endings",
+    "swapped_fields": "endings",
+    "foreign_headers": "headers",
+    "notebook_messages": "headers",
 }
 
 

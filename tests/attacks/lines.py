@@ -33,7 +33,7 @@ _SECONDS = 20.0
 
 def viewer(data: Any = None, **options: Any) -> ss.Viewer:
     """Return a viewer of a small volume."""
-    shown = volumes()["first"] if data is None else data
+    shown = volumes()["first"] if data is None and "choices" not in options else data
     return ss.view(shown, browser=False, backend="cpu", threads=1, **options)
 
 

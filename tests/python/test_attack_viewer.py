@@ -12,7 +12,7 @@ from sheetsplat.viewer.session import _MOST_JOBS, Session
 
 pytest.importorskip("aiohttp", reason="aiohttp is not installed")
 
-from attacks import lines, messages  # noqa: E402  # They need aiohttp.
+from attacks import endings, lines, messages  # noqa: E402  # They need aiohttp.
 
 
 @pytest.mark.slow
@@ -54,6 +54,17 @@ def test_fifty_pages_at_once() -> None:
 def test_a_session_does_not_grow() -> None:
     found = lines.frames_of_a_session(0, 200)
     assert not found.failures and found.done["frames"] == 200, found
+
+
+def test_data_that_change_under_a_session() -> None:
+    found = endings.swapped_fields(0, 60)
+    assert not found.failures and found.done["pictures of whole files"] == 3, found
+
+
+@pytest.mark.slow
+def test_viewers_that_are_ended_with_pages_open() -> None:
+    found = endings.ends_of_viewers(0, 3)
+    assert not found.failures and found.done["pages that were open"] >= 3, found
 
 
 WRONG = {

@@ -67,7 +67,7 @@ def read(source: Source, name: str | None = None) -> Volume:
     values = np.empty(shape, dtype)
     grid.copyToArray(values, ijk=tuple(low.tolist()))
     first, *ends = (
-        np.asarray(grid.transform.indexToWorld(tuple((low + step).tolist())))
+        np.asarray(grid.transform.indexToWorld(tuple((low + step).tolist())), dtype=np.float64)
         for step in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
     )
     steps = np.stack(ends) - first

@@ -22,6 +22,7 @@ _LEVELS = 8
 _MOST = 50_000_000
 _ROUNDS = 16
 _NEAR = 0.003
+_SAME = 1.0001
 # With shares of cells: how near the number is searched for, and how often.
 _NEAR_SHARES = 0.05
 _CORRECTIONS = 4
@@ -49,9 +50,13 @@ def _halved(full: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(full.reshape(x, 2, y, 2, z, 2).all(axis=(1, 3, 5)))
 
 
-def _grid(mesh: ClosedMesh, spacing: float, levels: int, margin: int) -> tuple[Floats, tuple[int, int, int]]:
-    """Return the corner of a grid of cells around a mesh, and its shape, in whole largest cells.
+_Shape = tuple[int, int, int]
 
+
+def _grid(mesh: ClosedMesh, spacing: float, levels: int, margin: int) -> tuple[Floats, _Shape, _Shape, _Shape]:
+    """Return the corner of a grid of cells around a mesh, its shape in whole largest cells, and its part with the mesh.
+
+    The part is the first cell and the number of cells along each axis; in all others nothing is inside.
     margin: further cells on both sides.
     """
     lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
@@ -62,9 +67,10 @@ def _grid(mesh: ClosedMesh, spacing: float, levels: int, margin: int) -> tuple[F
     total = float(np.prod(wide))
     what = f"a grid of {total:.3g} cells in which the solid is filled"
     _memory.require(int(min(total * 8.0, 2.0**62)), what, "use larger cells: a larger spacing, or fewer kernels")
-    nx, ny, nz = (int(part) for part in wide)
-    origin = 0.5 * (lower + upper) - spacing * (0.5 * across + (wide - across) // 2)
-    return origin, (nx, ny, nz)
+    first = (wide - across) // 2
+    origin = 0.5 * (lower + upper) - spacing * (0.5 * across + first)
+    (nx, ny, nz), (x, y, z), (mx, my, mz) = (tuple(int(part) for part in sizes) for sizes in (wide, first, across))
+    return origin, (nx, ny, nz), (x, y, z), (mx, my, mz)
 
 
 def _shares(mesh: ClosedMesh, origin: Floats, spacing: float, shape: tuple[int, int, int]) -> Floats:
@@ -77,7 +83,11 @@ def _shares(mesh: ClosedMesh, origin: Floats, spacing: float, shape: tuple[int, 
         count = min(step, nx - start)
         corner = origin + np.array([start * spacing, 0.0, 0.0])
         inside = winding_on_grid(mesh, corner, fine, (_SAMPLES * count, _SAMPLES * ny, _SAMPLES * nz)) != 0
-        parts.append(inside.reshape(count, _SAMPLES, ny, _SAMPLES, nz, _SAMPLES).mean(axis=(1, 3, 5)))
+        counts = inside.astype(np.uint8)
+        for axis in (2, 1, 0):
+            line = np.moveaxis(counts, axis, 0)
+            counts = np.moveaxis(sum(line[sample::_SAMPLES] for sample in range(_SAMPLES)), 0, axis)
+        parts.append(counts / float(_SAMPLES**3))
     return np.concatenate(parts)
 
 
@@ -87,12 +97,12 @@ def _fill(mesh: ClosedMesh, spacing: float, levels: int, *, shares: bool = False
     A cell is divided unless it and all cells of its size around it are full, so that sizes of neighbours differ by a
     factor of 2 at most. Without `shares`, smallest cells whose centre is inside are full, and others are left out.
     """
-    origin, shape = _grid(mesh, spacing, levels, 1 if truth("solid: shares", shares) else 0)
-    if truth("solid: shares", shares):
-        share = _shares(mesh, origin, spacing, shape)
-    else:
-        # In cavities the winding numbers of shells cancel.
-        share = (winding_on_grid(mesh, origin, spacing, shape) != 0).astype(np.float64)
+    origin, shape, first, size = _grid(mesh, spacing, levels, 1 if truth("solid: shares", shares) else 0)
+    corner = origin + spacing * np.array(first, dtype=np.float64)
+    share = np.zeros(shape)
+    part = share[tuple(slice(at, at + count) for at, count in zip(first, size, strict=True))]
+    # In cavities the winding numbers of shells cancel.
+    part[...] = _shares(mesh, corner, spacing, size) if shares else winding_on_grid(mesh, corner, spacing, size) != 0
     pyramid = [share == 1.0]
     for _ in range(levels - 1):
         pyramid.append(_halved(pyramid[-1]))
@@ -146,6 +156,9 @@ def _fill_by_centers(mesh: ClosedMesh, wanted: int, levels: int) -> tuple[int, f
         else:
             larger = min(larger, spacing)
         spacing *= (max(count, 0.1) / wanted) ** 0.4
+        # Numbers jump where cells come and go in whole layers: nothing is left to choose in between.
+        if larger < smaller * _SAME:
+            break
         if not smaller < spacing < larger:
             spacing = math.sqrt(smaller * larger) if smaller > 0.0 else 0.7 * larger
     assert best is not None

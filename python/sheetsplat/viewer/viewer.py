@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 _SIZE = (800, 600)
 _LOCAL = "127.0.0.1"
+# How late Ctrl-C may be seen, in seconds.
+_NAP = 0.25
 
 
 def in_notebook() -> bool:
@@ -133,8 +135,8 @@ class Viewer:
     def wait(self) -> None:
         """Wait until the viewer is closed; Ctrl-C closes it."""
         try:
-            # Without a time, Ctrl-C would wait as well on some systems.
-            while not self._done.wait(3600.0):
+            # A signal that comes right before the thread falls asleep is seen when it wakes.
+            while not self._done.wait(_NAP):
                 pass
         except KeyboardInterrupt:
             self.close()

@@ -101,6 +101,11 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     if (scene.sampling == Sampling::slab && !plan.filter && view.slabs.thickest > limits::thickest_slab) {
         return "a slab is " + number(view.slabs.thickest) + " times as thick as half a kernel";
     }
+    if (scene.sampling == Sampling::slab && lights_quotients(plan) &&
+        sums.weight_range * std::max(1.0, sums.ratio) > limits::widest_weights_in_slabs) {
+        return "weights of up to " + number(sums.weight_range) +
+               " times w0: where these are w0, light would show the rounding of float32 means over slabs";
+    }
     if (plan.gradient_opacity && least_faded(scene, view, sums, float32_epsilon) > *scene.gradient_opacity) {
         return "gradient_opacity " + number(*scene.gradient_opacity) + " is within the rounding of float32 gradients";
     }

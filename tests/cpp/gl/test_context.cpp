@@ -248,7 +248,7 @@ TEST(Current, gives_back_the_egl_contexts_of_others) {
 // Other code ends the display, as VTK does.
 class EndedDisplay : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Platforms, EndedDisplay, ::testing::Values("egl", "surfaceless"),
-                         [](const auto& info) { return std::string(info.param); });
+                         [](const auto& one) { return std::string(one.param); });
 
 TEST_P(EndedDisplay, is_told_and_leaves_others_alone) {
     Tried ours = try_context(on(GetParam()));

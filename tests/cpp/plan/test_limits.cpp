@@ -211,7 +211,14 @@ const std::vector<Limit> of_float32{
      [](Case& c, double x) {
          make_quotients(c);
          c.scene.gradient = Gradient::analytic;
-         c.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.5 * std::sqrt(33.5) / x, {1, 1, 1}, 0.01}});
+         c.scene.transfer_function =
+             TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.5 * std::sqrt(33.5) / x, {1, 1, 1}, 0.01}});
+     }},
+    // Weights of 1.
+    {"weights_in_slabs", 299, 301,
+     [](Case& c, double x) {
+         c.scene.fields = {ellipsoids(1.0 / x)};
+         c.scene.sampling = Sampling::slab;
      }},
     {"alike", 4990, 5010, [](Case& c, double x) { c.view.overlap.alike = x; }},
     {"alike_lit", 198, 202,
@@ -472,7 +479,8 @@ const std::vector<Limit> of_gl{
          make_analytic(c);
          set_weight_range(c, x);
      }},
-    // The root of 33.5 kernels at a point, times values of 1/2 from their middle, over the semi-axis in reference lengths.
+    // The root of 33.5 kernels at a point, times values of 1/2 from their middle, over the semi-axis in reference
+    // lengths.
     {"noise_of_derivatives", 34.7, 35.3,
      [](Case& c, double x) {
          make_quotients(c);

@@ -354,26 +354,33 @@ class _Tasks:
         self._client, self._cluster, self._source = client, cluster, source
         self._run, self._names = uuid.uuid4().hex, itertools.count()
         self._sent, self._shared = cluster.sent(client, source), shared
+        # All of them: what a scheduler is told of in one message it may forget before it has understood the next one,
+        # whose tasks take it, unless it is wanted for itself.
+        self.submitted: list[Any] = []
         if count > 1:
             # As a task, whose result is made again where a worker takes it along.
             self._shared = client.submit(same, shared, key=f"plan-{self._run}")
+            self.submitted.append(self._shared)
 
     def place(self, name: str, function: Callable[..., Any], number: int, *more: Any) -> Any:
         """Submit ``function(shared, source, number, *more)`` to the worker that a brick or a piece is asked of."""
         workers = [self._cluster.place(self._source.token, number)]
-        return self._client.submit(
-            function, self._shared, self._sent, number, *more, key=f"{name}-{self._run}-{number}", workers=workers
-        )
+        key = f"{name}-{self._run}-{number}"
+        future = self._client.submit(function, self._shared, self._sent, number, *more, key=key, workers=workers)
+        self.submitted.append(future)
+        return future
 
     def anywhere(self, name: str, function: Callable[..., Any], *more: Any) -> Any:
         """Submit ``function(shared, *more)`` to any worker."""
         key = f"{name}-{self._run}-{next(self._names)}"
-        return self._client.submit(function, self._shared, *more, key=key)
+        future = self._client.submit(function, self._shared, *more, key=key)
+        self.submitted.append(future)
+        return future
 
     def merged(self, name: str, function: Callable[..., Any], tasks: Sequence[Any]) -> list[Any]:
-        """Submit merges of results in their order, a few at a time; return all tasks, the last one last."""
-        level = self._merged(name, function, tasks, 1)
-        return [*tasks, level[0]]
+        """Submit merges of results in their order, a few at a time; return all tasks of this run, the last one last."""
+        self._merged(name, function, tasks, 1)
+        return self.submitted
 
     def merged_into(
         self, merge: tuple[str, Callable[..., Any]], last: tuple[str, Callable[..., Any]], tasks: Sequence[Any]
@@ -479,14 +486,18 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
             nonlocal of_light
             of_light = len(dimming)
             pieces = [tasks.place("light-brick", light_brick, number) for number in dimming]
-            return tasks.merged_into(("merge-light", merge_light), ("make-light", make_light), pieces)
+            made = tasks.merged_into(("merge-light", merge_light), ("make-light", make_light), pieces)
+            # It outlives the picture.
+            tasks.submitted.remove(made)
+            return made
 
         return cluster.kept(light_key(view, source_key(field)), make)
 
     def submit(cluster: _Cluster) -> list[Any]:
         tasks = _Tasks(client, cluster, source, view, len(shown) + len(dimming))
         if tree is None:
-            return [tasks.anywhere("merge", _blank)]
+            tasks.anywhere("merge", _blank)
+            return tasks.submitted
         light = light_by(cluster, tasks)
         reads = tasks.anywhere("count-light", counts_of, light) if of_light else None
         drawn: dict[int, Any] = {}
@@ -498,7 +509,8 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
             return tasks.anywhere("merge", merge_parts, nested, *parts)
 
         nested, parts = _level(tree, drawn, merged)
-        return [*drawn.values(), tasks.anywhere("merge", finish_picture, nested, reads, *parts)]
+        tasks.anywhere("merge", finish_picture, nested, reads, *parts)
+        return tasks.submitted
 
     def convert(found: tuple[Finished, tuple[int, ...]]) -> tuple[Finished, dict[str, float]]:
         finished, (reads, count, done, coarse) = found

@@ -262,19 +262,20 @@ _here: list[Residents] = []
 
 
 def residents() -> Residents:
-    """Return the bricks of this process, made at the first call with a share of the memory there is."""
+    """Return the bricks of this process, made at the first call with a share of the memory that is left."""
     if not _here:
         _here.append(Residents(int(_SHARE * memory_limit())))
     return _here[0]
 
 
 def memory_limit() -> int:
-    """Return how much memory this process may have: as a worker of dask what it was given."""
+    """Return how much more memory this process may take: as a worker of dask of what it was given."""
+    there = _memory.available()
     try:
         from distributed import get_worker  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-        limit = get_worker().memory_manager.memory_limit
+        worker = get_worker()
+        limit = worker.memory_manager.memory_limit
+        return min(max(int(limit) - worker.monitor.get_process_memory(), 0), there) if limit else there
     except (ImportError, ValueError, AttributeError):
-        limit = None
-    there = _memory.available()
-    return there if not limit else min(int(limit), there)
+        return there

@@ -101,11 +101,11 @@ def kills_of_workers(seed: int, count: int) -> Tally:
 
 
 def _kill_one(client: Any, share: float, tally: Tally) -> None:
-    """Kill one of the workers that are there."""
-    pids = sorted(one["id"] for one in client.scheduler_info(n_workers=-1)["workers"].values())
+    """Kill one of the workers that the scheduler knows: a nanny gives a process up that ends before it is known."""
+    there = client.scheduler_info(n_workers=-1)["workers"]
     nannies = getattr(client.cluster, "workers", {})
-    known = [nanny.pid for nanny in nannies.values() if getattr(nanny, "pid", None)]
-    if pids and known:
+    known = [nanny.pid for nanny in nannies.values() if nanny.worker_address in there and nanny.pid]
+    if known:
         try:
             os.kill(known[int(share * len(known))], signal.SIGKILL)
             tally.did("workers killed")
